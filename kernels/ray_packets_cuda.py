@@ -13,7 +13,7 @@ from warpvis.kernels.worlds import Worlds
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-FRAME_WORDS = 25
+FRAME_WORDS = 24
 """Numbers of a `TableFrame`."""
 
 EYE_WORDS = 8

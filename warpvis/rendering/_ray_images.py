@@ -66,7 +66,6 @@ class PacketImages:
             self.first,
             self.spread[:, None],
             np.linalg.norm(self.matrix[:, :2], axis=-1),
-            np.linalg.svd(self.matrix[:, :2], compute_uv=False)[:, 1:],
             np.where(self.there, self.ahead, 0.0).max(axis=1)[:, None],
         ]
         table = np.concatenate(rows, axis=1)

@@ -115,6 +115,7 @@ struct ObjectPass {
         const Vec3 from = RESIZED ? Vec3{o.x * by.x, o.y * by.y, o.z * by.z} : o;
         const bool inside = Box::holds(movables.box(m), by, from, world.near);
         if (lane == 0) {
+            if (RESIZED) moved.stretch = by;
             moved.skip_back_faces = __ldg(movables.closed + m) && !inside;
             moved.cull_back_faces = cull || moved.skip_back_faces;
         }

@@ -3,9 +3,8 @@
 //
 // One packet, from its view's pose to its part of the images.
 
-// Of the camera: how much farther than `far` is walked; how far rounding may move a corner, per pixel of its numbers;
-// four roundings of a side of a triangle.
-constexpr float FARTHER = 1.00001f, BLUR = 6e-8f, SLOPE_ERROR = 2.4e-7f;
+// Of the camera: how much farther than `far` is walked; how far rounding may move a corner, per pixel of its numbers.
+constexpr float FARTHER = 1.00001f, BLUR = 6e-8f;
 
 struct Packets {
     static inline Camera camera_of(const View& view) {
@@ -15,6 +14,7 @@ struct Packets {
         camera.exact_origin = PoseRow::position(view.pose);
         camera.origin = camera.exact_origin.rounded();
         camera.rest = Vec3{0.0f, 0.0f, 0.0f};
+        camera.stretch = Vec3{1.0f, 1.0f, 1.0f};
         for (int i = 0; i < 3; ++i) {
             const double f = i < 2 ? view.focal[i] : 1.0;
             camera.exact_rays[i] = Vec3d::times(axis[i], 1.0 / f);
@@ -34,11 +34,9 @@ struct Packets {
         camera.extent = Three::max(0.5f * ((float)(view.focal[0] + view.focal[1]) + camera.last_x + camera.last_y),
                                    fabsf(camera.first_u), fabsf(camera.first_v));
         camera.per_extent = 1.0f / camera.extent;
-        camera.focal = fmaxf((float)view.focal[0], (float)view.focal[1]);
-        // Where pixels are not squares, lengths in pixels are the least exact along the shorter focal length.
-        const float shorter = fminf((float)view.focal[0], (float)view.focal[1]);
-        camera.slope_error = SLOPE_ERROR * camera.focal / (shorter * shorter);
-        camera.blur = BLUR * ((float)(view.focal[0] + view.focal[1]) + camera.last_x + camera.last_y);
+        const float fx = (float)view.focal[0], fy = (float)view.focal[1];
+        camera.set_errors(fx, fy);
+        camera.blur = BLUR * ((fx + fy) + camera.last_x + camera.last_y);
         return camera;
     }
 

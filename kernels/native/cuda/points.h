@@ -103,7 +103,8 @@ struct PointPacket {
         camera.extent = Three::max(camera.extent, right, below) * scale;
         camera.per_extent = 1.0f / camera.extent;
         camera.last_x = right * scale, camera.last_y = below * scale;
-        camera.focal *= scale, camera.blur *= scale, camera.slope_error *= per_scale;
+        camera.blur *= scale;
+        camera.set_errors((float)view.focal[0] * scale, (float)view.focal[1] * scale);
         camera.spread = spread();
         for (int i = 0; i < 2; ++i) {
             camera.exact_rays[i] = Vec3d::times(camera.exact_rays[i], per_scale);

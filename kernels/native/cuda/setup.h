@@ -52,10 +52,6 @@ constexpr float TRIANGLE_SLACK = 0.002f, TRIANGLE_SLACK_BLURS = 4.0f;
 constexpr float CROSSING_SHARE = 1e-6f, CROSSING_LEAST = 1e-30f;
 // Of 1 / z: the relative error of a rounded term, and the one that is allowed.
 constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
-// Error bound of a triangle's volume, as a multiple of Camera::slope_error (4 roundings) times the lengths of the two
-// sides at a corner and the distance of that corner: 4 sqrt(3) roundings of each side, 5 sqrt(3) of the corner and 5 of
-// the products and their sum are 28 roundings. Underflow adds at most the last number.
-constexpr float VOLUME_ERROR = 8.0f, MIN_VOLUME_ERROR = 1e-30f;
 // So many times as far apart as the nearest corner is away, corners are turned to the camera one by one.
 constexpr float COARSE = 4.0f;
 
@@ -171,7 +167,7 @@ struct Setup {
     // by that of the slopes, which is great where the triangle is a sliver or seen at a grazing angle. Judged by the
     // whole view, so that a pixel's 1 / z is the same in every packet.
     static inline bool loses_digits(const Camera& camera, const ProjectedTriangle& p, const Bounds& b,
-                                    const Triangle& t, Vec3 ab, Vec3 ac, float scale) {
+                                    const Triangle& t, float sides, float scale) {
         float du, dv;
         if (POINTS) {
             du = farthest(p.u0, p.u1, t.u, p.crossing, camera.last_x);
@@ -181,8 +177,8 @@ struct Setup {
             dv = camera.wider(fmaxf(fabsf(b.top + camera.first_v - t.v), fabsf(b.bottom + camera.first_v - t.v)));
         }
         const float change = __fmaf_rn(fabsf(t.slope_u), du, __fmul_rn(fabsf(t.slope_v), dv));
-        const float sides = __fmul_rn(camera.slope_error, __fmul_rn(camera.length(ab), camera.length(ac)));
-        const float slopes = __fmul_rn(sides, __fmul_rn(du + dv, fabsf(scale)));
+        const float per_side = __fmaf_rn(camera.slope_error.u, du, __fmul_rn(camera.slope_error.v, dv));
+        const float slopes = __fmul_rn(sides, __fmul_rn(per_side, fabsf(scale)));
         const float corner = __fmul_rn(camera.blur, fabsf(t.slope_u) + fabsf(t.slope_v));
         const float error = __fmaf_rn(TERM_ERROR, change + t.inv_z, slopes + corner);
         return p.crossing || !(Origins::error(error) <= ALLOWED_ERROR * t.min_inv_z);
@@ -202,12 +198,17 @@ struct Setup {
     struct CameraTriangle {
         Vec3 a, b, c, ab, ac, normal;
         float volume;  // negative where the camera sees the front
+        float sides;  // product of the lengths of ab and ac [m2]
+        float volume_error;  // error bound
 
         static inline CameraTriangle of(const Camera& camera, const Corners& stored) {
             CameraTriangle t;
-            t.a = camera.turn(camera.relative(stored.a));
-            t.ab = camera.turn(Vec3::minus(stored.b, stored.a));
-            t.ac = camera.turn(Vec3::minus(stored.c, stored.a));
+            const Vec3 a = camera.relative(stored.a), ab = Vec3::minus(stored.b, stored.a),
+                       ac = Vec3::minus(stored.c, stored.a);
+            t.a = camera.turn(a), t.ab = camera.turn(ab), t.ac = camera.turn(ac);
+            // Proportional to both sides: of a sliver, far less than what its longest side alone bounds.
+            t.sides = __fmul_rn(camera.world_length(ab), camera.world_length(ac));
+            t.volume_error = __fmul_rn(__fmul_rn(camera.volume_error, camera.world_length(a)), t.sides);
             t.b = Vec3::plus(t.a, t.ab);
             t.c = Vec3::plus(t.a, t.ac);
             if (t.is_coarse(camera)) {
@@ -234,13 +235,6 @@ struct Setup {
             const float apart = spread(camera);
             const float away = camera.origins.away(__fmaf_rn(2.0f * camera.extent, zmax(), apart));
             return __fmul_rn(__fmul_rn(EDGE_DOUBT, away), __fmaf_rn(EDGE_DOUBT_LEAST * camera.per_extent, away, apart));
-        }
-        // Error bound of the volume: a multiple of the product of the three vectors' lengths. Of a sliver that is far
-        // less than what its longest side alone bounds.
-        inline float volume_error(const Camera& camera) const {
-            const float sides = __fmul_rn(camera.length(ab), camera.length(ac));
-            const float away = camera.origins.away(camera.length(a));
-            return __fmaf_rn(__fmul_rn(VOLUME_ERROR * camera.slope_error, away), sides, MIN_VOLUME_ERROR);
         }
     };
 
@@ -292,7 +286,7 @@ struct Setup {
     static inline bool wanted(const Bvh& bvh, const Camera& camera, const CameraTriangle& t, unsigned slot) {
         bool shown = true;
         if (camera.cull_back_faces || camera.skip_back_faces) {
-            const float doubt = camera.origins.volume(t.volume_error(camera), t.normal);
+            const float doubt = camera.origins.volume(t.volume_error, t.normal);
             const bool front = t.volume < doubt;  // or may be
             shown = front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0);
         }
@@ -331,10 +325,10 @@ struct Setup {
     // Whether a triangle is outside of a rectangle of the image, judged by its edges.
     static inline bool passes_by(const Camera& camera, const CameraTriangle& c, float u0, float u1, float v0,
                                  float v1) {
-        const float volume_error = c.volume_error(camera), edge_error = c.edge_error(camera);
+        const float edge_error = c.edge_error(camera);
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f;
-        if (camera.origins.is_beside(c.volume, volume_error, c.normal)) return false;
-        return fabsf(c.volume) >= volume_error &&
+        if (camera.origins.is_beside(c.volume, c.volume_error, c.normal)) return false;
+        return fabsf(c.volume) >= c.volume_error &&
                (beyond(camera.origins, edge(c.b, c.c, sign), edge_error, u0, u1, v0, v1) ||
                 beyond(camera.origins, edge(c.c, c.a, sign), edge_error, u0, u1, v0, v1) ||
                 beyond(camera.origins, edge(c.a, c.b, sign), edge_error, u0, u1, v0, v1));
@@ -349,9 +343,9 @@ struct Setup {
     // A triangle of a leaf.
     static inline Triangle triangle(const Bvh& bvh, const Camera& camera, int first_x, int first_y, unsigned slot) {
         const CameraTriangle c = CameraTriangle::of(camera, Corners::of(bvh.corners(slot)));
-        const float volume_error = c.volume_error(camera), edge_error = c.edge_error(camera);
+        const float edge_error = c.edge_error(camera);
         // Single precision cannot tell then whether its front or its back is seen.
-        const bool edge_on = fabsf(c.volume) < volume_error;
+        const bool edge_on = fabsf(c.volume) < c.volume_error;
         const ProjectedTriangle p = ProjectedTriangle::of(camera, c.a, c.b, c.c);
         const Bounds bounds = Bounds::of(camera, p);
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
@@ -370,12 +364,12 @@ struct Setup {
         t.u = p.u[0], t.v = p.v[0], t.inv_z = p.inv_z[0];
         t.min_inv_z = p.crossing ? 1.0f / p.zmax : Three::min(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
         t.max_inv_z = p.crossing ? MOST_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
-        t.beside = camera.origins.is_beside(c.volume, volume_error, c.normal);
-        t.exact = edge_on || t.sees_both_sides() || loses_digits(camera, p, bounds, t, c.ab, c.ac, scale);
+        t.beside = camera.origins.is_beside(c.volume, c.volume_error, c.normal);
+        t.exact = edge_on || t.sees_both_sides() || loses_digits(camera, p, bounds, t, c.sides, scale);
         // Within a triangle, no edge's value is more than the volume by the depth there.
         t.doubt = edge_error;
         if (edge_on && !t.sees_both_sides())
-            t.doubt = p.crossing ? NOWHERE : __fmaf_rn(2.0f * volume_error, t.max_inv_z, edge_error);
+            t.doubt = p.crossing ? NOWHERE : __fmaf_rn(2.0f * c.volume_error, t.max_inv_z, edge_error);
         return t;
     }
 };

@@ -14,7 +14,6 @@ struct TableFrame {
     double first_u, first_v;  // of the centre of the packet's first pixel
     double spread;  // how far from a pixel's centre its ray may pass, along each axis [px]
     double focal[2];  // lengths of the first two rows
-    double least_focal;  // by how much a place of the image moves at least, by that of the ray [px]
     double longest;  // the greatest z of the packet's rays where depth is 1
 };
 static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double), "Python makes rows of numbers");
@@ -62,13 +61,11 @@ struct TablePacket {
         camera.far = fminf(eye.farthest(view.far * (float)frame->longest) * FARTHER, NOWHERE);
         camera.near = NearPlane::of(view.most_inv_z, eye.reach(view.clip_reach));
         const float width = (float)frame->focal[0], height = (float)frame->focal[1];
-        camera.focal = fmaxf(width, height);
         const float first = TableSlots::farthest(camera);
         camera.extent = fmaxf(0.5f * (width + height + camera.last_x + camera.last_y), first) + camera.spread;
         camera.per_extent = 1.0f / camera.extent;
-        // Pixels need not be squares here: lengths in pixels are the least exact where they are the shortest.
-        const float least = (float)frame->least_focal;
-        camera.slope_error = SLOPE_ERROR * camera.focal / (least * least);
+        camera.set_errors(width, height);
+        camera.stretch = Vec3{1.0f, 1.0f, 1.0f};
         camera.blur = BLUR * (width + height + 2.0f * first + camera.last_x + camera.last_y);
     }
 
