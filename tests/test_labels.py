@@ -565,12 +565,12 @@ def test_commands_take_classes_from_render_to_a_mask(street_file, tmp_path, monk
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--labels", "thing"], "labels must be given as NAME=LABEL, such as ball=object, or as a file"),
+        (["--labels", "thing"], "--labels must be given as NAME=LABEL, such as ball=object, or as a file"),
         (["--labels", "thing=road"], "label must be one of empty (0), "),
         (["--labels", "none.toml"], "none.toml: cannot be read: No such file"),
         (["--label-names", "road"], "label names must be given as NUMBER=NAME, such as 40=road, got 'road'"),
         (["--label-names", "road=40"], "label names must be given as NUMBER=NAME, such as 40=road, got 'road=40'"),
-        (["--label-names", "40=ground"], "label_names must be different names, got 'ground' for 1 and for 40"),
+        (["--label-names", "40=ground"], "--label-names must be different names, got 'ground' for 1 and for 40"),
     ],
 )
 def test_bad_words_of_commands_are_refused(words, said, street_file, tmp_path, monkeypatch, capsys):

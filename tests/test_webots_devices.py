@@ -199,7 +199,7 @@ def test_a_kinect_that_is_plugged_into_an_unknown_robot(tmp_path):
     with pytest.warns(UserWarning) as caught:
         world = load_text(tmp_path, text)
     messages = [str(warning.message) for warning in caught]
-    assert "left out Rover (1)" in messages[0]
+    assert "left out Rover (1 with 1 node in it)" in messages[0]
     assert "'kinect range' is taken to be at the origin of Rover" in messages[1]
     device = world.devices["kinect range"]
     assert device.robot == "Rover" and world.robots == {"Rover": ()} and len(world.scene) == 1
