@@ -99,17 +99,16 @@ def group_rows(
     first = index[:, :side]
     there = first >= 0
     looks, starts = (np.where(there[..., None], values[first], 0.0) for values in (rays, origins))
-    rows = np.arange(len(index))
-    aside = _passing(looks, starts, there)
+    groups = [np.arange(len(index))]
+    apart = _farthest(groups, looks, starts, there, side)
     neighbours = np.linalg.norm(np.diff(looks, axis=1), axis=-1)[there[:, 1:] & there[:, :-1]]
-    if not len(neighbours) or _size(aside) <= _FAR_ASIDE * np.median(neighbours):
+    if not len(neighbours) or apart <= _FAR_ASIDE * np.median(neighbours):
         return index
-    groups = [rows]
-    while len(groups) < _MOST_GROUPS:
+    # No more groups than needed: each is filled up to a multiple of a packet's rows.
+    while _farthest(groups, looks, starts, there, side) > _MUCH_NEARER * apart:
+        if len(groups) >= _MOST_GROUPS:
+            return index
         groups = [half for part in groups for half in _halves(part, looks, starts, there)]
-    size = max(_size(_passing(looks[part], starts[part], there[part])) for part in groups)
-    if size > _MUCH_NEARER * _size(aside):
-        return index
     return np.concatenate(
         [np.pad(index[rows], ((0, -len(rows) % side), (0, 0)), constant_values=-1) for rows in groups]
     )
@@ -126,6 +125,12 @@ def _halves(rows: NDArray[np.int64], rays: NDArray, starts: NDArray, there: NDAr
     gaps = np.diff(value[order])[few - 1 : len(rows) - few]
     cut = few + int(gaps.argmax()) if len(gaps) else len(rows)
     return [np.sort(part) for part in (rows[order[:cut]], rows[order[cut:]]) if len(part)]
+
+
+def _farthest(groups: list[NDArray[np.int64]], rays: NDArray, starts: NDArray, there: NDArray, side: int) -> float:
+    """Return how far from one place the rays of a packet pass, at most over all packets of groups of rows."""
+    packets = [part[first : first + side] for part in groups for first in range(0, len(part), side)]
+    return max(_size(_passing(rays[rows], starts[rows], there[rows])) for rows in packets)
 
 
 def _size(aside: NDArray) -> float:
