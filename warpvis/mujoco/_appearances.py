@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What geoms and sites of a MuJoCo model look like: their colours, materials and textures."""
+"""Appearances of the geoms and sites of a MuJoCo model: colors, materials and textures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Stored = tuple[NDArray[np.float32], NDArray[np.int32]]
 Normals = Callable[[], NDArray[np.float32]]
 
 _DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
-"""A geom that has a material and this colour has its material's (`setMaterial` in engine_vis_visualize.c)."""
+"""A geom that has a material and this color takes the material's color (`setMaterial` in engine_vis_visualize.c)."""
 
 _SHININESS = 128.0
 """The exponent of a material whose shininess is 1 (`renderGeom` in render_gl3.c)."""
@@ -45,10 +45,10 @@ _MESHES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
 
 
 class GeomLooks:
-    """What geoms of a model look like, made when it is asked for; those that look the same share it."""
+    """Appearances of a model's geoms, made on demand; geoms with equal appearances share one object."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Copy the model's materials: appearances made later are as they are now. Images of textures are read later."""
+        """Copy the model's materials: later appearances use their current values. Images of textures are read later."""
         self._model = model
         self._materials = SimpleNamespace(**{name: np.array(getattr(model, name)) for name in _MATERIAL_FIELDS})
         self._known: dict[tuple[Any, ...], Look] = {}
@@ -56,17 +56,17 @@ class GeomLooks:
         self._stored = cache(partial(stored_normals, model))
 
     def of(self, geom: int, shape: Mesh | Solid) -> Look:
-        """Return what a geom, or a site, looks like with the colour, the material and the size that it has now.
+        """Return the appearance of a geom or site with its current color, material and size.
 
         Args:
             geom: The geom or site.
-            shape: Its triangles, which textures are laid on.
+            shape: Its triangles, onto which textures are mapped.
         """
         model = self._model
         rgba, material = tuple(shape_value(model, "rgba", geom).tolist()), int(shape_value(model, "matid", geom))
         kind, size = int(shape_value(model, "type", geom)), shape_value(model, "size", geom).copy()
         laid = _Laid(kind, shape_data(model, geom), size, shape)
-        if material < 0 and not has_normals(kind):  # what is of one colour must not keep the model
+        if material < 0 and not has_normals(kind):  # an appearance of a single color must not keep the model alive
             return self._kept((rgba,), partial(_of_one_colour, rgba, None))
         if material < 0:
             return self._kept((rgba, laid.key()), partial(_of_one_colour, rgba, self._normals(laid)))
@@ -75,7 +75,7 @@ class GeomLooks:
         return self._kept((rgba, material, laid.key()), partial(self._make, rgba, material, laid))
 
     def _normals(self, laid: _Laid) -> Normals:
-        """Return what makes normals of a shape, without the model."""
+        """Return a function that computes a shape's normals without a reference to the model."""
         if laid.kind in _MESHES:
             return partial(_normals_of, laid, self._stored(laid.data))
         return partial(_normals_of, laid, None)
@@ -109,7 +109,7 @@ class GeomLooks:
 
 
 class _Laid(NamedTuple):
-    """What a texture is laid on."""
+    """The shape onto which a texture is mapped."""
 
     kind: int
     data: int
@@ -130,14 +130,17 @@ def _normals_of(laid: _Laid, stored: Stored | None) -> NDArray[np.float32]:
 
 
 def _of_one_colour(rgba: Color, normals: Normals | None) -> Appearance:
-    """Make what has no material: its highlight is MuJoCo's (`mjv_initGeom` in engine_vis_visualize.c)."""
+    """Make the appearance of a geom without a material; its highlight is MuJoCo's.
+
+    See `mjv_initGeom` in engine_vis_visualize.c.
+    """
     shine = {"specular": (0.5, 0.5, 0.5), "shininess": 0.5 * _SHININESS}
     material = Material(base_color=_unit(rgba), alpha_mode=_mode(rgba[3]), **shine)  # type: ignore[arg-type]
     return Appearance((material,), normals=None if normals is None else normals())
 
 
 def _unit(color: Color) -> Color:
-    """Return a colour within 0 and 1, as OpenGL takes it."""
+    """Clip a color to 0 to 1, as OpenGL does."""
     return tuple(np.clip(color, 0.0, 1.0).tolist())
 
 
@@ -146,21 +149,21 @@ def _mode(alpha: float) -> Any:
 
 
 def _known_or(values: SimpleNamespace, name: str, material: int, otherwise: float) -> float:
-    """Return a factor of a material; where it is negative, the file says none."""
+    """Return a factor of a material, or `otherwise` if it is negative, which means that the file does not set it."""
     value = float(getattr(values, name)[material])
     return min(value, 1.0) if value >= 0 else otherwise
 
 
 def _texture_number(values: SimpleNamespace, material: int) -> int:
-    """Return the texture that colours a material; -1 without."""
+    """Return the texture that colors a material; -1 if it has none."""
     roles = np.atleast_1d(values.mat_texid[material])
     return int(roles[_FIRST_ROLE if len(roles) > _FIRST_ROLE else 0])
 
 
 def _texture(model: mujoco.MjModel, number: int) -> Texture:
-    """Copy a texture's image as MuJoCo's renderer shows it; of a cube, six images one below the other.
+    """Copy a texture's image as MuJoCo's renderer shows it; a cube map is six images, one below the other.
 
-    Images of the color space sRGB are decoded unless they are of cubes, and the picture is not encoded again
+    Images in the sRGB color space are decoded unless they are cube maps, and the picture is not encoded again
     (`makeTexture` in render_context.c: GL_SRGB8_EXT, without GL_FRAMEBUFFER_SRGB).
     """
     height, width = int(model.tex_height[number]), int(model.tex_width[number])
@@ -171,7 +174,7 @@ def _texture(model: mujoco.MjModel, number: int) -> Texture:
     if int(model.tex_colorspace[number]) == _SRGB and int(model.tex_type[number]) < _CUBE:
         decoded = np.rint(255 * np.array(linear_color(np.arange(256) / 255))).astype(np.uint8)
         image = np.concatenate([decoded[image[:, :, :3]], image[:, :, 3:]], axis=2)
-    if int(model.tex_type[number]) >= _CUBE and height == width:  # it is all sides of the cube
+    if int(model.tex_type[number]) >= _CUBE and height == width:  # one image for all sides of the cube
         image = np.concatenate([image] * 6)
     return Texture(image[:, :, :4], model.texture(number).name)
 
@@ -179,7 +182,7 @@ def _texture(model: mujoco.MjModel, number: int) -> Texture:
 def _coordinates(
     model: mujoco.MjModel, number: int, repeat: NDArray[np.float64], laid: _Laid, *, uniform: bool
 ) -> NDArray[np.float32] | None:
-    """Return texture coordinates of the corners of a shape's triangles; None where a cube is looked up by direction."""
+    """Return texture coordinates of a shape's triangle corners; None for a cube map looked up by direction."""
     vertices, faces = laid.triangles()
     if int(model.tex_type[number]) >= _CUBE:
         square = len(set(laid.size.tolist())) == 1
@@ -193,7 +196,7 @@ def _coordinates(
 
 
 def _stored_coordinates(model: mujoco.MjModel, mesh: int) -> NDArray[np.float32] | None:
-    """Return a mesh's own texture coordinates of the corners of its faces; None if it has none."""
+    """Return the texture coordinates that a mesh stores for the corners of its faces; None if it has none."""
     if mesh < 0 or int(model.mesh_texcoordadr[mesh]) < 0:
         return None
     first, count = int(model.mesh_texcoordadr[mesh]), int(model.mesh_texcoordnum[mesh])

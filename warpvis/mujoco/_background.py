@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth of pixels that have none, as `mujoco.Renderer` has it, or as `fill` says."""
+"""Depth of empty pixels, as in `mujoco.Renderer` or as `fill` specifies."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ def filled_depth(image: NDArray[np.float32] | None, camera: AnyCamera, fill: Fil
     """Return a depth image whose empty pixels are filled.
 
     Args:
-        image: Depth [m], shape ``(H, W)``: +inf where nothing is, -inf where it is too near, NaN where a sensor lost
-            it. None is nothing everywhere.
+        image: Depth [m], shape ``(H, W)``: +inf where nothing is hit, -inf where a surface is too near, NaN where a
+            sensor lost it. None means that all pixels are empty.
         camera: The camera.
         fill: As for `warpvis.mujoco.Renderer`.
     """
@@ -25,14 +25,14 @@ def filled_depth(image: NDArray[np.float32] | None, camera: AnyCamera, fill: Fil
         return image
     if not isinstance(fill, str):
         return np.where(np.isfinite(image), image, np.float32(fill))
-    image = np.fmin(image, _background(camera))  # which NaN becomes, too
+    image = np.fmin(image, _background(camera))  # also replaces NaN
     return np.fmax(image, np.float32(camera.near), out=image, where=image == -np.inf)
 
 
 def _background(camera: AnyCamera) -> np.float32:
-    """Compute the depth that `mujoco.Renderer` has where nothing is: its far plane, by its own rounding.
+    """Compute the depth of `mujoco.Renderer` for empty pixels: its far plane, with the same rounding errors.
 
-    As `render` in mujoco/rendering/classic/renderer.py computes it from a depth buffer of 0.
+    Follows `render` in mujoco/rendering/classic/renderer.py for a depth-buffer value of 0.
     """
     z_near, z_far = np.float32(camera.near), np.float32(camera.far)
     if isinstance(camera, OrthographicCamera):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many worlds of one MuJoCo model, seen through the model's cameras and others."""
+"""Render many worlds of one MuJoCo model through the model's cameras and others."""
 
 from __future__ import annotations
 
@@ -65,10 +65,10 @@ from warpvis.rendering import (
 )
 from warpvis.scene import Scene
 
-# Cameras, worlds, how many objects move, and the stream that work is queued on.
+# Cameras, worlds, number of movable objects, and the stream on which work is queued.
 _Key = tuple[tuple[BatchCamera, ...], bytes, int, int | None]
 
-# So many choices of cameras and worlds are remembered, and so many intrinsics.
+# Largest number of cached choices of cameras and worlds, and of cached intrinsics.
 _MOST_PLACES = 16
 _MOST_RENDERERS = 64
 
@@ -85,20 +85,20 @@ class _Workplace:
     worlds: wp.array
     world_of_view: wp.array
     geoms: tuple[wp.array, wp.array]
-    """Ids of what moves: geoms and sites."""
+    """Ids of the movable geoms and sites."""
     objects: wp.array
     eyes: wp.array
     hidden: wp.array | None = None
-    """What every view does not show, ``(views, objects)`` uint8, if that differs between worlds."""
+    """Objects that are hidden in each view, ``(views, objects)`` uint8, if that differs between worlds."""
     sizes: wp.array | None = None
-    """How large all that moves is in every world, ``(worlds, M)`` vec4, if that differs from the scene."""
+    """Sizes of all movable objects in every world, ``(worlds, M)`` vec4, if they differ from the scene."""
 
 
 class BatchRenderer:
     """Renders cameras in many worlds.
 
-    Worlds share the model's meshes and differ in where things are, how large, in what shows, and in fields of view. All
-    views of a call have one size; what a pixel is is as in `warpvis.Views`.
+    Worlds share the model's meshes; poses, sizes, visibility and fields of view may differ between worlds. All
+    views of a call have one size; the pixel conventions are those of `warpvis.Views`.
 
     Example:
         >>> batch = BatchRenderer(model, nworld=1024, height=64, width=64)
@@ -134,35 +134,35 @@ class BatchRenderer:
 
         Args:
             model: A `mujoco.MjModel`.
-            nworld: How many worlds the poses of every call are of; any number by default.
+            nworld: Number of worlds in the poses of every call; any number by default.
             height: Image height [px].
             width: Image width [px].
-            outputs: The images to make, as for `warpvis.Renderer`; ids need ``"segmentation"``. Colors are the model's
-                as it is now.
+            outputs: The images to make, as for `warpvis.Renderer`; ids need ``"segmentation"``. Colors are those of the
+                model at construction.
             geom_groups: Groups of geoms to show, by default those of `scene_option`; see `scene_from_mujoco`.
-            scene_option: A `mujoco.MjvOption`: its groups of geoms and sites, and whether fixed ones show. Without it
-                no sites show: they are marks, which no sensor sees. What else it shows and a batch does not is named in
-                a warning: tendons, skins and flexes of the model.
-            tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
+            scene_option: A `mujoco.MjvOption`: its groups of geoms and sites, and whether static geoms are shown.
+                Without it no sites are shown: they are markers, which no sensor sees. Tendons, skins and flexes of the
+                model that it shows are not rendered; a warning names them.
+            tolerance: Largest distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels by name or pattern; see `scene_from_mujoco`.
-            label_names: Names of classes of your own, as for `warpvis.Scene`.
-            exclude: Names or patterns of geoms, sites or bodies not to render, and of tendons, skins and flexes not to
-                be warned of.
-            movable: Fixed bodies and geoms that are elsewhere in some worlds than in the model, by name or pattern, or
+            label_names: Names of user-defined classes, as for `warpvis.Scene`.
+            exclude: Names or patterns of geoms, sites or bodies not to render, and of tendons, skins and flexes for
+                which no warning is issued.
+            movable: Static bodies and geoms whose poses in some worlds differ from the model's, by name or pattern, or
                 ``"all"``; see `scene_from_mujoco`.
-            resizable: Geoms that are of another size in some worlds than in the model, by name or pattern of geoms or
+            resizable: Geoms whose sizes in some worlds differ from the model's, by name or pattern of geoms or
                 bodies, or ``"all"``: boxes, spheres, capsules, cylinders and ellipsoids.
-            cull_backfaces: See through surfaces from behind, as MuJoCo does.
+            cull_backfaces: Ignore surfaces seen from behind, as MuJoCo does.
             near_plane: As for `warpvis.Renderer`; MuJoCo clips.
             fill: Depth of empty pixels, as for `warpvis.Renderer`.
-            sensor: A model of a depth camera, as for `warpvis.Renderer`, through which all cameras look. Their near
-                planes are the model's, `vis.map.znear`; nearer than the device's least depth, surfaces are too near.
-            seed: What its random numbers follow from, together with world, camera and frame.
-            device: Where to render; poses that are on a GPU must be on this one.
+            sensor: A depth-camera model, as for `warpvis.Renderer`, applied to all cameras. The near planes of the
+                cameras are the model's, `vis.map.znear`; surfaces nearer than the device's minimum depth are too near.
+            seed: Seed of the sensor's random numbers, which also depend on world, camera and frame.
+            device: Where to render; poses on a GPU must be on this one.
             threads: CPU threads to use; all cores of this process by default.
 
         Raises:
-            WarpvisError: An argument is not what it has to be.
+            WarpvisError: If an argument is invalid.
         """
         nworld = None if nworld is None else check_whole(nworld, "nworld")
         check_size(width, "width")
@@ -186,7 +186,7 @@ class BatchRenderer:
         self.kinematics = Kinematics(model, threads=threads)
         self._outputs, self._sensor = check_asked(outputs, sensor), sensor
         self.frame = 0
-        """The frame that a sensor's random numbers are of in the next call of `render` that says none."""
+        """The frame of a sensor's random numbers in the next call of `render` without `frame`."""
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}
         self._render_options |= {"sensor": sensor, "seed": seed}
         check_choice(near_plane, "near_plane", get_args(NearPlane))
@@ -201,7 +201,7 @@ class BatchRenderer:
 
     @property
     def scene(self) -> Scene:
-        """What is rendered: the geoms, and objects that are added to them, which stay where they were added."""
+        """The rendered scene: the geoms, and objects added to it, which are static."""
         return self.mujoco_scene.scene
 
     def render(
@@ -217,47 +217,47 @@ class BatchRenderer:
     ) -> BatchViews:
         """Render some cameras in some worlds.
 
-        On CUDA the work is queued on the device's current stream and not waited for; arrays that are on the GPU are not
-        copied to the host, but for `cam_fovy`. With `out`, a call like an earlier one without `model` allocates nothing
-        and records into a CUDA graph.
+        On CUDA the work is queued on the device's current stream without waiting for it; arrays on the GPU are not
+        copied to the host, except `cam_fovy`. With `out`, a call with the same arguments as an earlier one and without
+        `model` allocates nothing and can be recorded into a CUDA graph.
 
         Args:
-            poses: Where everything is: anything with the arrays `geom_xpos`, `geom_xmat`, `cam_xpos` and `cam_xmat` of
+            poses: Poses of all objects: anything with the arrays `geom_xpos`, `geom_xmat`, `cam_xpos` and `cam_xmat` of
                 W worlds (MuJoCo Warp's data, MJX's, `mujoco.batch.Batch`, `WorldPoses`); a `mujoco.MjData`, or several;
-                or joint positions, shape ``(W, nq)``, or ``(nq,)`` of one world. `kinematics.from_states` makes poses
-                of states. Fixed geoms must be where the model has them, or `movable`: of the host's arrays this is
-                checked.
-            cameras: Names or ids of the model's cameras, -1 for the default free camera, `mujoco.MjvCamera` that are
-                fixed, free, or track a body (whose `subtree_com` the poses must have then); all of the model's by
+                or joint positions, shape ``(W, nq)``, or ``(nq,)`` for one world. `kinematics.from_states` computes
+                poses from states. Static geoms must be where the model places them, or be `movable`: this is checked for
+                arrays in host memory.
+            cameras: Names or ids of the model's cameras, -1 for the default free camera, or `mujoco.MjvCamera` that are
+                fixed, free, or track a body (the poses must then have `subtree_com`); all of the model's cameras by
                 default.
-            worlds: Indices of the worlds to render, or which to render, ``(W,)`` bool; all by default. Others cost
+            worlds: Indices of the worlds to render, or a mask, ``(W,)`` bool; all by default. Other worlds cost
                 nothing.
-            model: What of the model differs between worlds: MuJoCo Warp's model, or a mapping of some of its arrays, of
-                shape ``(W, ...)`` or ``(1, ...)``. `geom_rgba`, `geom_matid` and `mat_rgba` say what shows: geoms that
-                the model itself hides are not in the scene. The outputs `color` and `albedo` show the model's own
-                colors, so that with them geoms that show must have these in every world. `cam_fovy` costs a call of the
-                caster for each field of view: 256 different ones of 64x64 pixels take 2.6 to 4 times as long on 2 cores
-                as a single one.
-                `body_pos`, `body_quat`, `geom_pos`, `geom_quat`, `cam_pos` and `cam_quat` are taken account of where
-                joint positions are given; other poses have them in. `geom_size` is that of geoms that are `resizable`:
-                of the host's arrays it is checked that the others have the model's. Meshes and height fields cannot
+            model: Model fields that differ between worlds: MuJoCo Warp's model, or a mapping of some of its arrays, of
+                shape ``(W, ...)`` or ``(1, ...)``. `geom_rgba`, `geom_matid` and `mat_rgba` control visibility: geoms
+                that the model itself hides are not in the scene. The outputs `color` and `albedo` show the model's
+                colors; with them, visible geoms must have these colors in every world. `cam_fovy` needs one ray-casting
+                call per field of view: 256 different ones of 64x64 pixels take 2.6 to 4 times as long on 2 cores as a
+                single one.
+                `body_pos`, `body_quat`, `geom_pos`, `geom_quat`, `cam_pos` and `cam_quat` are used if `poses` are joint
+                positions; other poses already include them. `geom_size` applies to `resizable` geoms: for arrays in
+                host memory, the sizes of the others are checked to equal the model's. Meshes and height fields cannot
                 differ.
-            frame: The frame that a sensor's random numbers are of, from 0 up, one or one for each view, in the order of
-                the images. By default `BatchRenderer.frame`, which is 0 to begin with and goes up by 1 with each such
-                call. What a camera sees in a world does not depend on which other worlds are rendered. A CUDA graph has
-                the frame that it was recorded with whenever it is replayed.
-            view_index: The views' numbers as random numbers go by, in the order of the images; by default the world's
+            frame: The frame number of a sensor's random numbers, at least 0, one or one for each view, in the order of
+                the images. The default is `BatchRenderer.frame`, which starts at 0 and is incremented by each such
+                call. The image of a camera in a world does not depend on which other worlds are rendered. A CUDA graph
+                uses the frame that it was recorded with whenever it is replayed.
+            view_index: View numbers for the random numbers, in the order of the images; by default the world's
                 index times C plus the camera's.
-            out: Images of an earlier call to write into, of the same number of views.
+            out: Images of an earlier call to write into, with the same number of views.
 
         Returns:
             Images of C cameras in W worlds, all worlds of the first camera first: ``(C * W, height, width)``;
-            `by_world` of them shows ``(W, C, height, width)``.
+            their method `by_world` returns ``(W, C, height, width)``.
 
         Raises:
-            CameraError: There is no such camera.
-            ArrayError: Poses, worlds, `model` or `out` do not fit, or poses of a world were never computed.
-            SceneError: Colors are among the outputs, and colors, materials or lights of the model have changed.
+            CameraError: If a camera does not exist.
+            ArrayError: If poses, worlds, `model` or `out` do not fit, or the poses of a world were never computed.
+            SceneError: If colors are among the outputs, and colors, materials or lights of the model have changed.
         """
         self._check_appearance()
         chosen = choose_cameras(self.model, cameras, self.width, self.height)
@@ -267,7 +267,7 @@ class BatchRenderer:
         for fixed in self._fixed:
             fixed.check(poses, indices)
         device, count = self.scene.device, len(indices)
-        # Work on another stream may not be done with the memory.
+        # Work on another stream may still use the memory.
         stream = None if device.is_cpu else device.stream.cuda_stream
         key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
         place = self._take(key, chosen, indices)
@@ -282,7 +282,7 @@ class BatchRenderer:
         return views
 
     def _check_appearance(self) -> None:
-        """Raise a `SceneError` if colors would be other than the model's are now."""
+        """Raise a `SceneError` if the model's colors have changed since construction."""
         changed = [] if self._appearance is None else self._appearance.changed()
         if changed:
             raise SceneError(
@@ -297,7 +297,7 @@ class BatchRenderer:
         frame: int | ArrayInput | None,
         view_index: ArrayInput | None,
     ) -> NDArray[np.int64] | None:
-        """Return what a sensor's random numbers follow from, the number and frame of every view; None without one."""
+        """Return number and frame of every view, which determine a sensor's random numbers; None without a sensor."""
         if self._sensor is None:
             if frame is not None or view_index is not None:
                 raise ArrayError("frame and view_index are of a sensor's random numbers: give BatchRenderer a sensor")
@@ -317,7 +317,7 @@ class BatchRenderer:
         models: WorldModels | None,
         rows: NDArray[np.int32],
     ) -> NDArray[np.float64] | None:
-        """Say where all objects and cameras are, and what shows; return the fields of view if they are given."""
+        """Write poses of objects and cameras, and visibility; return the fields of view if they are given."""
         device = self.scene.device
         if place.objects.size:
             object_transforms(poses, self.mujoco_scene, place.worlds, geoms=place.geoms, out=place.objects)
@@ -341,7 +341,7 @@ class BatchRenderer:
         return fovy
 
     def _hide(self, colours: Sequence[wp.array], rows: NDArray[np.int32], views: int) -> wp.array:
-        """Flag the objects that every view does not show."""
+        """Flag the objects that are hidden in each view."""
         from warpvis.kernels.mujoco import hidden_objects
 
         device = self.scene.device
@@ -352,42 +352,42 @@ class BatchRenderer:
         return hidden
 
     def geom_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
-        """Say which geom every pixel shows; -1 for none, for sites, and for objects that were added to the scene.
+        """Return the geom of every pixel; -1 for empty pixels, sites, and objects that were added to the scene.
 
         Args:
-            views: What `render` returned, with `segmentation`.
+            views: The result of `render`, with `segmentation`.
             out: An array to write into, of the same shape.
 
         Returns:
             Ids of the model's geoms, shape ``(views, height, width)`` int32.
 
         Raises:
-            ArrayError: The views have no segmentation, or `out` does not fit.
+            ArrayError: If the views have no segmentation, or `out` does not fit.
         """
         return self._look_up(views, np.r_[np.arange(self.model.ngeom), np.full(self.model.nsite, -1)], out)
 
     def body_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
-        """Say which body every pixel shows, as `geom_ids` does of geoms."""
+        """Return the body of every pixel; see `geom_ids`."""
         return self._look_up(views, shape_bodies(self.model), out)
 
     def semantic_ids(self, views: Views, classes: Mapping[str, int], *, out: wp.array | None = None) -> wp.array:
-        """Say of which class every pixel is.
+        """Return the class of every pixel.
 
         Args:
-            views: What `render` returned, with `segmentation`.
-            classes: Numbers by name or pattern of geoms, sites or bodies, as for `labels`; the last that fits counts.
+            views: The result of `render`, with `segmentation`.
+            classes: Class numbers by name or pattern of geoms, sites or bodies, as for `labels`; the last match counts.
             out: An array to write into, of the same shape.
 
         Returns:
-            The numbers, shape ``(views, height, width)`` int32; -1 where nothing is, or nothing that fits.
+            Class numbers, shape ``(views, height, width)`` int32; -1 for empty pixels and where no pattern matches.
 
         Raises:
-            WarpvisError: The views have no segmentation, a pattern fits nothing, or `out` does not fit.
+            WarpvisError: If the views have no segmentation, a pattern matches nothing, or `out` does not fit.
         """
         return self._look_up(views, class_of_geoms(self.model, classes), out)
 
     def _look_up(self, views: Views, of_shapes: NDArray[np.integer], out: wp.array | None) -> wp.array:
-        """Make images of a number that every geom and every site has."""
+        """Make images of a number that is given for every geom and site."""
         from warpvis.kernels.mujoco import geoms_of_objects
 
         if not isinstance(views, Views) or views.segmentation is None:
@@ -415,7 +415,7 @@ class BatchRenderer:
         drawn: NDArray[np.int64] | None,
         out: Views,
     ) -> None:
-        """Render views through cameras of the same intrinsics."""
+        """Render views through cameras with equal intrinsics."""
         if camera not in self._renderers:
             while len(self._renderers) >= _MOST_RENDERERS:
                 self._renderers.pop(next(iter(self._renderers)), None)
@@ -447,14 +447,14 @@ class BatchRenderer:
             wp.copy(image[rows], getattr(part, name))
 
     def _take(self, key: _Key, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> _Workplace:
-        """Return memory that nobody uses, of an earlier call for the same cameras and worlds, or new."""
+        """Return unused memory of an earlier call for the same cameras and worlds, or allocate it."""
         try:
             return self._idle.pop(key)
         except KeyError:
             return self._make_workplace(cameras, worlds)
 
     def _give_back(self, key: _Key, place: _Workplace) -> None:
-        self._idle[key] = place  # the last is the newest
+        self._idle[key] = place  # the last entry is the most recently used
         while len(self._idle) > _MOST_PLACES:
             self._idle.pop(next(iter(self._idle)), None)
 
@@ -477,7 +477,7 @@ class BatchRenderer:
         model: object | None,
         kinds: Iterable[str],
     ) -> tuple[PoseSource, NDArray[np.int32], WorldModels | None, NDArray[np.int32]]:
-        """Read a source of poses, which of its worlds to render, what differs between models, and whose rows count."""
+        """Return a source of poses, the worlds to render in it, differences between models, and the rows of these."""
         if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
             poses = WorldPoses.of(poses)
         if hasattr(poses, "geom_xpos"):
@@ -496,11 +496,11 @@ class BatchRenderer:
         return source, np.arange(len(chosen), dtype=np.int32), models, chosen
 
     def _chosen_worlds(self, worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
-        """Check which of so many worlds are to be rendered."""
+        """Check `worlds` and return the indices of the worlds to render, out of `count`."""
         if self.nworld not in (None, count):
             raise ArrayError(f"poses must be of as many worlds as nworld says, {self.nworld}, got {count}")
         return check_worlds(worlds, count)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process makes the same of: no memory to work with."""
+        """Return the state for pickling, without scratch memory."""
         return self.__dict__ | {"_renderers": {}, "_idle": {}}

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The cameras of a batch: the model's own, and free and tracking ones."""
+"""The cameras of a batch: the model's cameras, and free and tracking ones."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ NOBODY = -1
 
 
 class BatchCamera(NamedTuple):
-    """One camera of a call: one of the model's, or where a viewer's is."""
+    """One camera of a call: one of the model's cameras, or the pose of a viewer's camera."""
 
     camera_id: int
-    """Id of the model's camera; -1 for a viewer's."""
+    """Id of the model's camera; -1 for a viewer's camera."""
     body: int
-    """The body that a viewer's camera tracks; -1 for none."""
+    """The body that a viewer's camera tracks; -1 if it tracks no body."""
     pose: tuple[float, ...]
-    """``x y z qx qy qz qw`` of the OpenCV camera of a viewer's, from the centre of mass that it tracks."""
+    """``x y z qx qy qz qw`` of a viewer's camera (OpenCV axes), relative to the tracked center of mass."""
     intrinsics: AnyCamera
 
 
 def choose_cameras(
     model: mujoco.MjModel, cameras: CameraChoice | Sequence[CameraChoice] | None, width: int, height: int
 ) -> list[BatchCamera]:
-    """Read the cameras that a call asks for: all of the model's by default.
+    """Return the requested cameras: all of the model's by default.
 
     Raises:
-        CameraError: There is no such camera, or none at all.
+        CameraError: If a camera does not exist, or there are no cameras.
     """
     if cameras is None:
         cameras = range(model.ncam)
@@ -61,7 +61,7 @@ def _choose(model: mujoco.MjModel, camera: CameraChoice, width: int, height: int
     intrinsics = camera_from_mujoco(model, viewer, width, height)
     if viewer.type == _FIXED:
         return BatchCamera(int(viewer.fixedcamid), NOBODY, (0.0,) * 7, intrinsics)
-    # Data in which all centres of mass are at the origin.
+    # Data in which all centers of mass are at the origin.
     pose = viewer_pose(mujoco.MjData(model), viewer)
     body = int(viewer.trackbodyid) if viewer.type == _TRACKING else NOBODY
     return BatchCamera(-1, body, tuple(pose.tolist()), intrinsics)
@@ -70,14 +70,14 @@ def _choose(model: mujoco.MjModel, camera: CameraChoice, width: int, height: int
 def views_by_intrinsics(
     model: mujoco.MjModel, cameras: Sequence[BatchCamera], fovy: NDArray[np.float64] | None, worlds: NDArray[np.int32]
 ) -> dict[AnyCamera, NDArray[np.int64]]:
-    """Group the views of a call by what they are cast through, ascending.
+    """Group the views of a call by their intrinsics, each group in ascending order.
 
     Args:
         model: The model.
         cameras: The call's cameras.
         fovy: Vertical fields of view of the model's cameras in every world [degrees], shape ``(1 or W, ncam)``; None
-            for the model's own.
-        worlds: The call's worlds, of which all are seen by the first camera, then all by the second.
+            for the model's values.
+        worlds: The call's worlds. The first camera's views of all worlds come first, then the second camera's.
     """
     count, groups = len(worlds), dict[AnyCamera, list[NDArray[np.int64]]]()
     for number, camera in enumerate(cameras):
@@ -93,7 +93,7 @@ def views_by_intrinsics(
 
 
 def check_fovy(model: mujoco.MjModel, fovy: NDArray[np.float64]) -> None:
-    """Raise an `ArrayError` unless all fields of view are above 0, and below 180 degrees where they are angles."""
+    """Raise an `ArrayError` unless all fields of view are above 0 and, if they are angles, below 180 degrees."""
     most = np.where(model.cam_projection == _ORTHOGRAPHIC, np.inf, 180.0)
     bad = np.argwhere(~((fovy > 0) & (fovy < most)))
     if len(bad):

@@ -17,14 +17,14 @@ class BatchViews(Views):
     """Images of C cameras in W worlds, all worlds of the first camera first: ``(C * W, height, width)``."""
 
     cameras: int = 0
-    """How many cameras."""
+    """Number of cameras."""
     worlds: int = 0
-    """How many worlds."""
+    """Number of worlds."""
 
     def by_world(self) -> Views:
-        """Show the same memory world by world: images of shape ``(W, C, height, width)``, of which nothing is copied.
+        """Return views of the same memory, world by world: images of shape ``(W, C, height, width)``, without a copy.
 
-        `numpy()` and DLPack of such an image have strides.
+        `numpy()` and DLPack of such an image are strided.
         """
         return Views(**{name: None if image is None else self._by_world(image) for name, image in _images(self)})
 
@@ -33,10 +33,10 @@ class BatchViews(Views):
 
 
 def batch_views(views: Views, cameras: int, worlds: int) -> BatchViews:
-    """Say of which cameras and worlds views are: of `BatchViews`, in place.
+    """Set the numbers of cameras and worlds of views; `BatchViews` are changed in place.
 
     Raises:
-        ArrayError: They are no views.
+        ArrayError: If `views` is not a `Views`.
     """
     if not isinstance(views, Views):
         raise ArrayError(f"out must be warpvis.Views, got {type(views).__name__}")

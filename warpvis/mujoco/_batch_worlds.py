@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of the worlds of a batch: which of them, and that what is fixed is where it was."""
+"""Checks of the worlds of a batch: their indices, and that static geoms have not moved."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from warpvis.mujoco._geoms import initial_poses
 from warpvis.mujoco._poses import PoseSource
 from warpvis.mujoco._scene import MujocoScene
 
-# Fixed geoms whose poses differ by more than single precision accounts for were moved [m, or none].
+# Static geoms have moved if their poses differ by more than single-precision rounding [m, or unitless].
 _MOVED = 1e-4
 
 
 class FixedGeoms:
-    """The geoms, or the sites, that have no poses of their own in a scene, and where they are there."""
+    """Static geoms, or sites, of a scene and their poses."""
 
     def __init__(self, model: mujoco.MjModel, mujoco_scene: MujocoScene, *, sites: bool = False) -> None:
-        """Find them in a scene that was just made of the model."""
+        """Collect them from a scene that was just made of the model."""
         first = int(model.ngeom) if sites else 0
         self._kind, self._count = ("site", int(model.nsite)) if sites else ("geom", int(model.ngeom))
         shown = zip(mujoco_scene.shapes().tolist(), mujoco_scene.scene.objects, strict=False)
@@ -34,10 +34,10 @@ class FixedGeoms:
         self._position, self._rotation = poses[:, :3, 3].copy(), poses[:, :3, :3].reshape(-1, 9)
 
     def check(self, source: PoseSource, worlds: NDArray[np.int32]) -> None:
-        """Compare them with poses that are in the host's memory; others are not looked at.
+        """Compare them with poses in host memory; poses on a GPU are not checked.
 
         Raises:
-            ArrayError: One is elsewhere.
+            ArrayError: If one is elsewhere.
         """
         if not len(self._geoms):
             return
@@ -47,10 +47,10 @@ class FixedGeoms:
         if isinstance(source, mujoco.MjData):
             position, rotation = position[None], rotation[None]
         if position.shape[1:] != (self._count, 3) or position.shape[:2] != rotation.shape[:2]:
-            return  # what reads them says so
+            return  # the code that reads the arrays raises an error
         if not np.array_equal(worlds, np.arange(len(position))):
             position, rotation = position[worlds], rotation[worlds]
-        # The common answer first: this is called for every image.
+        # Test the common case first: this is called for every image.
         moved = np.abs(position.take(self._geoms, axis=1) - self._position)
         turned = np.abs(rotation.take(self._geoms, axis=1).reshape(*moved.shape[:2], 9) - self._rotation)
         if moved.max(initial=0) <= _MOVED and turned.max(initial=0) <= _MOVED:
@@ -65,10 +65,10 @@ class FixedGeoms:
 
 
 def check_worlds(worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
-    """Return indices of worlds, of as many as there are: those given, those that a mask has, or all.
+    """Return indices of worlds below `count`: the given ones, those selected by a mask, or all.
 
     Raises:
-        ArrayError: They are none, or of worlds that are not there.
+        ArrayError: If no world is selected, or an index is out of range.
     """
     if worlds is None:
         return np.arange(count, dtype=np.int32)

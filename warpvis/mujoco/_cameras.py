@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo's cameras: intrinsics as its renderer has them, and poses."""
+"""MuJoCo's cameras: poses, and the intrinsics of its renderer."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FIXED = int(mujoco.mjtCamera.mjCAMERA_FIXED)
 
 
 class Frustum(NamedTuple):
-    """What a camera sees: its image's sides on the near plane, and the clipping planes [m]."""
+    """A camera's view frustum: the image's sides on the near plane, and the clipping planes [m]."""
 
     up: float
     """From the optical axis to the image's upper side."""
@@ -33,7 +33,7 @@ class Frustum(NamedTuple):
     near: float
     far: float
     orthographic: bool = False
-    """Whether all rays are parallel: the sides are then those of the image wherever it is."""
+    """Whether all rays are parallel: the sides then do not depend on the distance."""
 
 
 def camera_from_mujoco(
@@ -44,23 +44,24 @@ def camera_from_mujoco(
 ) -> AnyCamera:
     """Make the camera that MuJoCo renders with, from the frustum that MuJoCo computes.
 
-    `mjv_cameraFrustum` (src/engine/engine_vis_visualize.c) has the frustum of a field of view or of a focal length,
-    principal point and sensor size, and `setView` (src/render/classic/render_gl3.c) what becomes of it in an image: a
-    camera given by its field of view has square pixels; one given by its sensor spreads the sensor over the image. A
-    principal point (x, y) [m] puts the optical axis left of the image's middle by x and above it by y, on the sensor.
+    `mjv_cameraFrustum` (src/engine/engine_vis_visualize.c) computes the frustum from a field of view or from a focal
+    length, principal point and sensor size, and `setView` (src/render/classic/render_gl3.c) maps it to an image: a
+    camera defined by its field of view has square pixels; for one defined by its sensor, the sensor is stretched over
+    the image. A principal point (x, y) [m] puts the optical axis left of the image's middle by x and above it by y, on
+    the sensor.
 
     Args:
         model: A `mujoco.MjModel`.
         camera: A camera's name or id, -1 for the free camera, or a `mujoco.MjvCamera`.
-        width: Image width [px]; the camera's own ``resolution`` by default.
+        width: Image width [px]; the camera's ``resolution`` by default.
         height: Image height [px].
 
     Returns:
-        The camera, with MuJoCo's clipping planes as `near` and `far`; a `warpvis.rendering.OrthographicCamera` where
-        MuJoCo's is orthographic.
+        The camera, with MuJoCo's clipping planes as `near` and `far`; a `warpvis.rendering.OrthographicCamera` if
+        MuJoCo's camera is orthographic.
 
     Raises:
-        CameraError: There is no such camera, or it has no resolution and none is given.
+        CameraError: If there is no such camera, or it has no resolution and none is given.
     """
     viewer = viewer_camera(model, camera)
     return camera_of_frustum(viewer_frustum(model, viewer), *_image_size(model, viewer, width, height))
@@ -70,7 +71,7 @@ def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
     """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision.
 
     Raises:
-        CameraError: A number of the camera is not finite.
+        CameraError: If a number of the camera is not finite.
     """
     vertical_horizontal_clip = np.zeros((3, 2), dtype=np.float32)
     mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
@@ -81,12 +82,12 @@ def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
 
 
 def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: AnyCamera) -> AnyCamera:
-    """Make what `camera_from_mujoco` would if one of the model's cameras had another field of view.
+    """Make the camera that `camera_from_mujoco` would return if a model's camera had another field of view.
 
     Args:
         model: The model.
         camera: Id of a camera that has no sensor size.
-        fovy: Its vertical field of view [degrees]; how much of the world its height shows [m] if it is orthographic.
+        fovy: Its vertical field of view [degrees]; for an orthographic camera, the height of the visible area [m].
         like: A camera of the same size.
     """
     frustum = viewer_frustum(model, viewer_camera(model, camera))
@@ -97,13 +98,13 @@ def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: AnyC
 
 @functools.lru_cache(maxsize=256)
 def camera_of_frustum(frustum: Frustum, width: int, height: int) -> AnyCamera:
-    """Make the camera of a frustum; one without a width has square pixels.
+    """Make the camera of a frustum; a frustum without a width gives square pixels.
 
     Raises:
-        CameraError: It is empty.
+        CameraError: If the frustum is empty.
     """
     up, down, left, right, near, far, orthographic = frustum
-    if left + right == 0:  # the viewport's aspect ratio counts
+    if left + right == 0:  # the width follows from the viewport's aspect ratio
         left = right = (up + down) / 2 * width / height
     if not all(length > 0 for length in (near, up + down, left + right)):
         raise CameraError("the camera must have a near plane, a field of view and a sensor size above 0")
@@ -122,10 +123,10 @@ def camera_of_frustum(frustum: Frustum, width: int, height: int) -> AnyCamera:
 
 
 def viewer_camera(model: mujoco.MjModel, camera: int | str | mujoco.MjvCamera) -> mujoco.MjvCamera:
-    """Make a `mujoco.MjvCamera` for a camera's name, its id, -1 for the default free camera, or itself.
+    """Make a `mujoco.MjvCamera` from a camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`.
 
     Raises:
-        CameraError: There is no such camera, or its type is `mjCAMERA_USER`, which says nothing of a pose.
+        CameraError: If there is no such camera, or its type is `mjCAMERA_USER`, which defines no pose.
     """
     if not isinstance(model, mujoco.MjModel):
         raise CameraError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
@@ -150,7 +151,7 @@ def camera_id(model: mujoco.MjModel, camera: int | str) -> int:
     """Find the id of one of the model's cameras, given by name or id.
 
     Raises:
-        CameraError: There is none.
+        CameraError: If there is none.
     """
     if isinstance(camera, str):
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
@@ -165,7 +166,7 @@ def camera_id(model: mujoco.MjModel, camera: int | str) -> int:
 def viewer_pose(data: mujoco.MjData, viewer: mujoco.MjvCamera) -> NDArray[np.float32]:
     """Compute the pose of the OpenCV camera of a `mujoco.MjvCamera`: ``x y z qx qy qz qw``, camera to world, ``(7,)``.
 
-    `mjv_cameraFrame` (src/engine/engine_vis_visualize.c) has where it is and its axes forward, up and right.
+    `mjv_cameraFrame` (src/engine/engine_vis_visualize.c) computes its position and its forward, up and right axes.
     """
     right, up, forward, position = frame = np.zeros((4, 3))
     mujoco.mjv_cameraFrame(position, forward, up, right, data, viewer)
@@ -190,6 +191,6 @@ def _image_size(
     if width is not None and height is not None:
         return check_size(width, "width"), check_size(height, "height")
     own = model.cam_resolution[viewer.fixedcamid].tolist() if viewer.type == _FIXED else [1, 1]
-    if own == [1, 1]:  # what MuJoCo has where none is given
+    if own == [1, 1]:  # MuJoCo's default
         raise CameraError("the camera has no resolution of its own; give width and height")
     return own[0], own[1]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which objects' surfaces coincide: pairs of objects that share planes of triangles, or solids, where they begin."""
+"""Pairs of objects whose surfaces coincide at their initial poses: planes of triangles, or solids."""
 
 from __future__ import annotations
 
@@ -16,27 +16,28 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.scene import SceneObject
 from warpvis.scene.solids import Solid, SolidKind
 
-# What is found here is looked at again for every pixel (`warpvis.kernels.coinciding`): nothing that coincides may be
-# missing, and what is near it does no harm.
+# Every pair found here is tested again for every pixel (`warpvis.kernels.coinciding`): no coinciding pair may be
+# missed, and false positives do no harm.
 
 _CLOSENESS = 1e-5
-"""Planes coincide if they are nearer than this where they overlap, of their sizes and distance from the origin."""
+"""Planes coincide if, where they overlap, their distance is below this fraction of their size and distance from the
+origin."""
 
 _TURN = 5e-4
-"""Normals of planes that coincide differ by less than this: those of triangles of a few thousandths of their object do,
-by the rounding of their corners."""
+"""Largest difference between normals of coinciding planes: the rounding of corners causes such differences in triangles
+of a few thousandths of the size of their object."""
 
 _FINE = 1e-6
-"""Triangles of one object are of one plane if its normals and offsets are rounded alike to this."""
+"""Triangles of one object share a plane if their normals and offsets are equal after rounding to this."""
 
 _SKEW = np.array([0.3571, 0.5219, 0.7746])
 """A direction along which the normals of common shapes differ."""
 
 _TABLE = 1 << 22
-"""Bins in the table by which most triangles are known to match no other."""
+"""Bins in the table that rules out most triangles that match no other."""
 
 _LEAST_SAMPLES = 3
-"""Surfaces that only touch or cross have fewer samples in common."""
+"""Surfaces that only touch or cross have fewer common samples."""
 
 _Ints = NDArray[np.int64]
 _Floats = NDArray[np.float64]
@@ -52,24 +53,24 @@ class Pairs:
     earlier: _Ints
     later: _Ints
     same: NDArray[np.bool_]
-    """Whether both are the same triangles."""
+    """Whether both objects have the same triangles."""
     boxes: _Floats
-    """Least and greatest corner of where they coincide, in the world, shape ``(pairs, 2, 3)`` [m]."""
+    """Minimum and maximum corner of the coinciding region, in the world, shape ``(pairs, 2, 3)`` [m]."""
     faces: dict[int, _Ints] = field(default_factory=dict)
-    """Of the later objects, the triangles that coincide with some of an earlier object that is not the same."""
+    """Triangles of the later objects that coincide with triangles of an earlier object that is not the same."""
 
 
 def find_pairs(
     objects: Sequence[SceneObject], pieces: NDArray[np.int_], *, resizable: NDArray[np.int64] = _NOBODY
 ) -> Pairs:
-    """Find objects whose surfaces coincide somewhere, looking the same way.
+    """Find objects whose surfaces coincide somewhere and face the same way.
 
     Args:
-        objects: The objects, where they are at first.
-        pieces: What each belongs to: objects of different pieces may coincide elsewhere later, so that of their
-            triangles those are found whose planes coincide now, and their boxes are those of all such triangles.
-        resizable: Objects that may be of another size in some worlds: they may coincide with all that they touch in
-            their piece.
+        objects: The objects, at their initial poses.
+        pieces: The rigid piece of each object. Objects of different pieces may coincide elsewhere later: their
+            triangles whose planes coincide at the initial poses are found, and their boxes enclose all such triangles.
+        resizable: Objects whose size may differ in some worlds: they may coincide with all objects of their piece that
+            they touch.
     """
     boxes = np.array([_bounds(item) for item in objects], dtype=np.float64).reshape(-1, 2, 3)
     margin = _CLOSENESS * np.abs(boxes).max(axis=(1, 2), initial=0.0)[:, None]
@@ -90,7 +91,7 @@ def find_pairs(
         found |= some
         faces |= {index: np.union1d(numbers, faces.get(index, _NOBODY)) for index, numbers in of_later.items()}
     solids = [pair for pair in zip(i[both].tolist(), j[both].tolist(), strict=True) if _share_surface(objects, pair)]
-    # Triangles at the ends of cylinders are not their rims.
+    # The triangles at the ends of cylinders do not include the rims.
     flat = [(a, b) for a, b in found if is_solid[a] or is_solid[b]]
     for a, b in [*same, *solids, *flat]:
         found[a, b] = np.stack([np.maximum(low[a], low[b]), np.minimum(high[a], high[b])])
@@ -106,7 +107,7 @@ def find_pairs(
 
 
 def _anywhere_on(item: SceneObject, index: int, faces: dict[int, _Ints], resizable: NDArray[np.int64]) -> _Floats:
-    """Return the box of all triangles of an object that coincide with others; endless of solids and resizable ones."""
+    """Return the box of an object's triangles that coincide with others; unbounded for solids and resizable objects."""
     if item.solid is not None or index in resizable:
         return _EVERYWHERE
     corners = item.vertices[item.faces[faces[index]]].reshape(-1, 3).astype(np.float64)
@@ -114,7 +115,7 @@ def _anywhere_on(item: SceneObject, index: int, faces: dict[int, _Ints], resizab
 
 
 def _bounds(item: SceneObject) -> _Floats:
-    """Return least and greatest corner of an object and, of a solid, of its true surface, shape ``(2, 3)`` [m]."""
+    """Return the bounds of an object, including the true surface of a solid, shape ``(2, 3)`` [m]."""
     bounds = np.array(item.bounds, dtype=np.float64)
     if item.solid is None or item.pose is None:
         return bounds
@@ -126,12 +127,12 @@ def _bounds(item: SceneObject) -> _Floats:
 
 
 def frame_vertices(item: SceneObject) -> NDArray[np.float32]:
-    """Return the corners in the frame that an object's pose is of: its own, its carrier's, or the world's."""
+    """Return the vertices in the frame of an object's pose: its own frame, its carrier's, or the world's."""
     return item.vertices if item.mesh_vertices is None else item.mesh_vertices
 
 
 def _find_same(objects: Sequence[SceneObject], i: _Ints, j: _Ints) -> set[tuple[int, int]]:
-    """Find pairs of meshes that are the same triangles, in the world and in the frames that they move with."""
+    """Find pairs of meshes with the same triangles, in the world and in the frames that they move with."""
     sizes = np.array([(len(item.vertices), len(item.faces)) for item in objects]).reshape(-1, 2)
     alike = np.flatnonzero((sizes[i] == sizes[j]).all(axis=1))
     same = set()
@@ -146,7 +147,7 @@ def _find_same(objects: Sequence[SceneObject], i: _Ints, j: _Ints) -> set[tuple[
 
 
 def _share_surface(objects: Sequence[SceneObject], pair: tuple[int, int]) -> bool:
-    """Tell whether part of a solid's true surface is on another one's."""
+    """Return whether part of a solid's true surface lies on that of another one."""
     one, other = (objects[index] for index in pair)
     assert one.solid is not None and other.solid is not None and one.pose is not None and other.pose is not None
     place, there = poses_to_matrices(one.pose), poses_to_matrices(other.pose)
@@ -160,7 +161,7 @@ def _share_surface(objects: Sequence[SceneObject], pair: tuple[int, int]) -> boo
 
 
 def _samples(solid: Solid) -> _Floats:
-    """Take points of a solid's surface, none of them on an edge or a line of symmetry, in its frame [m]."""
+    """Sample points on a solid's surface, none of them on an edge or a line of symmetry, in its frame [m]."""
     turn, up = (part.ravel() for part in np.meshgrid(np.arange(9) * 0.7 + 0.1, np.linspace(-0.93, 0.97, 8)))
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     ball = np.c_[np.sqrt(1 - up**2)[:, None] * circle, up]
@@ -174,7 +175,7 @@ def _samples(solid: Solid) -> _Floats:
 
 
 def _flat_faces(item: SceneObject) -> NDArray[np.int32]:
-    """Return the triangles that are the true surface: all of a mesh, the ends of a cylinder."""
+    """Return the triangles that lie on the true surface: all of a mesh, the ends of a cylinder."""
     if item.solid is None:
         return item.faces
     if item.solid.kind != SolidKind.CYLINDER:
@@ -185,35 +186,35 @@ def _flat_faces(item: SceneObject) -> NDArray[np.int32]:
 
 @dataclass(frozen=True)
 class _Triangles:
-    """Triangles of several objects, N of them."""
+    """N triangles of several objects."""
 
     owner: _Ints
     """(N,): the object."""
     piece: _Ints
-    """(N,): what moves together with it."""
+    """(N,): the rigid piece of the object."""
     face: _Ints
-    """(N,): its number among the object's triangles; of a solid 0."""
+    """(N,): its index among the object's triangles; 0 for a solid."""
     low: _Floats
-    """(N, 3): least corner of its box [m]."""
+    """(N, 3): minimum corner of its box [m]."""
     high: _Floats
     normal: _Floats
     """(N, 3)."""
     offset: _Floats
-    """(N,): its plane is where ``normal . x = offset``, from `middle` [m]."""
+    """(N,): its plane is ``normal . x = offset``, relative to `middle` [m]."""
     middle: _Floats
-    """(N, 3): a point of its piece [m]."""
+    """(N, 3): a reference point on its piece [m]."""
 
     @classmethod
     def of(cls, corners: _Floats, faces: _Ints, owners: _Ints, pieces: NDArray[np.int_]) -> _Triangles:
-        """Make them of corners, ``(N, 3, 3)``, their numbers, their objects, and every object's piece.
+        """Make them from corners, ``(N, 3, 3)``, face indices, object indices, and every object's piece.
 
-        Those without an area are left out, and most of those that are of no plane of another object's.
+        Triangles without an area are omitted, and so are most of those whose planes match no other object's.
         """
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         normal = np.cross(b - a, c - a)
         length = np.sqrt(np.einsum("nk,nk->n", normal, normal))
         normal /= np.where(length > 0, length, 1)[:, None]
-        # Offsets are small numbers from near a piece, so that they are of more digits: from any corner of it.
+        # Measured from a corner of its own piece, offsets are small numbers with more significant digits.
         _, first, dense = np.unique(pieces, return_index=True, return_inverse=True)
         start = np.zeros((len(first), 3))
         start[dense[owners]] = a
@@ -227,7 +228,7 @@ class _Triangles:
         return cls(owners, pieces[owners], faces[kept], low, high, normal[kept], offset[kept], middle[kept])
 
     def take(self, chosen: NDArray[np.int64 | np.bool_]) -> _Triangles:
-        """Return some of them."""
+        """Return the selected triangles."""
         return _Triangles(**{name: part[chosen] for name, part in vars(self).items()})
 
 
@@ -237,13 +238,13 @@ def _find_planes(
     pairs: tuple[_Ints, _Ints],
     boxes: tuple[_Floats, _Floats],
 ) -> tuple[dict[tuple[int, int], _Floats], dict[int, _Ints]]:
-    """Find pairs of objects that share planes of triangles, with boxes of where, and the triangles of the later ones.
+    """Find pairs of objects that share planes of triangles, with bounding boxes, and the later objects' triangles.
 
     Args:
         objects: All objects.
-        pieces: What each belongs to.
-        pairs: The pairs to look at, the earlier objects and the later ones.
-        boxes: Least and greatest corners of the objects' boxes, a little enlarged.
+        pieces: The rigid piece of each object.
+        pairs: The pairs to test, the earlier objects and the later ones.
+        boxes: Minimum and maximum corners of the objects' boxes, slightly enlarged.
     """
     parts = [_read_triangles(objects, index, pairs, boxes) for index in np.unique(np.concatenate(pairs)).tolist()]
     if not parts:
@@ -252,7 +253,7 @@ def _find_planes(
     triangles = _Triangles.of(corners, numbers, owners, pieces)
     planes, plane_of = _join_planes(triangles)
     p, q = _matching(planes)
-    # A pair of objects is one number.
+    # Encode a pair of objects as one number.
     kept = np.isin(planes.owner[p] * len(objects) + planes.owner[q], pairs[0] * len(objects) + pairs[1])
     p, q = p[kept], q[kept]
     found, pair_of = np.unique(planes.owner[p] * len(objects) + planes.owner[q], return_inverse=True)
@@ -265,7 +266,7 @@ def _find_planes(
     owner, face = triangles.owner[taken], triangles.face[taken]
     faces_of = {int(k): np.sort(face[owner == k]) for k in np.unique(owner) if objects[k].solid is None}
     for index, some in faces_of.items():
-        if 2 * len(some) > len(objects[index].faces):  # the others are slivers, whose normals are mostly rounding
+        if 2 * len(some) > len(objects[index].faces):  # the rest are slivers, whose normals are dominated by rounding
             faces_of[index] = np.arange(len(objects[index].faces))
     return {divmod(int(pair), len(objects)): box for pair, box in zip(found, shared, strict=True)}, faces_of
 
@@ -273,7 +274,7 @@ def _find_planes(
 def _read_triangles(
     objects: Sequence[SceneObject], index: int, pairs: tuple[_Ints, _Ints], boxes: tuple[_Floats, _Floats]
 ) -> tuple[_Floats, _Ints, _Ints]:
-    """Read an object's flat triangles where others are: corners ``(n, 3, 3)``, their numbers, and the object's."""
+    """Read an object's flat triangles near other objects: corners ``(n, 3, 3)``, face indices, and object indices."""
     item, (low, high) = objects[index], boxes
     others = np.r_[pairs[1][pairs[0] == index], pairs[0][pairs[1] == index]]
     least, most = low[others].min(axis=0), high[others].max(axis=0)
@@ -292,10 +293,10 @@ def _read_triangles(
 
 
 def _bins(normal: _Floats, offset: _Floats, distance: _Floats, piece: NDArray[np.int_]) -> Iterator[NDArray[np.uint64]]:
-    """Put planes into bins by a coordinate of their normals and by their offsets.
+    """Hash planes into bins by a coordinate of their normals and by their offsets.
 
-    This is done four times, half a bin apart, so that what is nearer than that is in one bin at least once. Errors of
-    normals count for offsets times the distance from where these are measured.
+    Four hashes are made, shifted by half a bin, so that planes closer than half a bin share a bin at least once. An
+    error in a normal changes an offset by the error times the distance from the reference point.
     """
     reach = max(float(np.median(distance)), _FINE) if len(distance) else 1.0
     turn, away = normal @ _SKEW / (2 * _TURN), offset / (2 * _TURN * reach)
@@ -306,7 +307,7 @@ def _bins(normal: _Floats, offset: _Floats, distance: _Floats, piece: NDArray[np
 def _may_match(
     normal: _Floats, offset: _Floats, distance: _Floats, piece: NDArray[np.int_], owner: NDArray[np.int_]
 ) -> NDArray[np.bool_]:
-    """Tell which triangles may be of one plane with another object's, by a table of bins: quickly, most are not."""
+    """Return which triangles may share a plane with another object's: a quick test by a table, which most fail."""
     matches = np.zeros(len(owner), dtype=bool)
     table, short = np.zeros(_TABLE, dtype=np.int32), owner.astype(np.int32)
     for bins in _bins(normal, offset, distance, piece):
@@ -319,7 +320,7 @@ def _may_match(
 
 
 def _join_planes(triangles: _Triangles) -> tuple[_Triangles, _Ints]:
-    """Make one of each object's triangles of one plane, with the box of all, and say which each became part of."""
+    """Merge an object's triangles that share a plane, with their common box; return planes and the triangles' planes."""
     scale = np.maximum(np.abs(triangles.low), np.abs(triangles.high)).max(axis=1, initial=_FINE)
     digits = np.rint(np.c_[triangles.normal, triangles.offset / scale] / _FINE).astype(np.int64)
     _, first, plane = np.unique(_mixed(*digits.T, triangles.owner), return_index=True, return_inverse=True)
@@ -349,7 +350,7 @@ def _matching(planes: _Triangles) -> tuple[_Ints, _Ints]:
 
 
 def _mixed(*columns: NDArray[np.int_]) -> NDArray[np.uint64]:
-    """Make one number of every row of whole numbers; rows that differ have different ones, but for bad luck."""
+    """Hash rows of integers; rows that differ have different hashes, except for collisions."""
     mixed = np.zeros(len(columns[0]), dtype=np.uint64)
     for column in columns:
         mixed ^= column.astype(np.uint64)
@@ -359,7 +360,7 @@ def _mixed(*columns: NDArray[np.int_]) -> NDArray[np.uint64]:
 
 
 def _overlapping(low: _Floats, high: _Floats, kinds: NDArray[np.integer[Any]]) -> tuple[_Ints, _Ints]:
-    """Find pairs of boxes of one kind that overlap, each once, by sweeping along the axis on which they spread most."""
+    """Find overlapping pairs of boxes of one kind, each once, by sweeping along the axis of largest spread."""
     if len(low) < 2:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     _, kind = np.unique(kinds, return_inverse=True)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rendering geoms as MuJoCo shows them: of those whose surfaces coincide, the later one."""
+"""Rendering of geoms as in MuJoCo: where surfaces coincide, the later geom is shown."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 _DEPTH, _LABELS, _SEGMENTATION, _FACES = 0, 3, 4, 5  # in the order of the casters' images
-_BOX_MARGIN = 2e-5  # of numbers: boxes are of poses and corners in single precision
-_MOST_SCRATCH = 4  # so many sizes of images have memory of their own
+_BOX_MARGIN = 2e-5  # relative: boxes are computed from poses and corners in single precision
+_MOST_SCRATCH = 4  # number of image sizes whose scratch memory is cached
 
 
 class CoincidingGeoms:
-    """Which geoms of a scene coincide with earlier ones, found when first asked for after the scene has changed."""
+    """Geoms of a scene that coincide with earlier ones; the search runs on the first request after a scene change."""
 
     def __init__(
         self, model: mujoco.MjModel, scene: Scene, geoms: ArrayLike = (), *, resizable: ArrayLike = ()
     ) -> None:
-        """Find nothing yet.
+        """Store the arguments; nothing is searched yet.
 
         Args:
             model: The model.
             scene: Its scene.
-            geoms: The geoms and sites of the scene's first objects; `follow` says it later on.
-            resizable: Objects that may be of another size in some worlds.
+            geoms: The geoms and sites of the scene's first objects; `follow` changes them.
+            resizable: Objects whose size may differ in some worlds.
         """
         self._model, self._scene = model, scene
         self._resizable = np.array(resizable, dtype=np.int64)
@@ -55,11 +55,11 @@ class CoincidingGeoms:
         self._found: _OnDevice | None = None
 
     def follow(self, geoms: ArrayLike) -> None:
-        """Take note that the scene's first objects are these geoms now, or of other shapes than they were."""
+        """Set the geoms of the scene's first objects, or note that their shapes have changed."""
         self._geoms, self._objects = np.array(geoms, dtype=np.int64), ()
 
     def find(self) -> Coinciding | None:
-        """Return what there is as a kernel takes it; None if nothing coincides."""
+        """Return the coinciding geoms as a kernel struct; None if nothing coincides."""
         objects = self._scene.objects
         if len(objects) != len(self._objects) or not all(map(operator.is_, objects, self._objects)):
             self._found = self._find(objects)
@@ -67,7 +67,7 @@ class CoincidingGeoms:
         return None if self._found is None else self._found.struct
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process finds the same of."""
+        """Return the state for pickling, without cached results."""
         return self.__dict__ | {"_objects": (), "_found": None}
 
     def _find(self, objects: tuple[SceneObject, ...]) -> _OnDevice | None:
@@ -113,7 +113,7 @@ class _OnDevice:
 
 
 def _ways(objects: Sequence[SceneObject], pairs: Pairs, columns: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Say how a kernel looks for the later object of each pair."""
+    """Return how a kernel tests for the later object of each pair."""
     from warpvis.kernels.coinciding import ALWAYS, ON_MESH, ON_SOLID, WHERE_TOGETHER
 
     is_solid = np.array([objects[index].solid is not None for index in pairs.later], dtype=bool)
@@ -123,7 +123,7 @@ def _ways(objects: Sequence[SceneObject], pairs: Pairs, columns: NDArray[np.int3
 
 
 def _boxes_in_frames(objects: Sequence[SceneObject], pairs: Pairs) -> NDArray[np.float32]:
-    """Return where pairs coincide, in the frames of the later objects, least and greatest corners ``(pairs, 2, 3)``."""
+    """Return boxes of coinciding regions in the frames of the later objects: corners ``(pairs, 2, 3)``."""
     boxes = np.empty((len(pairs.later), 2, 3), dtype=np.float32)
     for row, index, box in zip(boxes, pairs.later.tolist(), pairs.boxes, strict=True):
         if np.isinf(box).any():
@@ -150,7 +150,7 @@ def _mesh(item: SceneObject, faces: NDArray[np.int64], device: wp.Device) -> wp.
 
 
 class GeomRenderer(Renderer):
-    """A `warpvis.Renderer` of a model's scene in which later geoms show where surfaces coincide.
+    """A `warpvis.Renderer` of a model's scene that shows the later geom where surfaces coincide.
 
     Segmentation, labels, faces and colors are those of the later geom; depth, points and normals do not change.
     """
@@ -167,7 +167,7 @@ class GeomRenderer(Renderer):
         view_index: np.ndarray | None = None,
         out: Views | None = None,
     ) -> Views:
-        """Do as `render`, with sizes as `warpvis.kernels.worlds.Worlds` has them."""
+        """Render as `render` does, with sizes as in `warpvis.kernels.worlds.Worlds`."""
         poses = self._caster.parse_poses(camera_to_world, "opencv")
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
         if object_sizes is not None:
@@ -193,7 +193,7 @@ class GeomRenderer(Renderer):
 
 
 class _LaterWins:
-    """A caster, and a second look at what it saw where surfaces coincide."""
+    """A caster, followed by a correction pass for pixels where surfaces coincide."""
 
     def __init__(
         self, caster: Any, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, cull: bool, threads: int
@@ -204,11 +204,11 @@ class _LaterWins:
         self._idle: dict[tuple[object, ...], wp.array] = {}
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> Any:
-        """Check poses, and return them as the caster takes them."""
+        """Check poses and return them in the caster's format."""
         return self._caster.parse_poses(poses, convention)
 
     def cast(self, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
         wanted = any(images[place] is not None for place in (_LABELS, _SEGMENTATION, _FACES))
         coinciding = self._coinciding.find() if wanted else None
         if coinciding is None:
@@ -225,7 +225,7 @@ class _LaterWins:
             self._give_back(place, image)
 
     def cast_at(self, poses: Any, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Write images through image points, as sensors do; coinciding objects are as the caster sees them."""
+        """Write images through image points, as sensors do; coinciding objects are not corrected."""
         self._caster.cast_at(poses, worlds, pixels, images)
 
     def _correct(self, coinciding: Coinciding, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
@@ -236,7 +236,7 @@ class _LaterWins:
         depth, labels, segmentation, faces = (images[place] for place in (_DEPTH, _LABELS, _SEGMENTATION, _FACES))
         assert segmentation is not None
         camera = self._camera.device_struct()
-        # A thread takes a row on the CPU, where to begin one takes longer than most pixels.
+        # On the CPU a thread processes a row, because starting a thread takes longer than most pixels.
         span = segmentation.shape[2] if self._scene.device.is_cpu else 1
         given = [worlds, depth, self._cull_backfaces, span, segmentation, labels, faces]
         launch_images(
@@ -258,12 +258,12 @@ class _LaterWins:
         return show_later
 
     def _stream(self) -> int | None:
-        # Work on another stream may not be done with the memory.
+        # Work on another stream may still use the memory.
         device = self._scene.device
         return None if device.is_cpu else device.stream.cuda_stream
 
     def _take(self, place: int, shape: tuple[int, ...], dtype: type) -> wp.array:
-        """Return memory that nobody uses."""
+        """Return unused memory."""
         image = self._idle.pop((place, shape, self._stream()), None)
         return wp.empty(shape, dtype=dtype, device=self._scene.device) if image is None else image
 
