@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is made, packed and checked once for calls of a kind, and waits for the next one."""
+"""Caches of objects that are created, packed or checked once and reused by later calls of the same kind."""
 
 from __future__ import annotations
 
@@ -17,30 +17,29 @@ _Thing = TypeVar("_Thing")
 
 
 class Idle(Generic[_Thing]):
-    """Things that no call uses at the moment, by the kind of call that may: callers on several threads take their own.
-
-    Of each kind there are as many as calls were made at the same time; kinds that have not come last are forgotten.
+    """Cache of unused objects by kind of call: concurrent calls on several threads take distinct objects. Each kind has
+    as many objects as there were concurrent calls; the least recently used kinds are dropped.
     """
 
     def __init__(self, most_kinds: int) -> None:
-        """Have nothing yet; keep at most so many kinds."""
+        """Create an empty cache of at most `most_kinds` kinds."""
         self._things: dict[Hashable, list[_Thing]] = {}
         self._most_kinds = most_kinds
         self._lock = Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copy, also to another process, as one that has nothing yet."""
+        """Copy or pickle as an empty cache."""
         return Idle, (self._most_kinds,)
 
     def take(self, kind: Hashable) -> _Thing | None:
-        """Take a thing of a kind, if there is one."""
+        """Remove and return an object of a kind; None if there is none."""
         try:
             return self._things[kind].pop()
         except (KeyError, IndexError):
             return None
 
     def give_back(self, kind: Hashable, thing: _Thing) -> None:
-        """Have it wait for the next call."""
+        """Return an object to the cache for the next call."""
         try:
             self._things[kind].append(thing)
         except KeyError:
@@ -51,15 +50,15 @@ class Idle(Generic[_Thing]):
 
 
 def memory_of(struct: Any) -> Any:
-    """Return the memory of a struct of Warp's, as ctypes has it: a launch that is packed reads it when it is made."""
+    """Return the ctypes memory of a Warp struct, which a packed launch reads when it is launched."""
     return struct.__ctype__()
 
 
 class ImageSlots:
-    """Images as a packed launch reads them: a call writes their addresses, and keeps none of them alive."""
+    """The image struct of a packed launch: a call writes the addresses of images without keeping them alive."""
 
     def __init__(self) -> None:
-        """Have no images."""
+        """Create the struct without images."""
         from warpvis.kernels.images import Images
 
         self.struct = Images()
@@ -67,7 +66,7 @@ class ImageSlots:
         self._filled = [False] * len(CAST_OUTPUTS)
 
     def fill(self, images: list[wp.array | None]) -> None:
-        """Write where the images of a call are; None is not made."""
+        """Write the addresses of a call's images; None is left out."""
         for index, image in enumerate(images[: len(CAST_OUTPUTS)]):
             if image is not None:
                 self._slots[index].data = image.ptr
@@ -78,18 +77,18 @@ class ImageSlots:
 
 
 class CheckedImages:
-    """The images of `out` of the last call that gave some: the same ones need not be checked again."""
+    """The images of the last `out` argument, which need not be checked again."""
 
     def __init__(self) -> None:
-        """Know none."""
+        """Create without images."""
         self._last: tuple[tuple[int, ...], tuple[str, ...], list[Any]] = ((), (), [])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copy as one that knows none."""
+        """Copy or pickle without images."""
         return CheckedImages, ()
 
     def find(self, out: Views, shape: tuple[int, ...], outputs: tuple[str, ...]) -> list[wp.array | None] | None:
-        """Return the images, in the casters' order, if they are those of the last call; None is not asked for."""
+        """Return the checked images in the casters' order if they are those of the last call, else None."""
         last_shape, last_outputs, last_images = self._last
         if shape != last_shape or outputs is not last_outputs or not isinstance(out, Views):
             return None
@@ -102,5 +101,5 @@ class CheckedImages:
         return images
 
     def keep(self, images: list[wp.array | None], shape: tuple[int, ...], outputs: tuple[str, ...]) -> None:
-        """Take note of images that were checked, without keeping them alive."""
+        """Record checked images without keeping them alive."""
         self._last = shape, outputs, [None if image is None else weakref.ref(image) for image in images]

@@ -53,7 +53,7 @@ _Numbers = NDArray[np.int64] | None
 
 
 class Renderer:
-    """Renders views of one scene through one camera, again and again.
+    """Render views of one scene through one camera repeatedly.
 
     Example:
         >>> renderer = Renderer(scene, Camera.kinect(), outputs=("depth", "labels"))
@@ -62,7 +62,7 @@ class Renderer:
     """
 
     frame: int = 0
-    """The frame that a sensor's random numbers are of in the next call that does not say one."""
+    """The frame number that seeds a sensor's random numbers in the next call without `frame`."""
 
     def __init__(
         self,
@@ -79,35 +79,36 @@ class Renderer:
         threads: int | None = None,
         device_bytes: int | None = None,
     ) -> None:
-        """Prepare to render.
+        """Set up the renderer.
 
         Args:
-            scene: What is seen. What is added to it later is seen too.
+            scene: The scene to render. Objects that are added to it later are rendered too.
             camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera` or
-                `warpvis.sensors.Rays`, which are cast by rays where these have origins of their own, or a
-                `warpvis.rendering.OrthographicCamera`, which always is.
-            outputs: The images to make, of ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
-                ``"faces"``, ``"color"``, ``"albedo"``; with a sensor, also of ``"reasons"`` and ``"true_depth"``.
-            caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` takes packets, which have been the
-                faster ones but in small images of 50 million triangles on a GPU. Both give the same images.
-            cull_backfaces: See through triangles from behind (where ``(b - a) x (c - a)`` points away from the
-                camera); by default surfaces are two-sided.
-            near_plane: What becomes of surfaces nearer than the camera's `near`: ``"occlude"``, they hide what is
-                behind them, and depth is -inf, as of a sensor (REP 117); ``"clip"``, they are cut away, and what is
-                behind is seen, as OpenGL and MuJoCo have it.
-            fill: Depth of pixels that have none: ``"inf"``, +inf where nothing is up to `far` and -inf where something
-                is too near; ``"far"``, the camera's `far` and `near`; or a number for both, such as 0.0. What a sensor
-                lost for other reasons has that of nothing.
-            sensor: A model of `warpvis.sensors`: depth and points are what such a device would say, and the other
-                images stay those of the exact rays. By default they are exact, too.
-            seed: What the sensor's random numbers follow from, together with each view's number and frame; from 0 up
-                and below 2^32. Renderers of several devices need a seed each: with the same one, their noise is the
+                `warpvis.sensors.Rays`, which are cast ray by ray where the rays have distinct origins, or a
+                `warpvis.rendering.OrthographicCamera`, which is always cast ray by ray.
+            outputs: The images to render: ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
+                ``"faces"``, ``"color"``, ``"albedo"``; with a sensor, also ``"reasons"`` and ``"true_depth"``.
+            caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` uses packets, which are faster in
+                every measured case except small images of 50 million triangles on a GPU. Both give the same images.
+            cull_backfaces: Whether to ignore triangles seen from behind (where ``(b - a) x (c - a)`` points away from
+                the camera); by default surfaces are two-sided.
+            near_plane: Treatment of surfaces nearer than the camera's `near`: with ``"occlude"``, they hide the
+                surfaces behind them, and depth is -inf, as for a sensor (REP 117); with ``"clip"``, they are cut away,
+                and the surfaces behind them are visible, as in OpenGL and MuJoCo.
+            fill: Depth of pixels without a valid depth: ``"inf"``, +inf where there is no surface up to `far` and -inf
+                where a surface is too near; ``"far"``, the camera's `far` and `near`; or a number for both, such as
+                0.0. Pixels that a sensor lost for other reasons get the value of pixels without a surface.
+            sensor: A model of `warpvis.sensors`: depth and points are computed as such a device would measure them, and
+                the other images are those of the exact rays. By default, depth and points are exact too.
+            seed: Seed of the sensor's random numbers, combined with each view's number and frame; from 0 to 2^32 - 1.
+                Renderers that simulate several devices need distinct seeds: with the same seed, their noise is the
                 same.
             threads: CPU threads to use; all cores of this process by default.
-            device_bytes: Most bytes of images that one call of `render` holds on a GPU; half of its memory by default.
+            device_bytes: Maximum size in bytes of the images that one call of `render` holds on a GPU; half of its
+                memory by default.
 
         Raises:
-            WarpvisError: An argument is not what it has to be.
+            WarpvisError: If an argument is invalid.
         """
         require_scene(scene)
         if not isinstance(camera, OrthographicCamera | RayCamera):
@@ -150,7 +151,7 @@ class Renderer:
         return ShadingCaster(caster, self.scene, camera, threads=self.threads) if self._has_colors else caster
 
     def _make_plain_caster(self, camera: RenderCamera) -> Any:
-        """Make a caster without colors, of which colors are made."""
+        """Make a caster without colors, whose outputs are shaded to obtain colors."""
         return caster_class(self.caster, camera, self.scene.device)(self.scene, camera, **self._options)
 
     def render(
@@ -169,44 +170,46 @@ class Renderer:
     ) -> Views:
         """Render one image of each output for every pose.
 
-        On CUDA the work is queued on the device's current stream and not waited for. Images of more than
-        `device_bytes` are made in parts there, copied to the host's memory one part after the other, and returned
-        there; so are images for an `out` that lies in the host's memory.
+        On CUDA the work is queued on the device's current stream, and the call does not wait for it. Images of more
+        than `device_bytes` are rendered in parts, copied to host memory one part after the other, and returned there;
+        the same applies if `out` is in host memory.
 
         Args:
-            camera_to_world: Poses, rows ``x y z qx qy qz qw`` of shape ``(V, 7)`` or matrices of shape
-                ``(V, 4, 4)``; one pose without the leading axis is one view. Or a `warpvis.sensors.Motion`, of a sensor
-                that moves within the frame: each ray is cast by itself, from where the sensor is at the ray's time.
-            object_poses: Where the movable objects (`Scene.movable`, M of them) are in each of W worlds: object to
-                world, rows ``x y z qx qy qz qw``, shape ``(W, M, 7)`` or ``(M, 7)``, or `wp.transform` of shape
-                ``(W, M)``. By default in one world, where they were added. Or a `warpvis.sensors.Motion` of them: each
-                ray sees them where they are at its time.
-            object_scales: How large they are in each of these worlds: factors along each one's own x, y and z, by which
-                it and what is attached to it are stretched, shape ``(W, M, 3)`` or ``(M, 3)``. By default 1. Round
-                solids stay round: a sphere becomes an ellipsoid, and so do a capsule's ends.
-            world_index: Index of every view's world, shape ``(V,)`` int32. By default all views are of the one world,
-                or if there are V of them, each of its own.
-            exclude: What is not seen: names or indices of objects, or for every view its own flags, shape
-                ``(V, objects)``. A robot's camera excludes the robot's body.
+            camera_to_world: Poses, rows ``x y z qx qy qz qw`` of shape ``(V, 7)`` or matrices of shape ``(V, 4, 4)``;
+                one pose without the leading axis is one view. Or a `warpvis.sensors.Motion` for a sensor that moves
+                within the frame: each ray is cast individually, from the sensor's pose at the ray's time.
+            object_poses: Poses of the M movable objects (`Scene.movable`) in each of W worlds: object to world, rows
+                ``x y z qx qy qz qw``, shape ``(W, M, 7)`` or ``(M, 7)``, or `wp.transform` of shape ``(W, M)``. By
+                default there is one world with the poses at which they were added. Or a `warpvis.sensors.Motion` of the
+                objects: each ray sees them at their poses at its time.
+            object_scales: Scales of the movable objects in each of these worlds: factors along the object's local x, y
+                and z axes, by which the object and everything attached to it are stretched, shape ``(W, M, 3)`` or
+                ``(M, 3)``. By default 1. Round solids stay round: a sphere becomes an ellipsoid, and so do a capsule's
+                ends.
+            world_index: World index of every view, shape ``(V,)`` int32. By default all views show the one world, or if
+                there are V worlds, view i shows world i.
+            exclude: Objects to leave out: names or indices of objects, or flags per view, shape ``(V, objects)``. For
+                example, a robot's camera excludes the robot's body.
             convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"``, ``"ros_body"`` or
-                ``"ros_optical"``; by default the camera's own, OpenCV's but for `warpvis.sensors.Rays` that say others.
-            quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``; a motion's has been
-                said.
-            frame: The frame that a sensor's random numbers are of, from 0 up, one or one for each view, shape ``(V,)``.
-                By default `Renderer.frame`, which is 0 to begin with and goes up by 1 with each such call. A CUDA graph
-                has the frame that it was recorded with whenever it is replayed.
-            view_index: The views' numbers as random numbers go by, shape ``(V,)``, by default 0 to V - 1: a view that
-                is rendered alone, or in another batch, has the same image if its number and frame are the same.
-            out: Images of an earlier call to write into, of the same number of views.
+                ``"ros_optical"``; by default the camera's axes, which are OpenCV's except for `warpvis.sensors.Rays`
+                with other axes.
+            quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``; a `Motion` already
+                has its order.
+            frame: Frame number that seeds a sensor's random numbers, from 0 up: one number, or one for each view, shape
+                ``(V,)``. By default `Renderer.frame`, which starts at 0 and increases by 1 with each such call. A
+                replayed CUDA graph uses the frame that it was recorded with.
+            view_index: View numbers that seed the random numbers, shape ``(V,)``, by default 0 to V - 1: a view that is
+                rendered alone or in another batch has the same image if its number and frame are the same.
+            out: Images of an earlier call with the same number of views, to write into.
 
         Returns:
             The images, on the scene's device or, if they are too large for it, on the host; `out` if it was given.
 
         Raises:
-            PoseError: The poses are malformed; the first few offending views are named.
-            ArrayError: `out`, `world_index`, `exclude` or `object_scales` does not fit.
-            SceneError: The scene is empty, or has no object that `exclude` names.
-            CameraError: Something moves, and the camera's rays have no times, or there is a sensor.
+            PoseError: If the poses are malformed; the message lists the first few offending views.
+            ArrayError: If `out`, `world_index`, `exclude` or `object_scales` does not fit.
+            SceneError: If the scene is empty, or contains no object of a name in `exclude`.
+            CameraError: If a `Motion` is given and the camera's rays have no times, or there is a sensor.
         """
         if not isinstance(camera_to_world, Motion):
             camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
@@ -222,7 +225,7 @@ class Renderer:
         return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
 
     def _number(self, views: int, frame: int | ArrayInput | None, view_index: ArrayInput | None) -> _Numbers:
-        """Return what a sensor's random numbers follow from, the number and frame of each view; None without one."""
+        """Return the number and frame of each view, which seed a sensor's random numbers; None without a sensor."""
         if self._sensing is None:
             if frame is not None or view_index is not None:
                 raise ArrayError("frame and view_index are of a sensor's random numbers: give Renderer a sensor")
@@ -233,7 +236,7 @@ class Renderer:
         return numbers
 
     def _render(self, poses: Any, worlds: Worlds, numbers: _Numbers, out: Views | None) -> Views:
-        """Render views whose poses are as the caster takes them."""
+        """Render views, given poses in the caster's format."""
         shape = (len(poses), *self._shape)
         known = None if out is None else self._checked.find(out, shape, self.outputs)
         if out is not None and known is not None:
@@ -251,21 +254,21 @@ class Renderer:
     def _cast_into(
         self, views: Views, images: list[wp.array | None], poses: Any, worlds: Worlds, numbers: _Numbers
     ) -> Views:
-        """Cast into checked images of views, which are returned."""
+        """Cast into checked images of `views` and return `views`."""
         self._cast(poses, worlds, numbers, images)
         self._fill_depth(views.depth)
         return views
 
     def _cast(self, poses: Any, worlds: Worlds, numbers: _Numbers, images: list[wp.array | None]) -> None:
         if self._sensing is not None:
-            assert numbers is not None  # for type checkers: with a sensor there are numbers
+            assert numbers is not None  # for type checkers: a sensor always has numbers
             self._sensing.expose(self._caster, poses, worlds, images, numbers)
             return
         caster = self._moving_caster() if isinstance(poses, MovingPoses) else self._caster
         caster.cast(poses, worlds, images)
 
     def _moving_caster(self) -> MovingCaster:
-        """Return who casts where something moves, made when that first comes."""
+        """Return the caster for motions, which is made at first use."""
         if self._sensing is not None:
             raise CameraError("a sensor's model is of poses that stay within a frame, and not yet of a Motion")
         if self._has_colors:
@@ -289,15 +292,15 @@ class Renderer:
         quaternion: QuaternionOrder = "xyzw",
         out: Views | None = None,
     ) -> Views:
-        """Render what is seen at any points of the image, instead of at its pixels' centres.
+        """Render at arbitrary points of the image instead of at its pixel centers.
 
         Args:
             camera_to_world: Poses, as for `render`.
             pixels: Coordinates ``(x, y)`` [px] from the image's top left corner, N for every view, shape ``(V, N, 2)``;
-                a pixel's centre is its index + 0.5. Outside the image, and where a coordinate is NaN, nothing is seen.
-                Or maps as OpenCV's ``remap`` takes them, shape ``(V, Y, X, 2)``: where neighbours lie close together,
-                they are cast together, on CPU cores several times as fast. On a GPU lists are cast together, too,
-                where there are many points (docs/rendering.md).
+                a pixel's center is its index + 0.5. Points outside the image and points with a NaN coordinate are
+                empty. Or maps as for OpenCV's ``remap``, shape ``(V, Y, X, 2)``: neighbors that lie close together are
+                cast together, which is several times as fast on CPU cores. On a GPU, long lists of points are cast
+                together too (docs/rendering.md).
             object_poses: As for `render`.
             object_scales: As for `render`.
             world_index: As for `render`.
@@ -307,10 +310,10 @@ class Renderer:
             out: Results of an earlier call to write into, of the same shape.
 
         Returns:
-            The outputs, of shape ``(V, N)`` or ``(V, Y, X)``, with the meaning they have in images.
+            The outputs, of shape ``(V, N)`` or ``(V, Y, X)``, with the same meaning as in images.
 
         Raises:
-            WarpvisError: As `render`; or `pixels` is malformed; or there is a sensor.
+            WarpvisError: As for `render`, or if `pixels` is malformed, or if there is a sensor.
         """
         if self._sensing is not None:
             raise CameraError("a sensor measures at pixels' centres: render_at needs a Renderer without one")
@@ -329,7 +332,7 @@ class Renderer:
         return views
 
     def render_parsed(self, poses: wp.array, worlds: Worlds, *, out: Views | None = None) -> Views:
-        """Render what `parse_poses` and `parse_worlds` made of a caller's arguments: `render` for our own modules.
+        """Render parsed poses and worlds, the results of `parse_poses` and `parse_worlds`: `render` for internal use.
 
         The images stay on the scene's device, whatever their size.
         """
@@ -341,7 +344,7 @@ class Renderer:
         return views
 
     def _fill_depth(self, depth: wp.array | None) -> None:
-        """Write what `fill` says into a depth image of this call's, if there is one and it says anything."""
+        """Replace invalid depths according to `fill`, if depth was requested and `fill` is not ``"inf"``."""
         if self._fill is None or "depth" not in self.outputs or depth is None:
             return
         from warpvis.kernels.images import fill_depth
@@ -357,7 +360,7 @@ class Renderer:
         )
 
     def _on_host(self, shape: tuple[int, ...], out: Views | None) -> bool:
-        """Tell whether the images of a GPU go to the host's memory."""
+        """Return whether the images rendered on a GPU go to host memory."""
         if self.scene.device.is_cpu:
             return False
         if out is None:
@@ -388,7 +391,7 @@ class Renderer:
         wp.synchronize_stream(self.scene.device.stream)
 
     def _asked_for(self, views: Views) -> list[wp.array | None]:
-        """List the images in the casters' order; None for those that nobody asked for, though `views` may have them."""
+        """List the images in the casters' order; None for images not requested, even if `views` has them."""
         outputs, known = self.outputs, OUTPUTS if self._sensing is None else ALL_OUTPUTS
         return [getattr(views, name) if name in outputs else None for name in known]
 
@@ -419,9 +422,9 @@ def render(
 ) -> Views:
     """Render views of a scene once; see `Renderer` and its `render` for the arguments, and for rendering again.
 
-    With a sensor and without `frame`, each call takes the next frame of its seed in this process: 0, 1, 2, ... So calls
-    in a loop differ in their noise, and a program that is run twice makes the same images. Pass `frame` for an image
-    that does not depend on earlier calls, and to workers that share a seed.
+    With a sensor and without `frame`, each call uses the next frame number of its seed in this process: 0, 1, 2, ...
+    Calls in a loop therefore differ in their noise, and a program that is run twice renders the same images. Pass
+    `frame` for an image that does not depend on earlier calls, and to workers that share a seed.
     """
     renderer = Renderer(
         scene,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The images of many views: which there are, what their pixels are, and memory for them."""
+"""Images of many views: their names, dtypes and memory."""
 
 from __future__ import annotations
 
@@ -23,38 +23,38 @@ CAST_OUTPUTS: dict[str, type] = {
     "segmentation": wp.int32,
     "faces": wp.int32,
 }
-"""The images that casters make and the dtypes of their pixels."""
+"""Images that casters render, and the dtypes of their pixels."""
 
 COLOR_OUTPUTS: dict[str, type] = {"color": wp.vec3ub, "albedo": wp.vec3ub}
-"""Those that are made of what casters say."""
+"""Images that are computed from the casters' images, and the dtypes of their pixels."""
 
 OUTPUTS = CAST_OUTPUTS | COLOR_OUTPUTS
-"""The images that can be rendered and the dtypes of their pixels."""
+"""All images that can be rendered without a sensor, and the dtypes of their pixels."""
 
 _FACES = list(OUTPUTS).index("faces")
 
 SENSOR_OUTPUTS: dict[str, type] = {"reasons": wp.uint8, "true_depth": wp.float32}
-"""Those that a sensor's model makes, too."""
+"""Additional images of sensor models, and the dtypes of their pixels."""
 
 ALL_OUTPUTS = OUTPUTS | SENSOR_OUTPUTS
-"""Both."""
+"""All images that can be rendered, and the dtypes of their pixels."""
 
 
 @dataclass
 class Views:
-    """Images of V views, `wp.array`s indexed ``[view, y, x]``; those not asked for are None.
+    """Images of V views, `wp.array`s indexed ``[view, y, x]``; images that were not requested are None.
 
-    Every image says the same of a pixel: where depth is not finite, point and normal are NaN, the label is
-    `Label.EMPTY`, and the object and the face are -1. Of a renderer with a sensor, `depth` and `points` are what the
-    sensor says, and the others what the exact ray meets, however near or far that is: where depth is not finite, they
-    may be.
+    The images are consistent with each other: where depth is not finite, point and normal are NaN, the label is
+    `Label.EMPTY`, and the object and the face are -1. For a renderer with a sensor, `depth` and `points` are the
+    sensor's measurements, and the other images describe the surface that the exact ray hits, at any distance: they may
+    be valid where depth is not finite.
     """
 
-    # Typed as what was asked for: who reads an image has asked for it.
+    # Typed as arrays rather than optional: callers read only images that they requested.
     depth: wp.array = None
-    """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or it lies beyond the camera's `far`, -inf
-    where something is nearer than its `near` (REP 117), unless `Renderer` was told to `fill` them. Of a sensor, NaN
-    where it measured none for another reason."""
+    """Planar depth [m], ``(V, H, W)`` float32: +inf where nothing is hit or the hit lies beyond the camera's `far`,
+    -inf where a surface is nearer than its `near` (REP 117), unless `fill` of `Renderer` replaces them. With a sensor,
+    NaN where it measured no depth for another reason."""
     points: wp.array = None
     """Seen points in the world frame [m], ``(V, H, W)`` vec3."""
     normals: wp.array = None
@@ -64,24 +64,24 @@ class Views:
     segmentation: wp.array = None
     """Indices into the scene's objects, ``(V, H, W)`` int32."""
     faces: wp.array = None
-    """Indices of the seen triangles in the object's own mesh, as it was added: rows of `SceneObject.faces`,
-    ``(V, H, W)`` int32. They are -1 of movable solids, too, whose surface is no triangle's."""
+    """Indices of the seen triangles in the object's own mesh, as it was added: rows of `SceneObject.faces`, ``(V, H,
+    W)`` int32. They are also -1 for movable solids, whose surfaces are not triangles."""
     color: wp.array = None
-    """Colours under the scene's lights, or base colours if it has none, as screens show them (sRGB), ``(V, H, W)`` of
-    three uint8: in NumPy ``(V, H, W, 3)``. Where nothing is seen, the scene's background."""
+    """Colors under the scene's lights, or base colors if it has no lights, in sRGB, ``(V, H, W)`` vec3ub: in NumPy
+    ``(V, H, W, 3)`` uint8. The scene's background where nothing is hit."""
     albedo: wp.array = None
-    """Base colours of surfaces without any light, likewise."""
+    """Base colors of surfaces without lighting, in the same format."""
     reasons: wp.array = None
-    """Of a sensor: why a pixel has no depth, `warpvis.sensors.Reason` values, ``(V, H, W)`` uint8."""
+    """With a sensor: the reason why a pixel has no depth, `warpvis.sensors.Reason` values, ``(V, H, W)`` uint8."""
     true_depth: wp.array = None
-    """Of a sensor: planar depth of what the exact ray meets [m], ``(V, H, W)`` float32; +inf where that is nothing."""
+    """With a sensor: planar depth of the exact ray's hit [m], ``(V, H, W)`` float32; +inf where nothing is hit."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the images as the host's arrays, which pickle and copy; Warp's do not."""
+        """Return the images as host arrays, which support pickling and copying, unlike Warp's arrays."""
         return {name: _on_host(name, value) for name, value in self.__dict__.items()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take over such arrays; a GPU's images are on a GPU again if there is one."""
+        """Restore the images from host arrays; GPU images return to a GPU if there is one."""
         self.__dict__ |= {name: _from_host(name, value) for name, value in state.items()}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Views:
@@ -94,20 +94,20 @@ class Views:
 
 
 def wants_ids(images: Sequence[wp.array | None]) -> bool:
-    """Tell whether any of the casters' images needs to know what is seen: all but depth and points do."""
+    """Return whether any of the casters' images needs object ids: all images except depth and points do."""
     return any(image is not None for image in images[2 : len(CAST_OUTPUTS)])
 
 
 def wants_faces(images: Sequence[wp.array | None]) -> bool:
-    """Tell whether faces are among the casters' images: a scene's trees know of them only where they are asked."""
+    """Return whether faces are among the casters' images: a scene's trees contain face indices only on request."""
     return images[_FACES] is not None
 
 
 def check_outputs(outputs: object, known: Collection[str] = OUTPUTS.keys()) -> tuple[str, ...]:
-    """Take names of outputs, each once, of which a single one may stand alone.
+    """Return names of outputs without duplicates; a single name may be given without a sequence.
 
     Raises:
-        ArrayError: There is none, or an unknown one.
+        ArrayError: If there is no output, or an unknown one.
     """
     names = as_items(outputs, "outputs")
     unknown = [str(name) for name in names if not isinstance(name, str) or name not in known]
@@ -117,10 +117,10 @@ def check_outputs(outputs: object, known: Collection[str] = OUTPUTS.keys()) -> t
 
 
 def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device, out: Views | None = None) -> Views:
-    """Return new images of these outputs, or `out` if that is there and fits.
+    """Return new images of these outputs, or `out` if it is given and fits.
 
     Raises:
-        ArrayError: `out` does not fit, or memory could not be had.
+        ArrayError: If `out` does not fit, or memory cannot be allocated.
     """
     if out is None:
         return Views(**{name: empty(shape, ALL_OUTPUTS[name], name=name, device=device) for name in outputs})

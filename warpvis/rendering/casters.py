@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The casters behind `Renderer` that cast ray by ray; packets are in modules of their own."""
+"""Casters of `Renderer` that cast ray by ray; separate modules contain the packet casters."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
 
 CastPoses: TypeAlias = wp.array | np.ndarray
-"""Poses on the scene's device, or rows of the host for it."""
+"""Poses on the scene's device, or rows in host memory to be copied there."""
 
-# So many numbers of views, on so many streams, have memory for poses on a GPU.
+# Maximum number of kinds of calls (number of views and stream) with cached memory for poses on a GPU.
 _MOST_STAGED = 4
 
 
 class _Staging:
-    """Where rows of the host wait to be copied to a GPU, and where they go: to make arrays takes longer than a copy."""
+    """Buffers to copy poses from host rows to a GPU; cached, since allocating arrays takes longer than the copy."""
 
     def __init__(self, kind: tuple[int, wp.Stream]) -> None:
         views, stream = self.kind = kind
@@ -44,14 +44,14 @@ class _Staging:
         self._target = wp.empty(views, dtype=wp.transform, device=stream.device)
 
     def fill(self, poses: np.ndarray) -> wp.array:
-        """Queue the copy. Of memory that is not pinned, CUDA has taken all when that returns."""
+        """Queue the copy. CUDA has read all of the source when this returns, because the memory is not pinned."""
         self._rows[:] = poses
         wp.copy(self._target, self._source)
         return self._target
 
 
 class RaysCaster:
-    """One thread a pixel, one query of Warp's mesh a thread."""
+    """Cast with one thread per pixel and one query of Warp's mesh per thread."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class RaysCaster:
         clip_near: bool,
         threads: int,
     ) -> None:
-        """Prepare to cast."""
+        """Set up the caster."""
         self._scene = scene
         self._camera = camera
         self._cull_backfaces = cull_backfaces
@@ -71,12 +71,12 @@ class RaysCaster:
         self._staging = Idle[_Staging](_MOST_STAGED)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
-        """Check poses, and return them as this caster takes them: those of the host as rows if they go to a GPU."""
+        """Check poses and return them in this caster's format: host poses as rows if they go to a GPU."""
         return self._parse_poses(poses, convention, "opencv")
 
     def _parse_poses(self, poses: PoseLike, convention: Convention, axes: Convention) -> CastPoses:
         device = self._scene.device
-        # What a loop on a GPU gives is looked at no longer than it takes.
+        # Fast path for poses that a loop on a GPU passes.
         if type(poses) is wp.array and poses.dtype is wp.transform and poses.device is device:
             if poses.ndim == 1 and poses.is_contiguous and check_convention(convention) == axes:
                 return poses
@@ -85,13 +85,13 @@ class RaysCaster:
         return host_poses(poses, convention=convention, axes=axes)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
         from warpvis.kernels.rays import cast_rays
 
         self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [worlds], images)
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
+        """Cast through image points, vec2 of shape ``(V, 1, N)``, which is also the images' shape."""
         from warpvis.kernels.rays import cast_rays_at
 
         self._launch(cast_rays_at, pixels.shape, poses, [worlds, pixels], images)
@@ -117,58 +117,58 @@ class RaysCaster:
         self._give_back(staging)
 
     def _place(self, poses: CastPoses) -> tuple[wp.array, _Staging | None]:
-        """Have poses on the scene's device; what is returned beside them is to be given back after the launch."""
+        """Return poses on the scene's device and their staging buffers, to be given back after the launch."""
         if isinstance(poses, wp.array):
             return poses, None
         device = self._scene.device
-        if device.is_cpu or device.is_capturing:  # a graph has to have poses of its own
+        if device.is_cpu or device.is_capturing:  # a graph must not share its poses
             return wp.array(poses, dtype=wp.transform, device=device), None
         kind = (len(poses), device.stream)
         staging = self._staging.take(kind) or _Staging(kind)
         return staging.fill(poses), staging
 
     def _give_back(self, staging: _Staging | None) -> None:
-        """Have memory wait for work that is queued later on the same stream, which may write there."""
+        """Cache the buffers for later work on the same stream, which may overwrite them."""
         if staging is not None:
             self._staging.give_back(staging.kind, staging)
 
 
 class OrthographicCaster(RaysCaster):
-    """The same with rays that are parallel, of an `OrthographicCamera`."""
+    """Cast the parallel rays of an `OrthographicCamera`, one thread per pixel."""
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
         from warpvis.kernels.orthographic import cast_parallel_rays
 
         shape = (len(poses), self._camera.height, self._camera.width)
         self._launch(cast_parallel_rays, shape, poses, [worlds, None], images)
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'."""
+        """Cast through image points, vec2 of shape ``(V, 1, N)``, which is also the images' shape."""
         from warpvis.kernels.orthographic import cast_parallel_rays
 
         self._launch(cast_parallel_rays, pixels.shape, poses, [worlds, pixels], images)
 
 
 class RayTableCaster(RaysCaster):
-    """The same with the rays of a `RayCamera`, which are a table on the device."""
+    """Cast the rays of a `RayCamera`, a ray table on the device, one thread per ray."""
 
     _camera: RayCamera
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what it is, without what is on a device: copies put that there themselves."""
+        """Return the state without device arrays, which copies create themselves."""
         return {name: value for name, value in self.__dict__.items() if name not in ("_table", "_origins")}
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
-        """Check poses, and return them as poses of the frame that the rays are of."""
+        """Check poses and return them as poses of the frame in which the rays are given."""
         return self._parse_poses(poses, convention, self._camera.axes)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
         self._cast(poses, worlds, self._table, self._origins, as_images(images))
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images'; they are unprojected on the host."""
+        """Cast through image points, vec2 of the images' shape ``(V, 1, N)``, which are unprojected on the host."""
         rays = self._camera.rays_at(pixels.numpy())
         self.cast_along(poses, worlds, wp.array(rays, dtype=wp.vec3d, device=self._scene.device), images)
 
@@ -200,13 +200,13 @@ class RayTableCaster(RaysCaster):
 
 
 def ray_table(camera: RayCamera, device: wp.Device, name: Literal["rays", "origins"] = "rays") -> wp.array:
-    """Return the rays of a camera, or where they start, on a device: vec3d of shape ``(height, width)``, made once."""
+    """Return a camera's rays or their origins on a device, vec3d of shape ``(height, width)``; cached."""
     rows = vectors_on_device(camera, name, lambda: getattr(camera, name), device)
     return rows.reshape((camera.height, camera.width))
 
 
 def vectors_on_device(camera: RayCamera, name: str, read: Callable[[], np.ndarray], device: wp.Device) -> wp.array:
-    """Return what a camera has for each of its rays on a device, shape ``(rays,)`` vec3d: copied there once."""
+    """Return a vector for each ray of a camera on a device, shape ``(rays,)`` vec3d; copied there once."""
     return camera.prepared((name, device.alias), lambda: wp.array(read().reshape(-1, 3), dtype=wp.vec3d, device=device))
 
 
@@ -216,16 +216,16 @@ def as_rows(array: wp.array) -> wp.array:
 
 
 def as_images(images: Sequence[wp.array | None]) -> list[wp.array | None]:
-    """View results of lists of rays, ``(V, N)``, as images of one row; None is not made."""
+    """View results of ray lists, ``(V, N)``, as images of one row; None stays None."""
     return [image if image is None or image.ndim == 3 else as_rows(image) for image in images]
 
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:
-    """Make `warpvis.kernels.images.Images` of images in the order of its names; None is not made."""
+    """Make a `warpvis.kernels.images.Images` from images in the order of its names; None is left out."""
     from warpvis.kernels.images import NAMES, Images
 
     struct = Images()
-    for name, image in zip(NAMES, images, strict=False):  # of a colour, which is none of theirs, there is none
+    for name, image in zip(NAMES, images, strict=False):  # the struct has no field for colors
         if image is not None:
             setattr(struct, name, image)
     return struct
