@@ -1,20 +1,20 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Render poses to a dataset on disk, in shards, safe to interrupt: `warpvis.render_batch`.
+"""Render poses to a sharded dataset on disk with `warpvis.render_batch`; jobs can be interrupted and resumed.
 
 A dataset is a folder, or an fsspec URL::
 
-    manifest.json        what it is made from: scene, camera, poses, outputs, versions; written first
+    manifest.json        the input of the job: scene, camera, poses, outputs, versions; written first
     poses.npz            the frames: camera_to_world, timestamps, object_poses, world
-    begin.json           the record of what a format says before there are shards, if it does
-    ...                  the files of the shards, as the format lays them out
+    begin.json           the record of files that a format writes before any shard, if there are any
+    ...                  the files of the shards, in the layout of the format
     shards/000012.json   the record of a shard, with bytes and CRC-32 of its files; written after them
-    index.json           the record of what covers the whole dataset; its presence means that it is complete
+    index.json           the record of files that cover the whole dataset; its presence means that it is complete
 
-`_job` says what is to be made, `formats` lays out files. `_writer` renders shards in one process and has them written
-by `writing`, on threads or in processes beside; `engines` do so in one or many. `_dataset`, `_records` and `storage`
-keep the folder, and `reading` reads it back. `_manifest` and `_identity` tell whether a job may go on with it,
-`_verify` whether it is sound.
+`_job` defines the plan of a dataset, and `formats` lays out its files. `_writer` renders shards in one process and
+passes them to `writing`, which encodes them on threads or in additional processes; `engines` run one or many such
+processes. `_dataset`, `_records` and `storage` manage the folder, and `reading` reads it back. `_manifest` and
+`_identity` determine whether a job may resume a dataset, and `_verify` checks whether a dataset is intact.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A dataset while a job writes it: begun, gone on with, finished."""
+"""A dataset that a job writes: starting, resuming and finishing it."""
 
 from __future__ import annotations
 
@@ -31,10 +31,12 @@ POSES = "poses.npz"
 
 
 def read_frame_arrays(store: Store) -> dict[str, Any]:
-    """Read the arrays of a dataset's frames, which are stored uncompressed: others could unpack to any size.
+    """Read the arrays of a dataset's frames.
+
+    They are stored uncompressed; compressed arrays are refused, because they could unpack to any size.
 
     Raises:
-        Exception: NumPy and zipfile raise any for what is no such file.
+        Exception: If the file is malformed; NumPy and zipfile may raise any exception.
     """
     data = store.read(POSES) or b""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -48,7 +50,7 @@ class Dataset:
     """The folder of a job: its manifest, its poses, the records of its shards, and its index."""
 
     def __init__(self, out: str | os.PathLike[str], plan: Plan, layout: Format, manifest: Manifest) -> None:
-        """Take the dataset at `out`; nothing is written yet."""
+        """Open the store at `out`; nothing is written yet."""
         self._store: Store = open_store(out)
         self._plan, self._layout, self._manifest = plan, layout, manifest
         self._whole = 0
@@ -59,16 +61,16 @@ class Dataset:
         self.warnings: dict[str, int] = {}
 
     def check(self, *, resume: bool) -> bool:
-        """Refuse, before anything is begun, what `opened` would refuse; tell whether the dataset was begun already.
+        """Perform the checks of `opened` without writing; return whether the dataset already exists.
 
         Raises:
-            FileFormatError: The folder holds something else, or another job's dataset; another process writes it; or
-                it cannot be read.
+            FileFormatError: If the folder contains other files or the dataset of another job, if another process
+                writes it, or if it cannot be read.
         """
         try:
             try:
                 return self._require_ours(resume=resume)
-            except FileFormatError:  # what it holds now is no reason while it is written
+            except FileFormatError:  # a concurrent writer changes the contents: report the lock instead
                 self._store.require_unlocked()
                 raise
         except OSError as error:
@@ -76,11 +78,11 @@ class Dataset:
 
     @contextmanager
     def opened(self, *, resume: bool) -> Iterator[list[int]]:
-        """Open the dataset for a job to write to, as a context that gives the numbers of the missing shards.
+        """Open the dataset for writing, as a context manager that yields the numbers of the missing shards.
 
         Raises:
-            FileFormatError: The folder holds something else, or another job's dataset; another process writes it; or a
-                file cannot be written, also later, inside of the context.
+            FileFormatError: If the folder contains other files or the dataset of another job, if another process
+                writes it, or if a file cannot be written, also later, inside the context.
         """
         began = False
         try:
@@ -101,7 +103,7 @@ class Dataset:
             raise FileFormatError(f"{self.name}: {error}; {self._state()}") from None
 
     def add(self, shard: int, record: Record) -> None:
-        """Count a shard that is whole."""
+        """Add a complete shard to the counts."""
         self._whole += 1
         self.bytes += record.bytes
         self.frames += record.frames
@@ -110,7 +112,7 @@ class Dataset:
             self.warnings[message] = self.warnings.get(message, 0) + count
 
     def finish(self, scene: Scene) -> None:
-        """Write the index, if it is not there: now the dataset is complete."""
+        """Write the index, if it is missing, which completes the dataset."""
         if read_whole(self._store, INDEX_RECORD, len(self._plan.frames)) is None:
             with self._store.new_files() as files:
                 units = self._layout.index(files) + self._layout.write_models(files, scene)
@@ -122,10 +124,10 @@ class Dataset:
         return f"{self._whole} of {shards} whole, and --resume goes on from there"
 
     def _require_ours(self, *, resume: bool) -> bool:
-        """Tell whether the dataset was begun already, and may be gone on with.
+        """Return whether the dataset already exists and may be resumed.
 
         Raises:
-            FileFormatError: It may not.
+            FileFormatError: If it exists and may not be resumed.
         """
         entries = self._store.entries()
         if not entries:
@@ -142,7 +144,7 @@ class Dataset:
         return True
 
     def _begin(self, *, known: bool) -> None:
-        """Write the manifest, if it is not there, and the poses."""
+        """Write the manifest, if it is missing, and the poses."""
         with self._store.new_files() as files:
             files.write_text(MANIFEST, manifest_text(self._manifest))
             files.write(POSES, *npz_parts(frame_arrays(self._plan.frames)))
@@ -154,7 +156,7 @@ class Dataset:
                     commit(self._store, BEGIN_RECORD, len(self._plan.frames), files, units)
 
     def _missing(self) -> list[int]:
-        """Find the shards that are not whole, and count the others."""
+        """Return the shards that are not complete, and add the others to the counts."""
         missing = []
         for shard in range(self._plan.shard_count):
             part = self._plan.shard_slice(shard)

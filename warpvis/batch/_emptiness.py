@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames that see nothing: how many there are, and what may be the reason.
+"""Empty frames, which see nothing: their number and the likely reason.
 
-They are counted where they are rendered, from the images as they are before a format rounds them, and go into the
-record of their shard: so the count is of the whole dataset, whoever made its shards, and when.
+They are counted in the process that renders them, from the images before a format rounds them, and the count is stored
+in the record of their shard. So the total covers the whole dataset, including shards of earlier calls and of other
+processes.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.scene import Scene
 
-# Of each image a few pixels are looked at first; all of them only where those few see nothing.
+# A sparse grid of pixels is tested first; all pixels are tested only in images whose grid sees nothing.
 _STEP = 32
 
 _SHOWS: dict[str, Callable[[np.ndarray], NDArray[np.bool_]]] = {
@@ -36,17 +37,19 @@ _SHOWS: dict[str, Callable[[np.ndarray], NDArray[np.bool_]]] = {
     "normals": lambda normals: np.isfinite(normals).all(axis=-1) & normals.any(axis=-1),
     "true_depth": np.isfinite,
 }
-"""Which pixels of an image show something; the first image that there is tells."""
+"""Functions that return the pixels that see something, by image name; the first available image decides."""
 
 _POSES_AT_ONCE = 1 << 20
 
 
 def count_empty(images: Mapping[str, np.ndarray], object_labels: Collection[int] = ()) -> int:
-    """Count frames that see nothing within the camera's range; by visibility alone, nothing of the chosen objects.
+    """Count frames that see nothing within the camera's range.
+
+    If visibility is the only output, count frames that see none of the chosen objects.
 
     Args:
-        images: Arrays of n frames by name, as `warpvis.batch.FrameRenderer` gives them.
-        object_labels: Labels of the scene's objects; where one is EMPTY, labels do not tell.
+        images: Arrays of n frames by name, as returned by `warpvis.batch.FrameRenderer`.
+        object_labels: Labels of the scene's objects; if one is EMPTY, the image of labels is not used.
     """
     for name, shows in _SHOWS.items():
         if name in images and not (name == "labels" and Label.EMPTY in object_labels):
@@ -58,13 +61,15 @@ def count_empty(images: Mapping[str, np.ndarray], object_labels: Collection[int]
 
 
 def describe_empty(empty: int, frames: int, plan: Plan, scene: Scene) -> str:
-    """Say how many frames see nothing, and if that is all of them, how the scene and the camera fit; ``""`` for none.
+    """Return a message with the number of empty frames; ``""`` if there are none.
+
+    If all frames are empty, the message compares the sizes of the scene and of the camera's range.
 
     Args:
-        empty: How many see nothing.
-        frames: How many there are.
-        plan: The job.
-        scene: Its scene.
+        empty: Number of empty frames.
+        frames: Number of frames.
+        plan: The plan of the job.
+        scene: The scene of the job.
     """
     if not empty:
         return ""
@@ -95,7 +100,7 @@ def _reason(plan: Plan, scene: Scene) -> str:
 
 
 def _nearest(poses: NDArray[np.floating], least: NDArray[np.float64], most: NDArray[np.float64]) -> float:
-    """Return how far the nearest of the cameras is away from a box [m]."""
+    """Return the distance from a box to the nearest camera [m]."""
     nearest = math.inf
     for first in range(0, len(poses), _POSES_AT_ONCE):
         eyes = poses[first : first + _POSES_AT_ONCE, :3]

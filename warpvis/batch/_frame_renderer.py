@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Batches of frames as NumPy arrays: what a process, a Ray actor, or a loop of one's own holds."""
+"""Rendering of batches of frames to NumPy arrays, for a process, a Ray actor, or a user's loop."""
 
 from __future__ import annotations
 
@@ -43,20 +43,20 @@ IMAGES = OUTPUTS | SENSOR_OUTPUTS
 """The outputs that are images, and the dtypes of their pixels."""
 
 BATCH_OUTPUTS = (*IMAGES, VISIBILITY)
-"""All outputs of a batch; those of `SENSOR_OUTPUTS` with a sensor."""
+"""All outputs of a batch; those of `SENSOR_OUTPUTS` require a sensor."""
 
 SceneSource: TypeAlias = Scene | str | os.PathLike[str] | Callable[[], Scene]
-"""A scene, a file for `Scene.load`, or a function that makes a scene."""
+"""A scene, a file for `Scene.load`, or a function that returns a scene."""
 
 Batch: TypeAlias = Mapping[str, np.ndarray]
 """Arrays of frames, by name."""
 
 
 class FrameRenderer:
-    """Renders batches of frames; made once, it loads the scene and builds what the casters need.
+    """Renders batches of frames; construction loads the scene and builds the acceleration structures once.
 
-    It is called with a mapping of arrays and gives one, as stages of data loaders such as Ray Data's
-    ``map_batches`` want it.
+    It is called with a mapping of arrays and returns one, which is the interface of stages of data loaders such as
+    Ray Data's ``map_batches``.
 
     Example:
         >>> renderer = FrameRenderer("room.glb", Camera.kinect(), outputs=("depth", "labels"))
@@ -84,23 +84,23 @@ class FrameRenderer:
         """Prepare to render.
 
         Args:
-            scene: What is seen: a scene, a file for `Scene.load`, or a function that makes one.
+            scene: A scene, a file for `Scene.load`, or a function that returns a scene.
             camera: The camera of all frames.
-            outputs: Images of `Renderer`, and ``"visibility"`` for what `object_visibility` says, of the exact scene
-                with a sensor, too.
-            objects: Names or indices of the objects that visibility is of; all by default.
-            exclude: Names or indices of objects that no frame shows.
+            outputs: Images of `Renderer`, and ``"visibility"`` for the results of `object_visibility`; visibility is
+                computed from the exact scene, also with a sensor.
+            objects: Names or indices of the objects whose visibility is computed; all by default.
+            exclude: Names or indices of objects that are hidden in all frames.
             delta: As for `object_visibility` [m].
-            masks: Whether visibility comes with masks.
-            any_depth: Whether visibility is of what lies at any depth, whatever the camera's range is.
-            sensor: A model of a depth camera, as for `Renderer`; batches say each frame's number then.
-            seed: What its random numbers follow from, as for `Renderer`.
-            device: Where to render; where the scene is by default.
+            masks: Whether visibility includes masks.
+            any_depth: Whether visibility ignores the camera's range and includes objects at any depth.
+            sensor: A model of a depth camera, as for `Renderer`; batches must then contain ``frame``.
+            seed: Seed of the sensor's random numbers, as for `Renderer`.
+            device: Device to render on; the scene's device by default.
             threads: CPU threads to use; all cores of this process by default.
             caster: As for `Renderer`.
 
         Raises:
-            WarpvisError: An argument is not what it has to be.
+            WarpvisError: If an argument is invalid.
         """
         self.outputs = check_batch_outputs(outputs, sensor)
         self.scene = make_scene(scene, device)
@@ -130,23 +130,23 @@ class FrameRenderer:
         """Render a batch of n frames.
 
         Args:
-            batch: ``camera_to_world``, rows ``x y z qx qy qz qw`` of OpenCV cameras, shape ``(n, 7)``; optionally
-                ``object_poses``, of every frame's own world ``(n, M, 7)``, of one world ``(1, M, 7)``, or of W worlds
-                with every frame's ``world_index``, shape ``(n,)``; with a sensor ``frame``, the frames' numbers, from
-                which its random numbers follow whatever batch a frame is in, shape ``(n,)``. What else it holds is
-                handed on.
+            batch: ``camera_to_world``, rows ``x y z qx qy qz qw`` of OpenCV cameras, shape ``(n, 7)``. Optional
+                ``object_poses``: one world for each frame, shape ``(n, M, 7)``; one world for all frames, shape
+                ``(1, M, 7)``; or W worlds, with the ``world_index`` of each frame, shape ``(n,)``. With a sensor
+                ``frame``, the frames' numbers, shape ``(n,)``: its random numbers depend on them and not on the batch
+                that a frame is in. Other entries are returned unchanged.
 
         Returns:
-            The batch's own arrays; one of every image, ``(n, H, W)`` or ``(n, H, W, 3)``; for visibility
-            `warpvis.batch.formats._base.VISIBILITY_ARRAYS`, and ``masks`` if wanted, ``(n, K, H, W)`` uint8.
+            The arrays of the batch; one array for each image, ``(n, H, W)`` or ``(n, H, W, 3)``; for visibility
+            `warpvis.batch.formats._base.VISIBILITY_ARRAYS`, and ``masks`` if requested, ``(n, K, H, W)`` uint8.
 
         Raises:
-            WarpvisError: The batch is malformed.
+            WarpvisError: If the batch is malformed.
         """
         return {**check_mapping(batch, "a batch"), **self.render(batch)}
 
     def render(self, batch: Batch, *, out: ImageBuffers | None = None) -> dict[str, np.ndarray]:
-        """Render a batch and give the new arrays alone; those in `out` are valid until it is written to again."""
+        """Render a batch and return only the new arrays; arrays in `out` are valid until `out` is reused."""
         if "camera_to_world" not in check_mapping(batch, "a batch"):
             raise ArrayError(f"a batch must hold camera_to_world, got {', '.join(map(str, batch)) or 'nothing'}")
         poses = as_numpy(batch["camera_to_world"], name="camera_to_world")
@@ -169,7 +169,7 @@ class FrameRenderer:
         return found
 
     def _see(self, poses: np.ndarray, objects: np.ndarray | None, worlds: np.ndarray | None) -> dict[str, np.ndarray]:
-        """Measure visibility, and name its arrays as files do."""
+        """Compute visibility, and return its arrays under the names used in files."""
         seen = self._object_visibility(poses, object_poses=objects, world_index=worlds)
         fields = {name: "fraction" if name == "visible_fraction" else name for name in VISIBILITY_ARRAYS}
         arrays = {name: getattr(seen, field) for name, field in fields.items()}
@@ -179,25 +179,25 @@ class FrameRenderer:
 
 
 class ImageBuffers:
-    """Memory of the host for the images of some frames, to be written to again and again.
+    """Reusable host memory for the images of a batch of frames.
 
-    Each image begins at a page of memory, so that it can be written to a file without passing through the kernel's
-    page cache; for a GPU the pages are locked, which copying from there is several times as fast to.
+    Each image begins at a page boundary, so that it can be written to a file without passing through the kernel's page
+    cache. For a GPU the pages are locked (pinned), which makes copies from the device several times as fast.
     """
 
     def __init__(self, images: Sequence[str], camera: CalibratedCamera, frames: int, *, pinned: bool = False) -> None:
-        """Allocate room for images of so many frames."""
+        """Allocate memory for the images of `frames` frames."""
         shape = (frames, camera.height, camera.width)
         self._arrays = {name: _page_aligned(shape, IMAGES[name], pinned) for name in images}
 
     def first(self, frames: int) -> tuple[Views, dict[str, np.ndarray]]:
-        """Return the first images twice: as the renderer writes them, and as formats read them."""
+        """Return the first `frames` images twice: as Warp arrays for the renderer, and as NumPy arrays for formats."""
         views = {name: array if frames == len(array) else array[:frames] for name, array in self._arrays.items()}
         return Views(**views), {name: array.numpy() for name, array in views.items()}
 
 
 def frames_batch(frames: Frames, part: slice) -> Batch:
-    """Cut out some frames as a batch for `FrameRenderer`, with only the worlds that they are in."""
+    """Return the frames of a slice as a batch for `FrameRenderer`, with only the worlds that they use."""
     some = frames[part]
     batch: dict[str, np.ndarray] = {"camera_to_world": some.camera_to_world}
     batch["frame"] = np.arange(len(frames))[part]
@@ -211,10 +211,10 @@ def frames_batch(frames: Frames, part: slice) -> Batch:
 
 
 def check_batch_outputs(outputs: object, sensor: object) -> tuple[str, ...]:
-    """Take names of outputs of a batch, with a sensor or None.
+    """Check names of outputs of a batch, and return them; `sensor` is None for exact depth.
 
     Raises:
-        ArrayError: There is none, an unknown one, or one of a sensor where there is none.
+        ArrayError: If there are no names, if one is unknown, or if one requires a sensor and `sensor` is None.
     """
     names = check_outputs(outputs, BATCH_OUTPUTS)
     images = [name for name in names if _is_image(name)]
@@ -224,16 +224,16 @@ def check_batch_outputs(outputs: object, sensor: object) -> tuple[str, ...]:
 
 
 def choose_excluded(scene: Scene, exclude: Sequence[str | int] | None) -> list[int]:
-    """Return the indices of objects that no frame shows; none for None or an empty list."""
+    """Return the indices of the hidden objects; an empty list for None or an empty sequence."""
     given = [] if exclude is None else as_items(exclude, "exclude", SceneError)
     return choose_objects(scene, given) if given else []
 
 
 def make_scene(scene: SceneSource, device: DeviceLike) -> Scene:
-    """Load or make the scene, and take it to a device; by default it stays where it is.
+    """Load or make the scene, and move it to a device; without a device it is not moved.
 
     Raises:
-        WarpvisError: It is none, or there is no such device.
+        WarpvisError: If `scene` is not a scene, or if the device does not exist.
     """
     if isinstance(scene, str | os.PathLike):
         scene = Scene.load(scene, device="cpu" if device is None else device)
@@ -248,12 +248,12 @@ def make_scene(scene: SceneSource, device: DeviceLike) -> Scene:
 
 
 def _is_image(output: str) -> TypeGuard[Output]:
-    """Tell whether an output is one of the renderer's images."""
+    """Return whether an output is one of the renderer's images."""
     return output in IMAGES
 
 
 def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array:
-    """Allocate an array of the host that begins at a page of memory."""
+    """Allocate a host array that begins at a page boundary."""
     if pinned:
         return wp.empty(shape, dtype=dtype, device="cpu", pinned=True)
     import mmap

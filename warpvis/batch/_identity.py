@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What tells one scene, one camera, one set of frames from another: hashes of what they hold."""
+"""Descriptions and hashes that identify scenes, cameras and frames by their contents."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 
 class ObjectDescription(TypedDict):
-    """What a manifest says of an object."""
+    """The description of an object in a manifest."""
 
     label: str | int
-    """The name of a `Label`, or the number of another class."""
+    """The name of a `Label`, or the number of a class without one."""
     vertices: int
     faces: int
     movable: bool
@@ -35,7 +35,7 @@ class ObjectDescription(TypedDict):
 
 
 class SceneDescription(TypedDict):
-    """What a manifest says of a scene."""
+    """The description of a scene in a manifest."""
 
     up: str
     sha256: str
@@ -45,7 +45,7 @@ class SceneDescription(TypedDict):
 
 
 def hash_values(*values: object) -> str:
-    """Hash arrays with their dtypes and shapes, and what `str` says of anything else; SHA-256 as hexadecimal text."""
+    """Hash arrays with their dtypes and shapes, and other values by their `str`; return SHA-256 as hexadecimal text."""
     digest = hashlib.sha256()
     for value in values:
         if isinstance(value, np.ndarray):
@@ -58,7 +58,7 @@ def hash_values(*values: object) -> str:
 
 
 def object_hash(item: SceneObject) -> str:
-    """Hash all that decides how an object is seen."""
+    """Hash all properties that affect how an object is rendered."""
     solid = item.solid
     shape = () if solid is None else (int(solid.kind), np.asarray(solid.radii), float(solid.half))
     mesh = item.mesh_vertices if item.movable else item.vertices
@@ -66,7 +66,10 @@ def object_hash(item: SceneObject) -> str:
 
 
 def same_meshes(scene: Scene) -> tuple[int, ...]:
-    """List for every object the first one that moves and has the same mesh in its own frame; itself, if it stays."""
+    """Return for every object the first movable object with the same mesh in its local frame.
+
+    For static objects, and for those without a mesh, this is the object itself.
+    """
     first: dict[str, int] = {}
     found = []
     for index, item in enumerate(scene.objects):
@@ -78,7 +81,7 @@ def same_meshes(scene: Scene) -> tuple[int, ...]:
 
 
 def describe_scene(scene: Scene) -> SceneDescription:
-    """Describe a scene: of every object its label, its size and its hash, and one hash of them all.
+    """Return the label, size and hash of every object of a scene, and one hash of the whole scene.
 
     Hashes are the same on every device and in every process.
     """
@@ -98,7 +101,7 @@ def describe_scene(scene: Scene) -> SceneDescription:
 
 
 def describe_camera(camera: CalibratedCamera) -> dict[str, Json]:
-    """List a camera's fields; `far` is None where it is infinite, since JSON has no such number."""
+    """Return a camera's fields; an infinite `far` becomes None, because JSON has no infinity."""
     if isinstance(camera, LensCamera):
         return lens_camera_to_fields(camera)
     fields = asdict(camera)
@@ -111,7 +114,7 @@ def frames_hash(frames: Frames) -> str:
 
 
 def versions(*packages: str) -> dict[str, str]:
-    """Look up the versions of this package and of others that decide a dataset's bytes; ``"zlib"`` is Python's own."""
+    """Return the versions of warpvis and of `packages`, which affect a dataset's bytes; ``"zlib"`` is Python's zlib."""
     import warpvis
 
     found = {name: zlib.ZLIB_RUNTIME_VERSION if name == "zlib" else metadata.version(name) for name in packages}

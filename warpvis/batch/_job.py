@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is to be rendered and written: the plan of a dataset, cut into shards."""
+"""The plan of a dataset: what to render and write, divided into shards."""
 
 from __future__ import annotations
 
@@ -18,57 +18,57 @@ if TYPE_CHECKING:
     from warpvis.sensors import CalibratedCamera
 
 Options = Mapping[str, str | float]
-"""A format's options by name: texts, numbers or flags."""
+"""A format's options by name: strings, numbers or flags."""
 
 
 FRAME_ARRAYS = ("camera_to_world", "timestamps", "object_poses", "world_index")
-"""Names of the arrays of `Frames`, there and in files."""
+"""Names of the arrays of `Frames`, as attributes and in files."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """All that decides the bytes of a dataset, but for the scene's geometry; it pickles.
+    """Everything that determines the bytes of a dataset, except the scene's geometry; it can be pickled.
 
-    Shard i holds the frames from ``i * shard_frames`` on, the last one maybe fewer. It is rendered, written and
-    recorded as a whole.
+    Shard i contains `shard_frames` frames from ``i * shard_frames`` on; the last shard may contain fewer. Each shard is
+    rendered, written and recorded as a whole.
     """
 
     frames: Frames
-    """The cameras' poses and times, and where the objects are; `Frames.object_poses` is there if anything moves."""
+    """Poses and times of the cameras, and poses of objects; `Frames.object_poses` is set if an object is movable."""
     camera: CalibratedCamera
     """The camera of all frames."""
     outputs: tuple[str, ...]
-    """Names of the images, and ``"visibility"`` for what `warpvis.object_visibility` says."""
+    """Names of the images, and ``"visibility"`` for the results of `warpvis.object_visibility`."""
     shard_frames: int
-    """Frames of a shard."""
+    """Frames per shard."""
     object_names: tuple[str, ...] = ()
-    """Names of all objects of the scene: values of object images index them."""
+    """Names of all objects of the scene; values of object images are indices into them."""
     object_labels: tuple[int, ...] = ()
-    """Their labels."""
+    """Labels of all objects of the scene."""
     label_names: LabelNames = field(default_factory=LabelNames)
     """Names of the scene's classes."""
     object_columns: tuple[int, ...] = ()
-    """For every object, the column of `Frames.object_poses` that places it; -1 if it stays where it is."""
+    """For every object, its column in `Frames.object_poses`; -1 for static objects."""
     object_centers: tuple[tuple[float, float, float], ...] = ()
-    """Middle of every object's axis-aligned box in the world [m], where it was added."""
+    """Center of every object's axis-aligned bounding box in the world [m], at the pose with which it was added."""
     object_models: tuple[int, ...] = ()
-    """For every object, the first object that moves and has the same mesh: itself, if it is the only one or stays."""
+    """For every object, the first movable object with the same mesh: itself, if it is the only one or static."""
     chosen: tuple[int, ...] = ()
-    """Indices of the objects that visibility is of, in the order of its columns."""
+    """Indices of the objects whose visibility is computed, in the order of its columns."""
     exclude: tuple[int, ...] = ()
-    """Indices of objects that no frame shows."""
+    """Indices of objects that are hidden in all frames."""
     up: str = "z"
     """The world's vertical axis."""
     options: Options = field(default_factory=dict)
-    """The format's options, as the user gave them."""
+    """The format's options, as passed by the user."""
     sensor: DepthSensor | None = None
-    """The model of a depth camera that makes depth; None for exact depth."""
+    """The model of a depth camera that computes depth; None for exact depth."""
     sensor_seed: int = 0
-    """What its random numbers follow from, beside each frame's number."""
+    """Seed of the sensor's random numbers, which is combined with each frame's number."""
 
     @property
     def shard_count(self) -> int:
-        """How many shards there are."""
+        """Number of shards."""
         return -(-len(self.frames) // self.shard_frames)
 
     def shard_slice(self, shard: int) -> slice:
@@ -78,11 +78,11 @@ class Plan:
 
 
 def frame_arrays(frames: Frames) -> dict[str, np.ndarray]:
-    """Return the arrays that frames have, by name."""
+    """Return the arrays of frames that are not None, by name."""
     arrays = {name: getattr(frames, name) for name in FRAME_ARRAYS}
     return {name: array for name, array in arrays.items() if array is not None}
 
 
 def shard_name(shard: int) -> str:
-    """Name a shard in files and folders: its number, in six digits or more."""
+    """Return the name of a shard in files and folders: its number, in six digits or more."""
     return f"{shard:06d}"

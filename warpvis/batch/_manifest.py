@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The manifest: what a dataset is made from, and so whether a job may go on with what another one began."""
+"""The manifest: the input of a dataset, which determines whether a job may resume it."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ _VERSION = 1
 _MOST_DIFFERENCES = 8
 
 _NOT_COMPARED = {
-    ("scene", "file"),  # what files hold counts, not what they are called
+    ("scene", "file"),  # contents of files are compared, not their names
     ("poses", "source", "file"),
     ("poses", "source", "worlds"),
-    ("scene", "sha256"),  # the objects say it better
+    ("scene", "sha256"),  # differences of the objects are reported in more detail
 }
 
 
 class ManifestScene(SceneDescription):
-    """What a manifest says of a scene, and of the file that it was read from."""
+    """The description of a scene in a manifest, with the file that it was read from."""
 
     file: str | None
 
 
 class ManifestPoses(TypedDict):
-    """What a manifest says of the frames."""
+    """The description of the frames in a manifest."""
 
     source: Mapping[str, Json]
     sha256: str
 
 
 class Manifest(TypedDict):
-    """What a dataset is made from."""
+    """The input of a dataset."""
 
     warpvis_dataset: int
-    """Version of the manifest's own layout."""
+    """Version of the manifest's layout."""
     format: str
     options: Options
     outputs: list[str]
@@ -59,11 +59,11 @@ class Manifest(TypedDict):
     camera: dict[str, Json]
     scene: ManifestScene
     objects: list[str]
-    """Names of the objects that visibility is of."""
+    """Names of the objects whose visibility is computed."""
     exclude: list[str]
     poses: ManifestPoses
     seed: Json
-    """That of the poses."""
+    """Seed of the poses."""
     sensor: dict[str, Json] | None
     """The model of a depth camera; None for exact depth."""
     sensor_seed: int | None
@@ -73,28 +73,28 @@ class Manifest(TypedDict):
 
 
 class Contents(NamedTuple):
-    """What a dataset holds when it is complete."""
+    """The contents of a complete dataset."""
 
     format: str
     """Name of its format."""
     frames: int
     """Its frames."""
     shard_frames: int
-    """Frames of each shard but the last."""
+    """Frames of each shard except the last."""
     poses_sha256: str
-    """Hash of its poses, of `frames_hash`."""
+    """Hash of its poses, from `frames_hash`."""
 
 
 def make_manifest(
     plan: Plan, scene: Scene, layout: Format, *, device: str, source: str | None, caster: str
 ) -> Manifest:
-    """Make a job's manifest: all of it follows from what the job was given, so it is the same every time.
+    """Make a job's manifest; it depends only on the job's arguments, so it is the same in every call.
 
     Args:
         plan: The plan.
         scene: The scene.
         layout: The format.
-        device: ``"cpu"`` or ``"cuda"``: images of both agree, but not to the last bit.
+        device: ``"cpu"`` or ``"cuda"``; images of the two agree, but not bit for bit.
         source: Name of the file that the scene was read from.
         caster: As for `Renderer`.
     """
@@ -122,12 +122,12 @@ def make_manifest(
 
 
 def manifest_text(manifest: Manifest) -> str:
-    """Write a manifest as the text of its file."""
+    """Return the text of a manifest's file."""
     return json.dumps(manifest, indent=1, allow_nan=False) + "\n"
 
 
 def parse_manifest(data: bytes | None) -> Mapping[str, Json] | None:
-    """Read the manifest that a file holds; None if it is not one."""
+    """Parse the contents of a manifest's file; return None if it is not a manifest."""
     try:
         content = json.loads(data or b"")
     except (ValueError, RecursionError):
@@ -136,7 +136,7 @@ def parse_manifest(data: bytes | None) -> Mapping[str, Json] | None:
 
 
 def no_dataset(store: Store) -> FileFormatError:
-    """Make the error that a folder without a manifest is: it is not there, or what is in it."""
+    """Return the error for a folder without a manifest: it does not exist, is empty, or holds something else."""
     entries = store.entries()
     if not entries:
         return FileFormatError(f"{store.name}: no such folder, or an empty one, so no dataset")
@@ -146,7 +146,7 @@ def no_dataset(store: Store) -> FileFormatError:
 
 
 def read_contents(manifest: Mapping[str, Json]) -> Contents | None:
-    """Take out what a manifest says that its dataset holds; None if it does not say that."""
+    """Return the contents of the dataset that a manifest describes; None if it does not define them."""
     match manifest:
         case {
             "format": str(format),
@@ -159,30 +159,30 @@ def read_contents(manifest: Mapping[str, Json]) -> Contents | None:
 
 
 def read_label_names(name: str, manifest: Mapping[str, Json]) -> LabelNames:
-    """Take out what the classes of a dataset are called; the names of `Label` alone, if it does not say.
+    """Return the names of a dataset's classes; only the names of `Label` if the manifest defines none.
 
     Args:
-        name: What messages call the dataset.
+        name: Name of the dataset for messages.
         manifest: The manifest.
 
     Raises:
-        FileFormatError: It says no names of labels.
+        FileFormatError: If the names of the manifest are not valid names of labels.
     """
     scene = manifest.get("scene")
     names = scene.get("label_names", {}) if isinstance(scene, dict) else {}
     if isinstance(names, dict) and all(isinstance(key, str) and key.isascii() and key.isdigit() for key in names):
         try:
             return LabelNames({int(key): value for key, value in names.items()})
-        except (SceneError, ValueError):  # of many digits Python makes no number
+        except (SceneError, ValueError):  # Python refuses to convert a string of too many digits
             pass
     raise FileFormatError(f"{name}: {MANIFEST} has label_names that are no names of labels")
 
 
 def require_same(found: Mapping[str, Json], wanted: Manifest, name: str) -> None:
-    """Refuse to go on with a dataset that something else was begun with.
+    """Check that a dataset was begun with the same input as the job that is to resume it.
 
     Raises:
-        FileFormatError: The manifests differ; the sentence says where.
+        FileFormatError: If the manifests differ; the message lists the differences.
     """
     differences = list(dict.fromkeys(_differences(found, json.loads(manifest_text(wanted)), ())))
     if differences:
@@ -193,7 +193,7 @@ def require_same(found: Mapping[str, Json], wanted: Manifest, name: str) -> None
 
 
 def _differences(found: Json, wanted: Json, path: tuple[str, ...]) -> Iterator[str]:
-    """Say each field that is not the same, in words."""
+    """Yield a description of each field that differs."""
     if isinstance(found, dict) and isinstance(wanted, dict):
         if path == ("scene", "objects"):
             yield from _object_differences(found, wanted)

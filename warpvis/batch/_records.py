@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records of what is whole: one for each shard, one for the index and, of formats that say something before there are
-shards, one for that; each is written after the files that it names.
+"""Records of complete parts of a dataset: one for each shard, one for the index, and one for the files that some
+formats write before any shard. Each record is written after the files that it lists.
 """
 
 from __future__ import annotations
@@ -20,41 +20,41 @@ RECORDS_FOLDER = "shards"
 
 @dataclass(frozen=True)
 class Record:
-    """A shard, or the index, that is whole."""
+    """The record of a complete shard or of the index."""
 
     frames: int
     """Frames of the shard; of the whole dataset for the index."""
     files: dict[str, FileSum]
     """Its files, by their paths in the dataset."""
     warnings: dict[str, int]
-    """What `ShardFiles.warn` was told."""
+    """Messages passed to `ShardFiles.warn`, with their counts."""
     empty: int = 0
-    """How many of a shard's frames see nothing."""
+    """Number of a shard's frames that see nothing."""
 
     @property
     def bytes(self) -> int:
-        """Bytes of all its files together."""
+        """Total size of its files in bytes."""
         return sum(item.bytes for item in self.files.values())
 
 
 def shard_record(shard: int) -> str:
-    """Name the file of a shard's record."""
+    """Return the path of a shard's record."""
     return f"{RECORDS_FOLDER}/{shard_name(shard)}.json"
 
 
 def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[str], *, empty: int = 0) -> Record:
-    """Move files to their places in a dataset and, when they are on the disk, their record.
+    """Move files to their places in a dataset and then, when they are on the disk, write their record.
 
     Args:
         store: The dataset.
-        name: Where the record goes.
-        frames: How many frames it is of.
-        files: What was written.
-        units: Files and folders that hold all of it.
-        empty: How many of the frames see nothing.
+        name: Path of the record.
+        frames: Number of frames that the record covers.
+        files: The files that were written.
+        units: Files and folders that together contain all of `files`.
+        empty: Number of the frames that see nothing.
 
     Raises:
-        OSError: A file cannot be moved.
+        OSError: If a file cannot be moved.
     """
     sums = files.sums()
     outside = [file for file in sums if not any(file == unit or file.startswith(f"{unit}/") for unit in units)]
@@ -68,13 +68,13 @@ def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[
         "empty": empty,
     }
     files.write_text(name, json.dumps(content, indent=1) + "\n")
-    store.put(files, units)  # and only when they are on the disk, what counts them
+    store.put(files, units)  # the record follows only when the files are on the disk
     store.put(files, [name])
     return record
 
 
 def read_record(store: Store, name: str) -> Record | None:
-    """Read a record; None if there is none, or it is not one."""
+    """Read a record; return None if it does not exist or is malformed."""
     data = store.read(name)
     if data is None:
         return None
@@ -90,12 +90,12 @@ def read_record(store: Store, name: str) -> Record | None:
 
 
 def _is_inside(name: str) -> bool:
-    """Tell whether a path is relative and leads down: a record of another's making could name any file."""
+    """Return whether a path stays inside the dataset's folder; a record from another source could name any file."""
     return "\\" not in name and "\0" not in name and not {"", ".", ".."} & set(name.split("/"))
 
 
 def read_whole(store: Store, name: str, frames: int) -> Record | None:
-    """Read a record that can be trusted: of so many frames, with files that are there in their sizes; else None."""
+    """Read a record; return None unless it covers `frames` frames and its files exist with the recorded sizes."""
     record = read_record(store, name)
     if record is None or record.frames != frames:
         return None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""From poses to a dataset: `render_batch`."""
+"""Rendering of poses to a dataset: `render_batch`."""
 
 from __future__ import annotations
 
@@ -50,34 +50,34 @@ if TYPE_CHECKING:
 
 Engine = Literal["local", "ray"]
 
-# Shards of so many bytes are written as fast as larger ones, and three of them are little memory.
+# Shards of 64 MiB are written as fast as larger ones, and three of them need little memory.
 _SHARD_BYTES = 1 << 26
 _MOST_SHARD_FRAMES = 1000
 
-# Of a job with so many shards to go, the first one already says if it sees nothing.
+# A job with at least this number of missing shards already warns after the first one if it sees nothing.
 _LONG_JOB = 4
 
 
 @dataclass(frozen=True)
 class BatchSummary:
-    """What a call of `render_batch` did."""
+    """The result of a call of `render_batch`."""
 
     out: str
     """The dataset."""
     frames: int
-    """Frames of the dataset."""
+    """Number of frames of the dataset."""
     shards: int
-    """Its shards."""
+    """Number of shards of the dataset."""
     bytes: int
-    """Bytes of its shards' files."""
+    """Total size of the shards' files in bytes."""
     rendered_frames: int
-    """Frames rendered by this call; fewer than all if it went on with an earlier one's."""
+    """Number of frames rendered by this call; less than `frames` if it resumed a dataset."""
     seconds: float
-    """Time that rendering and writing them took."""
+    """Time spent on rendering and writing them [s]."""
     warnings: dict[str, int] = field(default_factory=dict)
-    """What was lost or left out, and how often, over all shards."""
+    """Descriptions of data that was lost or omitted, with their counts over all shards."""
     empty_frames: int = 0
-    """Frames of the dataset that see nothing within the camera's range."""
+    """Number of frames of the dataset that see nothing within the camera's range."""
 
     @property
     def frames_per_second(self) -> float:
@@ -110,49 +110,50 @@ def render_batch(
     quiet: bool = True,
     source: str | None = None,
 ) -> BatchSummary:
-    """Render frames to a dataset on disk, in shards; a call that was interrupted can be made again with `resume`.
+    """Render frames to a dataset on disk, in shards; an interrupted call can be repeated with `resume`.
 
-    A shard is there as a whole or not at all. The bytes of all files follow from the arguments: a job that was killed
-    and resumed, however often, gives the same as one that was not. A warning says how many frames see nothing, and
-    where all of them do, what may be the reason: at the end, and after the first shard of a long job.
+    A shard is written completely or not at all. The bytes of all files depend only on the arguments: a job that is
+    killed and resumed any number of times writes the same files as an uninterrupted one. If frames see nothing, a
+    warning gives their number and, if all frames see nothing, the likely reason. It is issued at the end, and also
+    after the first shard of a long job.
 
     Args:
-        scene: A scene, a file for `Scene.load`, or a function that makes a scene.
-        camera: The camera of all frames, which may have a lens; None for that which belongs to the poses,
-            `Frames.camera`, which must be the same, but for its range, if both are given; with a sensor, that of the
-            device, where the poses have none.
-        frames: Poses, and where the objects are; see `warpvis.read_frames` and
-            `warpvis.pose_generators`. Or poses alone, as for `Renderer.render`.
-        out: Folder, new or empty, or an fsspec URL.
+        scene: A scene, a file for `Scene.load`, or a function that returns a scene.
+        camera: The camera of all frames, which may have a lens. None for the camera of the poses, `Frames.camera`; if
+            both are given, they must be equal except for their range. With a sensor and no camera in the poses, None
+            selects the camera of the sensor's device.
+        frames: Poses of the camera and of objects, see `warpvis.read_frames` and `warpvis.pose_generators`; or camera
+            poses alone, as for `Renderer.render`.
+        out: New or empty folder, or an fsspec URL.
         format: ``"npz"``, ``"zarr"``, ``"png"``, ``"tum"``, ``"bop"``, ``"nerfstudio"``, ``"colmap"``, ``"ply"`` or
             ``"ros2"``.
-        outputs: Images of `Renderer`, and ``"visibility"``; the format's usual ones by default. With a sensor, also
-            ``"reasons"`` and ``"true_depth"``, where the format holds them.
-        objects: Names or indices of the objects that visibility is of; all that are not excluded by default.
-        exclude: Names or indices of objects that no frame shows.
-        shard_frames: Frames of a shard; by default as many as make 64 MiB of images, at most 1000.
-        options: The format's own options.
-        sensor: A model of a depth camera, as for `Renderer`: depth and points are what it says, the rest is exact.
-        seed: What its random numbers follow from, together with each frame's number and the pixel, and with nothing
-            else: not with shards, workers, or what was resumed.
-        device: ``"cpu"``, ``"cuda:0"``, several with commas, or ``"cuda:all"``; the scene's by default. Of the engine
-            ``"ray"`` ``"cpu"``, or ``"cuda"`` for a GPU each.
-        threads: CPU threads that render, and as many that encode, of the engine ``"local"``; all cores of this process
-            by default. From eight on, what is compressed is encoded in processes beside.
+        outputs: Images of `Renderer`, and ``"visibility"``; the format's default outputs by default. With a sensor,
+            also ``"reasons"`` and ``"true_depth"``, if the format supports them.
+        objects: Names or indices of the objects whose visibility is computed; all that are not excluded by default.
+        exclude: Names or indices of objects that are hidden in all frames.
+        shard_frames: Frames per shard; by default as many as fill 64 MiB with images, at most 1000.
+        options: The format's options.
+        sensor: A model of a depth camera, as for `Renderer`: depth and points are simulated, other outputs are exact.
+        seed: Seed of the sensor's random numbers. They depend only on it, the frame's number and the pixel, and not on
+            shards, workers or resumed calls.
+        device: ``"cpu"``, ``"cuda:0"``, several separated by commas, or ``"cuda:all"``; the scene's device by default.
+            For the engine ``"ray"``, ``"cpu"``, or ``"cuda"`` for one GPU per worker.
+        threads: For the engine ``"local"``, the number of CPU threads that render and of those that encode; all cores
+            of this process by default. With eight or more, compressed files are encoded in additional processes.
         caster: As for `Renderer`.
-        engine: ``"local"``, this machine; or ``"ray"``, a Ray cluster, one of this machine if none is running.
+        engine: ``"local"`` for this machine; ``"ray"`` for a Ray cluster, which is started on this machine if none is
+            running.
         workers: Workers of the engine ``"ray"``; by default one for each GPU, or for each core.
-        address: Of the Ray cluster; by default the one that Ray itself finds, or a new one of this machine.
-        resume: Whether to go on with what an earlier call began. A shard counts as whole whose record is there and
-            whose files have the recorded sizes; what they hold is not read.
-        repair: With `resume`, whether to read all that is there first, as `verify` does, and to make again what is
-            damaged.
-        quiet: No progress bar; there is none either where standard error is not a terminal.
-        source: What the manifest says where the scene is from; the name of its file by default.
+        address: Address of the Ray cluster; by default the one that Ray finds, or a new one on this machine.
+        resume: Whether to resume a dataset that an earlier call began. A shard counts as complete if its record exists
+            and its files have the recorded sizes; their contents are not read.
+        repair: With `resume`, whether to first read all files, as `verify` does, and render damaged shards again.
+        quiet: Whether to hide the progress bar; it is also hidden if standard error is not a terminal.
+        source: Origin of the scene for the manifest; the name of the scene's file by default.
 
     Raises:
-        WarpvisError: An argument is not what it has to be, the folder holds something else or what was begun with
-            other arguments, or a file cannot be written. What is whole stays.
+        WarpvisError: If an argument is invalid, the folder contains other files or a dataset with other arguments, or a
+            file cannot be written. Complete shards are kept.
     """
     kind = find_format(format)
     if check_flag(repair, "repair") and not resume:
@@ -184,7 +185,7 @@ def render_batch(
     dataset = Dataset(out, plan, layout, make_manifest(plan, scene, layout, device=where, source=source, caster=caster))
     if dataset.check(resume=resume) and repair:
         verify(out, repair=True)
-    # Other processes are handed the scene on the CPU, and take it to their devices.
+    # Other processes receive the scene on the CPU, and move it to their devices.
     scene = scene.to("cpu") if len(devices) > 1 or engine == "ray" else make_scene(scene, devices[0])
     job = Job(plan, scene, format, os.fspath(out), caster)
     with _start_engine(engine, devices, threads, workers, address) as run, dataset.opened(resume=resume) as missing:
@@ -217,7 +218,7 @@ def _check_engine(engine: str, threads: int | None, workers: int | None, address
 def _start_engine(
     engine: Engine, devices: Sequence[str], threads: int | None, workers: int | None, address: str | None
 ) -> AbstractContextManager[Run]:
-    """Start the engine, as a context; a Ray cluster that was started for it ends with it."""
+    """Return the engine as a context manager, which shuts down a Ray cluster that was started for it."""
     if engine == "local":
         return nullcontext(partial(run_local, devices=devices, threads=threads))
     from warpvis.batch.engines._ray import ray_engine
@@ -242,7 +243,7 @@ def make_plan(
     """Make the plan of a job; see `render_batch` for the arguments.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     scene.require_objects()
     if not isinstance(frames, Frames):
@@ -283,7 +284,7 @@ def make_plan(
 def _choose_seen(
     scene: Scene, kind: type[Format], objects: Sequence[str | int] | None, excluded: Sequence[int]
 ) -> tuple[int, ...]:
-    """Choose the objects that visibility is of: the named ones, or else all that the format wants and frames show."""
+    """Return the objects whose visibility is computed: the named ones, or all with the format's label not excluded."""
     if objects is not None:
         return tuple(choose_objects(scene, objects))
     wanted = kind.object_label
@@ -292,10 +293,10 @@ def _choose_seen(
 
 
 def _place_objects(scene: Scene, frames: Frames) -> Frames:
-    """Give the frames poses of whatever is movable, where they have none.
+    """Return the frames with poses of the movable objects, which are taken from the scene if the frames have none.
 
     Raises:
-        PoseError: Their poses are of another number of objects.
+        PoseError: If the frames have poses of a different number of objects than the scene.
     """
     movable = len(scene.movable)
     if frames.object_poses is None:
@@ -312,10 +313,12 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
 
 
 def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: CalibratedCamera, *, masks: int) -> int:
-    """Choose how many frames a shard has: as given, or as many as fit its bytes, with so many masks a frame.
+    """Return the number of frames per shard: the given one, or as many as fit into the default size of a shard.
+
+    `masks` is the number of masks per frame, which count toward the size.
 
     Raises:
-        ArrayError: It is not a number of frames.
+        ArrayError: If `shard_frames` is not a positive integer.
     """
     if shard_frames is None:
         import warp as wp
@@ -329,7 +332,7 @@ def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Cali
 
 
 class _Progress:
-    """Counts what is whole, and shows it on a terminal: frames per second, and the time left."""
+    """Counts complete shards, and shows a progress bar with frames per second and the remaining time."""
 
     def __init__(self, plan: Plan, dataset: Dataset, missing: Sequence[int], scene: Scene, *, quiet: bool) -> None:
         self._plan, self._dataset, self._missing, self._scene = plan, dataset, missing, scene

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a dataset is complete and sound: every file against its record."""
+"""Verification of datasets: every file is compared with its record."""
 
 from __future__ import annotations
 
@@ -28,32 +28,32 @@ _MOST_DIGITS = 20
 
 @dataclass(frozen=True)
 class VerifyReport:
-    """What was found in a dataset."""
+    """The result of `verify`."""
 
     out: str
     """The dataset."""
     format: str
-    """Its format."""
+    """The dataset's format."""
     frames: int
-    """Frames that it should have."""
+    """Expected number of frames."""
     shards: int
-    """Shards that it should have."""
+    """Expected number of shards."""
     whole_shards: int
-    """Shards that are recorded and sound."""
+    """Number of shards that are recorded and intact."""
     files: int
-    """Records, and the files that they name."""
+    """Number of records and of the files that they list."""
     bytes: int
-    """Bytes of those that are recorded."""
+    """Total recorded size of the files in bytes."""
     problems: tuple[str, ...]
-    """What is wrong, a sentence each."""
+    """Descriptions of the problems, one sentence each."""
     damaged: tuple[str, ...] = ()
-    """Records of what is wrong: without them, a job that is resumed makes it again."""
+    """Records of damaged shards or files; once they are removed, a resumed job writes these again."""
     repaired: bool = False
-    """Whether these records are removed: `render_batch` with the same arguments and `resume` makes all of it again."""
+    """Whether these records were removed, so that `render_batch` with the same arguments and `resume` restores them."""
 
     @property
     def ok(self) -> bool:
-        """Whether the dataset is complete and sound."""
+        """Whether the dataset is complete and intact."""
         return not self.problems
 
 
@@ -62,13 +62,12 @@ def verify(out: str | os.PathLike[str], *, repair: bool = False) -> VerifyReport
 
     Args:
         out: The dataset's folder or URL.
-        repair: Whether to remove the records of what is damaged, so that a job that is resumed makes it again: to
-            render, the scene is needed, which a dataset does not hold. `render_batch(resume=True, repair=True)` does
-            both.
+        repair: Whether to remove the records of damaged shards, so that a resumed job renders them again. Rendering
+            needs the scene, which a dataset does not contain. `render_batch(resume=True, repair=True)` does both.
 
     Raises:
-        ArrayError: `repair` is neither true nor false.
-        FileFormatError: It is no dataset, or cannot be read; to repair, also: another process writes it.
+        ArrayError: If `repair` is neither true nor false.
+        FileFormatError: If `out` is not a dataset or cannot be read; with `repair`, also if another process writes it.
     """
     repair = check_flag(repair, "repair")
     store = open_store(out)
@@ -122,7 +121,10 @@ def _verify(store: Store) -> VerifyReport:
 
 
 def _recorded_shards(store: Store, shards: int) -> list[int]:
-    """Return the numbers of the shards that there are records of, in order; a manifest may speak of any number."""
+    """Return the numbers of the recorded shards, in order.
+
+    The records are listed, because the number of shards in a manifest is arbitrary and may be huge.
+    """
     stems = (name.removesuffix(".json") for name in store.names(RECORDS_FOLDER) if name.endswith(".json"))
     numbers = {int(stem): stem for stem in stems if stem.isascii() and stem.isdigit() and len(stem) < _MOST_DIGITS}
     return sorted(number for number, stem in numbers.items() if number < shards and shard_name(number) == stem)
@@ -139,23 +141,23 @@ def _check_poses(store: Store, sha256: str, frames: int) -> Iterator[str]:
             yield f"{POSES}: holds other poses than the manifest says"
         elif len(found) != frames:
             yield f"{POSES}: holds {counted(len(found), 'frame')}, and the manifest says {frames}"
-    except Exception:  # whatever NumPy and zipfile raise for what is no such file
+    except Exception:  # NumPy and zipfile may raise any exception for a malformed file
         yield f"{POSES}: is missing or cannot be read"
 
 
 class _Checked(NamedTuple):
-    """What was found of a record and its files."""
+    """The result of checking a record and its files."""
 
     files: list[str]
-    """All of them, with the record itself."""
+    """The record and its files."""
     bytes: int
     problems: list[str]
     missing: bool = False
-    """Whether there is no record of a shard; that is said of all shards together."""
+    """Whether a shard has no record; missing shards are reported together in one problem."""
 
 
 def _check(store: Store, item: tuple[str, int]) -> _Checked:
-    """Compare the files of a record with it; `item` is its name and its number of frames."""
+    """Compare a record with its files; `item` is its name and its expected number of frames."""
     name, frames = item
     record = read_record(store, name)
     if record is None and store.size(name) is not None:
@@ -180,7 +182,7 @@ def _check(store: Store, item: tuple[str, int]) -> _Checked:
 
 
 def _gaps(numbers: Sequence[int], count: int) -> str:
-    """Write which numbers below `count` are not among increasing ones, in few words: ``0-3, 7, 9-12``."""
+    """Format the numbers below `count` that are missing from increasing `numbers`, as ranges: ``0-3, 7, 9-12``."""
     runs = [(last + 1, following - 1) for last, following in itertools.pairwise([-1, *numbers, count])]
     shown = [str(first) if first == last else f"{first}-{last}" for first, last in runs if first <= last]
     return ", ".join(shown[:_MOST_RANGES]) + (", ..." if len(shown) > _MOST_RANGES else "")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiling kernels before they are needed, into the cache that all processes share."""
+"""Compilation of kernels in advance, into the cache that all processes share."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from warpvis.scene import Scene
 
 ALL_OUTPUTS = (*OUTPUTS, VISIBILITY)
 
-# A camera whose images are one packet of the largest size, and looks at the scene from outside.
+# A camera outside the scene, whose images are one packet of the largest size.
 _CAMERA = Camera.from_fov(32, 32, hfov=1.0)
 _POSE = np.array([[0.0, 0, -5, 0, 0, 0, 1]])
 
@@ -29,21 +29,21 @@ _POSE = np.array([[0.0, 0, -5, 0, 0, 0, 1]])
 def warmup(
     device: DeviceLike = "cpu", *, outputs: Sequence[str] = ALL_OUTPUTS, casters: Sequence[Caster] = ("packets", "rays")
 ) -> float:
-    """Compile what rendering of a device needs, and load it.
+    """Compile and load the kernels that rendering on a device needs.
 
-    What is compiled stays in Warp's cache (``WARP_CACHE_PATH``), where other processes find it. Many may do this at
-    the same time.
+    Compiled kernels stay in Warp's cache (``WARP_CACHE_PATH``), which other processes share. Several processes may call
+    this at the same time.
 
     Args:
-        device: Where to render.
+        device: Device to render on.
         outputs: Images of `Renderer`, and ``"visibility"``; all by default.
         casters: Casters of `Renderer`; both by default.
 
     Returns:
-        Seconds that it took: few, if all was compiled before.
+        Elapsed time [s], which is short if all kernels were already compiled.
 
     Raises:
-        ArrayError: The device is not on this machine, or there is no such output.
+        ArrayError: If the device does not exist on this machine, or an output is unknown.
     """
     start = time.perf_counter()
     device = get_device(device)
@@ -52,7 +52,7 @@ def warmup(
     wanted = as_items(casters, "casters")
     for scene in _scenes(device):
         for caster in wanted:
-            # On a GPU images of depth alone, and with others, are made by two kernels.
+            # On a GPU, depth alone and depth with other images are rendered by two different kernels.
             for some in [part for part in (images[:1], images, [VISIBILITY]) if set(part) <= set(names) and part]:
                 renderer = FrameRenderer(scene, _CAMERA, outputs=some, caster=caster)
                 for views in _view_counts(device) if caster == "packets" else [1]:
@@ -62,7 +62,7 @@ def warmup(
 
 
 def _scenes(device: wp.Device) -> Iterator[Scene]:
-    """Make a scene where all stays, one where a mesh moves, and one where a round solid does."""
+    """Yield a static scene, one with a movable mesh, and one with a movable round solid."""
     from warpvis.scene.solids import sphere
 
     corners, faces = np.eye(3), np.array([[0, 1, 2]])
@@ -75,7 +75,7 @@ def _scenes(device: wp.Device) -> Iterator[Scene]:
 
 
 def _view_counts(device: wp.Device) -> list[int]:
-    """List how many images of 32x32 pixels make the packets caster choose each size of packets it has on a GPU."""
+    """Return numbers of 32x32 images for which the packets caster selects each of its packet sizes on a GPU."""
     if device.is_cpu:
         return [1]
     processors = device.sm_count

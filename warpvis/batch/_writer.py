@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rendering and writing of shards, at the same time: what every process of a job does."""
+"""Concurrent rendering and writing of shards, in every process of a job."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 _MOST_WRITERS = 8
-"""More threads that write do not write faster, and each holds a shard."""
+"""More writer threads are not faster, and each holds a shard in memory."""
 _SETS_TO_COPY = 3
-"""Sets of images where processes write what is copied for them: one is rendered, and two are copied."""
+"""Sets of images if encoding processes write copies of them: one is rendered to, and two are copied from."""
 _LEAST_SHARDS = 16
-"""Fewer are written before processes have started."""
+"""With fewer shards, all of them are written before encoding processes have started."""
 
 Done = Callable[[int, Record], None]
-"""Called with the number and the record of a shard that is whole."""
+"""Callback that receives the number and the record of each complete shard."""
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What a process needs to take part; it pickles."""
+    """The data that a process needs to work on a job; it can be pickled."""
 
     plan: Plan
     scene: Scene
@@ -52,22 +52,22 @@ Run = Callable[[Job, Sequence[int], Done], None]
 
 
 def writer_count(threads: int) -> int:
-    """Tell how many shards are written at a time, at most, by so many threads that encode."""
+    """Return the maximum number of shards that are written at the same time with `threads` encoding threads."""
     return max(min(_MOST_WRITERS, threads), shards_at_once(threads))
 
 
 class ShardWriter:
     """Renders shards of a job on one device, and encodes and writes them while the next ones are rendered.
 
-    A context: the processes that encode, where there are many cores, end with it.
+    It is a context manager. With many cores it starts encoding processes, which end on exit.
     """
 
     def __init__(self, job: Job, *, device: DeviceLike, threads: int | None = None) -> None:
-        """Build what rendering needs.
+        """Build the renderer and start the encoders.
 
         Args:
             job: The job.
-            device: Where to render.
+            device: Device to render on.
             threads: CPU threads that render, and as many that encode; all cores of this process by default.
         """
         plan = job.plan
@@ -95,36 +95,36 @@ class ShardWriter:
         )
         size, pinned = min(plan.shard_frames, len(plan.frames)), not self._renderer.scene.device.is_cpu
         images = self._renderer.images
-        # One set of images is rendered while the others are written, in turns: memory does not grow with the job.
-        # Processes write what was copied for them.
+        # One set of images is rendered to while the others are written, so that memory does not grow with the job.
+        # Encoding processes write copies, which frees a set earlier.
         sets = self._writers + 1 if self._processes is None else _SETS_TO_COPY
         self._free: SimpleQueue[ImageBuffers] = SimpleQueue()
         for _ in range(sets):
             self._free.put(ImageBuffers(images, plan.camera, size, pinned=pinned))
         self._lock = Lock()
         self.failed = Event()
-        """Set when a shard could not be written: `run` raises it when it is asked for another one, or has no more."""
+        """Set when a shard could not be written; `run` raises the error before its next shard, or after its last."""
 
     def __enter__(self) -> ShardWriter:
-        """Begin."""
+        """Return this writer."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """End."""
+        """End the encoding processes and threads."""
         if self._processes is not None:
             self._processes.__exit__(*error)
         self._encoder.__exit__(*error)
 
     def run(self, shards: Iterable[int], done: Done) -> None:
-        """Render and write shards; what had been begun when something goes wrong is finished first.
+        """Render and write shards; after an error, shards that were already rendered are still written.
 
         Args:
-            shards: Their numbers.
-            done: Called on the threads that write, by one at a time.
+            shards: Numbers of the shards.
+            done: Called on the writer threads, by one thread at a time.
 
         Raises:
-            OSError: A file cannot be written.
-            WorkerLostError: A process that encodes ended.
+            OSError: If a file cannot be written.
+            WorkerLostError: If an encoding process ended.
         """
         if self._processes is not None:
             self._processes.ready()
@@ -152,7 +152,7 @@ class ShardWriter:
             raise
 
     def _encode(self, shard: int, images: Images, buffers: ImageBuffers) -> Record:
-        """Write a shard, and give its images' memory back as early as may be."""
+        """Write a shard, and release the memory of its images as early as possible."""
         if self._processes is None:
             try:
                 return self._encoder.write(shard, images)
@@ -167,7 +167,7 @@ class ShardWriter:
 
 
 def _start_processes(target: Target, layout: Format, threads: int) -> EncodingProcesses | None:
-    """Start processes that encode, if they are worth it: many cores, much to encode, a disk of this machine."""
+    """Start encoding processes if they pay off: with many cores, enough shards to encode, and a local disk."""
     count = process_count(threads)
     if not count or not layout.encodes or target.plan.shard_count < _LEAST_SHARDS or not is_local(target.out):
         return None
@@ -175,7 +175,7 @@ def _start_processes(target: Target, layout: Format, threads: int) -> EncodingPr
 
 
 def _raise_failures(pending: set[Future[None]]) -> None:
-    """Forget what is done, and raise what went wrong there."""
+    """Remove finished futures, and raise the exceptions of those that failed."""
     for future in [future for future in pending if future.done()]:
         pending.remove(future)
         future.result()

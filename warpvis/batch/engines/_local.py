@@ -23,7 +23,7 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, WarpvisError
 
 _LOOK_EVERY = 0.2
-"""How often a process that waits for work looks whether anything went wrong [s]."""
+"""Interval at which a process that waits for work checks for errors [s]."""
 
 
 def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[str], threads: int | None) -> None:
@@ -32,13 +32,13 @@ def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[
     Args:
         job: The job.
         shards: Numbers of the shards.
-        done: Called with every shard that is whole, by one thread at a time.
-        devices: One of them is used in this process; each of several has a process of its own.
-        threads: CPU threads that render, and as many that encode; processes share them.
+        done: Called with every complete shard, by one thread at a time.
+        devices: A single device is used in this process; each of several devices gets a separate process.
+        threads: CPU threads that render, and as many that encode; they are divided among the processes.
 
     Raises:
-        OSError: A file cannot be written.
-        WorkerLostError: A process ended before its work did.
+        OSError: If a file cannot be written.
+        WorkerLostError: If a process ended before its work was finished.
     """
     if len(devices) == 1:
         with ShardWriter(job, device=devices[0], threads=threads) as writer:
@@ -48,10 +48,10 @@ def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[
 
 
 def parse_devices(device: DeviceLike) -> list[str]:
-    """Name the devices that are meant by one, by several with commas, or by ``"cuda:all"``.
+    """Return the names of the devices given by one device, several separated by commas, or ``"cuda:all"``.
 
     Raises:
-        ArrayError: The machine has no such device.
+        ArrayError: If the machine has no such device, or if CPU and GPUs are mixed.
     """
     names: list[DeviceLike] = [device] if not isinstance(device, str) else [name.strip() for name in device.split(",")]
     if names == ["cuda:all"]:
@@ -65,7 +65,7 @@ def parse_devices(device: DeviceLike) -> list[str]:
 
 
 def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequence[str], threads: int) -> None:
-    """Run a process for each device. It is handed shards as it finishes others, so that none waits for a slower one."""
+    """Run a process for each device; each receives a new shard when it finishes one, which balances the load."""
     context = multiprocessing.get_context("spawn")  # CUDA does not survive a fork
     workers: dict[Connection, SpawnProcess] = {}
     try:
@@ -84,7 +84,7 @@ def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequenc
 
 
 def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, SpawnProcess], *, ahead: int) -> None:
-    """Keep every process busy until all shards are whole."""
+    """Distribute shards to the processes until all shards are complete."""
     shards = iter(shards)
     open_shards = dict.fromkeys(workers, 0)
     told_the_end: set[Connection] = set()
@@ -95,7 +95,7 @@ def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, Spaw
             open_shards[connection] += 1
         elif connection in told_the_end:
             return
-        else:  # a process that still waited for work would not look for what went wrong in its last shards
+        else:  # while it waits for work, a process does not check its last shards for errors
             told_the_end.add(connection)
         connection.send(shard)
 
@@ -128,12 +128,12 @@ def _obituary(workers: dict[Connection, SpawnProcess]) -> str:
 
 
 def _work(connection: Connection, job: Job, device: str, threads: int) -> None:
-    """Work as one process: shards come in through the connection, and records go out."""
+    """Run as a worker process, which receives shards through the connection and sends their records back."""
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that shares out the work
-    # SIGTERM ends this one, when what it has begun is written. To raise here would be in vain where Python is in a
-    # callback, which ignores what is raised.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the parent process
+    # SIGTERM ends this process when shards in progress are written. Raising in the handler would have no effect while
+    # Python runs a callback that ignores exceptions.
     ending = Event()
     signal.signal(signal.SIGTERM, lambda *_: ending.set())
     wp.config.log_level = wp.LOG_WARNING
@@ -142,7 +142,7 @@ def _work(connection: Connection, job: Job, device: str, threads: int) -> None:
             writer.run(
                 _incoming(connection, writer.failed, ending), lambda shard, record: connection.send((shard, record))
             )
-    except EOFError:  # nobody is there who shares out work
+    except EOFError:  # the parent process has ended
         pass
     except (WarpvisError, OSError) as error:
         _tell(connection, error)
@@ -153,7 +153,7 @@ def _work(connection: Connection, job: Job, device: str, threads: int) -> None:
 
 
 def _incoming(connection: Connection, *stops: Event) -> Iterator[int]:
-    """Go through the shards that come in, until one could not be written, or the process has to end."""
+    """Yield the received shards until one could not be written or the process must end."""
     while not any(stop.is_set() for stop in stops):
         if connection.poll(_LOOK_EVERY):
             shard = connection.recv()
@@ -163,5 +163,5 @@ def _incoming(connection: Connection, *stops: Event) -> Iterator[int]:
 
 
 def _tell(connection: Connection, error: Exception) -> None:
-    with suppress(OSError):  # where nobody is there to hear it
+    with suppress(OSError):  # the parent process may have ended
         connection.send(error)

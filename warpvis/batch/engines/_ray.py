@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The engine of many machines: Ray Data hands shards to actors, which render and write them.
+"""The engine for many machines: Ray Data passes shards to actors, which render and write them.
 
-What flows through Ray is numbers of shards one way and their records the other; images never leave their actor.
+Only numbers of shards and errors pass through Ray; images never leave their actor.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     import ray
     from ray.actor import ActorHandle
 
-# An actor is handed so many shards at once: enough that one is written while another is rendered, few enough that
-# little is rendered again when it is lost.
+# Maximum number of shards passed to an actor at once: enough to write one while another is rendered, few enough that
+# little is rendered again if the actor is lost.
 _SHARDS_AT_ONCE = 8
 _LEAST_ROUNDS = 4
 
-# How often a worker is started anew: one that ends whatever it does must not be started for ever, as Ray Data does.
-# Ray 2.64 has no argument for it any more, so that starts are counted here.
+# Maximum number of restarts per worker: Ray Data would restart a worker that always crashes forever. Ray 2.64 no longer
+# has an argument for this limit, so starts are counted here.
 _MOST_RESTARTS = 10
 
 
@@ -47,14 +47,14 @@ _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class _Row(TypedDict):
-    """What an actor says of a shard."""
+    """The result of an actor for a shard."""
 
     shard: int
     error: Exception | None
 
 
 class _Share(NamedTuple):
-    """How many workers there are, and each one's part of the cluster."""
+    """The number of workers, and the resources of each."""
 
     workers: int
     cpus: int
@@ -62,7 +62,7 @@ class _Share(NamedTuple):
 
 
 class _WithoutRay:
-    """A stream without what Ray's own threads print, which is of nodes and workers that end: the engine says it."""
+    """A stream that drops the output of Ray's threads about lost nodes and workers, which the engine reports itself."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -75,29 +75,29 @@ class _WithoutRay:
 
 
 class Starts:
-    """Counts how often workers are started, as an actor of Ray."""
+    """A Ray actor that counts starts of workers."""
 
     def __init__(self, most: int) -> None:
-        """Allow so many."""
+        """Allow `most` starts."""
         self._left = most
 
     def more(self) -> bool:
-        """Count one, and tell whether it is allowed."""
+        """Count a start, and return whether it is allowed."""
         self._left -= 1
         return self._left >= 0
 
 
 class ShardActor:
-    """A worker: it builds the scene once, and then renders and writes the shards that it is handed."""
+    """A worker, which builds the scene once, and then renders and writes the shards that it receives."""
 
     def __init__(self, job: Job | ray.ObjectRef[Job], device: str, threads: int, starts: ActorHandle) -> None:
         """Prepare to render.
 
         Args:
             job: A `Job`, or a reference to one in Ray's object store.
-            device: ``"cpu"``, or ``"cuda"`` for the GPU that Ray gave this worker.
+            device: ``"cpu"``, or ``"cuda"`` for the GPU that Ray assigned to this worker.
             threads: CPU threads.
-            starts: A `Starts` of all workers.
+            starts: The `Starts` actor shared by all workers.
         """
         import ray
 
@@ -110,9 +110,9 @@ class ShardActor:
         self._writer = ShardWriter(self._job, device=device, threads=threads)
 
     def __call__(self, batch: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Make whole the shards of a batch, ``{"shard": numbers}``, and return it with each one's error or None.
+        """Complete the shards of a batch, ``{"shard": numbers}``, and return it with an error or None for each.
 
-        What another worker finished before it was lost is not done again.
+        Shards that a lost worker had completed are not rendered again.
         """
         shards = [int(shard) for shard in batch["shard"]]
         error: Exception | None = None
@@ -121,7 +121,7 @@ class ShardActor:
             return {"shard": np.array(shards), "error": np.array([error] * len(shards), dtype=object)}
         try:
             self._writer.run([shard for shard in shards if self._record(shard) is None], lambda shard, record: None)
-        except (OSError, WarpvisError) as caught:  # for the caller; Ray would take it for a reason to try again
+        except (OSError, WarpvisError) as caught:  # returned to the caller, because Ray would retry after an exception
             error = caught
         return {"shard": np.array(shards), "error": np.array([error] * len(shards), dtype=object)}
 
@@ -132,15 +132,15 @@ class ShardActor:
 
 @contextmanager
 def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterator[Run]:
-    """Start the engine on a Ray cluster, as a context. Ray starts lost workers again, and repeats what they had.
+    """Start the engine on a Ray cluster, as a context manager. Ray restarts lost workers and repeats their shards.
 
     Args:
         gpu: Whether each worker has a GPU.
-        workers: How many; by default one for each GPU or core of the cluster.
-        address: Of the cluster; see `ray.init`.
+        workers: Number of workers; by default one for each GPU or core of the cluster.
+        address: Address of the cluster; see `ray.init`.
 
     Raises:
-        WarpvisError: Ray is missing, there is no such cluster, or it has no room for the workers.
+        WarpvisError: If Ray is missing, the cluster does not exist, or it has too few resources for the workers.
     """
     printed = redirect_stdout(_WithoutRay(sys.stdout)), redirect_stderr(_WithoutRay(sys.stderr))
     with printed[0], printed[1], _cluster(address) as ray:
@@ -151,8 +151,8 @@ def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: 
     """Render and write shards.
 
     Raises:
-        OSError: A file cannot be written.
-        WorkerLostError: Workers were lost, and could not be started again.
+        OSError: If a file cannot be written.
+        WorkerLostError: If workers were lost and could not be restarted.
     """
     if not shards:
         return
@@ -173,13 +173,13 @@ def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: 
 
 
 def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) -> Iterator[_Row]:
-    """Hand shards to actors, and go through what they return, as it comes."""
+    """Pass shards to actors, and yield their results as they arrive."""
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
     workers, cpus, gpus = share
     at_once = max(1, min(_SHARDS_AT_ONCE, len(shards) // (workers * _LEAST_ROUNDS)))
     rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=-(-len(shards) // at_once))
-    # Beside this process, without which nothing goes on: of another node, it could be lost.
+    # The counter runs on the node of this process, on which the job depends anyway: another node could be lost.
     here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
     counter = ray.remote(Starts).options(num_cpus=0, max_restarts=-1, max_task_retries=-1, scheduling_strategy=here)
     given = {
@@ -200,10 +200,10 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
 
 
 def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) -> _Share:
-    """Share a cluster out among workers.
+    """Divide a cluster among workers.
 
     Raises:
-        ArrayError: There is not so much.
+        ArrayError: If the cluster has too few resources.
     """
     cpus, gpus = int(resources.get("CPU", 0)), int(resources.get("GPU", 0))
     most = min(cpus, gpus) if gpu else cpus
@@ -215,9 +215,9 @@ def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) ->
 
 @contextmanager
 def _cluster(address: str | None) -> Iterator[ModuleType]:
-    """Connect Ray to a cluster, as a context; one that was started for this is ended."""
+    """Connect Ray to a cluster, as a context manager; a cluster that was started here is shut down."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")  # Ray Data's own actors make it print an error that is none
+    os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")  # Ray Data's actors print a spurious error
     try:
         import ray
         import ray.data
@@ -225,7 +225,7 @@ def _cluster(address: str | None) -> Iterator[ModuleType]:
         raise FileFormatError("engine 'ray' needs Ray: pip install 'warpvis[cluster]'") from None
     quiet = ray.data.DataContext.get_current()
     quiet.enable_progress_bars = False
-    # It prints what goes wrong in many lines, which are raised anyway.
+    # Ray Data logs long error messages for exceptions that are raised anyway.
     logging.getLogger("ray.data").setLevel(logging.CRITICAL)
     ours = not ray.is_initialized()
     if ours:
@@ -237,6 +237,6 @@ def _cluster(address: str | None) -> Iterator[ModuleType]:
         yield ray
     finally:
         if ours:
-            # Ray prints what its threads have kept back now, on this one.
+            # On shutdown, Ray prints the buffered output of its threads on this thread.
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
                 ray.shutdown()
