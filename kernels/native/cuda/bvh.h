@@ -1,20 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// The packet caster on CUDA: a warp takes a packet, PACKET_WIDTH x PACKET_HEIGHT pixels of a view, down the BVH.
-//
-// Space is the camera's, with x and y scaled by the focal lengths: the ray of a pixel is (u, v, 1), where u and v are
-// its distances in pixels from the principal point. On which side of a triangle's edge the ray passes, and 1 / z of the
-// triangle's plane, are then linear in u and v.
-//
-// A pixel gets the same value of an edge and of 1 / z wherever they are computed, and whatever the packet: an image
-// does not depend on the packets' size. Where rounding leaves the sign of an edge's value in doubt, double precision
-// decides (shared/edges.h): no ray slips between triangles.
+// The packet caster on CUDA: a warp traverses the BVH with a packet, PACKET_WIDTH x PACKET_HEIGHT pixels of a view.
+// Coordinates are the camera's, with x and y scaled by the focal lengths: the ray of a pixel is (u, v, 1), where u and
+// v are its distances in pixels from the principal point. The edge functions of a triangle, whose signs give the side
+// on which the ray passes, and 1 / z of the triangle's plane are then linear in u and v.
+// An edge function and 1 / z evaluate to the same value for a pixel in every packet, so an image does not depend on the
+// packet size. If rounding leaves the sign of an edge function uncertain, it is evaluated in double precision
+// (shared/edges.h), so that no ray slips between triangles.
 
 enum {
     LEAF_WORDS = LEAF_ROWS * LANES,
     NODE_WORDS = NODE_ROWS * LANES,
-    // Of 8x4 pixels, or of the whole packet where that is less.
+    // 8x4 pixels, or the whole packet if that is smaller.
     BLOCK_WIDTH_BITS = (PACKET_WIDTH >= 2) + (PACKET_WIDTH >= 4) + (PACKET_WIDTH >= 8),
     BLOCK_HEIGHT_BITS = (PACKET_HEIGHT >= 2) + (PACKET_HEIGHT >= 4),
     BLOCK_WIDTH = 1 << BLOCK_WIDTH_BITS,  // pixels
@@ -24,7 +21,7 @@ enum {
     BLOCK_ROWS = PACKET_HEIGHT / BLOCK_HEIGHT,
     BLOCKS = BLOCK_COLUMNS * BLOCK_ROWS,
     PIXELS = BLOCKS * LANES,
-    // What a z-buffer holds: pixels, or points of an image in blocks of their own (points.h).
+    // Contents of a z-buffer: pixels, or points of an image in their own blocks (points.h).
     POINTS = POINT_BLOCKS > 0,
     SLOT_BLOCKS = POINTS ? (int)POINT_BLOCKS : (int)BLOCKS,
     SLOTS = SLOT_BLOCKS * LANES,
@@ -34,36 +31,37 @@ static_assert(!POINTS || RAY_TABLE, "points pass aside of the middles of pixels"
 static_assert((int)BLOCKS <= (int)LANES, "lane b keeps what is known of block b");
 static_assert(PACKET_WIDTH % BLOCK_WIDTH == 0 && PACKET_HEIGHT % BLOCK_HEIGHT == 0, "a packet is of whole blocks");
 
-// The greatest 1 / z: nearer than this, a surface is as near as can be.
+// Upper limit of 1 / z: nearer surfaces are clamped to it.
 constexpr float MOST_INV_Z = 3e37f;
 
-// How much rounding of 1 / z may be wrong.
+// Factor that covers the rounding error of 1 / z.
 constexpr float NEARER = 1.00003f;
 
 struct Bvh {
     const float* leaves;  // [leaf][LEAF_ROWS][lane]
-    const int* owners;  // [leaf][lane]: object of a triangle; its complement where the object is closed
+    const int* owners;  // [leaf][lane]: object of a triangle; its complement if the object is closed
     const float* nodes;  // [node][NODE_ROWS][lane]
-    const int* children;  // [node][lane]: a node, or the complement of a leaf
+    const int* children;  // [node][lane]: index of a node, or the complement of the index of a leaf
     int root;
-    int first_id;  // what the number of a triangle is more than its slot in the leaves
-    bool all_closed;  // whether every object is
-    bool is_large;  // whether a GPU's cache has no room for the leaves: they are asked for before they are read
-    const unsigned char* excluded;  // [object]: whether the view must not see it; null where it sees them all
+    int first_id;  // number of a triangle minus its slot in the leaves
+    bool all_closed;  // whether every object is closed
+    bool is_large;  // whether the leaves exceed the GPU's cache: they are prefetched before they are read
+    const unsigned char* excluded;  // [object]: whether the view excludes it; null if the view excludes none
 
     static inline int object_of(int owner) { return owner < 0 ? ~owner : owner; }
-    // The nine coordinates of the triangle in a slot, one a row from here.
+    // The nine coordinates of the triangle in a slot, one per row from this address.
     inline const float* corners(unsigned slot) const {
         return leaves + (long long)(slot / LANES) * LEAF_WORDS + slot % LANES;
     }
 };
 
 struct Box {
-    // A coordinate of a box of what may be stretched.
+    // A coordinate of the box of an object that may be stretched.
     static inline float side(const float* value, float factor) {
         return RESIZED ? __fmul_rn(__ldg(value), factor) : __ldg(value);
     }
-    // Whether a camera is in a box, least and greatest corner, or so near to it that the near plane may cut it.
+    // Whether a camera is inside a box (least and greatest corner), or so close to it that the near plane may cut the
+    // box.
     static inline bool holds(const float* box, Vec3 by, Vec3 p, NearPlane near) {
         return p.x >= near.below(side(box, by.x)) && p.x <= near.above(side(box + 3, by.x)) &&
                p.y >= near.below(side(box + 1, by.y)) && p.y <= near.above(side(box + 4, by.y)) &&
@@ -71,7 +69,7 @@ struct Box {
     }
 };
 
-// A place of which the coordinates are rows of numbers, one a lane.
+// A point whose coordinates are stored in rows with one number per lane.
 struct Place {
     static inline Vec3 load(const float* at) { return Vec3{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}; }
 };
@@ -83,7 +81,7 @@ struct Linear {
     inline float at(float at_u, float at_v) const { return __fmaf_rn(u, at_u, __fmaf_rn(v, at_v, one)); }
 };
 
-// Where a ray passes.
+// Image coordinates of a ray.
 struct alignas(8) ImagePoint {
     float u, v;
 };
@@ -104,7 +102,7 @@ struct Vec3d {
     static inline Vec3d times(Vec3d a, double by) { return Vec3d{a.x * by, a.y * by, a.z * by}; }
     inline Vec3 rounded() const { return Vec3{(float)x, (float)y, (float)z}; }
 
-    // Of a triangle, of any length.
+    // Normal of a triangle, not normalized.
     static inline Vec3d normal(const float* corners) {
         const Vec3d a = of(corners, LANES);
         return cross(minus(of(corners + 3 * LANES, LANES), a), minus(of(corners + 6 * LANES, LANES), a));
@@ -115,14 +113,14 @@ static_assert(sizeof(Vec3d) == 3 * sizeof(double), "rows of axes are read as num
 
 // A row x y z qx qy qz qw of an array of poses.
 struct PoseRow {
-    // What its x, y and z axis are outside of its frame, in double precision.
+    // The x, y and z axes of the frame in parent coordinates, in double precision.
     static inline void axes(const float* row, Vec3d* axis) {
         const double x = __ldg(row + 3), y = __ldg(row + 4), z = __ldg(row + 5), w = __ldg(row + 6);
-        const double two = 2.0 / (x * x + y * y + z * z + w * w);  // which normalises the quaternion
+        const double two = 2.0 / (x * x + y * y + z * z + w * w);  // normalizes the quaternion
         Pose::axes_of(x, y, z, w, two, (double (*)[3])axis);
     }
     static inline Vec3d position(const float* row) { return Vec3d{__ldg(row), __ldg(row + 1), __ldg(row + 2)}; }
-    // A direction out of its frame.
+    // A direction, rotated from the frame into parent coordinates.
     static inline Vec3d turned_out(const Vec3d* axis, Vec3d v) {
         return Vec3d{axis[0].x * v.x + axis[1].x * v.y + axis[2].x * v.z,
                      axis[0].y * v.x + axis[1].y * v.y + axis[2].y * v.z,

@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// What the z-buffer keeps of a pixel where nobody asks for objects: 1 / z of the nearest surface. Bits of floats that
-// are not negative are in the floats' order. See depth_id.h for the other kind.
+// Z-buffer key if object ids were not requested: 1 / z of the nearest surface. The bit patterns of nonnegative floats
+// sort like the floats. See depth_id.h for the other kind.
 
 typedef unsigned Key;
 

@@ -1,9 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// What the z-buffer keeps of a pixel where somebody asks for objects or normals: 1 / z of the nearest surface, and
-// which triangle it is. The greatest key is the nearest; of two at one depth, that of the lesser id, whichever comes
-// first.
+// Z-buffer key if objects or normals were requested: 1 / z of the nearest surface and the id of its triangle. The
+// greatest key is the nearest; at equal depth the lesser id wins, independent of the order of drawing.
 
 typedef unsigned long long Key;
 

@@ -1,20 +1,19 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// Pixels where single precision leaves in doubt whether a triangle covers them: double precision decides (see
-// shared/edges.h). They are rare. So they are noted, and drawn many at a time, by code that takes neither registers nor
-// room for instructions from what is always done.
+// Pixels where single precision cannot decide whether a triangle covers them; they are decided in double precision (see
+// shared/edges.h). They are rare, so they are recorded and drawn in batches by separate code, which adds neither
+// registers nor instruction-cache pressure to the common path.
 
-// Those that are noted, in shared memory.
+// The recorded pixels, in shared memory.
 struct Doubts {
-    // As many as are drawn at a time, and how many are enough for that: a warp's memory is short.
+    // Size of a batch, and the count from which a batch is drawn: a warp's shared memory is small.
     enum { SIZE = LANES, ENOUGH = SIZE / 2 };
 
-    unsigned slots[SIZE];  // of triangles in the leaves
-    unsigned short pixels[SIZE];  // of the packet
-    int count;  // of all, also of those that there was no room for
+    unsigned slots[SIZE];  // slots of triangles in the leaves
+    unsigned short pixels[SIZE];  // pixels of the packet
+    int count;  // count of all, including those that did not fit
 
-    // Any lanes call this.
+    // May be called by any subset of lanes.
     inline void add(unsigned slot, int x, int y) {
         const int at = atomicAdd(&count, 1);
         if (at < SIZE) slots[at] = slot, pixels[at] = (unsigned short)(y * PACKET_WIDTH + x);
@@ -30,8 +29,7 @@ struct Exactly {
         return seen;
     }
 
-    // What the z-buffer keeps of a triangle where a ray passes, if the ray meets it, on its edges too, by a side that
-    // is drawn; 0 if not.
+    // The z-buffer key of a triangle where a ray hits it, edges included, on a side that is drawn; 0 if the ray misses.
     static __noinline__ Key key(const Camera& camera, const float* from, const int* owner, unsigned id,
                                 ExactRayPlace p) {
         const Vec3d* rays = camera.exact_rays;
@@ -49,7 +47,7 @@ struct Exactly {
         const float inv_z = fmaxf(fminf((float)(ExactCorners::dot(normal, ray) / volume), most), least);
         return camera.near.shows(inv_z, camera.near.cuts(most)) ? DepthKey::of(inv_z, id) : 0;
     }
-    // No point of a triangle is nearer or farther than its corners.
+    // Depth range of the corners; every point of the triangle lies within it.
     static inline void depths(const Camera& camera, const ExactCorners& seen, float& zmin, float& zmax) {
         const Vec3 forward = camera.to_camera[2];
         float z[3];
@@ -59,8 +57,8 @@ struct Exactly {
         zmin = Three::min(z[0], z[1], z[2]), zmax = Three::max(z[0], z[1], z[2]);
     }
 
-    // Draw what is noted, a lane each, and where there was no room for all of it, what is in doubt of the last
-    // triangles. Returns the blocks that were drawn into.
+    // Draw the recorded pixels, one per lane, and, if they did not all fit, all uncertain pixels of the last triangles.
+    // Returns a bit mask of the blocks that were drawn into.
     static __noinline__ unsigned draw(const Bvh bvh, const Camera* camera, const Packet packet, Doubts* doubts,
                                       const unsigned* last_slots) {
         const int count = doubts->count, lane = Warp::lane();
@@ -77,7 +75,7 @@ struct Exactly {
         return touched;
     }
 
-    // What is in doubt of a triangle that all lanes have: each a pixel of a block.
+    // Draw the uncertain pixels of a triangle that is the same in all lanes: one pixel of a block per lane.
     static inline unsigned draw_triangle(const Bvh& bvh, const Camera& camera, const Packet& packet, unsigned slot) {
         const Triangle t = Setup::triangle(bvh, camera, packet.first_x, packet.first_y, slot);
         unsigned touched = 0;
@@ -93,7 +91,7 @@ struct Exactly {
         return touched;
     }
 
-    // Returns the block that was drawn into, as a bit.
+    // Returns the block that was drawn into, as a bit mask.
     static inline unsigned draw_pixel(const Bvh& bvh, const Camera& camera, const Packet& packet, unsigned slot, int x,
                                       int y) {
         const int index = Packet::index_at(x, y);

@@ -1,11 +1,9 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// The lanes of a CUDA warp, and the numbers that each of them works with.
-//
-// Text of this file and the next is pasted into a function: local structs of static functions only.
+// The lanes of a CUDA warp, and number types for one lane.
+// The text of this file and the next is pasted into a function: local structs may have static functions only.
 
-// All lanes of a warp call these together.
+// Warp-wide operations: all lanes of a warp call them together.
 
 enum { LANES = CUDA_LANES };
 static_assert(LANES == 32, "lanes of a warp, bits of a word, and threads that Python launches for a packet");
@@ -18,7 +16,8 @@ struct Warp {
     static inline unsigned ballot(bool condition) { return __ballot_sync(all, condition); }
     static inline bool any(bool condition) { return __any_sync(all, condition); }
     static inline int shuffle(int value, int lane) { return __shfl_sync(all, value, lane); }
-    // A number that all lanes have, and that the compiler knows all to have: it takes no register of theirs.
+    // A value that is equal in all lanes, returned so that the compiler knows it to be uniform: it needs no vector
+    // register.
     static inline int uniform(int value) { return (int)reduce_max((unsigned)value); }
     static inline int first_lane(unsigned lanes) { return __ffs(lanes) - 1; }
     static inline unsigned without_first_lane(unsigned lanes) { return lanes & (lanes - 1); }
@@ -40,9 +39,9 @@ struct Warp {
 #endif
 };
 
-// What all multiprocessors share, in front of the GPU's memory.
+// The L2 cache, shared by all multiprocessors.
 struct Cache {
-    // Have rows of a number a lane on their way: one thread all of them.
+    // Prefetch `rows` rows of one number per lane into L2; called by one thread.
     static inline void ask_for(const float* first, int rows) {
 #if defined(__CUDACC_RTC__)
         for (int row = 0; row < rows; ++row) asm volatile("prefetch.global.L2 [%0];" ::"l"(first + row * LANES));
@@ -52,14 +51,14 @@ struct Cache {
     }
 };
 
-// Three coordinates. Products that are summed are fused by name, so that every kernel rounds in the same way.
+// Three coordinates. Sums of products use explicit fused multiply-add, so that every kernel rounds in the same way.
 struct Vec3 {
     float x, y, z;
 
     static inline Vec3 minus(Vec3 a, Vec3 b) { return Vec3{a.x - b.x, a.y - b.y, a.z - b.z}; }
     static inline Vec3 plus(Vec3 a, Vec3 b) { return Vec3{a.x + b.x, a.y + b.y, a.z + b.z}; }
     static inline float dot(Vec3 a, Vec3 b) { return __fmaf_rn(a.x, b.x, __fmaf_rn(a.y, b.y, __fmul_rn(a.z, b.z))); }
-    // Exactly the negative where a is negated.
+    // Cross product; its sign flips exactly if a is negated.
     static inline Vec3 cross(Vec3 a, Vec3 b) {
         return Vec3{__fmaf_rn(a.y, b.z, -__fmul_rn(a.z, b.y)), __fmaf_rn(a.z, b.x, -__fmul_rn(a.x, b.z)),
                     __fmaf_rn(a.x, b.y, -__fmul_rn(a.y, b.x))};
@@ -67,7 +66,7 @@ struct Vec3 {
 };
 
 struct Reciprocal {
-    // About 1 / x, to the last digit or two; not of what is nearly 0, or nearly infinite.
+    // Approximation of 1 / x, correct but for the last digit or two; not valid for values close to 0 or to infinity.
     static inline float about(float x) {
 #if defined(__CUDACC_RTC__)
         float value;
@@ -77,7 +76,7 @@ struct Reciprocal {
         return 1.0f / x;
 #endif
     }
-    // 1 / x, rounded, by one step of Newton's method: what a division does, but for a call where x is 0.
+    // 1 / x, rounded, by one step of Newton's method: the same as a division, without the call for x = 0.
     static inline float of(float x) {
         const float value = about(x);
         return __fmaf_rn(value, -__fmaf_rn(x, value, -1.0f), value);
@@ -85,7 +84,7 @@ struct Reciprocal {
 };
 
 struct Root {
-    // About the square root of x, to the last digits; not a number where x is 0.
+    // Approximation of the square root of x, correct but for the last digits; NaN if x is 0.
     static inline float about(float x) {
 #if defined(__CUDACC_RTC__)
         float value;
@@ -102,7 +101,7 @@ struct Three {
     static inline float max(float a, float b, float c) { return fmaxf(a, fmaxf(b, c)); }
 };
 
-// A whole number from 0 to 2^23 as a float: two cheap instructions, where a conversion takes as long as four.
+// An integer from 0 to 2^23 as a float by two cheap instructions; a conversion takes as long as four.
 struct SmallInt {
     enum { BITS_OF_2_TO_23 = 0x4b000000 };
     static inline float to_float(int n) { return __int_as_float(BITS_OF_2_TO_23 | n) - (float)(1 << 23); }

@@ -1,19 +1,19 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// What is nearer than the near plane is not there.
+// Clipping near plane: surfaces nearer than the near plane are removed.
 
 struct NearPlane {
-    float most_inv_z;  // of what is there
-    float reach;  // how far from the camera the plane's corners are
+    float most_inv_z;  // limit of 1 / z for visible surfaces
+    float reach;  // distance of the near plane's corners from the camera
 
     static inline NearPlane of(float most_inv_z, float reach) { return NearPlane{most_inv_z, reach}; }
-    // Whether part of what is nowhere nearer than 1 / max_inv_z is not there; and whether a place of it is there.
+    // Whether the near plane may clip a surface whose greatest 1 / z is max_inv_z; and whether a point of it remains
+    // visible.
     inline bool cuts(float max_inv_z) const { return max_inv_z > most_inv_z; }
     inline bool shows(float inv_z, bool cut) const { return !cut || inv_z <= most_inv_z; }
     inline float most(float) const { return most_inv_z; }
     static inline bool clips() { return true; }
-    // How far beyond a coordinate of a box the camera has to be for all of the box to be there.
+    // Coordinates of a box, moved by `reach`: a camera beyond them sees the box unclipped.
     inline float below(float value) const { return value - reach; }
     inline float above(float value) const { return value + reach; }
 };

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// What is nearer than the near plane hides what is behind it. See near_clips.h for the other kind.
+// Occluding near plane: surfaces nearer than the near plane hide what lies behind them. See near_clips.h for the other
+// kind.
 
 struct NearPlane {
     static inline NearPlane of(float, float) { return NearPlane{}; }

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// Packets of pixels have no points to be found. See point_cells.h for the other kind.
+// Packets of pixels need no search for points. See point_cells.h for the other kind.
 
 struct CellGrid {};
 
@@ -16,7 +15,7 @@ struct Cells {
 
 struct ImageBox;
 
-// What nobody asks of places that are pixels.
+// Point lookups that packets of pixels do not use.
 struct NoPoints {
     static inline unsigned pixels_of(int) { return 0; }
     static inline Cells cells_of(int) { return Cells::all(); }

@@ -1,12 +1,11 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// Rays begin at the eye, all of them. See ray_origins.h for the other kind.
+// All rays start at the eye. See ray_origins.h for the other kind.
 
 typedef ImagePoint RayPlace;
 typedef ExactImagePoint ExactRayPlace;
 
-// An edge of a triangle: a value that is positive where rays pass inside of it.
+// Edge function of a triangle: positive where rays pass inside the edge.
 struct Edge : Linear {
     static inline Edge of(Vec3 product, Vec3) {
         Edge edge;
@@ -16,7 +15,7 @@ struct Edge : Linear {
     inline float of_ray(RayPlace p) const { return at(p.u, p.v); }
 };
 
-// What is known of where rays of a packet begin.
+// Bounds on the ray origins of a packet.
 struct Origins {
     static inline float most(const Edge& edge, float u, float v) { return edge.at(u, v); }
     static inline float least(const Edge& edge, float u, float v) { return edge.at(u, v); }
@@ -36,7 +35,7 @@ struct Origins {
     static inline Vec3 start(RayPlace, Vec3 eye, Vec3, Vec3) { return eye; }
 };
 
-// Where rays of a table begin.
+// Ray origins of a ray table.
 struct RayStarts {
     static inline RayPlace of(ImagePoint p, int) { return p; }
     static inline ExactRayPlace of(ExactImagePoint p, int) { return p; }
@@ -44,7 +43,7 @@ struct RayStarts {
     static inline bool is_behind(float, int) { return false; }
 };
 
-// Where the eye of a table's packet is: where its camera is.
+// The eye of a table's packet: the position of its camera.
 struct TableEye {
     static inline Vec3d place(Vec3d camera, const Vec3d*) { return camera; }
     static inline Origins origins() { return Origins{}; }

@@ -1,32 +1,32 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// Objects that move: each has a BVH in its own frame, drawn by a camera that is moved into that frame. Depth and pixels
-// are the same there.
+// Movable objects: each has a BVH in its own frame and is drawn by the camera transformed into that frame. Depth and
+// pixel coordinates are the same in both frames.
 
-// Movable objects that a packet may see and that are not drawn yet, some at a time.
+// Queue of movable objects that a packet may see and that are not yet drawn; it holds a limited number at a time.
 struct ObjectQueue {
     enum { SIZE = MOVABLE ? 64 : 1 };
 
     unsigned visits[SIZE];
-    int objects[SIZE];  // the complement of one whose true surface is drawn
+    int objects[SIZE];  // object index; its complement if the analytic surface is drawn
 
     inline bool is_solid(int at) const { return objects[at] < 0; }
     inline int movable(int at) const { return objects[at] < 0 ? ~objects[at] : objects[at]; }
-    // It is drawn by its triangles.
+    // Draw the object by its triangles instead.
     inline void unset_solid(int at) { objects[at] = ~objects[at]; }
 };
 
-enum { SOLIDS_AT_A_TIME = (int)(LEVELS * sizeof(Walk::Level) / sizeof(Solid)) };  // as many as have room there
+// as many as fit into the memory of the levels
+enum { SOLIDS_AT_A_TIME = (int)(LEVELS * sizeof(Walk::Level) / sizeof(Solid)) };
 static_assert(SOLIDS_AT_A_TIME >= 1 && SOLIDS_AT_A_TIME <= (int)LANES, "a lane sets up a solid");
 
 // A warp's shared memory.
 struct WarpMemory {
-    // Of the world, and where something may move also of the object that is drawn.
+    // The world's camera and, if objects may move, the camera in the frame of the object being drawn.
     enum { WORLD = 0, DRAWN = MOVABLE };
     Camera cameras[DRAWN + 1];
     Walk::Memory walk;
-    union {  // of a BVH, or of solids
+    union {  // levels of a BVH, or solids
         Walk::Level levels[LEVELS];
         Solid solids[SOLIDS_AT_A_TIME];
     };
@@ -35,17 +35,17 @@ struct WarpMemory {
 };
 static_assert(sizeof(WarpMemory) <= 48 * 1024, "what a block may have without asking for more");
 
-// How much wider a box is in the frame of an object, by the rounding of the camera's distance.
+// Relative margin of a box in the frame of an object, for the rounding of the camera's distance.
 constexpr float MOVED_BOX_SLACK = 1e-6f;
 
 struct ObjectPass {
-    // In single precision, which is enough for a box: one lane an object.
+    // In single precision, which suffices for a box: one object per lane.
     static inline Child visit(const Camera& world, const Packet& packet, const Movables& movables, int m, bool wanted) {
         const MovedBox box = MovedBox::of(world, movables, m);
         return Walk::visit(world, box.rows, packet, box.low, box.high, wanted && !movables.excludes(m));
     }
 
-    // The box of an object in its frame, from the camera, and how that frame turns into the camera's space.
+    // The box of an object in its frame, relative to the camera, and the rotation from that frame into camera space.
     struct MovedBox {
         Vec3 rows[3], low, high;
 
@@ -55,7 +55,7 @@ struct ObjectPass {
             const Vec3 origin = camera_there(world, movables.pose(m), axis);
             for (int i = 0; i < 3; ++i) moved.rows[i] = inside(axis, world.to_camera[i]);
             const float* box = movables.box(m);
-            // As much wider as the origin may be wrong.
+            // Margin for the rounding error of the origin.
             const float margin = MOVED_BOX_SLACK * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
             const Vec3 wider = {margin, margin, margin};
             const Vec3 by = movables.factors(m);
@@ -70,19 +70,19 @@ struct ObjectPass {
         return Vec3{Vec3::dot(axis[0], v), Vec3::dot(axis[1], v), Vec3::dot(axis[2], v)};
     }
 
-    // Where the camera is in the frame of an object, and that frame's axes in the world, in single precision.
+    // Position of the camera in the frame of an object, and that frame's axes in the world, in single precision.
     static inline Vec3 camera_there(const Camera& world, const float* pose, Vec3* axis) {
         float x = __ldg(pose + 3), y = __ldg(pose + 4), z = __ldg(pose + 5), w = __ldg(pose + 6);
         const float scale = 1.0f / sqrtf(x * x + y * y + z * z + w * w);
         x *= scale, y *= scale, z *= scale, w *= scale;
-        // As Pose::axes_of, which is in double precision.
+        // Same as Pose::axes_of, which uses double precision.
         axis[0] = Vec3{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)};
         axis[1] = Vec3{2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)};
         axis[2] = Vec3{2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)};
         return inside(axis, Vec3::minus(world.origin, Vec3{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}));
     }
 
-    // Whether the near plane may cut an object open: then its triangles are seen, whatever it is.
+    // Whether the near plane may cut an object open: then its triangles are drawn, even if it is a solid.
     static inline bool is_cut(const Camera& world, const Movables& movables, int m) {
         if (!NearPlane::clips()) return false;
         Vec3 axis[3];
@@ -90,8 +90,8 @@ struct ObjectPass {
         return Box::holds(movables.box(m), movables.factors(m), origin, world.near);
     }
 
-    // Move the world's camera into the frame of an object's triangles; a lane takes a coordinate of a ray, or of the
-    // origin.
+    // Transform the world's camera into the frame of an object's triangles; each lane computes one coordinate of a ray
+    // or of the origin.
     static inline void move(const Camera& world, const Movables& movables, int m, bool cull, Camera& moved) {
         const int lane = Warp::lane(), row = lane / 3, k = lane % 3;
         const float* pose = movables.pose(m);
@@ -122,7 +122,7 @@ struct ObjectPass {
         Warp::sync();
     }
 
-    // Draw what stays and then the objects, the nearest first.
+    // Draw static triangles, then the objects front to back.
     static inline void draw(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
         const Movables& movables = scene.movables;
         Bvh bvh = scene.bvh;
@@ -131,7 +131,7 @@ struct ObjectPass {
         QueuedRange queued = {0, 0};
         bool some = bvh.root >= 0;
         for (;;) {
-            // One call for both, though the camera is the world's at first: the code of a walk is long.
+            // A single call for both, though the camera is the world's at first: the code of a traversal is long.
             if (some) Walk::draw(bvh, memory.cameras[WarpMemory::DRAWN], packet, memory.levels, memory.walk);
             Warp::sync();
             const int m = draw_to_triangles(scene, packet, queued, memory);
@@ -145,12 +145,12 @@ struct ObjectPass {
         }
     }
 
-    // How many objects are in the queue, or were, and how many have been looked at.
+    // Number of objects in the queue (including drawn ones), and number of objects examined.
     struct QueuedRange {
         int count, next;
     };
 
-    // Draw solids until it is the turn of an object that is seen by its triangles, which is returned; -1 at the end.
+    // Draw solids until the next object is one that is drawn by its triangles, and return that object; -1 at the end.
     static inline int draw_to_triangles(const Scene& scene, Packet& packet, QueuedRange& queued, WarpMemory& memory) {
         for (;;) {
             const Taken taken = take(memory.objects, queued.count);
@@ -166,7 +166,7 @@ struct ObjectPass {
         }
     }
 
-    // Queue the next objects that the packet may see, a lane each, until the queue is full or all have been looked at.
+    // Queue the next objects that the packet may see, one per lane, until the queue is full or all are examined.
     static inline void fill(const Scene& scene, const Packet& packet, QueuedRange& queued, WarpMemory& memory) {
         const int lane = Warp::lane();
         const bool sorted = scene.found.entries != nullptr;
@@ -192,7 +192,7 @@ struct ObjectPass {
         Warp::sync();
     }
 
-    // An object that was found before, in a packet.
+    // Bounds, in a packet, of an object that was found for the view.
     static inline Child look_up(const Scene& scene, const Camera& world, const Packet& packet,
                                 const FoundObjects::Listed& listed, int i, bool there, int& m) {
         const FoundObjects::Entry found = scene.found.entry(listed, i, scene.movables.count);
@@ -209,7 +209,7 @@ struct ObjectPass {
         return shown ? Walk::child_of(found.nearest_inv_z, x0, y0, x1, y1) : Child{0, 0};
     }
 
-    // Note an object of a view if the view may see it: one a lane, in no order.
+    // Record an object if the view may see it: one object per lane, in any order.
     static inline void find(const Camera& world, const Movables& movables, const FoundObjects& found, int m,
                             bool there) {
         const MovedBox box = MovedBox::of(world, movables, m);
@@ -217,7 +217,7 @@ struct ObjectPass {
         const Walk::ScreenBounds p = Walk::ScreenBounds::of(box.rows, box.low, box.high, world.blur, wanted);
         const Walk::ScreenBounds::Pixels in = p.pixels(world.first_u, world.first_v, world.last_x, world.last_y);
         if (!wanted || p.zmin > world.far || !in.some()) return;
-        // Else all that is behind the camera would be.
+        // Without this test, all objects behind the camera would be recorded.
         if (p.crossing && !Walk::reaches_frustum(box.rows, world.first_u, world.first_v, world.last_x + 1.0f,
                                                  world.last_y + 1.0f, box.low, box.high, world.origins.aside()))
             return;
@@ -226,16 +226,16 @@ struct ObjectPass {
                   movables.count);
     }
 
-    // What is drawn next: so many solids, each of them a lane's, or, where `solids` is -1, an object by its triangles,
-    // which is every lane's. 0 for nothing.
+    // The next item to draw: `solids` solids, one per lane, or, if `solids` is -1, one object by its triangles with all
+    // lanes. 0 if nothing is left.
     struct Taken {
         int solids;
-        int at;  // in the queue
+        int at;  // position in the queue
         unsigned visit;
     };
 
-    // Take the nearest objects from the queue: as many solids as there is room for, or, if that comes first, one that
-    // is drawn by its triangles.
+    // Take the nearest objects from the queue: as many solids as fit, or, if it comes first, one object that is drawn
+    // by its triangles.
     static inline Taken take(ObjectQueue& queue, int count) {
         const int lane = Warp::lane();
         Taken mine = {0, 0, 0};
@@ -261,7 +261,7 @@ struct ObjectPass {
         return mine;
     }
 
-    // Each of the first lanes sets up a solid, then all draw one after the other.
+    // Each of the first lanes sets up a solid, then the solids are drawn one after the other.
     static inline void draw_solids(const Movables& movables, Packet& packet, Taken taken, WarpMemory& memory) {
         const int lane = Warp::lane(), m = memory.objects.movable(taken.at);
         bool outside = false;
@@ -271,7 +271,7 @@ struct ObjectPass {
                       memory.solids[lane].set_up(memory.cameras[WarpMemory::WORLD], movables.pose(m),
                                                  __ldg(movables.solid + m), movables.solid_size(m),
                                                  __ldg(movables.first_id + m));
-            if (!outside) {  // it is triangles that are seen, and it is still to be drawn
+            if (!outside) {  // the camera is inside: the triangles are drawn later instead
                 memory.objects.visits[taken.at] = taken.visit;
                 memory.objects.unset_solid(taken.at);
             }

@@ -1,17 +1,16 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// From a packet's pixels to depth, points, normals, labels, segmentation and faces, a row at a time, each written once.
+// Write a packet's pixels to depth, points, normals, labels, segmentation and faces, row by row, each pixel once.
 
-// A lane's pixels of a packet, one after the other: they are in one column.
+// The pixels of a packet that one lane writes: they are in one column.
 struct Column {
-    enum { ROWS = LANES / PACKET_WIDTH };  // that all lanes together take at a time
+    enum { ROWS = LANES / PACKET_WIDTH };  // rows that all lanes write together at a time
     static_assert(LANES % PACKET_WIDTH == 0, "lanes take whole rows");
 
     int column, row;  // in the packet
-    int rows;  // of the packet that are in the image; none if the column is not
-    int step;  // to the next one in the images
-    long long at;  // in the images
+    int rows;  // number of the packet's rows inside the image; 0 if the column is outside
+    int step;  // stride to the next pixel in the images
+    long long at;  // index in the images
 
     static inline Column of(const View& view, const Packet& packet) {
         const int column = Warp::lane() % PACKET_WIDTH, row = Warp::lane() / PACKET_WIDTH;
@@ -27,7 +26,7 @@ struct Column {
 struct Write {
     enum { INFINITY_BITS = 0x7f800000, NAN_BITS = 0x7fc00000 };
 
-    // `z` is a number where something is, that is, where `inv_z` is greater than 0.
+    // `z` is valid only where a surface was hit, that is, where `inv_z` is greater than 0.
     static inline bool seen(const View& view, float inv_z, float z) {
         return inv_z > 0.0f && z >= view.near && z <= view.far;
     }
@@ -44,7 +43,7 @@ struct Write {
         return Vec3{nan, nan, nan};
     }
 
-    // Of a triangle or a solid, in the world, against the direction from which it is seen.
+    // Normal of a triangle or a solid in the world, facing the viewer.
     static inline Vec3 normal(const Scene& scene, const Camera& camera, unsigned id, ExactImagePoint p) {
         const Vec3d ray = {p.u * camera.exact_rays[0].x + p.v * camera.exact_rays[1].x + camera.exact_rays[2].x,
                            p.u * camera.exact_rays[0].y + p.v * camera.exact_rays[1].y + camera.exact_rays[2].y,
@@ -55,7 +54,7 @@ struct Write {
         return Vec3d::times(n, (towards > 0.0 ? -1.0 : 1.0) / sqrt(Vec3d::dot(n, n))).rounded();
     }
 
-    // Of a movable object, in the world, of any length.
+    // Normal of a movable object in the world, not normalized.
     static inline Vec3d moved_normal(const Scene& scene, const Camera& camera, int m, unsigned id, Vec3d ray) {
         const Movables& movables = scene.movables;
         const float* pose = movables.pose(m);
@@ -104,7 +103,7 @@ struct Write {
         }
     }
 
-    // Of a camera, what turns a place in its image into one of the world.
+    // Transform of a camera from image coordinates to the world.
     struct Frame {
         Vec3 right, down, forward;
 
@@ -118,12 +117,12 @@ struct Write {
                         __fmaf_rn(p.u, right.z, __fmaf_rn(p.v, down.z, forward.z))};
         }
     };
-    // Where a pixel is: in the images, and in the packet.
+    // Indices of a pixel in the images and in the packet.
     struct Spot {
         long long at;
         int x, y, index;
     };
-    // What it shows.
+    // Result at a pixel.
     struct Found {
         Key key;
         float z, depth;
@@ -134,7 +133,7 @@ struct Write {
                              const Images& out, const Spot& spot, const Found& found) {
         const bool objects = DepthKey::HAS_ID && (out.segmentation || out.labels), shown = found.shown;
         const unsigned id = DepthKey::id(found.key);
-        // Read before the rest, which takes as long as that.
+        // Loaded before the rest, to hide the latency of the load.
         const int owner = !MOVABLE && objects && shown ? __ldg(scene.bvh.owners + id) : 0;
         if (out.depth) out.depth[spot.at] = found.depth;
         if (out.points) {
@@ -153,7 +152,7 @@ struct Write {
         if (out.labels)
             out.labels[spot.at] = object < 0 ? (unsigned char)LABEL_EMPTY : __ldg(out.object_label + object);
     }
-    // A triangle in its object's own mesh, -1 of a solid.
+    // Index of a triangle in its object's own mesh; -1 for a solid.
     static inline int face(const Scene& scene, const Images& out, unsigned id) {
         const int slot = scene.slot_of(id);
         return slot < 0 ? -1 : __ldg(out.slot_face + slot);
@@ -162,7 +161,7 @@ struct Write {
         return Vec3{__fmaf_rn(z, ray.x, origin.x), __fmaf_rn(z, ray.y, origin.y), __fmaf_rn(z, ray.z, origin.z)};
     }
 
-    // Depth of what is not shown.
+    // Depth of a pixel that shows nothing in range.
     static inline float nothing(const View& view, float inv_z, float depth) {
         const float infinity = __int_as_float(INFINITY_BITS);
         return inv_z > 0.0f && depth < view.near ? -infinity : infinity;

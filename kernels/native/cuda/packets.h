@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// One packet, from its view's pose to its part of the images.
+// Processing of one packet, from its view's pose to its part of the images.
 
-// Of the camera: how much farther than `far` is walked; how far rounding may move a corner, per pixel of its numbers.
+// For the camera: factor by which traversal exceeds `far`; bound on the displacement of a corner by rounding, per pixel
+// of its coordinates.
 constexpr float FARTHER = 1.00001f, BLUR = 6e-8f;
 
 struct Packets {
@@ -23,7 +23,7 @@ struct Packets {
         }
         camera.first_u = (float)(0.5 - view.center[0]);
         camera.first_v = (float)(0.5 - view.center[1]);
-        // What rounding took from these, exact rays make up for.
+        // The exact rays compensate for the rounding of these values.
         const double rest[2] = {0.5 - view.center[0] - camera.first_u, 0.5 - view.center[1] - camera.first_v};
         for (int i = 0; i < 2; ++i)
             camera.exact_rays[2] = Vec3d::minus(camera.exact_rays[2], Vec3d::times(camera.exact_rays[i], -rest[i]));
@@ -40,7 +40,7 @@ struct Packets {
         return camera;
     }
 
-    // Whether the camera is outside the boxes of all closed objects that it sees, and cuts nothing of them away, so
+    // Whether the camera is outside the boxes of all closed objects that it sees, with none cut by the near plane, so
     // that their back faces are hidden behind their front faces.
     static inline bool outside_all(const ClosedObjects& closed, const unsigned char* excluded, const Camera& camera) {
         bool inside = false;
@@ -50,13 +50,13 @@ struct Packets {
         return !Warp::any(inside);
     }
 
-    // A view's packet, drawn and written. Where the view's world does not exist, nothing is seen.
+    // Draw and write a view's packet. If the view's world does not exist, nothing is visible.
     static inline void cast(const Scene& scene, const View& view, const Images& out, int packet_x, int packet_y,
                             WarpMemory& memory) {
         {
             Camera camera = camera_of(view);
             camera.skip_back_faces = outside_all(scene.closed, scene.bvh.excluded, camera);
-            // Where that means all back faces, it need not be looked up whose they are.
+            // If all objects are closed, skip the lookup of owners by culling all back faces.
             camera.cull_back_faces = view.cull_back_faces || (camera.skip_back_faces && scene.bvh.all_closed);
             if (Warp::lane() == 0) memory.cameras[WarpMemory::WORLD] = camera;
         }
@@ -69,12 +69,12 @@ struct Packets {
         Write::images(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
     }
 
-    // Of a camera in shared memory, which sides of triangles it sees.
+    // Set which sides of triangles a camera in shared memory sees.
     static inline void set_sides(const Scene& scene, const View& view, Camera& camera) {
         const bool outside = outside_all(scene.closed, scene.bvh.excluded, camera);
         if (Warp::lane() == 0) {
             camera.skip_back_faces = outside;
-            // Where that means all back faces, it need not be looked up whose they are.
+            // If all objects are closed, skip the lookup of owners by culling all back faces.
             camera.cull_back_faces = view.cull_back_faces || (outside && scene.bvh.all_closed);
         }
         Warp::sync();

@@ -13,9 +13,10 @@ struct Packet {
     PixelMemory* memory;
     int first_x, first_y;  // in the view
     unsigned block_min_inv_z;  // least 1 / z of this lane's block, as bits
-    unsigned stale_blocks;  // blocks where that may be more by now
+    unsigned stale_blocks;  // blocks whose least 1 / z may have increased
 
-    // Where a pixel is. Blocks of one row begin at different banks, so that a row of pixels is read without conflict.
+    // Slot of a pixel. Blocks of one row begin at different banks, so that a row of pixels is read without bank
+    // conflicts.
     static inline int index(unsigned block, unsigned pixel) { return index(block, block % BLOCK_COLUMNS, pixel); }
     static inline int index(unsigned block, unsigned column, unsigned pixel) {
         return block * LANES + ((pixel + column * (LANES / BLOCK_COLUMNS)) & (LANES - 1));
@@ -27,7 +28,7 @@ struct Packet {
         return index(block_of(x, y), x >> BLOCK_WIDTH_BITS,
                      (y & (BLOCK_HEIGHT - 1)) * BLOCK_WIDTH + (x & (BLOCK_WIDTH - 1)));
     }
-    // The place of a slot.
+    // Pixel coordinates of a slot.
     static inline int x_of(unsigned index) { return block_x(index / LANES) + pixel_x(pixel_of(index)); }
     static inline int y_of(unsigned index) { return block_y(index / LANES) + pixel_y(pixel_of(index)); }
     static inline unsigned pixel_of(unsigned index) {
@@ -35,14 +36,14 @@ struct Packet {
     }
     static inline int block_x(unsigned block) { return block % BLOCK_COLUMNS * BLOCK_WIDTH; }
     static inline int block_y(unsigned block) { return block / BLOCK_COLUMNS * BLOCK_HEIGHT; }
-    // A lane's pixel in a block.
+    // Coordinates of a lane's pixel in a block.
     static inline int pixel_x(int lane) { return lane & (BLOCK_WIDTH - 1); }
     static inline int pixel_y(int lane) { return lane >> BLOCK_WIDTH_BITS; }
 
     inline Key* at(int index) const { return memory->z_buffer + index; }
     inline unsigned inv_z_bits(int x, int y) const { return DepthKey::inv_z_bits(*at(index_at(x, y))); }
 
-    // Where the ray of a pixel passes.
+    // Image coordinates of the ray of a pixel.
     inline RayPlace point(const Camera& camera, int x, int y, int index) const {
         return memory->point(camera, first_x + x, first_y + y, index);
     }
@@ -50,12 +51,13 @@ struct Packet {
         return memory->exact(camera, first_x + x, first_y + y, index);
     }
 
-    // Whether the ray of a slot begins behind what a key is of.
+    // Whether the ray of a slot begins behind the surface of a key.
     inline bool begins_behind(Key key, int index) const {
         return memory->is_behind(__uint_as_float(DepthKey::inv_z_bits(key)), index);
     }
 
-    // Nothing seen yet. What lies outside the image counts as very near, so that it hides and never shows.
+    // Clear the z-buffer. Pixels outside the image count as very near, so that they hide everything and are never
+    // shown.
     inline void begin(int columns, int rows) {
         const int lane = Warp::lane();
         if (columns >= PACKET_WIDTH && rows >= PACKET_HEIGHT && (int)BLOCK_PIXELS == (int)LANES) {
@@ -73,7 +75,7 @@ struct Packet {
         Warp::sync();
     }
 
-    // Look again at the blocks that were drawn into.
+    // Recompute the least 1 / z of the blocks that were drawn into.
     inline void refresh() {
         const int lane = Warp::lane();
         for (unsigned left = stale_blocks; left; left = Warp::without_first_lane(left)) {

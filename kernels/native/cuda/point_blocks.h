@@ -1,13 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// What is known of blocks of a packet's points: where they are, in its image.
+// Bounds of the blocks of a packet's points in its image.
 
 struct PointBlocks {
-    // Cells to a pixel of so many, with no point beyond the last one.
+    // Cells per pixel for a side of `pixels` pixels, with no point beyond the last cell.
     static inline float per_side(float pixels) { return (CellGrid::SIDE - 0.01f) / fmaxf(pixels, 0.01f); }
 
-    // A lane sets a block's, or says that there is no point in it.
+    // Each lane sets the bounds of one block, or marks it as empty.
     static inline void set(const Camera& camera, Places& places, int block, const ImageBox& box, bool some) {
         places.bounds[block] = some ? box : ImageBox{NOWHERE, -NOWHERE, NOWHERE, -NOWHERE};
         places.cells[block] = some ? box.cells(camera, 0.0f) : Cells{1, 1, 0, 0};
@@ -17,7 +16,7 @@ struct PointBlocks {
         return Visit::of(0.0f, pixel(box.left - camera.first_u), pixel(box.top - camera.first_v),
                          pixel(box.right - camera.first_u), pixel(box.bottom - camera.first_v));
     }
-    // It ends before it begins.
+    // An empty range: it ends before it begins.
     static inline unsigned none() { return Visit::of(0.0f, PACKET_WIDTH - 1, PACKET_HEIGHT - 1, 0, 0); }
     static inline int pixel(float from_first) {
         return max(min(__float2int_rd(from_first + 0.5f), PACKET_WIDTH - 1), 0);

@@ -1,21 +1,19 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// Packets of points of the image, wherever they are. A packet's points have a rectangle, which is cut into the packet's
-// pixels: by these, nodes and triangles are sorted out, as in other packets. But a slot of the z-buffer is a point, and
-// a block is 32 points that follow each other, of which the bounds are known. A triangle is drawn by all lanes: each
-// looks whether it may cover points of a block, and then draws a point of those that it may.
-//
-// The packet's pixels are so large that the rectangle has 32 of them at most: 2^n to one of the camera's. All numbers
-// are those of the camera, 2^n times as large, which rounds nothing: what is seen of a point does not depend on what
-// else is in its packet.
+// Packets of arbitrary image points. The bounding rectangle of a packet's points is divided into the packet's pixels,
+// by which nodes and triangles are culled as in other packets. But a slot of the z-buffer is a point, and a block is 32
+// consecutive points with known bounds. A triangle is drawn by all lanes: each tests whether the triangle may cover
+// points of one block, and then each draws a point of the blocks that pass.
+// The size of the packet's pixels is 2^n camera pixels, chosen so that the rectangle spans at most 32 of them. All
+// numbers are those of the camera times a power of two, which rounds nothing: the result of a point does not depend on
+// the other points of its packet.
 
 // The points of a view, in the order in which packets take them.
 struct PointList {
     const ImagePoint* at;  // [px], from the image's corner
     int count;
-    const int* order;  // of those that are sorted by where they are; null where they are in rows
-    int columns;  // of each row, of which packets take squares
+    const int* order;  // order of the points sorted by position; null if they are in rows
+    int columns;  // columns of each row; packets take squares of rows and columns
 
     enum {
         COLUMNS = SLOTS >= 1024 ? 32
@@ -25,7 +23,7 @@ struct PointList {
         ACROSS = COLUMNS / BLOCK_WIDTH
     };
 
-    // This lane's point of a block; -1 if there is none.
+    // This lane's point of a block; -1 if it has no point.
     inline int index(int packet, int block) const {
         const int lane = Warp::lane();
         if (order) {
@@ -40,18 +38,18 @@ struct PointList {
     }
 };
 
-// Bounds of some points of an image, of which no coordinate is negative.
+// Bounds of a set of image points without negative coordinates.
 struct PointBounds {
-    unsigned left, right, top, bottom;  // bits of floats, which are in the floats' order
+    unsigned left, right, top, bottom;  // bits of floats, which sort like the floats
 
     static inline PointBounds none() { return PointBounds{~0u, 0, ~0u, 0}; }
     static inline PointBounds of(bool there, ImagePoint at) {
         if (!there) return none();
-        // -0 is 0.
+        // Adding 0 turns -0 into 0.
         const unsigned u = __float_as_uint(at.u + 0.0f), v = __float_as_uint(at.v + 0.0f);
         return PointBounds{u, u, v, v};
     }
-    // Of all lanes' points.
+    // Bounds of all lanes' points.
     inline PointBounds of_all() const {
         return PointBounds{Warp::reduce_min(left), Warp::reduce_max(right), Warp::reduce_min(top),
                            Warp::reduce_max(bottom)};
@@ -64,8 +62,9 @@ struct PointBounds {
 };
 
 struct PointPacket {
-    // How many pixels a point may be from the middle of its own, and a little for rounding; how many of the packet's
-    // pixels a rectangle has at most; how many of these one of the camera's has at most, and all of them.
+    // Greatest distance of a point from the center of its pixel in pixels, with a margin for rounding; the greatest
+    // extent of a rectangle in packet pixels; the greatest number of packet pixels per camera pixel, both for one pixel
+    // and for the image as a whole.
     static inline float spread() { return 0.501f; }
     static inline float most_across() { return min((int)PACKET_WIDTH, (int)PACKET_HEIGHT) - 0.52f; }
     static inline float most_scale(float side) { return fminf(16.0f, (float)(1 << 21) / side); }
@@ -74,7 +73,8 @@ struct PointPacket {
         return at.u >= 0.0f && at.u < (float)view.width && at.v >= 0.0f && at.v < (float)view.height;
     }
 
-    // Have the points' places in the list in shared memory, and this lane's block's bounds. Returns those of all.
+    // Write the points' indices in the list to shared memory and set the bounds of this lane's block. Returns the
+    // bounds of all points.
     static inline PointBounds find(const View& view, const PointList& list, int number, Places& places,
                                    PointBounds& of_block) {
         of_block = PointBounds::none();
@@ -89,16 +89,16 @@ struct PointPacket {
         return of_block.of_all();
     }
 
-    // The camera, with pixels of which a rectangle has no more than a packet: 2^n to one of its own.
+    // The camera with pixels scaled by 2^n, so that a rectangle has no more pixels than a packet.
     static inline Camera camera_of(const View& view, const PointBounds& all, float& scale) {
         View middle = view;
-        middle.center[0] = middle.center[1] = 0.5;  // where u and v are 0, nothing is rounded
+        middle.center[0] = middle.center[1] = 0.5;  // u and v are 0 there, so that nothing is rounded
         Camera camera = Packets::camera_of(middle);
         const float right = (float)fmax(view.center[0], view.width - view.center[0]);
         const float below = (float)fmax(view.center[1], view.height - view.center[1]);
         const float across = fmaxf(fmaxf(all.u1() - all.u0(), all.v1() - all.v0()), 1e-3f);
         const float most = fminf(most_across() / across, most_scale(fmaxf(right, below)));
-        scale = __uint_as_float(__float_as_uint(most) & Write::INFINITY_BITS);  // no more than a power of two
+        scale = __uint_as_float(__float_as_uint(most) & Write::INFINITY_BITS);  // round down to a power of two
         const float per_scale = 1.0f / scale;
         camera.extent = Three::max(camera.extent, right, below) * scale;
         camera.per_extent = 1.0f / camera.extent;
@@ -114,7 +114,7 @@ struct PointPacket {
         return camera;
     }
 
-    // Rows of the camera in double precision, for objects with frames of their own.
+    // Rows of the camera in double precision, for objects in their own frames.
     static inline void set_rows(const View& view, double scale, Camera& camera) {
         for (int i = 0; i < 3; ++i) {
             const double f = i < 2 ? view.focal[i] * scale : 1.0;
@@ -123,7 +123,7 @@ struct PointPacket {
         }
     }
 
-    // Have the camera and the places in shared memory.
+    // Write the camera and the points to shared memory.
     static inline void set(const View& view, const PointBounds& all, const PointBounds& of_block, Camera& camera,
                            Places& places) {
         const int lane = Warp::lane();
@@ -145,7 +145,7 @@ struct PointPacket {
     static inline float u_of(const Places& places, float at, int axis) {
         return (float)(((double)at - places.center[axis]) * places.scale);
     }
-    // Nothing seen yet. A slot without a point counts as very near, so that it hides and never shows.
+    // Clear the z-buffer. A slot without a point counts as very near, so that it hides everything and is never shown.
     static inline void begin(const Camera& camera, Packet& packet) {
         Places& places = *packet.memory;
         const ImagePoint nowhere = {camera.first_u, camera.first_v};
@@ -184,14 +184,14 @@ struct PointPacket {
         }
     }
 
-    // Drawn and written, of a view. Where the view's world does not exist, nothing is seen.
+    // Draw and write a packet of a view. If the view's world does not exist, nothing is visible.
     static inline void cast(const Scene& scene, const View& view, const PointList& list, int number, const Images& out,
                             WarpMemory& memory) {
         Camera& camera = memory.cameras[WarpMemory::WORLD];
         PointBounds of_block;
         const PointBounds all = find(view, list, number, memory.pixels, of_block);
         if (Warp::lane() == 0) memory.pixels.list = list.at;
-        // Where no point is in the image, those of its corner are as good as any.
+        // If no point is inside the image, use the image's corner.
         set(view, all.some() ? all : PointBounds{0, 0, 0, 0}, of_block, camera, memory.pixels);
         Warp::sync();
         Packets::set_sides(scene, view, camera);
