@@ -225,8 +225,8 @@ class BatchRenderer:
             poses: Poses of all objects: anything with the arrays `geom_xpos`, `geom_xmat`, `cam_xpos` and `cam_xmat` of
                 W worlds (MuJoCo Warp's data, MJX's, `mujoco.batch.Batch`, `WorldPoses`); a `mujoco.MjData`, or several;
                 or joint positions, shape ``(W, nq)``, or ``(nq,)`` for one world. `kinematics.from_states` computes
-                poses from states. Static geoms must be where the model places them, or be `movable`: this is checked for
-                arrays in host memory.
+                poses from states. Static geoms must be where the model places them, or be `movable`: this is checked
+                for arrays in host memory.
             cameras: Names or ids of the model's cameras, -1 for the default free camera, or `mujoco.MjvCamera` that are
                 fixed, free, or track a body (the poses must then have `subtree_com`); all of the model's cameras by
                 default.

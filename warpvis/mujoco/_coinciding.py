@@ -320,7 +320,7 @@ def _may_match(
 
 
 def _join_planes(triangles: _Triangles) -> tuple[_Triangles, _Ints]:
-    """Merge an object's triangles that share a plane, with their common box; return planes and the triangles' planes."""
+    """Merge an object's triangles that share a plane, with their common box; return planes and triangles' planes."""
     scale = np.maximum(np.abs(triangles.low), np.abs(triangles.high)).max(axis=1, initial=_FINE)
     digits = np.rint(np.c_[triangles.normal, triangles.offset / scale] / _FINE).astype(np.int64)
     _, first, plane = np.unique(_mixed(*digits.T, triangles.owner), return_index=True, return_inverse=True)

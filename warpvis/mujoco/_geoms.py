@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A MuJoCo model's geoms and sites as parts of a scene: which are drawn, their shapes, labels and poses.
+"""The geoms and sites of a MuJoCo model as parts of a scene: visibility, shapes, labels and poses.
 
-What is called a geom here may be a site: `warpvis.mujoco._shapes` has their numbering.
+In this module, "geom" may also mean a site: `warpvis.mujoco._shapes` defines their numbering.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ DEFAULT_GROUPS = (0, 1, 2)
 """The geom groups that MuJoCo draws by default (`mjv_defaultOption` in src/engine/engine_vis_init.c)."""
 
 INFINITE_PLANE = 10.0
-"""Half size of an infinite plane, in times the distance of the far clipping plane."""
+"""Half size of an infinite plane, as a multiple of the distance of the far clipping plane."""
 
 FIXED = -1
-"""The piece of geoms that stay where they are."""
+"""The piece of static geoms."""
 
 _GROUND_NAMES = ("*floor*", "*ground*")
 _GEOM = mujoco.mjtGeom
@@ -47,25 +47,25 @@ def geom_parts(
     pieces: NDArray[np.int32] | None = None,
     poses: NDArray[np.float64] | None = None,
 ) -> list[tuple[int, Part]]:
-    """Make parts of geoms that have a shape, where they are as the model is at first.
+    """Make parts of the geoms that have a shape, at the model's initial poses.
 
     Args:
         model: The model.
         geoms: Geoms to show.
         names: Every geom's name.
         labels: Every geom's label.
-        tolerance: Most distance between round shapes and their triangles [m].
-        pieces: Every geom's piece, as `rigid_pieces` says, which makes them by default.
-        poses: Geoms to world, as `initial_poses` says, which makes them by default.
+        tolerance: Largest distance between round shapes and their triangles [m].
+        pieces: Every geom's piece; the default is the result of `rigid_pieces`.
+        poses: Geom to world; the default is the result of `initial_poses`.
 
     Returns:
-        Geoms and their parts. Movable are round solids, and geoms of pieces that move: those of one piece are attached
+        Geoms and their parts. Round solids and geoms of moving pieces are movable: the geoms of one piece are attached
         to its first.
     """
     pieces = rigid_pieces(model) if pieces is None else pieces
     poses = initial_poses(model) if poses is None else poses
     bodies = shape_bodies(model)
-    first_of: dict[int, str] = {}  # the part of a piece that has the pose
+    first_of: dict[int, str] = {}  # the part of a piece that carries the pose
     looks = GeomLooks(model)
     parts = []
     for geom, shape in _meshes(model, geoms, tolerance):
@@ -86,7 +86,7 @@ def geom_parts(
 
 
 def shown_geoms(model: mujoco.MjModel, groups: Sequence[int], site_groups: Sequence[int] = ()) -> list[int]:
-    """List the geoms and sites of some groups that have opacity."""
+    """List the geoms and sites of the given groups that are not fully transparent."""
     geoms, count = range(model.ngeom), shape_count(model) if site_groups else 0
     drawn = [(geom, groups) for geom in geoms] + [(site, site_groups) for site in range(model.ngeom, count)]
     return [shape for shape, chosen in drawn if _group(model, shape) in chosen and _is_opaque(model, shape)]
@@ -95,14 +95,14 @@ def shown_geoms(model: mujoco.MjModel, groups: Sequence[int], site_groups: Seque
 def rigid_pieces(
     model: mujoco.MjModel, *, loose_bodies: Iterable[int] = (), alone: Iterable[int] = ()
 ) -> NDArray[np.int32]:
-    """Give a number to what moves together, ``(shapes,)``: geoms of one piece have the same, those that stay `FIXED`.
+    """Assign piece numbers, ``(shapes,)``: geoms that move together share a number; static geoms have `FIXED`.
 
     Args:
         model: The model.
-        loose_bodies: Bodies that are welded to the world and move nevertheless, each a piece.
-        alone: Geoms that move by themselves, whatever their bodies do.
+        loose_bodies: Bodies that are welded to the world but movable, each a piece.
+        alone: Geoms that move independently of their bodies.
     """
-    # A piece has the number of a body, of which body_weldid is 0 for the world's and for mocap bodies.
+    # The number of a piece is that of a body; body_weldid is 0 for the world body and for mocap bodies.
     piece_of_body = np.where(np.asarray(model.body_weldid) > 0, model.body_weldid, np.arange(model.nbody))
     piece_of_body[~movable_bodies(model)] = FIXED
     loose = list(loose_bodies)
@@ -114,7 +114,7 @@ def rigid_pieces(
 
 
 def movable_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Tell which bodies can move, ``(nbody,)``: those not welded to the world, mocap bodies, and what hangs on these.
+    """Return which bodies can move, ``(nbody,)``: those not welded to the world, mocap bodies, and their descendants.
 
     `bodycategory` in src/engine/engine_vis_visualize.c; older MuJoCo counts mocap bodies as welded to the world.
     """
@@ -128,7 +128,7 @@ def check_groups(groups: Iterable[int], name: str = "geom_groups") -> tuple[int,
     """Return the groups as a sorted tuple.
 
     Raises:
-        SceneError: One is not a whole number from 0 to 5.
+        SceneError: If one is not an integer from 0 to 5.
     """
     known = range(mujoco.mjNGROUP)
     given = [groups] if is_whole(groups) else as_items(groups, name, SceneError)
@@ -138,12 +138,12 @@ def check_groups(groups: Iterable[int], name: str = "geom_groups") -> tuple[int,
 
 
 def _group(model: mujoco.MjModel, geom: int) -> int:
-    """Return the group that a geom counts for: MuJoCo clamps it."""
+    """Return a geom's group, clamped as MuJoCo clamps it."""
     return min(max(int(shape_value(model, "group", geom)), 0), mujoco.mjNGROUP - 1)
 
 
 def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh | Solid]]:
-    """Make the shapes of those geoms that have one, in their frames: the same arrays for geoms of the same shape."""
+    """Make the shapes of the geoms that have one, in their frames; geoms of equal shape share arrays."""
     shared: dict[tuple[float, ...], Mesh | Solid | None] = {}
     drawn = []
     for geom in geoms:
@@ -157,7 +157,7 @@ def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> li
 
 
 def shape_key(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
-    """Return what a geom's shape follows from: geoms of equal keys share theirs."""
+    """Return the key of a geom's shape: geoms with equal keys share their shape."""
     kind, data = int(shape_value(model, "type", geom)), shape_data(model, geom)
     if data >= 0:
         return kind, data
@@ -166,12 +166,15 @@ def shape_key(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
 
 
 def _is_opaque(model: mujoco.MjModel, geom: int) -> bool:
-    """Tell whether a geom has opacity: the material's, unless it has a colour (`setMaterial` in visualize.c)."""
+    """Return whether a geom is not fully transparent: its color counts, or by default its material's.
+
+    See `setMaterial` in engine_vis_visualize.c.
+    """
     return has_opacity(model, shape_value(model, "rgba", geom), int(shape_value(model, "matid", geom)))
 
 
 def has_opacity(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> bool:
-    """Tell whether what has a colour and a material, or -1, has opacity."""
+    """Return whether a color with a material (-1 for no material) is not fully transparent."""
     own = material < 0 or rgba.tolist() != [0.5, 0.5, 0.5, 1.0]
     return bool((rgba[3] if own else model.mat_rgba[material][3]) != 0)
 
@@ -182,7 +185,7 @@ def _infinite(model: mujoco.MjModel) -> float:
 
 
 def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | None:
-    """Make a geom's shape in its own frame; None where it has none."""
+    """Make a geom's shape in its frame; None if it has no shape."""
     kind, data = int(shape_value(model, "type", geom)), shape_data(model, geom)
     a, b, c = shape_value(model, "size", geom).tolist()
     if kind == _GEOM.mjGEOM_PLANE:
@@ -202,7 +205,7 @@ def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | 
 
 
 def stored_mesh(model: mujoco.MjModel, kind: int, data: int) -> Mesh | None:
-    """Make a height field, or a mesh, or that of a signed distance field, of the model's data; None for none."""
+    """Make a height field, a mesh, or a signed distance field's mesh from the model's data; None if it has none."""
     if kind == _GEOM.mjGEOM_HFIELD:
         return _height_field(model, data)
     return _compiled_mesh(model, data) if data >= 0 else None
@@ -223,23 +226,23 @@ def _height_field(model: mujoco.MjModel, field: int) -> Mesh:
 
 def default_label(model: mujoco.MjModel, geom: int, name: str) -> Label:
     """Label a geom by its shape and name: ground, or an obstacle."""
-    if geom >= model.ngeom:  # no site is ground, whatever it marks
+    if geom >= model.ngeom:  # sites are never ground
         return Label.OBSTACLE
     flat = int(model.geom_type[geom]) in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD)
     return Label.GROUND if flat or fits(name.lower(), _GROUND_NAMES) else Label.OBSTACLE
 
 
 def fits(name: str, patterns: Iterable[str]) -> bool:
-    """Tell whether a name fits one of the patterns."""
+    """Return whether a name matches one of the patterns."""
     return any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
 
 
 def initial_poses(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> NDArray[np.float64]:
-    """Return geoms and sites to world as the model is at first, matrices of shape ``(shapes, 4, 4)``.
+    """Return the initial poses of geoms and sites, shape to world, matrices of shape ``(shapes, 4, 4)``.
 
     Args:
         model: The model.
-        data: Memory to work with, nobody else's; new by default.
+        data: Scratch memory that is not used elsewhere; new by default.
     """
     data = mujoco.MjData(model) if data is None else data
     mujoco.mj_resetData(model, data)

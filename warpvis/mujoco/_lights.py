@@ -25,19 +25,19 @@ _KINDS: dict[int, LightKind] = {
 _SKYBOX = int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
 
 _WORLD_TO_CUBE = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
-"""How a sky is turned (`settexture` in render_gl3.c)."""
+"""Rotation of the sky's cube map (`settexture` in render_gl3.c)."""
 
 _AMBIENT = (0.3, 0.3, 0.3)
-"""What there is where nothing else gives light (`initLights` in render_gl3.c)."""
+"""Ambient light of a scene without other lights (`initLights` in render_gl3.c)."""
 
 
 def model_lights(model: mujoco.MjModel) -> tuple[Light, ...]:
-    """Return a model's lights that are on, where they are as it is at first; and first its headlight.
+    """Return a model's active lights at its initial state; the headlight comes first.
 
-    Image lights are left out. MuJoCo's own renderer draws no point lights, either.
+    Image lights are omitted. MuJoCo's renderer does not draw point lights, either.
 
     Raises:
-        SceneError: A number of a light is not finite.
+        SceneError: If a number of a light is not finite.
     """
     wanted = [number for number in range(model.nlight) if model.light_active[number]]
     check_light_numbers(model, wanted)
@@ -65,7 +65,7 @@ def model_background(model: mujoco.MjModel) -> Background:
     images = np.asarray(model.tex_data[first : first + size]).reshape(-1, width, width, channels)
     if channels < 3:
         images = np.repeat(images[..., :1], 3, axis=-1)
-    if len(images) == 1:  # it is all sides of the cube
+    if len(images) == 1:  # one image for all sides of the cube
         images = np.repeat(images, 6, axis=0)
     name = model.texture(number).name
     return Background(sky=tuple(Texture(image, name) for image in images[:6]), world_to_cube=_WORLD_TO_CUBE)
@@ -84,7 +84,7 @@ def _headlight(model: mujoco.MjModel) -> Light:
 
 
 def _light(model: mujoco.MjModel, data: mujoco.MjData, number: int, kind: LightKind) -> Light:
-    """Return one light; only spots have an attenuation and a cone (`initLights` in render_gl3.c)."""
+    """Return one light; only spotlights have an attenuation and a cone (`initLights` in render_gl3.c)."""
     spot = kind == "spot"
     attenuation = np.maximum(model.light_attenuation[number], 0)
     direction = data.light_xdir[number]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lines that are some pixels wide, wherever they are: bands that face the camera."""
+"""Lines with a constant width in pixels: bands that face the camera."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)  # the side that the c
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """Who looks at the lines."""
+    """The camera, and its pose, that lines are drawn for."""
 
     camera: AnyCamera
     pose: NDArray[np.float32]
@@ -33,7 +33,7 @@ class Eye:
 
 
 def facing(triangles: NDArray[np.floating], eye: Eye) -> NDArray[np.floating]:
-    """Turn triangles so that the eye sees their front, corners ``(n, 3, 3)``: MuJoCo draws both sides of them."""
+    """Orient triangles so that the camera sees their front, corners ``(n, 3, 3)``: MuJoCo draws both sides of them."""
     a, b, c = np.swapaxes(triangles, 0, 1)
     place = poses_to_matrices(eye.pose.astype(np.float64))
     sight = place[:3, 2] if isinstance(eye.camera, OrthographicCamera) else a - place[:3, 3]
@@ -45,14 +45,14 @@ def bands(ends: _Floats, width: float, eye: Eye) -> Blocks:
     """Make lines of one width.
 
     Args:
-        ends: Where they begin and end in the world [m], shape ``(n, 2, 3)``.
-        width: How wide they are [px].
-        eye: From where they are so wide.
+        ends: Start and end points in the world [m], shape ``(n, 2, 3)``.
+        width: Width [px].
+        eye: The camera in whose image the lines have this width.
     """
     place = poses_to_matrices(eye.pose.astype(np.float64))
     forward, position = place[:3, 2], place[:3, 3]
     depth = (ends - position) @ forward
-    # What is behind the near plane is not seen, and would be a band turned inside out.
+    # Parts behind the near plane are not visible and would be bands turned inside out.
     other = depth[:, ::-1]
     crosses = (depth < eye.camera.near) & (other > eye.camera.near)
     cut = np.where(crosses, (eye.camera.near - depth) / np.where(crosses, other - depth, 1.0), 0.0)
@@ -72,7 +72,7 @@ def bands(ends: _Floats, width: float, eye: Eye) -> Blocks:
 
 
 def _pixels(ends: _Floats, depth: _Floats, width: float, eye: Eye, place: _Floats) -> _Floats:
-    """Return how wide lines are in an image [px], ``(n,)``: OpenGL's are whole pixels along a row or a column."""
+    """Return the widths of lines in an image [px], ``(n,)``: OpenGL measures whole pixels along a row or a column."""
     inside = (ends - place[:3, 3]) @ place[:3, :2]
     if not isinstance(eye.camera, OrthographicCamera):
         inside = inside / np.maximum(depth, eye.camera.near)[..., None]
@@ -83,11 +83,11 @@ def _pixels(ends: _Floats, depth: _Floats, width: float, eye: Eye, place: _Float
 
 
 def line_ends(sizes: _Floats, position: _Floats, rotation: _Floats) -> _Floats:
-    """Return both ends of lines that begin somewhere and go along z as far as the third size says."""
+    """Return both ends of lines that start at a position and extend along z by the third size."""
     return np.stack([position, position + rotation[:, :, 2] * sizes[:, 2:]], axis=1)
 
 
 def box_edges(sizes: _Floats, position: _Floats, rotation: _Floats) -> _Floats:
-    """Return both ends of all edges of boxes of some half sizes, shape ``(12 n, 2, 3)``."""
+    """Return both ends of all edges of boxes with the given half sizes, shape ``(12 n, 2, 3)``."""
     corners = (_CORNERS * sizes[:, None]) @ np.swapaxes(rotation, 1, 2) + position[:, None]
     return corners[:, _EDGES].reshape(-1, 2, 3)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files of models, MJCF and URDF, as the parts of a scene."""
+"""Read model files, MJCF and URDF, as the parts of a scene."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ _XACRO = "{http://www.ros.org/wiki/xacro}"
 def read_model(
     path: str | os.PathLike[str], *, search_path: Sequence[str | os.PathLike[str]] = (), strict: bool = False
 ) -> FileParts:
-    """Read the geoms of a model's file, MJCF or URDF, where they are at the model's initial state.
+    """Read the geoms of a model file, MJCF or URDF, at the model's initial state.
 
-    Of MJCF, geoms of the groups 0 to 2 show, as in MuJoCo's viewer. Of URDF, the visual elements do; the collision
-    elements only if the file has no other; their meshes are read as `Scene.load` reads mesh files, in the file's own
-    frame and in the unit that it says. Names and labels are those of `scene_from_mujoco`, but that what a URDF
-    file holds is `Label.ROBOT` where it is not ground. Patterns may mean a geom by its body's name, too. Parts of
-    bodies that are not welded to the world are movable, those of one body together.
+    From MJCF, geoms of groups 0 to 2 are shown, as in MuJoCo's viewer. From URDF, the visual elements are shown, or the
+    collision elements if the file has no visual ones; their meshes are read as `Scene.load` reads mesh files, in the
+    mesh file's frame and unit. Names and labels are those of `scene_from_mujoco`, except that objects of a URDF file
+    are `Label.ROBOT` unless they are ground. Patterns may also match a geom by its body's name. Parts of bodies that
+    are not welded to the world are movable; those of one body move together.
 
     Args:
-        path: The file. Its root says which it is: ``<mujoco>`` or ``<robot>``.
-        search_path: Folders to look in for what is not where the file says: includes, meshes, height fields and
-            textures of MJCF; packages (``package://NAME/...``) and meshes of URDF. Packages are found above the file,
-            too.
-        strict: Whether what cannot be shown is an error: meshes of URDF without a file; flexes and skins.
+        path: The file. Its root element determines the format: ``<mujoco>`` or ``<robot>``.
+        search_path: Folders to search for files that are not where the model refers to them: includes, meshes, height
+            fields and textures of MJCF; packages (``package://NAME/...``) and meshes of URDF. Packages are also
+            searched in the folders above the file.
+        strict: Whether content that cannot be shown is an error: meshes of URDF without a file; flexes and skins.
 
     Raises:
-        FileFormatError: The file is neither, MuJoCo does not compile it, or something cannot be shown and `strict` is
+        FileFormatError: If the file is neither, MuJoCo cannot compile it, or something cannot be shown and `strict` is
             set.
     """
     path, strict = as_path(path), check_flag(strict, "strict", FileFormatError)
@@ -57,7 +57,7 @@ def read_model(
     root = _parse(path)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # MuJoCo's are of how things would move
+            warnings.simplefilter("ignore")  # MuJoCo's warnings concern dynamics
             model, groups, looks, left_out, warned = _compile(path, root, folders, strict=strict)
     except ValueError as error:
         if isinstance(error, FileFormatError):
@@ -82,13 +82,13 @@ def _parts(model: mujoco.MjModel, groups: Sequence[int], looks: Mapping[int, Loo
         labels = [Label.ROBOT if label == Label.OBSTACLE else label for label in labels]
     moves = movable_bodies(model)[model.geom_bodyid]
     parts = geom_parts(model, shown_geoms(model, groups), names, labels)
-    # Round shapes that stay are triangles here; the scene of a MujocoScene has them move so that they are exact.
+    # Static round shapes are triangles here; the scene of a MujocoScene makes them movable so that they are exact.
     parts = [(geom, replace(part, movable=bool(moves[geom]))) for geom, part in parts]
     return [replace(part, appearance=_lit_look(looks[geom], part)) if geom in looks else part for geom, part in parts]
 
 
 def _lit_look(look: Look, part: Part) -> Look:
-    """Return a look of a part's mesh with the normals that the part has."""
+    """Return an appearance of a part's mesh with the part's normals."""
 
     def make() -> Appearance | None:
         found, lit = look.get(), part.appearance
@@ -102,7 +102,7 @@ def _parse(path: Path) -> ElementTree.Element:
     """Parse the root of an XML file that is MJCF or URDF.
 
     Raises:
-        FileFormatError: It is neither.
+        FileFormatError: If it is neither.
     """
     try:
         root = ElementTree.parse(path).getroot()
@@ -145,7 +145,7 @@ def _compile_mjcf(path: Path, root: ElementTree.Element, search_path: Sequence[P
 def _all_elements(
     path: Path, root: ElementTree.Element, search_path: Sequence[Path], include: dict[str, bytes]
 ) -> Iterator[ElementTree.Element]:
-    """Yield the elements of a file and of those that it includes; files that are elsewhere are put into `include`."""
+    """Yield the elements of a file and of its includes; add files found on the search path to `include`."""
     pending, seen = [root], set()
     while pending:
         for element in pending.pop().iter():
@@ -162,7 +162,7 @@ def _all_elements(
 
 
 def _require_assets(path: Path, root: ElementTree.Element, search_path: Sequence[Path]) -> None:
-    """Raise a `FileFormatError` if a file of a model holds something else than a mesh, a height field or an image."""
+    """Raise a `FileFormatError` if an asset file of a model is not a mesh, a height field or an image."""
     folders = _folders(root)
     for element in _all_elements(path, root, search_path, {}):
         for key, name in element.items():
@@ -182,12 +182,12 @@ def _parse_part(path: Path) -> ElementTree.Element:
 
 
 def _folders(root: ElementTree.Element) -> list[str]:
-    """Say where the model says that its assets are."""
+    """Return the asset folders that the model specifies."""
     return ["", *(item.get(name, "") for item in root.iter("compiler") for name in _FOLDERS if item.get(name))]
 
 
 def _find(path: Path, name: str, search_path: Sequence[Path], folders: Sequence[str] = ("",)) -> Path | None:
-    """Find a file on the search path; None if it is where the model says, or nowhere."""
+    """Find a file on the search path; None if it is where the model refers to it, or not found."""
     if any(is_file(path.parent / folder / name) for folder in folders):
         return None
     tails = [*(Path(folder) / name for folder in folders), Path(Path(name).name)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Normals of MuJoCo's shapes that light goes by: of each corner of their triangles, as its renderer has them."""
+"""Shading normals of MuJoCo's shapes, for each corner of their triangles, as in its renderer."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _ROUND = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID, _GEOM.mjGEOM_CAPSULE, _GE
 
 
 def has_normals(kind: int) -> bool:
-    """Whether shapes of a `mujoco.mjtGeom` are smoother than their triangles."""
+    """Return whether shapes of a `mujoco.mjtGeom` have smooth normals that differ from those of their triangles."""
     return kind in _MESHES or kind in _ROUND
 
 
 def stored_normals(model: mujoco.MjModel, mesh: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Copy a mesh's normals, shape ``(n, 3)``, and which of them the corners of its faces have, ``(m, 3)``."""
+    """Copy a mesh's normals, shape ``(n, 3)``, and their indices at the corners of its faces, ``(m, 3)``."""
     first, start = int(model.mesh_normaladr[mesh]), int(model.mesh_faceadr[mesh])
     rows = model.mesh_normal[first : first + int(model.mesh_normalnum[mesh])]
     return rows.copy(), model.mesh_facenormal[start : start + int(model.mesh_facenum[mesh])].copy()
@@ -28,12 +28,12 @@ def stored_normals(model: mujoco.MjModel, mesh: int) -> tuple[NDArray[np.float32
 def corner_normals(
     stored: tuple[NDArray[np.float32], NDArray[np.int32]], vertices: NDArray[np.floating], faces: NDArray[np.int32]
 ) -> NDArray[np.float32]:
-    """Return normals of the corners of a mesh's faces, shape ``(m, 3, 3)``; where one is 0, that of the face."""
+    """Return normals of the corners of a mesh's faces, shape ``(m, 3, 3)``; the face normal where one is 0."""
     rows, index = stored
     normals, corners = rows[index].astype(np.float64), vertices[faces].astype(np.float64)
     none = ~(np.linalg.norm(normals, axis=-1) > 0)
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flat[~(np.linalg.norm(flat, axis=-1) > 0)] = 0, 0, 1  # of a face without an area, which nobody sees
+    flat[~(np.linalg.norm(flat, axis=-1) > 0)] = 0, 0, 1  # faces without an area, which are not visible
     normals[none] = np.repeat(flat[:, None], 3, axis=1)[none]
     return normals.astype(np.float32)
 
@@ -41,7 +41,7 @@ def corner_normals(
 def round_normals(
     kind: int, size: NDArray[np.float64], vertices: NDArray[np.floating], faces: NDArray[np.int32]
 ) -> NDArray[np.float32]:
-    """Return normals of the corners of the triangles of a round shape in its own frame, shape ``(m, 3, 3)``."""
+    """Return normals at the triangle corners of a round shape in its frame, shape ``(m, 3, 3)``."""
     corners = vertices[faces].astype(np.float64)
     if kind == _GEOM.mjGEOM_ELLIPSOID:
         return (corners / size**2).astype(np.float32)

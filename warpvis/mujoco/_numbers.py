@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that numbers of a model are finite: the compiler rejects others, but programs may write them later."""
+"""Checks that numbers of a model are finite: the compiler rejects others, but programs may set them later."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from warpvis.errors import SceneError, WarpvisError
 
-# What shapes, their visibility and their appearance follow from.
+# Fields that determine shapes, their visibility and their appearance.
 _SHAPE_FIELDS = (
     "geom_size",
     "geom_rgba",
@@ -55,12 +55,12 @@ _NOUNS = {
 
 
 def check_shape_numbers(model: mujoco.MjModel) -> None:
-    """Raise a `SceneError` if a number is not finite that shapes, their visibility or their appearance follow from."""
+    """Raise a `SceneError` if a number that determines shapes, visibility or appearance is not finite."""
     _check(model, _SHAPE_FIELDS, SceneError)
 
 
 def check_light_numbers(model: mujoco.MjModel, lights: Iterable[int]) -> None:
-    """Raise a `SceneError` if a number of some lights, or of the headlight, is not finite."""
+    """Raise a `SceneError` if a number of the given lights, or of the headlight, is not finite."""
     _check(model, _LIGHT_FIELDS, SceneError, list(lights))
     for name in _HEADLIGHT_FIELDS:
         value = getattr(model.vis.headlight, name)
@@ -69,7 +69,7 @@ def check_light_numbers(model: mujoco.MjModel, lights: Iterable[int]) -> None:
 
 
 def check_camera_numbers(model: mujoco.MjModel, camera: int, error: type[WarpvisError]) -> None:
-    """Raise an error if a number of a camera is not finite that its intrinsics follow from."""
+    """Raise an error if a number that determines a camera's intrinsics is not finite."""
     _check(model, _CAMERA_FIELDS, error, [camera])
 
 

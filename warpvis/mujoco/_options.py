@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What of a `mujoco.MjvOption` counts here."""
+"""Evaluation of the supported settings of a `mujoco.MjvOption`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _STATIC = int(mujoco.mjtVisFlag.mjVIS_STATIC)
 _HULLS = int(mujoco.mjtVisFlag.mjVIS_CONVEXHULL)
 
 
-# Flags of which nothing follows but how geoms, sites, skins, flexes and tendons look, or what other flags draw.
+# Flags that only change the appearance of geoms, sites, skins, flexes and tendons, or what other flags draw.
 _ADD_NOTHING = (
     "CONVEXHULL",
     "TEXTURE",
@@ -41,15 +41,15 @@ _ADDING = [
 
 
 def asks_for_more(option: mujoco.MjvOption) -> bool:
-    """Tell whether options ask for what MuJoCo draws beside what it draws by default."""
+    """Return whether options enable visual elements that MuJoCo does not draw by default."""
     return option.frame != mujoco.mjtFrame.mjFRAME_NONE or bool(option.flags[_ADDING].any())
 
 
 def shown_by(option: mujoco.MjvOption | None) -> tuple[tuple[int, ...], bool, tuple[int, ...]]:
-    """Return groups of geoms that options show, whether those show whose body is welded to the world, groups of sites.
+    """Return the shown groups of geoms, whether geoms welded to the world are shown, and the shown groups of sites.
 
     Raises:
-        SceneError: They are none, or ask for convex hulls.
+        SceneError: If `option` is not a `mujoco.MjvOption`, or enables convex hulls.
     """
     if option is None:
         return DEFAULT_GROUPS, True, DEFAULT_GROUPS

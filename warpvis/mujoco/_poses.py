@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where geoms and cameras are, in one world or in many: from MuJoCo's data, arrays, or joint positions."""
+"""Poses of geoms and cameras in one world or many: from MuJoCo's data, arrays, or joint positions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from warpvis.mujoco._world_models import WorldModels
 
 FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 
-# mjData's fields as MuJoCo, MJX and MuJoCo Warp all call them, and what one geom or camera has there.
+# Fields of mjData, named alike in MuJoCo, MJX and MuJoCo Warp, and the type of one geom's or camera's entry.
 _FIELDS = {
     "geom_xpos": wp.vec3,
     "geom_xmat": wp.mat33,
@@ -40,7 +40,7 @@ _FIELDS = {
 
 
 class PoseSource(Protocol):
-    """What poses are read from: a `mujoco.MjData`, or the arrays of W worlds that MuJoCo Warp, MJX and others have."""
+    """A source of poses: a `mujoco.MjData`, or the arrays of W worlds of MuJoCo Warp, MJX and others."""
 
     @property
     def geom_xpos(self) -> ArrayInput:
@@ -53,7 +53,7 @@ class PoseSource(Protocol):
 
 @dataclass
 class WorldPoses:
-    """Poses of all geoms and cameras of a model in W worlds, in world frames; arrays of the host or of a GPU."""
+    """Poses of all geoms and cameras of a model in W worlds, in world frames; arrays on the host or on a GPU."""
 
     geom_xpos: ArrayInput
     """Positions of the geoms [m], shape ``(W, ngeom, 3)``."""
@@ -62,9 +62,9 @@ class WorldPoses:
     cam_xpos: ArrayInput | None = None
     """Positions of the cameras [m], shape ``(W, ncam, 3)``."""
     cam_xmat: ArrayInput | None = None
-    """Their rotations, shape ``(W, ncam, 3, 3)`` or ``(W, ncam, 9)``: they look along -z with y up."""
+    """Their rotations, shape ``(W, ncam, 3, 3)`` or ``(W, ncam, 9)``: cameras look along -z with y up."""
     subtree_com: ArrayInput | None = None
-    """Centres of mass of bodies with all that hangs on them [m], shape ``(W, nbody, 3)``, which cameras may track."""
+    """Centers of mass of bodies with their subtrees [m], shape ``(W, nbody, 3)``, which cameras may track."""
     site_xpos: ArrayInput | None = None
     """Positions of the sites [m], shape ``(W, nsite, 3)``, which scenes may show."""
     site_xmat: ArrayInput | None = None
@@ -72,10 +72,10 @@ class WorldPoses:
 
     @classmethod
     def of(cls, worlds: Sequence[mujoco.MjData]) -> WorldPoses:
-        """Copy the poses that several `mujoco.MjData` have now.
+        """Copy the current poses of several `mujoco.MjData`.
 
         Raises:
-            ArrayError: There are none, they are no `mujoco.MjData` of one model, or poses of one were never computed.
+            ArrayError: If `worlds` is empty, is not `mujoco.MjData` of one model, or its poses were never computed.
         """
         worlds = as_items(worlds, "worlds")
         if not worlds or not all(isinstance(data, mujoco.MjData) for data in worlds):
@@ -90,7 +90,7 @@ class WorldPoses:
 
 
 def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
-    """Give the poses of a scene's movable objects, as `Renderer.render` takes them for `object_poses`.
+    """Return the poses of a scene's movable objects, in the form of the `object_poses` of `Renderer.render`.
 
     Movable objects that were added to the scene come last, at the poses that they were added with.
 
@@ -98,14 +98,14 @@ def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
         source: A `mujoco.MjData` after `mj_forward` or `mj_kinematics`; or anything with the arrays `geom_xpos` and
             `geom_xmat` of W worlds (`WorldPoses`, `mujoco.batch.Batch`, the data of MJX and of MuJoCo Warp). If the
             scene shows sites, `site_xpos` and `site_xmat` too.
-        scene: What `scene_from_mujoco` made.
+        scene: The result of `scene_from_mujoco`.
 
     Returns:
         Rows ``x y z qx qy qz qw``, geom to world, shape ``(M, 7)`` for a `mujoco.MjData`, else ``(W, M, 7)``.
 
     Raises:
-        ArrayError: The arrays are not those of the scene's model, or poses of a world were never computed (arrays on a
-            GPU are not checked for that).
+        ArrayError: If the arrays are not those of the scene's model, or poses of a world were never computed (arrays on
+            a GPU are not checked for that).
     """
     if not hasattr(scene, "movable_geoms"):
         raise ArrayError(f"scene must be what scene_from_mujoco made, got {type(scene).__name__}")
@@ -115,7 +115,7 @@ def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
 
 
 def camera_poses(source: PoseSource, model: mujoco.MjModel, cameras: Sequence[int]) -> NDArray[np.float32]:
-    """Give the poses of some of a model's cameras, as `Renderer.render` takes them.
+    """Return the poses of the given cameras of a model, in the form that `Renderer.render` accepts.
 
     Args:
         source: As for `geom_poses`, with `cam_xpos` and `cam_xmat`: a `mujoco.MjData` after `mj_forward` or
@@ -128,8 +128,8 @@ def camera_poses(source: PoseSource, model: mujoco.MjModel, cameras: Sequence[in
         else ``(cameras, W, 7)``.
 
     Raises:
-        ArrayError: The arrays are not those of the model, or poses of a world were never computed (arrays on a GPU are
-            not checked for that).
+        ArrayError: If the arrays are not those of the model, or poses of a world were never computed (arrays on a GPU
+            are not checked for that).
     """
     if not isinstance(model, mujoco.MjModel):
         raise ArrayError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
@@ -149,14 +149,14 @@ def object_transforms(
     geoms: tuple[wp.array, wp.array] | None = None,
     out: wp.array | None = None,
 ) -> wp.array:
-    """Make what `geom_poses` gives, for some worlds or all.
+    """Compute the poses of `geom_poses` on the scene's device, for the given worlds or all.
 
     Args:
         source: As for `geom_poses`.
-        scene: What `scene_from_mujoco` made.
+        scene: The result of `scene_from_mujoco`.
         worlds: Indices of the worlds, int32 on the scene's device; all by default.
-        geoms: The scene's `movable_geoms` and `movable_sites` on its device, by a caller who keeps them there.
-        out: What `object_places` made, to write into.
+        geoms: The scene's `movable_geoms` and `movable_sites` on its device, if the caller caches them there.
+        out: An array made by `object_places` to write into.
 
     Returns:
         Geom to world, shape ``(W, M)`` `wp.transform` on the scene's device.
@@ -188,9 +188,9 @@ def movable_ids(scene: MujocoScene) -> tuple[wp.array, wp.array]:
 
 
 def object_places(scene: MujocoScene, worlds: int) -> wp.array:
-    """Allocate poses of all that moves in some worlds, shape ``(worlds, M)`` `wp.transform` on the scene's device.
+    """Allocate poses of all movable objects in the given worlds, shape ``(worlds, M)`` `wp.transform` on the device.
 
-    Everything is where it was added, so that only the geoms' columns, the first ones, have to be written.
+    The poses are those that objects were added with: only the geoms' columns, the first ones, have to be written.
     """
     objects = scene.scene.objects
     rows = np.array([objects[index].pose for index in scene.scene.movable], dtype=np.float32).reshape(-1, 7)
@@ -207,7 +207,7 @@ def camera_transforms(
     device: wp.Device,
     out: wp.array | None = None,
 ) -> wp.array:
-    """Make what `camera_poses` gives, for some worlds or all, shape ``(cameras, W)`` `wp.transform` on `device`."""
+    """Compute the poses of `camera_poses` for the given worlds or all, ``(cameras, W)`` `wp.transform` on `device`."""
     from warpvis.kernels import mujoco as kernels
 
     position, rotation = read_frames(source, "cam", model.ncam, device)
@@ -232,10 +232,10 @@ def world_count(source: PoseSource, field: str = "geom_xpos") -> int:
 
 
 class Kinematics:
-    """Poses from joint positions or states, by MuJoCo on several threads."""
+    """Computes poses from joint positions or states with MuJoCo on several threads."""
 
     def __init__(self, model: mujoco.MjModel, *, threads: int | None = None) -> None:
-        """Prepare.
+        """Prepare to compute poses.
 
         Args:
             model: A `mujoco.MjModel`.
@@ -258,15 +258,15 @@ class Kinematics:
         """Compute poses of W worlds.
 
         Args:
-            qpos: Joint positions, shape ``(W, nq)``, or ``(nq,)`` of one world.
-            mocap_pos: Positions of mocap bodies [m], shape ``(W, nmocap, 3)``; the model's own by default.
-            mocap_quat: Their rotations ``w x y z``, shape ``(W, nmocap, 4)``; the model's own by default.
-            model: What of the model differs between worlds: a mapping of `body_pos`, `body_quat`, `geom_pos`,
-                `geom_quat`, `cam_pos` and `cam_quat` and arrays of shape ``(W, ...)`` or ``(1, ...)``, or what has them
-                as attributes.
+            qpos: Joint positions, shape ``(W, nq)``, or ``(nq,)`` for one world.
+            mocap_pos: Positions of mocap bodies [m], shape ``(W, nmocap, 3)``; the model's by default.
+            mocap_quat: Their rotations ``w x y z``, shape ``(W, nmocap, 4)``; the model's by default.
+            model: Model fields that differ between worlds: a mapping of `body_pos`, `body_quat`, `geom_pos`,
+                `geom_quat`, `cam_pos` and `cam_quat` to arrays of shape ``(W, ...)`` or ``(1, ...)``, or an object with
+                these attributes.
 
         Raises:
-            ArrayError: A shape is wrong, or a number is not finite.
+            ArrayError: If a shape is wrong, or a number is not finite.
         """
         array = as_numpy(qpos, name="qpos")
         rows = _check_rows(array[None] if array.ndim == 1 else array, (self._model.nq,), "qpos")
@@ -290,12 +290,13 @@ class Kinematics:
         """Compute poses of W worlds.
 
         Args:
-            states: Rows as `mj_getState` makes them, such as those of `mujoco.rollout`, shape ``(W, n)``, or
-                ``(rollouts, steps, n)`` where W counts all steps of the first rollout, then of the second.
-            spec: What a row holds, of `mujoco.mjtState`; `mujoco.rollout` takes mjSTATE_FULLPHYSICS, the default.
+            states: Rows as returned by `mj_getState`, such as those of `mujoco.rollout`, shape ``(W, n)``, or
+                ``(rollouts, steps, n)``, in which case the worlds are all steps of the first rollout, then the second.
+            spec: Contents of a row, of `mujoco.mjtState`; the default, mjSTATE_FULLPHYSICS, is that of
+                `mujoco.rollout`.
 
         Raises:
-            ArrayError: The shape is wrong, or a number is not finite.
+            ArrayError: If the shape is wrong, or a number is not finite.
         """
         known = isinstance(spec, mujoco.mjtState) or is_whole(spec)
         if not known or not 0 < int(spec) < 1 << int(mujoco.mjtState.mjNSTATE):
@@ -320,7 +321,7 @@ class Kinematics:
             shapes |= {"site_xpos": (model.nsite, 3), "site_xmat": (model.nsite, 9)}
         arrays = {name: np.empty((count, *shape), dtype=np.float32) for name, shape in shapes.items()}
         parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
-        # A model that is changed from world to world is a thread's own.
+        # Every thread has its own copy of a model that changes from world to world.
         models = [_changeable(model, changes) if changes else model for _ in parts]
         spare = [mujoco.MjData(own) if changes else self._take() for own in models]
 
@@ -334,7 +335,7 @@ class Kinematics:
                 for field, values in changed:
                     field[:] = values[world % len(values)]
                 mujoco.mj_kinematics(own, data)
-                mujoco.mj_comPos(own, data)  # cameras may look at a centre of mass
+                mujoco.mj_comPos(own, data)  # cameras may look at a center of mass
                 mujoco.mj_camlight(own, data)
                 for out, field in fields:
                     out[world] = field
@@ -351,15 +352,15 @@ class Kinematics:
             return mujoco.MjData(self._model)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process makes the same of."""
+        """Return the state for pickling, without scratch data."""
         return {"_model": self._model, "_threads": self._threads, "_spare": []}
 
 
 def _changeable(model: mujoco.MjModel, changes: Collection[str]) -> mujoco.MjModel:
-    """Copy a model, for other values of some fields."""
+    """Copy a model so that the given fields can be changed."""
     own = copy.copy(model)
     if "geom_pos" in changes or "geom_quat" in changes:
-        # The compiler has noted which geoms are where their body is, and MuJoCo does not look at their poses then.
+        # MuJoCo skips the poses of geoms that the compiler marked as having their body's frame.
         own.geom_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     return own
 
@@ -373,15 +374,15 @@ def viewer_transforms(
     tracking: bool,
     out: wp.array,
 ) -> None:
-    """Write poses of a viewer's cameras, which are -1 among the ids.
+    """Write poses of a viewer's cameras, whose ids are -1.
 
     Args:
         source: As for `geom_poses`, with `subtree_com` if a camera tracks a body.
         model: The `mujoco.MjModel`.
-        cameras: Ids, tracked bodies and poses, as `viewer_arrays` makes them.
+        cameras: Ids, tracked bodies and poses, as returned by `viewer_arrays`.
         worlds: Indices of the worlds, int32 on the device.
         tracking: Whether a camera tracks a body.
-        out: Where to write, shape ``(cameras, W)`` `wp.transform`; rows of other cameras are left.
+        out: Output, shape ``(cameras, W)`` `wp.transform`; rows of other cameras are not changed.
     """
     from warpvis.kernels import mujoco as kernels
 
@@ -391,7 +392,7 @@ def viewer_transforms(
 
 
 def check_computed(source: PoseSource, kinds: Iterable[str], worlds: NDArray[np.int32] | None = None) -> None:
-    """Check that poses were computed and are finite: MuJoCo's data begins, and begins again when reset, with zeros.
+    """Check that poses were computed and are finite: MuJoCo's data is zero initially and after a reset.
 
     Args:
         source: As for `geom_poses`; arrays on a GPU are not read.
@@ -399,26 +400,26 @@ def check_computed(source: PoseSource, kinds: Iterable[str], worlds: NDArray[np.
         worlds: Indices of the worlds to check; all by default.
 
     Raises:
-        ArrayError: Rotations of a world are zeros, or a number is not finite.
+        ArrayError: If the rotations of a world are zero, or a number is not finite.
     """
     for name in (f"{kind}_{part}" for kind in kinds for part in ("xmat", "xpos")):
         value: Any = getattr(source, name, None)
         if isinstance(source, mujoco.MjData):
-            # The common answer first: this is called for every image. Squares are rarely too large.
+            # Test the common case first: this is called for every image. Squares rarely overflow.
             flat = value.ravel()
             if not len(flat) or (math.isfinite(flat @ flat) and (flat[0] or flat.any())):
                 continue
             _check_rows_of(source, name, value[None], np.zeros(1, dtype=np.int64))
         elif value is not None and not on_gpu(value):
             rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
-            if rows.ndim > 2 and rows.size and rows.dtype.kind in "fiu":  # others are refused where they are read
+            if rows.ndim > 2 and rows.size and rows.dtype.kind in "fiu":  # other arrays are rejected by their readers
                 _check_rows_of(
                     source, name, rows, np.arange(len(rows)) if worlds is None else worlds[worlds < len(rows)]
                 )
 
 
 def _check_rows_of(source: PoseSource, name: str, rows: NDArray[Any], worlds: NDArray[np.integer]) -> None:
-    """Raise an `ArrayError` if rotations of some worlds are zeros, or numbers of theirs are not finite."""
+    """Raise an `ArrayError` if rotations of the given worlds are zero, or their numbers are not finite."""
     if name.endswith("xmat"):
         zeros = worlds[~rows[worlds, 0].reshape(len(worlds), -1).any(axis=1)]
         if len(zeros):
@@ -441,7 +442,7 @@ def read_frames(source: PoseSource, kind: str, count: int, device: wp.Device) ->
     """Read positions and rotations of all geoms ("geom"), sites ("site") or cameras ("cam"), shape ``(W, count)``.
 
     Raises:
-        ArrayError: The source does not have them, or not of so many.
+        ArrayError: If the source does not have them, or their number is wrong.
     """
     names = f"{kind}_xpos", f"{kind}_xmat"
     position, rotation = (_read(source, name, count, device) for name in names)
@@ -462,7 +463,7 @@ def _get(source: PoseSource, name: str) -> ArrayInput:
 
 
 def _read(source: PoseSource, name: str, count: int, device: wp.Device) -> wp.array:
-    """Read a field of all worlds on a device, shape ``(W, count)``, without a copy where memory can be shared."""
+    """Read a field of all worlds on a device, shape ``(W, count)``, without a copy if memory can be shared."""
     value, dtype = _get(source, name), _FIELDS[name]
     if not isinstance(value, wp.array):
         if isinstance(source, mujoco.MjData):

@@ -27,7 +27,7 @@ from warpvis.scene.geometry import make_mesh
 _GEOM = mujoco.mjtGeom
 _ROUND = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_ELLIPSOID, _GEOM.mjGEOM_CYLINDER)
 _MESHES = (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_HFIELD)
-# Type and data of geoms that share a mesh.
+# Type and data id of geoms that share a mesh.
 _MeshKey: TypeAlias = tuple[int, int]
 _RANGEFINDER = int(mujoco.mjtSensor.mjSENS_RANGEFINDER)
 _OF_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
@@ -37,9 +37,9 @@ _REAL, _POSITIVE = (int(getattr(mujoco.mjtDataType, f"mjDATATYPE_{name}")) for n
 _FIELD_SIZES = (1, 3, 3, 3, 3, 1)
 # Corners of two triangles that face up.
 _SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float64)
-# Bounding balls are larger than geoms by this factor, which covers the rounding of their radii.
+# Bounding spheres are larger than geoms by this factor, which covers the rounding of their radii.
 _SLACK = 1.001
-# Fields of the model that rays follow from, besides the model's structure.
+# Model fields that determine rays, in addition to the model's structure.
 _RAY_FIELDS = ("sensor_cutoff", "cam_fovy", "cam_intrinsic", "cam_sensorsize")
 
 
@@ -48,16 +48,16 @@ class _Mesh(NamedTuple):
 
     tree: wp.Mesh
     bound: float
-    """Radius of a ball about the origin that it is in [m]."""
+    """Radius of a bounding sphere about the origin [m]."""
 
 
 class Rangefinders:
     """A model's rangefinder sensors: distances along rays of sites and cameras, for one world or thousands at once.
 
-    Readings are what `mj_sensorPos` writes into `mjData.sensordata`, to single precision: `mj_ray` along z of a site,
-    or through every pixel of a camera, past the geoms of the sensor's own body and those without opacity, and then
-    the sensor's cutoff. Delays and intervals of sensors are not looked at: readings are of the poses that are given.
-    Through a perspective camera MuJoCo passes some geoms that `mj_ray` meets (`mj_multiRay`); those are met here.
+    Readings equal the values that `mj_sensorPos` writes into `mjData.sensordata`, to single precision: `mj_ray` along z
+    of a site, or through every pixel of a camera, ignoring the geoms of the sensor's body and fully transparent ones,
+    and then the sensor's cutoff. Delays and intervals of sensors are ignored: readings are of the given poses. For a
+    perspective camera MuJoCo misses some geoms that `mj_ray` hits (`mj_multiRay`); they are hit here.
     """
 
     def __init__(self, model: mujoco.MjModel, *, threads: int | None = None, device: DeviceLike = "cpu") -> None:
@@ -69,11 +69,11 @@ class Rangefinders:
         Args:
             model: A `mujoco.MjModel` with rangefinder sensors.
             threads: CPU threads to use; all cores of this process by default.
-            device: Where rays are cast.
+            device: Where to cast rays.
 
         Raises:
-            SceneError: It has none, a signed distance field that a ray may meet (MuJoCo marches through those), or
-                numbers that are not finite.
+            SceneError: If the model has none, has a signed distance field that a ray may hit (MuJoCo uses ray marching
+                for those), or has numbers that are not finite.
         """
         if not isinstance(model, mujoco.MjModel):
             raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
@@ -82,10 +82,10 @@ class Rangefinders:
             raise SceneError(f"model must have rangefinder sensors, and none of its {model.nsensor} sensors is one")
         self.model = model
         self.sensors: NDArray[np.int32] = np.repeat(found, model.sensor_dim[found]).astype(np.int32)
-        """Which sensor every number of a reading is of, shape ``(N,)``."""
+        """The sensor of every number of a reading, shape ``(N,)``."""
         numbers = [np.arange(model.sensor_dim[sensor]) + model.sensor_adr[sensor] for sensor in found]
         self.addresses: NDArray[np.int32] = np.concatenate(numbers).astype(np.int32)
-        """Where MuJoCo writes the numbers: a reading is ``data.sensordata[addresses]``, shape ``(N,)``."""
+        """Indices into MuJoCo's sensor data: a reading is ``data.sensordata[addresses]``, shape ``(N,)``."""
         self.device = get_device(device)
         self._threads = check_threads(threads)
         self._kinematics = Kinematics(model, threads=threads)
@@ -104,7 +104,7 @@ class Rangefinders:
             setattr(self._ray_struct, name, wp.array(values, dtype=dtype, device=self.device))
 
     def _read_geoms(self, meshes: Mapping[_MeshKey, _Mesh | None] = MappingProxyType({})) -> None:
-        """Copy the model's shapes to the device; meshes that are given are not built again."""
+        """Copy the model's shapes to the device; the given meshes are not rebuilt."""
         check_shape_numbers(self.model)
         _refuse_distance_fields(self.model, self._rays["body"])
         self._geom_watch = ModelWatch(self.model, range(self.model.ngeom))
@@ -112,7 +112,7 @@ class Rangefinders:
         self._geom_struct = _ray_geoms(self.model, self.device, self._meshes)
 
     def _follow_model(self) -> None:
-        """Read again what has changed in the model."""
+        """Read changed fields of the model again."""
         if any(watched.changed() for watched in self._ray_watch):
             self._read_rays()
         if self._geom_watch.changed():
@@ -129,18 +129,18 @@ class Rangefinders:
 
         Args:
             poses: A `mujoco.MjData` after `mj_forward` or `mj_kinematics`; several; arrays of W worlds as for
-                `geom_poses`, with `site_xpos` and `site_xmat` (of cameras, `cam_xpos` and `cam_xmat`); or joint
-                positions, shape ``(nq,)`` or ``(W, nq)``, which MuJoCo makes poses of on the CPU.
+                `geom_poses`, with `site_xpos` and `site_xmat` (for cameras, `cam_xpos` and `cam_xmat`); or joint
+                positions, shape ``(nq,)`` or ``(W, nq)``, from which MuJoCo computes poses on the CPU.
             out: An array to write into, of the same shape.
 
         Returns:
-            What `mj_sensorPos` writes, float32 on the device: distances [m], -1 where a ray meets nothing, and whatever
-            else a sensor's `data` asks for. Shape ``(N,)`` for one `mujoco.MjData` or one row of joint positions, else
-            ``(W, N)``; one number a sensor, unless `sensors` says otherwise.
+            The values that `mj_sensorPos` writes, float32 on the device: distances [m], -1 where a ray hits nothing,
+            and other fields that a sensor's `data` selects. Shape ``(N,)`` for one `mujoco.MjData` or one row of joint
+            positions, else ``(W, N)``; one number per sensor, except where `sensors` repeats a sensor.
 
         Raises:
-            ArrayError: The poses are not of the model or were never computed, or `out` does not fit.
-            SceneError: The model now has numbers that are not finite, or a signed distance field that a ray may meet.
+            ArrayError: If the poses are not of the model or were never computed, or `out` does not fit.
+            SceneError: If the model now has numbers that are not finite, or a signed distance field that a ray may hit.
         """
         from warpvis.kernels.rangefinders import read_rangefinders
 
@@ -170,7 +170,7 @@ class Rangefinders:
         return out
 
     def _read_poses(self, poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput) -> tuple[PoseSource, bool]:
-        """Return a source of poses, and whether they are of one world that has no axis."""
+        """Return a source of poses, and whether it is a single world without a world axis."""
         if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
             return WorldPoses.of(poses), False
         if hasattr(poses, "geom_xpos"):
@@ -182,7 +182,7 @@ class Rangefinders:
         return self._kinematics.from_qpos(joints), joints.ndim == 1
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process makes the same of."""
+        """Return the state for pickling, without device data."""
         made = {"_ray_struct", "_ray_watch", "_rays", "_geom_struct", "_geom_watch", "_meshes"}
         return {name: value for name, value in self.__dict__.items() if name not in made} | {"device": str(self.device)}
 
@@ -194,7 +194,7 @@ class Rangefinders:
 
 
 def _sensor_rays(model: mujoco.MjModel, sensors: NDArray[np.integer]) -> dict[str, NDArray]:
-    """List the rays of some sensors, as `warpvis.kernels.rangefinders.SensorRays` has them."""
+    """List the rays of the given sensors as fields of `warpvis.kernels.rangefinders.SensorRays`."""
     parts, column = [], 0
     for sensor in sensors.tolist():
         frame, fields = int(model.sensor_objid[sensor]), int(model.sensor_intprm[sensor][0])
@@ -222,7 +222,7 @@ def _sensor_rays(model: mujoco.MjModel, sensors: NDArray[np.integer]) -> dict[st
 
 
 def _pixel_rays(model: mujoco.MjModel, camera: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where rays through a camera's pixels begin in its frame, row by row from the top, and unit directions.
+    """Return origins and unit directions of rays through a camera's pixels in its frame, row by row from the top.
 
     `mju_camIntrinsics` in src/engine/engine_support.c and `mju_camPixelRay` in engine_util_misc.c.
     """
@@ -230,7 +230,7 @@ def _pixel_rays(model: mujoco.MjModel, camera: int) -> tuple[NDArray[np.float64]
     fovy, sensor = float(model.cam_fovy[camera]), model.cam_sensorsize[camera].astype(np.float64)
     right, up = np.meshgrid(np.arange(width) + 0.5, height - 0.5 - np.arange(height))
     zero, size = np.zeros(width * height), np.array([width, height], dtype=np.float64)
-    # Metres of an orthographic image; of others, pixels of focal length.
+    # In meters for an orthographic image; otherwise in pixels, relative to the focal length.
     if int(model.cam_projection[camera]) == int(mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC):
         # Both half sides are fovy / 2, whatever the image's aspect.
         places = np.stack([right.ravel() / width - 0.5, up.ravel() / height - 0.5, zero], axis=-1) * [fovy, fovy, 1]
@@ -245,7 +245,7 @@ def _pixel_rays(model: mujoco.MjModel, camera: int) -> tuple[NDArray[np.float64]
 
 
 def _is_met(model: mujoco.MjModel, geom: int) -> bool:
-    """Tell whether rays meet a geom: its material's opacity counts, or without one its own (`ray_eliminate`)."""
+    """Return whether rays hit a geom: the opacity of its material, or else its own, must not be 0 (`ray_eliminate`)."""
     material = int(model.geom_matid[geom])
     rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
     return bool(rgba[3] != 0)
@@ -261,11 +261,11 @@ def _refuse_distance_fields(model: mujoco.MjModel, bodies: NDArray[np.int32]) ->
 
 
 def _ray_geoms(model: mujoco.MjModel, device: wp.Device, meshes: dict[_MeshKey, _Mesh | None]) -> Any:
-    """Return the geoms that rays meet as `warpvis.kernels.rangefinders.RayGeoms`, and add the meshes that it names."""
+    """Return geoms that rays can hit as `warpvis.kernels.rangefinders.RayGeoms`; add their meshes to `meshes`."""
     from warpvis.kernels.rangefinders import RayGeoms
 
     chosen, sizes, trees, bounds = list[int](), list[list[float]](), list[int](), list[float]()
-    # Trees last: rays go no farther in them than to what they have met.
+    # Trees last: their traversal stops at the nearest hit so far.
     for geom in sorted(range(model.ngeom), key=lambda geom: int(model.geom_type[geom]) in _MESHES):
         kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
         if not _is_met(model, geom) or kind == _GEOM.mjGEOM_SDF:
@@ -298,7 +298,7 @@ def _ray_geoms(model: mujoco.MjModel, device: wp.Device, meshes: dict[_MeshKey, 
 
 
 def _size_of(kind: int, a: float, b: float, c: float) -> list[float]:
-    """Return a geom's size as the kernel has it: of round shapes, radii and a half length in radii."""
+    """Return a geom's size in the kernel's format: for round shapes, radii and a half length in radii."""
     if kind in _ROUND:
         radii = [a, b, c] if kind == _GEOM.mjGEOM_ELLIPSOID else [a, a, a]
         return [*radii, b / a if kind in (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER) else 0.0]
@@ -306,7 +306,7 @@ def _size_of(kind: int, a: float, b: float, c: float) -> list[float]:
 
 
 def _bound_of(kind: int, a: float, b: float, c: float) -> float:
-    """Return the radius of a ball about the center that a geom of this size is in [m]; 0 for planes and meshes.
+    """Return the radius of a geom's bounding sphere about its center [m]; 0 for planes and meshes.
 
     `geom_rbound` is not read: MuJoCo does not update it when `geom_size` changes, and `mj_ray` does not use it.
     """
@@ -318,13 +318,13 @@ def _bound_of(kind: int, a: float, b: float, c: float) -> float:
 
 
 def _make_mesh(model: mujoco.MjModel, kind: int, data: int, device: wp.Device) -> _Mesh | None:
-    """Build the tree of a mesh or a height field, each triangle with corners of its own; None without triangles."""
+    """Build the tree of a mesh or a height field, without sharing corners between triangles; None without triangles."""
     shape = stored_mesh(model, kind, data)
     if shape is None:
         return None
     corners = shape[0][shape[1]].reshape(-1, 3)
     if kind == _GEOM.mjGEOM_HFIELD:
-        # Its base is a box: from within the hills above it, a ray meets the top of that.
+        # The base is a box: a ray from inside the hills above it hits its top.
         corners = np.concatenate([corners, _SQUARE * np.r_[model.hfield_size[data][:2], 0.0]])
     if not np.isfinite(corners).all():
         names = {int(_GEOM.mjGEOM_HFIELD): "heights of hfield"}
