@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a camera at a pose sees, and which points and objects of the world are visible from it.
+"""Render depth images and compute which points and objects are visible from camera poses, by ray casting.
 
 >>> import trimesh, warpvis as wv
 >>> scene = wv.Scene()
@@ -17,13 +17,13 @@ import lazy_loader
 
 __version__ = "0.1.0"
 
-# Each public name is imported from where it lives when it is first used: `import warpvis` stays quick, and so does the
-# command line. `__init__.pyi` beside this file is the table of them.
+# Public names are imported lazily at first use, which keeps `import warpvis` and the command line fast. The names are
+# listed in `__init__.pyi` in this folder.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ += ["__version__"]
 
-# In a checkout, `kernels/` and `scenes/` stand beside this folder; installed, they are inside it. This lets a checkout
-# that shadows an installation (`python -m pytest` in its root) find its own.
+# In a checkout, `kernels/` and `scenes/` are siblings of this folder; in an installation, they are inside it. This lets
+# a checkout that shadows an installation (`python -m pytest` in its root) find its copies.
 _root = Path(__file__).resolve().parent.parent
 if (_root / "pyproject.toml").is_file() and (_root / "kernels").is_dir():
     __path__.append(str(_root))

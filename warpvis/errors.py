@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Define the exceptions of warpvis, and its warning. Messages say in a sentence what was given and what is wanted."""
+"""Define the exceptions and the warning of warpvis. A message states what was given and what is expected."""
 
 
 class WarpvisError(ValueError):
-    """Base of every error that warpvis raises for bad input."""
+    """Base class of all errors that warpvis raises for invalid input."""
 
 
 class ArrayError(WarpvisError):
@@ -12,7 +12,7 @@ class ArrayError(WarpvisError):
 
 
 class CameraError(WarpvisError):
-    """Intrinsics, image size or depth range do not make a camera."""
+    """Intrinsics, image size or depth range do not define a valid camera."""
 
 
 class PoseError(WarpvisError):
@@ -20,16 +20,16 @@ class PoseError(WarpvisError):
 
 
 class SceneError(WarpvisError):
-    """Geometry, names, labels or indices do not make a scene."""
+    """Geometry, names, labels or indices do not define a valid scene."""
 
 
 class FileFormatError(WarpvisError):
-    """A file is missing, does not parse, or cannot hold what is asked of it."""
+    """A file is missing, cannot be parsed, or its format cannot store the requested content."""
 
 
 class MessageError(WarpvisError):
-    """A message of ROS does not hold what its definition says, or there is nothing to make one with."""
+    """A ROS message does not match its definition, or the ROS message classes are not available."""
 
 
 class IntrinsicsWarning(UserWarning):
-    """Intrinsics make a camera, though one that is rarely meant."""
+    """Intrinsics define a valid camera, but are probably a mistake."""

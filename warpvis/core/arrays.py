@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Check arrays: anything with ``__dlpack__`` or ``__array__`` goes in, `wp.array` comes out."""
+"""Check arrays and convert anything with ``__dlpack__`` or ``__array__`` to `wp.array`."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, WarpvisError
 
 Shape = tuple[int | str, ...]
-"""An expected shape: numbers are required, names stand for any size and are used in messages."""
+"""An expected shape: integers must match; names match any size and appear in error messages."""
 
 FARTHEST = 1e18
-"""Coordinates are at most this [m]: their squares must stay finite in single precision."""
+"""Largest absolute coordinate [m]: its square must stay finite in single precision."""
 
 _CACHE_LINE = 64
 
-_SMALL = 1 << 16  # bytes that are cleared faster than NumPy says where its own are
+_SMALL = 1 << 16  # arrays of fewer bytes: clearing them is faster than querying the address of a NumPy array
 
 _KINDS = {wp.float32: "fiu", wp.int32: "iu", wp.uint8: "iu"}
 
 
 def get_device(device: DeviceLike) -> wp.Device:
-    """Return the Warp device of that name.
+    """Return the Warp device with this name.
 
     Raises:
-        ArrayError: The machine has no such device.
+        ArrayError: If the machine has no such device.
     """
     init_warp()
     try:
@@ -51,13 +51,13 @@ def as_warp(value: ArrayInput | None, dtype: type, shape: Shape, *, name: str, d
 
     Args:
         value: Any array: Warp's, NumPy's, a PyTorch or JAX tensor, nested lists.
-        dtype: Warp dtype of the elements; the components of a vector dtype are the last axis of other arrays.
+        dtype: Warp dtype of the elements. In other arrays, the components of a vector dtype are the last axis.
         shape: Expected shape of the elements.
-        name: What messages call it.
-        device: Where it has to be. Arrays of the host are copied there; arrays of another device are refused.
+        name: Name of the argument in error messages.
+        device: Required device. Host arrays are copied to it; arrays on another device raise an error.
 
     Raises:
-        ArrayError: Shape, dtype or device differ from what is wanted.
+        ArrayError: If the shape, dtype or device does not match.
     """
     if value is None:
         raise ArrayError(f"{name} must be an array of shape {format_shape(shape, dtype)}, got None")
@@ -76,7 +76,7 @@ def as_warp(value: ArrayInput | None, dtype: type, shape: Shape, *, name: str, d
     target = wp.dtype_to_numpy(scalar)
     if host.dtype.kind in "iu" and host.size and not _fits(host, target):
         raise ArrayError(f"{name} must fit {scalar.__name__}, got values from {host.min()} to {host.max()}")
-    # NumPy calls any stride of an axis of length 1 contiguous, Warp does not: flattening settles it.
+    # NumPy treats any stride of an axis of length 1 as contiguous, Warp does not: flattening normalizes the strides.
     host = np.ascontiguousarray(host, dtype=target).reshape(-1).reshape(host.shape)
     if device.is_cpu and host.ndim:
         return share(host, host.shape[: len(shape)], dtype)
@@ -84,7 +84,7 @@ def as_warp(value: ArrayInput | None, dtype: type, shape: Shape, *, name: str, d
 
 
 def count_axes(value: ArrayInput, dtype: type) -> int:
-    """Count the axes of an array's elements; -1 if it is none. Components of a vector are an axis of no other array."""
+    """Return the number of axes of the elements, or -1 for a ragged sequence; vector components are not counted."""
     if isinstance(value, wp.array) and value.dtype is dtype:
         return value.ndim
     try:
@@ -95,10 +95,10 @@ def count_axes(value: ArrayInput, dtype: type) -> int:
 
 
 def as_points(points: ArrayInput, name: str, count: str, device: wp.Device) -> wp.array:
-    """Return points as vec3 on a device, and check that those of the host are finite.
+    """Convert points to a vec3 array on a device, and check that points in host memory are finite.
 
     Raises:
-        ArrayError: They are not what they have to be.
+        ArrayError: If `points` has the wrong shape, dtype or device, or a point is not finite.
     """
     places = as_warp(points, wp.vec3, (count,), name=name, device=device)
     if not on_gpu(points):
@@ -114,12 +114,12 @@ def as_numpy(value: ArrayInput, *, name: str) -> np.ndarray:
     """Return `value` as a NumPy array that shares its memory where possible.
 
     Raises:
-        ArrayError: It is not an array of numbers.
+        ArrayError: If `value` is not an array of numbers.
     """
     try:
         host = np.from_dlpack(value) if hasattr(value, "__dlpack__") and not isinstance(value, np.ndarray) else value
         host = np.asarray(host)
-    except Exception as error:  # foreign libraries raise what they like
+    except Exception as error:  # third-party arrays may raise any exception
         raise ArrayError(f"{name} must be an array of numbers: {error}") from None
     if host.dtype.kind not in "fiub":
         raise ArrayError(f"{name} must be an array of numbers, got dtype {host.dtype}")
@@ -134,7 +134,7 @@ def check_shape(got: tuple[int, ...], wanted: Shape, *, name: str) -> None:
 
 
 def empty(shape: tuple[int, ...], dtype: type, *, name: str, device: wp.Device) -> wp.array:
-    """Allocate an array; if there is no memory, say how much there would have to be."""
+    """Allocate an array; if memory is insufficient, raise an error that states the required size."""
     try:
         return aligned_empty(shape, dtype) if device.is_cpu else wp.empty(shape, dtype=dtype, device=device)
     except (MemoryError, RuntimeError, ValueError) as error:
@@ -146,17 +146,17 @@ def empty(shape: tuple[int, ...], dtype: type, *, name: str, device: wp.Device) 
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: type, *, allocate: Callable[..., np.ndarray] = np.empty) -> wp.array:
-    """Allocate CPU memory that begins at a cache line. NumPy asks the system for large pages where it is large.
+    """Allocate CPU memory aligned to a cache line. For large arrays, NumPy requests huge pages from the system.
 
     Args:
         shape: The array's shape.
-        dtype: What it is of.
-        allocate: Makes large memory, `np.empty` or `np.zeros`; what is small is zero anyway.
+        dtype: The array's Warp dtype.
+        allocate: Allocator of large arrays, `np.empty` or `np.zeros`; small arrays are always zero-initialized.
     """
     pattern, size = _pattern(shape, dtype)
     memory: Any
     if size < _SMALL:
-        # To ask NumPy where its memory is takes longer than many an image.
+        # Querying the address of a NumPy array takes longer than rendering a small image.
         memory = (ctypes.c_char * (size + _CACHE_LINE))()
         address = ctypes.addressof(memory)
     else:
@@ -166,14 +166,14 @@ def aligned_empty(shape: tuple[int, ...], dtype: type, *, allocate: Callable[...
 
 
 def share(host: np.ndarray, shape: tuple[int, ...], dtype: type) -> wp.array:
-    """View a contiguous array of NumPy, of as many numbers and of the same kind, as an array of Warp's on the CPU."""
+    """View a contiguous NumPy array with matching dtype and number of elements as a Warp array on the CPU."""
     return _array_at(host.ctypes.data, _pattern(shape, dtype)[0], shape, dtype, host)
 
 
 def _array_at(
     address: int, pattern: dict[str, Any] | None, shape: tuple[int, ...], dtype: type, owner: object
 ) -> wp.array:
-    """Make an array of memory that belongs to its owner."""
+    """Create an array from memory that `owner` owns."""
     if pattern is None:
         array = wp.array(ptr=address, dtype=dtype, shape=shape, device="cpu")
     else:
@@ -186,10 +186,10 @@ def _array_at(
 
 @lru_cache(maxsize=256)
 def _pattern(shape: tuple[int, ...], dtype: type) -> tuple[dict[str, Any] | None, int]:
-    """Return what is the same in all of Warp's arrays of a shape on the CPU but for `ptr`, and the bytes of one.
+    """Return the attributes, apart from `ptr`, that all CPU Warp arrays of a shape share, and their size in bytes.
 
-    To copy that takes a third of the time in which Warp makes an array, which is longer than many an image takes. None
-    for a version of Warp whose arrays differ by more.
+    Copying them takes a third of the time of the `wp.array` constructor, which takes longer than rendering a small
+    image. The attributes are None if the arrays of this Warp version differ in anything but `ptr`.
     """
     device = wp.get_device("cpu")
     one, other = (wp.array(ptr=address, dtype=dtype, shape=shape, device=device) for address in (64, 128))
@@ -199,21 +199,21 @@ def _pattern(shape: tuple[int, ...], dtype: type) -> tuple[dict[str, Any] | None
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype: type) -> wp.array:
-    """Allocate the same, all zero. What nobody writes to takes no memory."""
+    """Allocate a zero-initialized array with `aligned_empty`. Pages that are never written use no memory."""
     return aligned_empty(shape, dtype, allocate=np.zeros)
 
 
 def take_rows(array: wp.array, rows: slice | NDArray[np.integer]) -> wp.array:
-    """Return some rows of an array: of a slice, the same memory; of those at some places, a copy."""
+    """Return rows of an array: a view for a slice, a copy for indices."""
     if isinstance(rows, slice):
         return array[rows]
-    if array.device.is_cpu:  # row by row, where Warp copies number by number
+    if array.device.is_cpu:  # copies row by row; Warp would copy element by element
         return wp.array(array.numpy()[rows], dtype=array.dtype, device=array.device)
     return array[wp.array(rows, dtype=wp.int32, device=array.device)].contiguous()
 
 
 def put_rows(array: wp.array, rows: NDArray[np.integer], made: wp.array) -> None:
-    """Write rows into an array, at some places."""
+    """Write `made` to the rows of an array at the given indices."""
     if array.device.is_cpu:
         array.numpy()[rows] = made.numpy()
     else:
@@ -221,10 +221,10 @@ def put_rows(array: wp.array, rows: NDArray[np.integer], made: wp.array) -> None
 
 
 def check_out(out: wp.array, dtype: type, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:
-    """Return `out` itself if kernels can write to it.
+    """Check that kernels can write to `out`, and return it.
 
     Raises:
-        ArrayError: It is not a Warp array of this dtype, shape and device.
+        ArrayError: If `out` is not a Warp array with this dtype, shape and device.
     """
     if not isinstance(out, wp.array):
         raise ArrayError(f"{name} must be a wp.array to be written to, got {type(out).__name__}")
@@ -235,7 +235,7 @@ def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError
     """Return one point as float64, shape ``(3,)``.
 
     Raises:
-        WarpvisError: It is none; of the class `error`.
+        WarpvisError: If `value` is not three finite numbers; raised as the class `error`.
     """
     point = as_numpy(value, name=name).astype(np.float64)
     if point.shape != (3,) or not np.isfinite(point).all():
@@ -252,11 +252,11 @@ def check_metres(
     infinite: bool = False,
     error: type[WarpvisError] = ArrayError,
 ) -> float:
-    """Return `value` as a number of metres.
+    """Check a length in meters, and return it as a float.
 
     Raises:
-        WarpvisError: It is not a number, or it is negative, zero or infinite where that is not allowed; of the class
-            `error`.
+        WarpvisError: If `value` is not a number, or is negative, zero or infinite where that is not allowed; raised as
+            the class `error`.
     """
     if (
         not is_number(value)
@@ -269,7 +269,7 @@ def check_metres(
 
 
 def format_shape(shape: Shape, dtype: type | None = None) -> str:
-    """Write a shape as messages show it, with the components of a vector dtype."""
+    """Format a shape for error messages, including the components of a vector dtype."""
     sizes = (*shape, *getattr(dtype, "_shape_", ()))
     return "(" + ", ".join(str(size) for size in sizes) + ("," if len(sizes) == 1 else "") + ")"
 
@@ -298,9 +298,9 @@ def _fits(host: np.ndarray, target: np.dtype) -> bool:
 
 
 def surely_finite(numbers: np.ndarray) -> bool:
-    """Tell whether all numbers of a contiguous float array are known to be finite, from their sum of squares.
+    """Return whether all numbers of a contiguous float array are provably finite, from their sum of squares.
 
-    That takes a tenth of the time of looking at each. False says nothing: squares of large numbers overflow.
+    This takes a tenth of the time of testing each number. False is inconclusive: squares of large numbers overflow.
     """
     flat = numbers.reshape(-1)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -308,7 +308,7 @@ def surely_finite(numbers: np.ndarray) -> bool:
 
 
 def on_gpu(value: object) -> bool:
-    """Tell whether an array of whatever library lies on a GPU."""
+    """Return whether an array of any library is in GPU memory."""
     if isinstance(value, wp.array):
         return not value.device.is_cpu
     return hasattr(value, "__cuda_array_interface__") or (

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Describe pinhole cameras: intrinsics, image size and depth range."""
+"""Define pinhole cameras: intrinsics, image size and depth range."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
 
 
 _FIRST_PIXELS = 1.5
-"""A normalized principal point, and half a pixel where another convention of pixels' centres was read [px]."""
+"""Bound on a normalized principal point, plus half a pixel for a different pixel-center convention [px]."""
 
 _MOST_TANGENT = 20
-"""Tangent of the angle that an image sees to one side of its axis: 87 degrees."""
+"""Largest tangent of the field of view to one side of the optical axis: 87 degrees."""
 
 _SAME_PIXELS = 0.01
-"""Intrinsics of one camera differ by less where they were rounded on their way [px]."""
+"""Intrinsics that differ by less belong to the same camera: the difference is rounding [px]."""
 
 
 @dataclass(frozen=True)
 class Camera(CameraMakers):
     """An ideal pinhole camera with OpenCV axes: x right, y down, z forward.
 
-    Pixel ``(x, y)`` covers the square from ``(x, y)`` to ``(x + 1, y + 1)``; its ray goes through the centre at +0.5.
-    Depth is planar: the z coordinate in the camera frame, in metres.
+    Pixel ``(x, y)`` covers the square from ``(x, y)`` to ``(x + 1, y + 1)``; its ray passes through the center at +0.5.
+    Depth is planar: the z coordinate in the camera frame, in meters.
     """
 
     width: int
@@ -56,9 +56,9 @@ class Camera(CameraMakers):
     cy: float
     """Principal point from the image's top edge [px]."""
     near: float = 0.0
-    """Least depth the camera measures [m]; what is nearer reads -inf and still occludes."""
+    """Minimum depth [m]; nearer surfaces read -inf and still occlude."""
     far: float = math.inf
-    """Greatest depth the camera measures [m]; what is farther reads +inf."""
+    """Maximum depth [m]; farther surfaces read +inf."""
 
     def __post_init__(self) -> None:
         check_numbers(self, "focal lengths must be positive")
@@ -77,20 +77,20 @@ class Camera(CameraMakers):
         far: float = math.inf,
         vertical: Literal["square", "linear"] = "square",
     ) -> Camera:
-        """Make a camera with its principal point in the image's centre.
+        """Create a camera whose principal point is the image center.
 
         Args:
             width: Image width [px].
             height: Image height [px].
             hfov: Horizontal field of view [rad]. Give this or `vfov`.
             vfov: Vertical field of view [rad].
-            near: Least depth [m].
-            far: Greatest depth [m].
-            vertical: ``"square"`` pixels have one focal length, ``tan(ay/2) = tan(ax/2) Iv/Iu``; ``"linear"`` takes
-                the paper's ``ay = ax Iv/Iu`` in equation (4), and needs `hfov`.
+            near: Minimum depth [m].
+            far: Maximum depth [m].
+            vertical: ``"square"`` pixels have a single focal length, ``tan(ay/2) = tan(ax/2) Iv/Iu``; ``"linear"`` uses
+                ``ay = ax Iv/Iu``, equation (4) of the paper, and requires `hfov`.
 
         Raises:
-            CameraError: The field of view is missing, given twice, or outside (0, pi).
+            CameraError: If the field of view is missing, given twice, or outside (0, pi).
         """
         if (hfov is None) == (vfov is None):
             raise CameraError("give either hfov or vfov, in radians")
@@ -111,16 +111,16 @@ class Camera(CameraMakers):
     def from_mujoco(
         cls, model: mujoco.MjModel, camera: int | str = -1, width: int | None = None, height: int | None = None
     ) -> Camera:
-        """Make a camera of a MuJoCo model's; see `warpvis.mujoco.camera_from_mujoco`.
+        """Create a camera from one of a MuJoCo model; see `warpvis.mujoco.camera_from_mujoco`.
 
         Args:
             model: A `mujoco.MjModel`.
             camera: Name or id; -1 for the free camera.
-            width: Image width [px]; the camera's own resolution by default.
-            height: Image height [px]; likewise.
+            width: Image width [px]; by default the resolution of the MuJoCo camera.
+            height: Image height [px]; by default the resolution of the MuJoCo camera.
 
         Raises:
-            CameraError: The model has no such camera, or it is no pinhole.
+            CameraError: If the model has no such camera, or the camera is not a pinhole.
         """
         from warpvis.mujoco import camera_from_mujoco
 
@@ -143,19 +143,19 @@ class Camera(CameraMakers):
         near: float = 0.0,
         far: float = math.inf,
     ) -> Camera:
-        """Make a camera from an intrinsic matrix.
+        """Create a camera from an intrinsic matrix.
 
         Args:
             K: Intrinsics ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` [px], shape ``(3, 3)``.
             width: Image width [px].
             height: Image height [px].
-            pixel_center: Coordinate of a pixel's centre in the convention `K` comes from: 0.5 where ``cx = width / 2``
-                is the middle (MuJoCo, COLMAP, nerfstudio, Open3D), 0.0 for OpenCV, ROS and BOP.
-            near: Least depth [m].
-            far: Greatest depth [m].
+            pixel_center: Coordinate of a pixel's center in the convention of `K`: 0.5 if ``cx = width / 2`` is the
+                middle (MuJoCo, COLMAP, nerfstudio, Open3D), 0.0 for OpenCV, ROS and BOP.
+            near: Minimum depth [m].
+            far: Maximum depth [m].
 
         Raises:
-            CameraError: `K` has another shape, skew, a last row other than 0 0 1, or is divided by the image's size.
+            CameraError: If `K` has another shape, skew, a last row other than 0 0 1, or is divided by the image size.
         """
         return cls(width, height, *check_matrix(K, pixel_center), near, far)
 
@@ -163,22 +163,23 @@ class Camera(CameraMakers):
     def from_camera_info(
         cls, message: Message, *, rectified: bool = True, near: float = 0.0, far: float = math.inf
     ) -> Camera:
-        """Make a camera of a ``sensor_msgs/CameraInfo``, of ROS 2, rosbags or ROS 1.
+        """Create a camera from a ``sensor_msgs/CameraInfo`` of ROS 2, rosbags or ROS 1.
 
-        Binning and region of interest change size and intrinsics as `image_geometry` has it. The message's pixels have
-        their centres at whole numbers. Where a second stereo camera stands beside its frame, a warning says so.
+        Binning and region of interest change size and intrinsics as in `image_geometry`. The message's pixel centers
+        are
+        at integer coordinates. Issue a warning if the camera is the second of a stereo pair, offset from its frame.
 
         Args:
             message: The message, or any object with its fields.
-            rectified: Whether the images are rectified, which `P` is for. The raw ones, which `K` is for, are a
-                pinhole's only where the distortion is zero.
-            near: Least depth [m], which the message does not have.
-            far: Greatest depth [m]; likewise.
+            rectified: Whether the images are rectified (intrinsics from `P`). Raw images (intrinsics from `K`) match a
+                pinhole only if the distortion is zero.
+            near: Minimum depth [m], which the message does not contain.
+            far: Maximum depth [m], which the message does not contain.
 
         Raises:
-            CameraError: The camera is not calibrated (its `K` is zero), has distortion, or the message's numbers make
-                no pinhole.
-            MessageError: It is no CameraInfo.
+            CameraError: If the camera is not calibrated (its `K` is zero), has distortion, or its numbers do not define
+                a pinhole.
+            MessageError: If `message` is not a CameraInfo.
         """
         from warpvis.core.messages import read_camera_info
 
@@ -187,7 +188,7 @@ class Camera(CameraMakers):
 
     @classmethod
     def kinect(cls, *, vertical: Literal["square", "linear"] = "square") -> Camera:
-        """Make the paper's camera: a Kinect, 320x240, ``ax`` = 0.994837 rad (57 degrees), 0.3 to 4.5 m."""
+        """Create the paper's camera: a Kinect, 320x240, ``ax`` = 0.994837 rad (57 degrees), 0.3 to 4.5 m."""
         return cls.from_fov(320, 240, hfov=0.994837, near=0.3, far=4.5, vertical=vertical)
 
     def to_K(self, *, pixel_center: float = 0.5) -> NDArray[np.float64]:  # noqa: N802
@@ -198,15 +199,15 @@ class Camera(CameraMakers):
         return np.array([[self.fx, 0, self.cx + shift], [0, self.fy, self.cy + shift], [0, 0, 1]])
 
     def to_camera_info(self, *, frame_id: str, stamp: Stamp = 0.0, types: MessageTypes | None = None) -> Message:
-        """Return the camera as a ``sensor_msgs/CameraInfo`` of ROS 2, rectified, with pixel centres at whole numbers.
+        """Return the camera as a rectified ROS 2 ``sensor_msgs/CameraInfo``, with pixel centers at integer coordinates.
 
         Args:
-            frame_id: The camera's optical frame, which has OpenCV's axes.
-            stamp: When the image was taken [s], or a Time message.
-            types: A type store of rosbags; by default ROS's own classes, which must be there then.
+            frame_id: The camera's optical frame, with OpenCV axes.
+            stamp: Acquisition time of the image [s], or a Time message.
+            types: A rosbags type store; by default the message classes of ROS, which must be installed.
 
         Raises:
-            MessageError: An argument is not what it has to be, or ROS is not there.
+            MessageError: If an argument is invalid, or ROS is not available.
         """
         from warpvis.core.messages import MessageMaker
 
@@ -242,10 +243,10 @@ class Camera(CameraMakers):
         return np.stack([self.fx * points[..., 0] / z + self.cx, self.fy * points[..., 1] / z + self.cy], axis=-1)
 
     def back_project(self, pixels: ArrayLike, depth: ArrayLike) -> NDArray[np.float64]:
-        """Turn image coordinates and their depth into camera-frame points, equations (3) to (5).
+        """Convert image coordinates with depth to camera-frame points, equations (3) to (5).
 
         Args:
-            pixels: Coordinates ``(x, y)`` [px], shape ``(..., 2)``; a pixel's centre is its index + 0.5.
+            pixels: Coordinates ``(x, y)`` [px], shape ``(..., 2)``; a pixel's center is its index + 0.5.
             depth: Planar depth [m], shape ``(...)``.
 
         Returns:
@@ -265,16 +266,16 @@ class Camera(CameraMakers):
         return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
     def _near_reach(self) -> float:
-        """Compute how far the corners of the image on the near plane are, and a little more [m]."""
+        """Return the distance to the farthest image corner on the near plane, plus a small margin [m]."""
         x = max(abs(self.cx), abs(self.width - self.cx)) / self.fx
         y = max(abs(self.cy), abs(self.height - self.cy)) / self.fy
         return 1.0001 * self.near * math.sqrt(1 + x * x + y * y)
 
     def device_struct(self, *, clip_near: bool = False) -> PinholeCamera:
-        """Return the camera as kernels take it, a `warpvis.kernels.pinhole.PinholeCamera`.
+        """Return the camera as the struct that kernels use, `warpvis.kernels.pinhole.PinholeCamera`.
 
         Args:
-            clip_near: Whether what is nearer than `near` is not there, instead of hiding what is behind it.
+            clip_near: Whether surfaces nearer than `near` are transparent, instead of occluding what is behind them.
         """
         from warpvis.kernels.pinhole import PinholeCamera
 
@@ -289,7 +290,7 @@ class Camera(CameraMakers):
 
 
 def most_inv_z(near: float) -> float:
-    """Find the greatest 1 / z, in single precision, of which 1 / (1 / z) is still `near` or more."""
+    """Return the greatest 1 / z, in single precision, for which 1 / (1 / z) is at least `near`."""
     import numpy as np
 
     least, one = np.float32(near), np.float32(1)
@@ -300,14 +301,14 @@ def most_inv_z(near: float) -> float:
 
 
 def check_numbers(camera: Any, positive: str) -> None:
-    """Check the fields of a camera, and make whole numbers and floats of them, whichever types they were given as.
+    """Check the fields of a camera, and convert them to int and float from any numeric type.
 
     Args:
         camera: A frozen dataclass with `width`, `height`, `fx`, `fy`, `cx`, `cy`, `near` and `far`.
-        positive: What a message says of `fx` and `fy`, which have to be more than 0.
+        positive: Beginning of the error message if `fx` or `fy` is not positive.
 
     Raises:
-        CameraError: One is not what it has to be.
+        CameraError: If a field is invalid.
     """
     for name in ("width", "height"):
         object.__setattr__(camera, name, check_size(getattr(camera, name), name))
@@ -318,13 +319,14 @@ def check_numbers(camera: Any, positive: str) -> None:
 
 
 def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
-    """Check that intrinsics are in pixels, and not divided by the image's size.
+    """Check that intrinsics are in pixels, and not divided by the image size.
 
-    A normalized principal point is in the first pixel, and normalized focal lengths are about 1. In pixels, focal
-    lengths of less than a 20th of the image's size would see 87 degrees to one side of such a point.
+    A normalized principal point is in the first pixel, and normalized focal lengths are about 1. Focal lengths in
+    pixels
+    that are less than a 20th of the image size would mean 87 degrees of view to one side of such a point.
 
     Raises:
-        CameraError: `fx`, `fy`, `cx` and `cy` of `intrinsics` are normalized, or those of an identity matrix.
+        CameraError: If `fx`, `fy`, `cx` and `cy` of `intrinsics` are normalized, or those of an identity matrix.
     """
     fx, fy, cx, cy = (getattr(intrinsics, name) for name in ("fx", "fy", "cx", "cy"))
     in_corner = max(abs(cx), abs(cy)) <= _FIRST_PIXELS
@@ -336,10 +338,10 @@ def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
 
 
 def check_range(camera: Any) -> None:
-    """Check `near` and `far` of a camera, a frozen dataclass, and make floats of them.
+    """Check `near` and `far` of a camera, a frozen dataclass, and convert them to float.
 
     Raises:
-        CameraError: One is not what it has to be.
+        CameraError: If `near` or `far` is invalid.
     """
     _make_floats(camera, ("near", "far"))
     if camera.near < 0 or camera.far <= camera.near:
@@ -355,10 +357,10 @@ def _make_floats(camera: Any, names: Sequence[str]) -> None:
 
 
 def check_matrix(k: ArrayLike, pixel_center: float) -> tuple[float, float, float, float]:
-    """Read ``fx fy cx cy`` [px], for pixel centres at +0.5, of an intrinsic matrix whose own are at `pixel_center`.
+    """Return ``fx fy cx cy`` [px] for pixel centers at +0.5, from an intrinsic matrix for centers at `pixel_center`.
 
     Raises:
-        CameraError: It has another shape, skew, or a last row other than 0 0 1.
+        CameraError: If the matrix has another shape, skew, or a last row other than 0 0 1.
     """
     import numpy as np
 
@@ -376,20 +378,20 @@ def check_matrix(k: ArrayLike, pixel_center: float) -> tuple[float, float, float
 
 
 def same_pinhole(camera: Camera, other: Camera) -> bool:
-    """Tell whether two pinholes have the same pixels, whatever their ranges are."""
+    """Return whether two pinhole cameras have the same size and intrinsics; depth ranges may differ."""
     numbers = ((camera.fx, other.fx), (camera.fy, other.fy), (camera.cx, other.cx), (camera.cy, other.cy))
     same_size = (camera.width, camera.height) == (other.width, other.height)
     return same_size and all(abs(a - b) < _SAME_PIXELS for a, b in numbers)
 
 
 def describe_pinhole(camera: Camera) -> str:
-    """Say in a few words which pixels a pinhole has."""
+    """Describe the image size and intrinsics of a pinhole camera in a few words."""
     intrinsics = f"fx={camera.fx:.6g} fy={camera.fy:.6g} cx={camera.cx:.6g} cy={camera.cy:.6g}"
     return f"{camera.width}x{camera.height} pixels, {intrinsics}"
 
 
 def require_camera(camera: object) -> Camera:
-    """Return `camera` itself; raise `CameraError` if it is no pinhole."""
+    """Return `camera` itself; raise `CameraError` if it is not a pinhole camera."""
     if not isinstance(camera, Camera):
         if isinstance(camera, RayCamera):
             raise CameraError(
@@ -399,9 +401,9 @@ def require_camera(camera: object) -> Camera:
     return camera
 
 
-@lru_cache(maxsize=1024)  # once for each: cameras are made anew where only their range differs
+@lru_cache(maxsize=1024)  # warns once per camera: cameras that differ only in range are created repeatedly
 def _warn_of(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
-    """Warn of intrinsics that are rarely meant: of another image size, or divided by the image's."""
+    """Warn about improbable intrinsics: for another image size, or divided by the image size."""
     problem = ""
     if min(fx, fy) < 1:
         problem = f"focal lengths are fx={fx:g}, fy={fy:g}, less than a pixel: intrinsics are in pixels"
@@ -421,10 +423,10 @@ def _as_floats(value: object, name: str) -> NDArray[np.float64]:
 
 
 def check_size(value: object, name: str) -> int:
-    """Return a side of an image: a whole number, of whichever type, that 32 bits hold.
+    """Return an image dimension as int: an integer of any numeric type, positive and less than 2**31.
 
     Raises:
-        CameraError: It is none.
+        CameraError: If `value` is not such an integer.
     """
     if not is_number(value) or not 1 <= value < 2**31 or int(value) != value:
         raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of other systems' numbers: those that may have a lens."""
+"""Create cameras from the calibrations of other systems, which may include lens distortion."""
 
 from __future__ import annotations
 
@@ -21,34 +21,35 @@ if TYPE_CHECKING:
 
 
 class CameraMakers:
-    """What `Camera` makes cameras of: itself without distortion, or a `warpvis.sensors.LensCamera`.
+    """Base class with constructors of `Camera` (without distortion) or `warpvis.sensors.LensCamera`.
 
-    All take `near` and `far` [m], and `kind`, what depth of a lens is: ``"z"`` or ``"range"``, see `LensCamera`.
+    All accept `near` and `far` [m], and `kind`, the definition of depth for a lens: ``"z"`` or ``"range"``, see
+    `LensCamera`.
     """
 
     width: int
     height: int
     kind: ClassVar[Literal["z"]] = "z"
-    """What depth is: along the axis, as of a pinhole."""
+    """Definition of depth: along the optical axis, as for a pinhole."""
 
     @property
     def mask(self) -> NDArray[np.bool_]:
-        """Which pixels have no ray, shape ``(height, width)``: none, as of a pinhole."""
+        """Mask of pixels that have no ray, shape ``(height, width)``: all False for a pinhole."""
         import numpy as np
 
         return np.zeros((self.height, self.width), dtype=bool)
 
     def unproject(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Find the directions that points of the image show.
+        """Return the viewing directions of image coordinates.
 
         Args:
-            pixels: Coordinates ``(x, y)`` [px], shape ``(..., 2)``; a pixel's centre is its index + 0.5.
+            pixels: Coordinates ``(x, y)`` [px], shape ``(..., 2)``; a pixel's center is its index + 0.5.
 
         Returns:
-            Unit vectors of the camera frame, shape ``(..., 3)``.
+            Unit vectors in the camera frame, shape ``(..., 3)``.
 
         Raises:
-            CameraError: `pixels` are no numbers of this shape.
+            CameraError: If `pixels` is not an array of numbers with this shape.
         """
         import numpy as np
 
@@ -61,7 +62,7 @@ class CameraMakers:
         rays = self.back_project(pixels, ones)
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
-    if TYPE_CHECKING:  # of `Camera`, and of no camera without it
+    if TYPE_CHECKING:  # defined by the subclass `Camera`
 
         def back_project(self, pixels: ArrayLike, depth: ArrayLike) -> NDArray[np.float64]: ...  # noqa: D102
 
@@ -77,20 +78,21 @@ class CameraMakers:
         far: float = math.inf,
         kind: DepthKind | None = None,
     ) -> CalibratedCamera:
-        """Make a camera of OpenCV's calibration, whose pixels have their centres at whole numbers.
+        """Create a camera from an OpenCV calibration, whose pixel centers are at integer coordinates.
 
         Args:
             K: Intrinsics [px], shape ``(3, 3)``.
-            D: Coefficients: 4, 5, 8, 12 or 14 of ``cv2.calibrateCamera``, 4 of ``cv2.fisheye``; None for none.
+            D: Distortion coefficients: 4, 5, 8, 12 or 14 of ``cv2.calibrateCamera``, 4 of ``cv2.fisheye``; None for no
+                distortion.
             width: Image width [px].
             height: Image height [px].
-            model: Which of OpenCV's two cameras.
-            near: Least depth [m].
-            far: Greatest depth [m].
-            kind: What depth of a lens is.
+            model: One of the two camera models of OpenCV.
+            near: Minimum depth [m].
+            far: Maximum depth [m].
+            kind: Definition of depth for a lens.
 
         Raises:
-            CameraError: `K` or `D` is not what it has to be.
+            CameraError: If `K` or `D` is invalid.
         """
         from warpvis.sensors import camera_of
         from warpvis.sensors.lenses import lens_from_opencv
@@ -102,20 +104,20 @@ class CameraMakers:
     def from_ros(
         camera_info: Message, *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
     ) -> CalibratedCamera:
-        """Make a camera of a ``sensor_msgs/CameraInfo``, of its raw image: `K`, `D` and `distortion_model`.
+        """Create a camera for the raw image of a ``sensor_msgs/CameraInfo``: `K`, `D` and `distortion_model`.
 
-        `Camera.from_camera_info` makes that of its rectified image. Binning and region of interest count.
+        For the rectified image, use `Camera.from_camera_info`. Binning and region of interest are applied.
 
         Args:
             camera_info: The message, or any object with these fields, `width` and `height`.
-            near: Least depth [m].
-            far: Greatest depth [m].
-            kind: What depth of a lens is.
+            near: Minimum depth [m].
+            far: Maximum depth [m].
+            kind: Definition of depth for a lens.
 
         Raises:
-            CameraError: The model is none of ``plumb_bob``, ``rational_polynomial`` and ``equidistant``, or has other
-                coefficients; or the camera is not calibrated.
-            MessageError: It is no CameraInfo.
+            CameraError: If the model is not ``plumb_bob``, ``rational_polynomial`` or ``equidistant``, the number of
+                coefficients does not match the model, or the camera is not calibrated.
+            MessageError: If `camera_info` is not a CameraInfo.
         """
         from warpvis.core.messages import read_raw_camera_info
         from warpvis.sensors import camera_of
@@ -136,19 +138,19 @@ class CameraMakers:
         far: float = math.inf,
         kind: DepthKind | None = None,
     ) -> CalibratedCamera:
-        """Make a camera of one of COLMAP's models, whose pixels have their centres at +0.5.
+        """Create a camera from a COLMAP camera model, whose pixel centers are at +0.5.
 
         Args:
-            model: Its name, ``"OPENCV"``; of a ``pycolmap.Camera``, ``camera.model.name``.
+            model: Its name, such as ``"OPENCV"``; for a ``pycolmap.Camera``, ``camera.model.name``.
             params: Its parameters, in COLMAP's order.
             width: Image width [px].
             height: Image height [px].
-            near: Least depth [m].
-            far: Greatest depth [m].
-            kind: What depth of a lens is.
+            near: Minimum depth [m].
+            far: Maximum depth [m].
+            kind: Definition of depth for a lens.
 
         Raises:
-            CameraError: COLMAP has no such model, or it has other parameters.
+            CameraError: If COLMAP has no such model, or the parameters do not match the model.
         """
         from warpvis.sensors import camera_of
         from warpvis.sensors.lenses import check_coefficients, colmap_count, lens_from_colmap
@@ -160,17 +162,17 @@ class CameraMakers:
     def from_kalibr(
         camera: Mapping[str, Any], *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
     ) -> CalibratedCamera:
-        """Make a camera of one of Kalibr's, whose pixels have their centres at whole numbers.
+        """Create a camera from a Kalibr calibration, whose pixel centers are at integer coordinates.
 
         Args:
-            camera: What ``camchain.yaml`` says of it: ``camera_model`` (pinhole, omni, eucm, ds), ``intrinsics``,
+            camera: Its entry in ``camchain.yaml``: ``camera_model`` (pinhole, omni, eucm, ds), ``intrinsics``,
                 ``distortion_model`` (none, radtan, equidistant, fov), ``distortion_coeffs``, ``resolution``.
-            near: Least depth [m].
-            far: Greatest depth [m].
-            kind: What depth of a lens is.
+            near: Minimum depth [m].
+            far: Maximum depth [m].
+            kind: Definition of depth for a lens.
 
         Raises:
-            CameraError: One is not known, or has other numbers.
+            CameraError: If a model is unknown, or its numbers do not match the model.
         """
         from warpvis.sensors import camera_of
         from warpvis.sensors.lenses import check_coefficients, lens_from_kalibr
@@ -183,18 +185,18 @@ class CameraMakers:
     def from_nerfstudio(
         fields: Mapping[str, Any], *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
     ) -> CalibratedCamera:
-        """Make a camera of nerfstudio's ``transforms.json``, whose pixels have their centres at +0.5.
+        """Create a camera from nerfstudio's ``transforms.json``, whose pixel centers are at +0.5.
 
         Args:
             fields: ``fl_x fl_y cx cy w h``, ``camera_model``, and ``k1 k2 k3 k4 p1 p2`` or ``distortion_params``; or,
                 instead of ``camera_model``, instant-ngp's ``is_fisheye``, ``latlong`` or ``ftheta_p0`` to
-                ``ftheta_p4``. Of a frame that has its own, ``{**transforms, **frame}``.
-            near: Least depth [m].
-            far: Greatest depth [m].
-            kind: What depth of a lens is.
+                ``ftheta_p4``. If a frame has separate intrinsics, pass ``{**transforms, **frame}``.
+            near: Minimum depth [m].
+            far: Maximum depth [m].
+            kind: Definition of depth for a lens.
 
         Raises:
-            CameraError: A field is missing, or not what it has to be.
+            CameraError: If a field is missing or invalid.
         """
         from warpvis.sensors import camera_of
         from warpvis.sensors.lenses import lens_from_nerfstudio

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What single arguments have to be: whole numbers, numbers, paths. `warpvis.core.arrays` checks arrays."""
+"""Check single arguments: integers, numbers, paths. `warpvis.core.arrays` checks arrays."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from typing import Any, TypeGuard
 
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 
-# Of one part of a path [bytes]: what file systems hold.
+# Longest component of a path that file systems support [bytes].
 _LONGEST_NAME = 255
 
-# Of what is said by others, in a message [characters].
+# Longest third-party text in an error message [characters].
 _LONGEST_SAID = 300
 
-# What readers of files stumble over where a file is damaged; what they say then is of them, and not of the file.
+# Exceptions that file readers raise accidentally on damaged files; their messages describe the reader, not the file.
 _STUMBLES = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, StopIteration, TypeError)
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Tell whether a value is a real number, of Python or NumPy, that double precision has; infinity and NaN are."""
+    """Return whether a value is a Python or NumPy real number in the range of double precision; inf and NaN count."""
     if not isinstance(value, Real) or isinstance(value, bool):
         return False
     try:
@@ -35,27 +35,27 @@ def is_number(value: object) -> TypeGuard[float]:
 
 
 def is_whole(value: object) -> TypeGuard[int]:
-    """Tell whether a value is an integer of Python or NumPy."""
+    """Return whether a value is a Python or NumPy integer."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def counted(count: int, noun: str) -> str:
-    """Write a number of things as messages do: ``1 frame``, ``2 frames``."""
+    """Format a count with its noun for messages: ``1 frame``, ``2 frames``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def format_fraction(fraction: float, *, digits: int = 2) -> str:
-    """Return a fraction with decimals: ``0.25``, or ``<0.01`` and ``>0.99`` where it would round to 0 or 1."""
+    """Format a fraction with decimals: ``0.25``, or ``<0.01`` and ``>0.99`` where it would round to 0 or 1."""
     return _round_between(fraction, 1, digits)
 
 
 def format_percent(fraction: float, *, digits: int = 0) -> str:
-    """Return a fraction in percent: ``25 %``, or ``<1 %`` and ``>99 %`` where it would round to 0 or 100."""
+    """Format a fraction in percent: ``25 %``, or ``<1 %`` and ``>99 %`` where it would round to 0 or 100."""
     return f"{_round_between(100 * fraction, 100, digits)} %"
 
 
 def _round_between(value: float, whole: int, digits: int) -> str:
-    """Return a number with decimals, and a bound of it where it would round to 0 or to `whole` but is neither."""
+    """Format a number with decimals, or as a bound where it would round to 0 or `whole` without being equal to it."""
     text, step = f"{value:.{digits}f}", 10.0**-digits
     if value > 0 and float(text) == 0:
         return f"<{step:.{digits}f}"
@@ -65,10 +65,10 @@ def _round_between(value: float, whole: int, digits: int) -> str:
 
 
 def check_whole(value: object, name: str, *, least: int = 1, error: type[WarpvisError] = ArrayError) -> int:
-    """Return `value` as a whole number from `least` up.
+    """Check that `value` is an integer of at least `least`, and return it.
 
     Raises:
-        WarpvisError: It is none; of the class `error`.
+        WarpvisError: If `value` is not such an integer; raised as the class `error`.
     """
     if not is_whole(value) or value < least:
         raise error(f"{name} must be a whole number from {least} up, got {value!r}")
@@ -83,10 +83,10 @@ def check_number(
     most: float = math.inf,
     error: type[WarpvisError] = ArrayError,
 ) -> float:
-    """Return `value` as a finite number within limits.
+    """Check that `value` is a finite number within limits, and return it.
 
     Raises:
-        WarpvisError: It is none; of the class `error`.
+        WarpvisError: If `value` is not such a number; raised as the class `error`.
     """
     if not is_number(value) or not math.isfinite(value) or not least <= value <= most:
         limits = "a finite number" if least == -math.inf else f"a finite number from {least:g} up"
@@ -103,12 +103,12 @@ def check_angle(
     most: float = math.inf,
     error: type[WarpvisError] = ArrayError,
 ) -> float:
-    """Return `value` as a finite angle within limits [rad].
+    """Check that `value` is a finite angle within limits [rad], and return it.
 
-    Whole numbers beyond a turn are refused, because they are degrees: angles in radians are not whole there.
+    Integers beyond a full turn are rejected because they are degrees: such an angle in radians is not an integer.
 
     Raises:
-        WarpvisError: If it is none; of the class `error`.
+        WarpvisError: If `value` is not such an angle; raised as the class `error`.
     """
     if not is_number(value) or not math.isfinite(value) or not least <= value <= most:
         limits = "a finite number of radians" if most == math.inf else f"from {least:.6g} to {most:.6g} radians"
@@ -119,17 +119,17 @@ def check_angle(
 
 
 def degrees_hint(value: object) -> str:
-    """Return the end of a message that refuses an angle [rad]: the remedy, if it looks like one in degrees."""
+    """Return the end of an error message about an angle [rad]: a suggestion, if the value is probably in degrees."""
     if not is_number(value) or not math.pi < abs(value) < math.inf:
         return ""
     return f"; angles are in radians: pass math.radians({value!r}) for degrees"
 
 
 def check_choice(value: object, name: str, choices: Collection[str], error: type[WarpvisError] = ArrayError) -> str:
-    """Return `value` if it is one of the words to choose from.
+    """Check that `value` is one of `choices`, and return it.
 
     Raises:
-        WarpvisError: It is none; of the class `error`.
+        WarpvisError: If `value` is not one of `choices`; raised as the class `error`.
     """
     if not isinstance(value, str) or value not in choices:
         *most, last = (f'"{choice}"' for choice in choices)
@@ -138,10 +138,10 @@ def check_choice(value: object, name: str, choices: Collection[str], error: type
 
 
 def check_flag(value: object, name: str, error: type[WarpvisError] = ArrayError) -> bool:
-    """Return `value`, if it says yes or no.
+    """Check that `value` is a boolean, or the integer 0 or 1, and return it as bool.
 
     Raises:
-        WarpvisError: It is another thing, whatever Python takes it for; of the class `error`.
+        WarpvisError: If `value` is anything else, even if Python can convert it to bool; raised as the class `error`.
     """
     if type(value).__name__ in ("bool", "bool_") or (is_whole(value) and value in (0, 1)):
         return bool(value)
@@ -149,10 +149,10 @@ def check_flag(value: object, name: str, error: type[WarpvisError] = ArrayError)
 
 
 def check_mapping(value: object, name: str, error: type[WarpvisError] = ArrayError) -> Mapping[Any, Any]:
-    """Return `value`, if it is a mapping.
+    """Check that `value` is a mapping, and return it.
 
     Raises:
-        WarpvisError: It is none; of the class `error`.
+        WarpvisError: If `value` is not a mapping; raised as the class `error`.
     """
     if not isinstance(value, Mapping):
         raise error(f"{name} must be a mapping, got {value!r}")
@@ -160,10 +160,10 @@ def check_mapping(value: object, name: str, error: type[WarpvisError] = ArrayErr
 
 
 def check_text(value: object, name: str, error: type[WarpvisError] = ArrayError) -> str:
-    """Return `value` if it is text.
+    """Check that `value` is a string, and return it.
 
     Raises:
-        WarpvisError: It is none; of the class `error`.
+        WarpvisError: If `value` is not a string; raised as the class `error`.
     """
     if not isinstance(value, str):
         raise error(f"{name} must be text, got {value!r}")
@@ -171,10 +171,10 @@ def check_text(value: object, name: str, error: type[WarpvisError] = ArrayError)
 
 
 def as_items(value: object, name: str, error: type[WarpvisError] = ArrayError) -> list[Any]:
-    """Return what is given one by one, as a list; text alone is one item.
+    """Convert an iterable to a list; a string is a single item.
 
     Raises:
-        WarpvisError: It cannot be gone through; of the class `error`.
+        WarpvisError: If `value` is not iterable; raised as the class `error`.
     """
     if isinstance(value, str):
         return [value]
@@ -182,15 +182,15 @@ def as_items(value: object, name: str, error: type[WarpvisError] = ArrayError) -
         raise error(f"{name} must be a list, got {value!r}")
     try:
         return list(value)
-    except (TypeError, RuntimeError):  # arrays without a dimension look as if they had items
+    except (TypeError, RuntimeError):  # zero-dimensional arrays have `__iter__` but raise when iterated
         raise error(f"{name} must be a list, got {value!r}") from None
 
 
 def as_path(path: object, name: str = "path") -> Path:
-    """Read a path of text or any `os.PathLike`: never a number, which Python's files take for an open file.
+    """Convert a string or `os.PathLike` to a path. Numbers are rejected: `open` treats them as file descriptors.
 
     Raises:
-        FileFormatError: It is none.
+        FileFormatError: If `path` is not a valid file name.
     """
     text = path if isinstance(path, str) else os.fspath(path) if isinstance(path, os.PathLike) else None
     if not isinstance(text, str) or not text or "\0" in text:
@@ -201,7 +201,7 @@ def as_path(path: object, name: str = "path") -> Path:
 
 
 def said_by(error: BaseException) -> str:
-    """Return what an exception of a library, or of other code, says, as a part of one sentence of bounded length."""
+    """Describe an exception of third-party code as part of a single sentence with a limited length."""
     said = " ".join(str(error).split())
     if isinstance(error, MemoryError):
         said = "it asks for more memory than there is"
@@ -214,6 +214,6 @@ def said_by(error: BaseException) -> str:
 
 
 def shortened(text: str, most: int = 120) -> str:
-    """Return a text for a message: of a longer one than `most` characters, its beginning and its end."""
+    """Shorten a text to `most` characters for a message, by keeping its beginning and its end."""
     end = most // 3
     return text if len(text) <= most else f"{text[: most - end - 3]}...{text[-end:]}"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Check depth and label images that callers bring, and put them on a device."""
+"""Check depth and label images from callers, and copy them to a device."""
 
 from __future__ import annotations
 
@@ -15,35 +15,36 @@ from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError
 
-# Pixels that are examined first; all pixels only where these look like millimeters.
+# Number of pixels that are examined first; all pixels are examined only if these may be in millimeters.
 _SAMPLE = 4096
 
-# Shares of the measured pixels, and how many times the range they exceed, that a wrong unit explains and nothing else.
+# Fractions of the measured pixels, and the factor by which they exceed the range, that only a wrong unit explains.
 _NEARLY_ALL, _MOST, _FAR_BEYOND = 0.9, 0.5, 10.0
 
-# A depth image in millimeters shows little that is nearer [m].
+# Distance below which a depth image in millimeters has few pixels [m].
 _MIN_MILLIMETER_DEPTH = 0.1
 
-# Distinct whole numbers that measured meters never are.
+# Measurements in meters never consist of this many distinct integers.
 _MANY_WHOLE_NUMBERS = 16
 
 
 def read_depth(
     depth: ArrayInput, camera: ImageCamera, device: DeviceLike, *, max_range: float | None = None
 ) -> wp.array:
-    """Return depth images that a camera took, shape ``(V, H, W)``, on a device; by default where they are.
+    """Return a camera's depth images, shape ``(V, H, W)``, as an array on a device; by default the device they are on.
 
-    The unit of arrays on the host is checked, see `check_meters`. Arrays on a GPU are not examined, because that would
-    wait for them.
+    The unit of arrays in host memory is checked, see `check_meters`. Arrays on a GPU are not examined, because that
+    would
+    require synchronization.
 
     Args:
         depth: The images [m].
         camera: The camera that took them.
         device: The device of the result.
-        max_range: Greatest depth that counts [m]; the camera's `far` by default.
+        max_range: Maximum valid depth [m]; the camera's `far` by default.
 
     Raises:
-        WarpvisError: They, the camera or the device are not what they have to be.
+        WarpvisError: If the images, the camera or the device are invalid.
     """
     require_image_camera(camera)
     if device is None:
@@ -59,20 +60,22 @@ def read_depth(
 
 
 def check_meters(depth: NDArray, name: str, near: float, far: float) -> None:
-    """Check that depth is in meters, a float array whose values are not plainly millimeters.
+    """Check that depth is a float array in meters whose values are not obviously millimeters.
 
-    With a finite `far`, values are millimeters if nearly all of them are beyond it, most of them ten times as far, and
-    a thousandth of most is between `near` and `far`. Without one, they are if all of them are whole numbers, many of
-    them different. NaN, infinities, 0 and negative values are no measurements and are ignored.
+    With a finite `far`, values are millimeters if nearly all of them exceed it, most of them tenfold, and a thousandth
+    of
+    most values is between `near` and `far`. With an infinite `far`, values are millimeters if all of them are integers
+    and
+    many of them are different. NaN, infinities, 0 and negative values are not measurements and are ignored.
 
     Args:
-        depth: Depth of any shape, on the host.
-        name: What messages call it.
-        near: Least depth of the camera [m].
-        far: Greatest depth [m]; infinite if it is not known.
+        depth: Depth of any shape, in host memory.
+        name: Name of the argument in error messages.
+        near: Minimum depth of the camera [m].
+        far: Maximum depth [m]; infinite if unknown.
 
     Raises:
-        ArrayError: If it is an array of integers, or of millimeters.
+        ArrayError: If `depth` is an array of integers, or in millimeters.
     """
     if depth.dtype.kind != "f":
         raise ArrayError(f"{name} must be in meters, a float array, got {depth.dtype}; divide millimeters by 1000")
@@ -91,7 +94,7 @@ def check_meters(depth: NDArray, name: str, near: float, far: float) -> None:
 
 
 def _some_of(depth: NDArray) -> NDArray:
-    """Return pixels of an even grid in each image, about `_SAMPLE` in all."""
+    """Return the pixels of a regular grid in each image, about `_SAMPLE` in total."""
     if depth.ndim < 2 or not depth.size:
         return depth
     step = min(math.isqrt(depth.size // _SAMPLE), *depth.shape[-2:]) or 1
@@ -118,15 +121,15 @@ def _in_millimeters(depth: NDArray, near: float, far: float) -> bool:
 
 
 def read_labels(labels: ArrayInput, shape: tuple[int, ...], device: wp.Device) -> wp.array:
-    """Return images of labels, uint8, on a device.
+    """Convert label images to a uint8 array on a device.
 
     Args:
-        labels: The images; one of shape ``(H, W)`` where a single view is wanted.
+        labels: The images; shape ``(H, W)`` is accepted for a single view.
         shape: ``(V, H, W)``.
-        device: Where they have to be.
+        device: Required device.
 
     Raises:
-        ArrayError: They are not what they have to be.
+        ArrayError: If the labels have the wrong shape, dtype or device.
     """
     if getattr(labels, "ndim", 0) == 2 and shape[0] == 1:
         labels = labels.reshape((1, *labels.shape))
@@ -134,6 +137,6 @@ def read_labels(labels: ArrayInput, shape: tuple[int, ...], device: wp.Device) -
 
 
 def _device_of(array: object) -> str:
-    """Return Warp's name of the device a foreign array is on."""
+    """Return Warp's name for the device of a third-party array."""
     kind, index = array.__dlpack_device__() if hasattr(array, "__dlpack_device__") else (1, 0)
     return f"cuda:{index}" if kind == 2 else "cpu"

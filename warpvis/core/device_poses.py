@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read camera poses that lie on a GPU, without reading them back; see `warpvis.core.poses`."""
+"""Read camera poses in GPU memory without copying them to the host; see `warpvis.core.poses`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 def parse_on_device(poses: wp.array, turn: tuple[float, ...] | None, device: wp.Device, name: str) -> wp.array:
-    """Check poses on a GPU by shape, dtype and device, and turn each frame by a quaternion; see `parse_poses`."""
+    """Check shape, dtype and device of poses on a GPU, and rotate each frame by a quaternion; see `parse_poses`."""
     from warpvis.kernels import poses as kernels
 
     if poses.device != device:
@@ -29,14 +29,14 @@ def parse_on_device(poses: wp.array, turn: tuple[float, ...] | None, device: wp.
 
 
 def to_xyzw_on_device(poses: wp.array) -> wp.array:
-    """Return poses with quaternions w first as poses with w last."""
+    """Convert poses with quaternions in wxyz order to xyzw order."""
     from warpvis.kernels import poses as kernels
 
     shape = poses.shape
     if wp.types.types_equal(poses.dtype, wp.transform):
         poses = poses.contiguous().view(wp.float32)
     if poses.dtype != wp.float32 or poses.shape[-1] != 7:
-        return poses  # matrices, or what is refused where it is read
+        return poses  # matrices, or invalid poses, which the parser rejects
     rows = poses.contiguous().reshape((-1, 7))
     out = wp.empty(rows.shape, dtype=wp.float32, device=rows.device)
     launch(kernels.quaternions_to_xyzw, rows.shape[0], [rows, out], rows.device)
@@ -45,15 +45,15 @@ def to_xyzw_on_device(poses: wp.array) -> wp.array:
 
 
 def _as_poses(poses: wp.array, name: str) -> tuple[bool, wp.array]:
-    """Tell whether a device array holds matrices, and view it as `wp.mat44` or `wp.transform` elements."""
+    """Return whether a device array contains matrices, and a view of it as `wp.mat44` or `wp.transform` elements."""
     for dtype, shape in ((wp.transform, (7,)), (wp.mat44, (4, 4))):
         matrices = dtype is wp.mat44
         if poses.ndim == 1 and wp.types.types_equal(poses.dtype, dtype):
-            return matrices, poses.contiguous()  # packets take the rows one after the other
+            return matrices, poses.contiguous()  # ray packets read consecutive rows
         if poses.dtype == wp.float32 and poses.shape[-len(shape) :] == shape and poses.is_contiguous:
             views = poses.shape[0] if poses.ndim > len(shape) else 1
             if poses.ndim <= len(shape) + 1:
-                # The view keeps the memory alive that it looks at.
+                # The view must keep the memory it refers to alive.
                 view = wp.array(ptr=poses.ptr, dtype=dtype, shape=(views,), device=poses.device)
                 view._ref = poses
                 return matrices, view
@@ -64,8 +64,8 @@ def _as_poses(poses: wp.array, name: str) -> tuple[bool, wp.array]:
 
 
 def from_foreign(poses: PoseLike, name: str) -> wp.array:
-    """Take poses of another library."""
+    """Convert poses from another library to a Warp array."""
     try:
         return wp.from_dlpack(poses)
-    except Exception as error:  # foreign libraries raise what they like
+    except Exception as error:  # third-party libraries may raise any exception
         raise PoseError(f"{name} must be an array of numbers: {error}") from None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Contents that stand in files of any name: pointers of git-lfs, pages of a web server, images."""
+"""Detect content that may be in a file of any name: git-lfs pointers, web pages, images."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ _IMAGES = {
     b"MM\x00*": "a TIFF image",
 }
 _HEAD = 512
-"""Bytes that tell what a file holds."""
+"""Number of bytes that identify the content of a file."""
 
 
 def require_content(source: Path | bytes, wanted: str, *, name: object = None, images: bool = True) -> None:
-    """Refuse a file that holds a pointer of git-lfs, an HTML page or an image in place of what its name promises.
+    """Reject a file that contains a git-lfs pointer, an HTML page or an image instead of the expected content.
 
     Args:
-        source: A file, or its bytes. One that cannot be read is left to its reader.
-        wanted: What should be in it, such as "a mesh".
-        name: What messages call it; its path by default.
-        images: Whether images are refused, too.
+        source: A file, or its bytes. Unreadable files are not reported here, but by their reader.
+        wanted: Expected content, such as "a mesh".
+        name: Name of the file in error messages; its path by default.
+        images: Whether images are rejected, too.
 
     Raises:
-        FileFormatError: It holds something else.
+        FileFormatError: If the file contains other content.
     """
     head, name = _head(source), source if name is None else name
     if head.startswith(_GIT_LFS):
@@ -45,7 +45,7 @@ def require_content(source: Path | bytes, wanted: str, *, name: object = None, i
 
 
 def is_file(path: Path) -> bool:
-    """Return whether there is a file of this name, which may be too long, or hold a zero byte."""
+    """Return whether a file with this name exists. The name may be too long, or contain a zero byte."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -58,5 +58,5 @@ def _head(source: Path | bytes) -> bytes:
     try:
         with source.open("rb") as file:
             return file.read(_HEAD)
-    except (OSError, ValueError):  # the second for names of no file
+    except (OSError, ValueError):  # ValueError: for invalid file names
         return b""

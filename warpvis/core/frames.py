@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hold frames: what is to be rendered, one camera pose in one world each."""
+"""Define frames to render: each consists of a camera pose and a world."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ from warpvis.core.poses import (
 from warpvis.core.types import ArrayInput, Json, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, CameraError, PoseError
 
-# Squared lengths of normalised quaternions are this near to 1; they are not normalised again, so that poses which were
-# saved and read back are the same to the last bit.
+# Tolerance of the squared length of a normalized quaternion. Quaternions within it are not normalized again, so that
+# poses that were saved and loaded are identical to the last bit.
 _UNIT_ROUNDING = 4e-15
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """V frames, each a camera pose in a world, as NumPy arrays; `from_poses` checks what it is given."""
+    """V frames, each a camera pose in a world, as NumPy arrays; `from_poses` validates its arguments."""
 
     camera_to_world: NDArray[np.float64]
     """Rows ``x y z qx qy qz qw`` [m] of the OpenCV camera frame, unit quaternions, shape ``(V, 7)``."""
     timestamps: NDArray[np.float64]
     """Time of every frame [s], shape ``(V,)``; 0, 1, 2, ... if the source has none."""
     object_poses: NDArray[np.float32] | None = None
-    """Poses of the M movable objects in W worlds, as for `Renderer.render`, shape ``(W, M, 7)``; None for where they
-    were added."""
+    """Poses of the M movable objects in W worlds, as for `Renderer.render`, shape ``(W, M, 7)``; None to keep objects
+    at the poses with which they were added."""
     world_index: NDArray[np.int32] | None = None
-    """Every frame's world, shape ``(V,)``; None if there is one world, or W == V and each frame has its own."""
+    """World of each frame, shape ``(V,)``; None if there is one world, or if W == V and frame i has world i."""
     source: Mapping[str, Json] = field(default_factory=dict)
-    """Where the frames come from, of what JSON can hold: ``{"file": "walk.txt", "format": "tum"}``."""
+    """Origin of the frames, as JSON-compatible values: ``{"file": "walk.txt", "format": "tum"}``."""
     camera: ImageCamera | None = None
-    """The camera that belongs to the poses, if a file of BOP, nerfstudio or COLMAP, or a ROS bag, says it."""
+    """The camera of the poses, if they are from a BOP, nerfstudio or COLMAP file, or a ROS bag, that defines it."""
 
     def __post_init__(self) -> None:
-        """Check that what was made by hand fits together; the values themselves are checked by `from_poses`."""
+        """Check that the shapes of the fields are consistent; `from_poses` checks the values."""
         count = _length(self.camera_to_world, "camera_to_world", (None, 7))
         _length(self.timestamps, "timestamps", (count,))
         if self.camera is not None:
@@ -78,10 +78,10 @@ class Frames:
         return len(self.camera_to_world)
 
     def __getitem__(self, part: slice) -> Frames:
-        """Return the frames of a slice; worlds are cut along where each frame has its own.
+        """Return the frames of a slice; if each frame has a separate world, the worlds are sliced, too.
 
         Raises:
-            ArrayError: `part` is not a slice.
+            ArrayError: If `part` is not a slice.
         """
         if not isinstance(part, slice):
             raise ArrayError(f"frames are cut by slices, frames[a:b], got {part!r}")
@@ -92,10 +92,10 @@ class Frames:
         return Frames(self.camera_to_world[part], self.timestamps[part], objects, world_index, self.source, self.camera)
 
     def choose_camera(self, camera: ImageCamera | None = None) -> ImageCamera:
-        """Return the camera to see the frames through: the given one, or that which belongs to the poses.
+        """Return the camera to render the frames with: the given one, or the frames' camera.
 
         Raises:
-            CameraError: There is none, or both are there and have different pixels.
+            CameraError: If there is no camera, or both exist and have different pixels.
         """
         if camera is None:
             if self.camera is None:
@@ -123,24 +123,24 @@ class Frames:
         camera: ImageCamera | None = None,
         source: Mapping[str, Json] | None = None,
     ) -> Frames:
-        """Make frames of poses, check them, and normalise the cameras' quaternions.
+        """Create frames from poses, check them, and normalize the camera quaternions.
 
         Args:
             poses: Camera-to-world poses: rows ``x y z qx qy qz qw`` [m], shape ``(V, 7)``, or matrices, shape
                 ``(V, 4, 4)``.
-            convention: Axes of the camera frame that the poses are for; see `Renderer.render`.
+            convention: Axes of the camera frame of the poses; see `Renderer.render`.
             quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
             timestamps: Time of every frame [s], shape ``(V,)``; 0, 1, 2, ... by default.
-            object_poses: Poses of the M movable objects in W worlds, rows ``x y z qx qy qz qw`` [m], shape
-                ``(W, M, 7)``, or ``(M, 7)`` for one world. They are kept in single precision and not normalised;
-                casters do that.
-            world_index: Every frame's world, whole numbers from 0 to W - 1, shape ``(V,)``.
-            camera: The camera that belongs to the poses.
-            source: Where the frames come from, of what JSON can hold.
+            object_poses: Poses of the M movable objects in W worlds, rows ``x y z qx qy qz qw`` [m], shape ``(W, M,
+                7)``, or ``(M, 7)`` for one world. They are stored in single precision and not normalized; renderers
+                normalize them.
+            world_index: World of each frame, integers from 0 to W - 1, shape ``(V,)``.
+            camera: The camera of the poses.
+            source: Origin of the frames, as JSON-compatible values.
 
         Raises:
-            PoseError: There are no poses, or poses of cameras or objects are malformed.
-            ArrayError: Timestamps, worlds or the source are.
+            PoseError: If there are no poses, or poses of cameras or objects are malformed.
+            ArrayError: If timestamps, worlds or the source are malformed.
         """
         poses = to_xyzw(poses, quaternion, "poses")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
@@ -161,10 +161,11 @@ class Frames:
 
 
 def _length(array: np.ndarray, name: str, shape: tuple[int | None, ...]) -> int:
-    """Return how long an array of numbers is.
+    """Return the length of an array of numbers.
 
     Raises:
-        ArrayError: It is none, or of another shape; None stands for any length.
+        ArrayError: If `array` is not a NumPy array of numbers, or has another shape; None in `shape` matches any
+            length.
     """
     wanted = "(" + ", ".join("n" if size is None else str(size) for size in shape) + ("," * (len(shape) == 1)) + ")"
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
@@ -211,7 +212,7 @@ def _object_rows(poses: PoseLike) -> NDArray[np.float32]:
 
 
 def _check_size(array: NDArray[np.float64], name: str) -> None:
-    """Raise `PoseError` for what is not finite, or too large to be squared in single precision."""
+    """Raise `PoseError` if values are not finite, or too large to be squared in single precision."""
     with np.errstate(invalid="ignore"):
         fine = np.less_equal(np.abs(np.atleast_1d(array)), FARTHEST)
     fine = np.all(fine.reshape(len(fine), -1), axis=1)
@@ -254,7 +255,7 @@ def _check_world(world_index: ArrayInput | None, count: int, objects: NDArray[np
 
 
 def _check_source(source: Mapping[str, Json] | None) -> dict[str, Json]:
-    """Return the source as it is when it was written as JSON and read back: two of them compare."""
+    """Return the source after a JSON round trip, so that saved and loaded sources compare equal."""
     if source is None:
         return {}
     try:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras whose pixels and points of the world are found from each other: pinholes, and cameras with lenses."""
+"""Handle cameras that map between pixels and 3D points: pinhole cameras, and cameras with lenses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from warpvis.core.ray_camera import LensedCamera, RayCamera
 from warpvis.errors import CameraError
 
 ImageCamera: TypeAlias = Camera | LensedCamera
-"""A pinhole, or a camera with a lens."""
+"""A pinhole camera, or a camera with a lens."""
 
 
 def require_image_camera(camera: object) -> ImageCamera:
@@ -28,13 +28,13 @@ def require_image_camera(camera: object) -> ImageCamera:
 
 
 def pinhole_rays(camera: Camera) -> NDArray[np.float64]:
-    """Compute the rays of a pinhole's pixels, of z 1, shape ``(height, width, 3)``."""
+    """Return the rays of a pinhole camera's pixels, scaled to z = 1, shape ``(height, width, 3)``."""
     y, x = np.mgrid[: camera.height, : camera.width] + 0.5
     return camera.back_project(np.stack([x, y], axis=-1), np.ones_like(x))
 
 
 def same_pixels(camera: ImageCamera, other: ImageCamera) -> bool:
-    """Tell whether two cameras have the same pixels, whatever their ranges are."""
+    """Return whether two cameras have the same size, projection and kind of depth; depth ranges may differ."""
     if isinstance(camera, Camera) and isinstance(other, Camera):
         return same_pinhole(camera, other)
     if isinstance(camera, Camera) or isinstance(other, Camera):
@@ -44,7 +44,7 @@ def same_pixels(camera: ImageCamera, other: ImageCamera) -> bool:
 
 
 def describe_pixels(camera: ImageCamera) -> str:
-    """Say in a few words which pixels a camera has."""
+    """Describe the image size and projection of a camera in a few words."""
     if isinstance(camera, Camera):
         return describe_pinhole(camera)
     return f"{camera.width}x{camera.height} pixels, {shortened(repr(camera.lens))}"

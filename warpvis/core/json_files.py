@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read JSON files: all readers say what is wrong with one in the same words."""
+"""Read JSON files, with the same error messages for all readers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def read_json(path: Path) -> Json:
     """Read a JSON file.
 
     Raises:
-        FileFormatError: It cannot be read, or is not JSON; the line is named.
+        FileFormatError: If the file cannot be read or is not JSON; the message contains the line number.
     """
     try:
         return json.loads(path.read_text(encoding="utf-8-sig"))
@@ -27,5 +27,5 @@ def read_json(path: Path) -> Json:
         raise FileFormatError(f"{path}:{error.lineno}: is not JSON: {error.msg}") from None
     except RecursionError:
         raise FileFormatError(f"{path}: is not JSON that can be read: it is nested too deeply") from None
-    except ValueError as error:  # a whole number of thousands of digits
+    except ValueError as error:  # an integer with thousands of digits
         raise FileFormatError(f"{path}: is not JSON that can be read: {error}") from None

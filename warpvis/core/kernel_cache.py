@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels are compiled once on a machine: by one process, into Warp's cache, while others that need them wait."""
+"""Compile kernels once per machine: one process compiles into Warp's cache while the others wait."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from warpvis.core.types import KernelArguments
 
 _logger = logging.getLogger("warpvis")
 
-# Others are heard of after so many seconds of waiting, and compiling is told of as often.
+# Seconds of waiting before a message about another process; also the interval of progress messages.
 _PATIENCE = 1.0
 _USUALLY = {True: "about 10 s", False: "about 20 s"}  # on a CPU, for a GPU
 
@@ -52,17 +52,18 @@ def launch(
 def load_module(kernel: wp.Kernel, device: wp.Device | None = None, block_dim: int | None = None) -> None:
     """Load a kernel's module, after compiling it where the cache does not have it.
 
-    Two threads must not do it at the same time, and two processes need not: a file lock beside the cache's files has
-    others wait for the first. The system takes the lock from a process that ends, however it does.
+    Threads must not load a module concurrently, and a file lock in the cache lets other processes wait for the first
+    one
+    instead of compiling again. The operating system releases the lock when its process ends, even after a crash.
 
     Args:
         kernel: The kernel.
-        device: Where it is to be launched; the CPU by default.
-        block_dim: Threads of a block on a GPU; as many as `wp.launch` takes by default.
+        device: Device of the launch; the CPU by default.
+        block_dim: Number of threads in a block on a GPU; the default of `wp.launch` if not given.
     """
     module = kernel.module
     device = wp.get_device("cpu") if device is None else device
-    # Warp launches blocks of one thread on a CPU, and compiles them apart from others.
+    # On a CPU, Warp launches blocks of one thread, and compiles them as a separate variant.
     variant = 1 if device.is_cpu else block_dim or _CUDA_BLOCK
     if (device.context, variant) in module.execs:
         return
@@ -74,27 +75,27 @@ def load_module(kernel: wp.Kernel, device: wp.Device | None = None, block_dim: i
 
 
 def init_warp() -> None:
-    """Start Warp, with a temporary cache where its own folder cannot be made."""
+    """Initialize Warp, with a temporary cache if its cache folder cannot be created."""
     try:
         wp.init()
     except OSError as error:
-        # Warp adds its version to a folder that it is given before it has started.
+        # Warp appends its version to a folder that is configured before initialization.
         wp.config.kernel_cache_dir = str(_use_temporary_cache(error).parent)
         wp.init()
 
 
 def is_compiling() -> bool:
-    """Tell whether a thread of this process compiles kernels."""
+    """Return whether a thread of this process is compiling kernels."""
     return _compiling > 0
 
 
 def _load(module: Any, device: wp.Device, variant: int) -> None:
-    # Without the block's size, Warp 1.17 loads for a CPU what no launch takes there.
+    # Without a block size, Warp 1.17 loads a variant that no CPU launch uses.
     wp.load_module(module, device, block_dim=variant)
 
 
 def _finish_elsewhere(module: Any, device: wp.Device, variant: int) -> None:
-    """Compile on a thread of its own, and wait for it: a compiler does not hear Ctrl-C, and who waits does."""
+    """Compile on a separate thread and wait for it: compilation blocks Ctrl-C, waiting for an event does not."""
     done, failures = Event(), list[BaseException]()
 
     def work() -> None:
@@ -116,7 +117,7 @@ def _finish_elsewhere(module: Any, device: wp.Device, variant: int) -> None:
 
 
 def _compile(module: Any, device: wp.Device, variant: int) -> None:
-    """Compile a module, unless another process just did, and load it."""
+    """Load a module, after compiling it unless another process has just done so."""
     if _is_compiled(module, device, variant):
         _load(module, device, variant)
         return
@@ -130,7 +131,7 @@ def _compile(module: Any, device: wp.Device, variant: int) -> None:
 
 @contextlib.contextmanager
 def _counting(name: str, start: float) -> Iterator[None]:
-    """Count seconds on a terminal."""
+    """Print elapsed seconds on a terminal."""
     if not _on_terminal():
         yield
         return
@@ -152,12 +153,12 @@ def _counting(name: str, start: float) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _one_process(module: Any) -> Iterator[None]:
-    """Hold the lock of a module, of all processes that share the cache."""
+    """Hold the lock of a module, which all processes that use the cache share."""
     from filelock import FileLock, Timeout
 
     folder = _writable_cache() / "warpvis-locks"
     folder.mkdir(exist_ok=True)
-    # Whichever device and variant it is for: Warp puts them in one folder.
+    # One lock for all devices and variants: Warp stores them in one folder.
     lock = FileLock(folder / f"{module.name}.lock", timeout=_PATIENCE)
     try:
         try:
@@ -166,7 +167,7 @@ def _one_process(module: Any) -> Iterator[None]:
             _say("waiting", "waiting for another process to compile the kernels")
             lock.acquire(timeout=-1)
     except (OSError, NotImplementedError) as error:
-        # A file system without locks: as many compile as need to.
+        # The file system does not support locks: several processes may compile.
         _logger.info("kernels are compiled without a lock: %s", error)
     try:
         yield
@@ -175,13 +176,13 @@ def _one_process(module: Any) -> Iterator[None]:
 
 
 def _is_compiled(module: Any, device: wp.Device, variant: int) -> bool:
-    """Tell whether the cache has what a device loads. Warp has no public question for it: see its `Module._compile`."""
+    """Return whether the cache contains the binary of a device. Not public in Warp: see its `Module._compile`."""
     folder = Path(wp.config.kernel_cache_dir) / module.get_module_identifier(variant)
     return folder.is_dir() and (folder / module._get_compile_output_name(device, block_dim=variant)).is_file()
 
 
 def _writable_cache() -> Path:
-    """Return the cache's folder, or a temporary one that has what it has where nothing can be written to it."""
+    """Return the cache folder, or, if it is not writable, a temporary folder that links to its contents."""
     folder = Path(wp.config.kernel_cache_dir)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -192,12 +193,12 @@ def _writable_cache() -> Path:
 
 
 def _use_temporary_cache(error: OSError) -> Path:
-    """Have Warp use a folder that all processes of this user find, so that they compile once, too."""
+    """Configure a cache folder that all processes of this user share, so that they compile once, too."""
     old = wp.config.kernel_cache_dir
     base = Path(tempfile.gettempdir()) / f"warpvis-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
     base.mkdir(mode=0o700, exist_ok=True)
     if hasattr(os, "getuid") and (base.stat().st_uid != os.getuid() or base.stat().st_mode & 0o022):
-        # Code that others could write there would be run.
+        # Other users could write code there, which would then be executed.
         base = Path(tempfile.mkdtemp(prefix="warpvis-kernels-"))
     folder = base / wp.config.version
     folder.mkdir(exist_ok=True)
@@ -214,7 +215,7 @@ def _use_temporary_cache(error: OSError) -> Path:
 
 
 def _say(kind: str, sentence: str) -> None:
-    """Say a sentence once: in the log, and on a terminal."""
+    """Write a sentence to the log and to a terminal, once."""
     if kind in _said:
         return
     _said.add(kind)
@@ -228,7 +229,7 @@ def _on_terminal() -> bool:
 
 
 def _forget_lock() -> None:
-    """Forget a lock that a thread held which a forked child does not have."""
+    """Reset a lock that is held by a thread that does not exist in a forked child."""
     global _load_lock, _compiling
     _load_lock, _compiling = Lock(), 0
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which objects get which label: patterns of names that a user gives, or a file of them, with names of classes."""
+"""Assign labels to objects by patterns of names, from a mapping or a file, which may also define class names."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
 
 LabelInput: TypeAlias = "Mapping[str, Label | int | str] | str | os.PathLike[str] | LabelRules"
-"""Labels by names of objects or patterns of them, or the file that says them."""
+"""Labels by object names or name patterns, or a file that contains them."""
 
 LABEL_FILES = (".json", ".toml", ".yaml", ".yml")
-"""How the names of files of labels end."""
+"""File name suffixes of label files."""
 
 _SECTIONS = ("labels", "label_names", "ground_labels")
 
 
 @dataclass(frozen=True)
 class LabelRules:
-    """Labels of objects by patterns, in their order, and what a file says of classes."""
+    """Ordered name patterns with their labels, and the class definitions of a file."""
 
     labels: Mapping[str, Label | int | str] = field(default_factory=dict)
-    """Labels by names of objects or patterns of them: the last that fits counts."""
+    """Labels by object names or name patterns: the last matching pattern applies."""
     label_names: Mapping[int, str] = field(default_factory=dict)
-    """Names of classes of the user's own."""
+    """Names of user-defined classes."""
     ground_labels: tuple[Label | int | str, ...] | None = None
-    """The classes that are ground; None if it is not said."""
+    """The classes that are ground; None if not specified."""
 
     @classmethod
     def of(cls, labels: LabelInput | None, label_names: Mapping[int, str] | None = None) -> LabelRules:
-        """Read what a call was given as `labels` and `label_names`; names of the call come before those of a file.
+        """Parse the arguments `labels` and `label_names` of a call; its names take precedence over names of a file.
 
         Raises:
-            WarpvisError: They are none, or a file does not say labels.
+            WarpvisError: If the arguments are invalid, or a file does not contain labels.
         """
         if isinstance(labels, str | os.PathLike):
             rules = _read_file(as_path(labels, "labels"))
@@ -55,26 +55,26 @@ class LabelRules:
         return rules.followed_by(cls(label_names=own))
 
     def followed_by(self, other: LabelRules) -> LabelRules:
-        """Return both: patterns of the other one come last, and so count more."""
+        """Return the combined rules: patterns of `other` come last, and so take precedence."""
         kept = {pattern: label for pattern, label in self.labels.items() if pattern not in other.labels}
         ground = self.ground_labels if other.ground_labels is None else other.ground_labels
         return LabelRules({**kept, **other.labels}, {**self.label_names, **other.label_names}, ground)
 
 
 class LabelPatterns:
-    """Patterns of names and their labels, and which of them fitted an object."""
+    """Match object names against patterns, and record which patterns matched an object."""
 
     def __init__(self, labels: Mapping[str, Label | int | str], names: LabelNames) -> None:
-        """Look the labels up.
+        """Convert the labels to class numbers.
 
         Raises:
-            SceneError: A label is none.
+            SceneError: If a label is invalid.
         """
         self._patterns = {pattern: names.number(label) for pattern, label in labels.items()}
         self._unused = set(self._patterns)
 
     def label(self, name: str, own: int | str, aliases: Iterable[str] = ()) -> int | str:
-        """Return what the last pattern says that fits an object's name or an alias; its own label if none does."""
+        """Return the label of the last pattern that matches an object's name or alias; `own` if no pattern matches."""
         label, names = own, (name, *aliases)
         for pattern, given in self._patterns.items():
             if any(fnmatch.fnmatchcase(one, pattern) for one in names):
@@ -83,7 +83,7 @@ class LabelPatterns:
         return label
 
     def require_used(self, names: Iterable[str], path: object) -> None:
-        """Raise `SceneError` if a pattern fits none of a file's objects."""
+        """Raise `SceneError` if a pattern matches no object of a file."""
         if self._unused:
             some = shortened(", ".join(map(repr, list(names)[:10])), 300)
             wrong = shortened(", ".join(map(repr, sorted(self._unused))), 300)
@@ -99,13 +99,13 @@ def _check_patterns(labels: object) -> Mapping[str, Any]:
 
 
 def _read_file(path: Path) -> LabelRules:
-    """Read a file of labels: JSON, TOML or YAML.
+    """Read a label file: JSON, TOML or YAML.
 
-    It holds a mapping of patterns to labels; or ``labels``, which is one, ``label_names``, of numbers to names, and
-    ``ground_labels``, a list.
+    It contains a mapping of patterns to labels; or sections: ``labels``, which is such a mapping, ``label_names``, a
+    mapping of numbers to names, and ``ground_labels``, a list.
 
     Raises:
-        FileFormatError: It cannot be read, or does not say that.
+        FileFormatError: If the file cannot be read, or has other contents.
     """
     data = _parse(path)
     if not isinstance(data, dict):
@@ -132,7 +132,7 @@ def _read_file(path: Path) -> LabelRules:
 
 
 def _settled(label: Any, names: LabelNames) -> Any:
-    """Return the number of a class that a file names, so that it may be renamed; other labels as they are."""
+    """Return the number of a class that the file names, so that the class may be renamed; other labels unchanged."""
     try:
         return names.number(label)
     except SceneError:
@@ -144,7 +144,7 @@ def _mapping(value: object) -> Mapping[Any, Any]:
 
 
 def _as_number(key: object) -> Any:
-    """Return a key of a file as a number, if it is one in text: JSON and TOML have no others."""
+    """Convert a numeric string key to an integer: JSON and TOML support only string keys."""
     return int(key) if isinstance(key, str) and key.isascii() and key.isdigit() and len(key) < 10 else key
 
 

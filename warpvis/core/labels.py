@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Name the classes of a pixel and of a point."""
+"""Define the classes of pixels and the visibility states of points."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from warpvis.errors import SceneError
 from warpvis.kernels import constants
 
 LABEL_COUNT = 256
-"""How many classes there are: label images are uint8."""
+"""Number of classes: label images are uint8."""
 
 _MOST_LISTED = 12
 
 
 class Label(enum.IntEnum):
-    """What a pixel shows: the classes that every scene has. `Scene.label_names` has those of one's own, too.
+    """Class of a pixel: the classes that every scene has. `Scene.label_names` also contains user-defined classes.
 
-    The order is the order of precedence where several fall on one cell of a map.
+    If several classes fall into one map cell, the greatest value takes precedence.
     """
 
     EMPTY = constants.LABEL_EMPTY
@@ -30,7 +30,7 @@ class Label(enum.IntEnum):
     OBSTACLE = constants.LABEL_OBSTACLE
     """Any other surface."""
     OBJECT = constants.LABEL_OBJECT
-    """A thing the agents are interested in."""
+    """An object of interest to the agents."""
     HUMAN = constants.LABEL_HUMAN
     """A person."""
     ROBOT = constants.LABEL_ROBOT
@@ -40,7 +40,7 @@ class Label(enum.IntEnum):
     def parse(cls, value: Label | int | str) -> Label:
         """Return a label from itself, its number or its name in any case.
 
-        Raises:
+        SceneError: If there is no such label.
             SceneError: There is no such label.
         """
         try:
@@ -51,47 +51,48 @@ class Label(enum.IntEnum):
 
 
 class Visibility(enum.IntEnum):
-    """Whether a point can be seen, and if not, why."""
+    """Whether a point is visible, and if not, the reason."""
 
     OUT_OF_VIEW = constants.POINT_OUT_OF_VIEW
     """Behind the camera or outside the image."""
     TOO_NEAR = constants.POINT_TOO_NEAR
-    """In the image, nearer than the camera measures."""
+    """In the image, but nearer than the camera's minimum depth."""
     TOO_FAR = constants.POINT_TOO_FAR
-    """In the image, farther than the camera measures."""
+    """In the image, but farther than the camera's maximum depth."""
     OCCLUDED = constants.POINT_OCCLUDED
-    """In the image and in range, behind something."""
+    """In the image and in range, but behind a surface."""
     VISIBLE = constants.POINT_VISIBLE
-    """Seen."""
+    """Visible."""
     UNKNOWN = constants.POINT_UNKNOWN
-    """In the image and in range, where nothing was measured."""
+    """In the image and in range, but at a pixel without a measurement."""
 
 
 _GREATEST = max(Label)
 
 
 class LabelNames(Mapping[int, str]):
-    """Names of the classes of pixels, by their numbers from 0 to 255; those of `Label` to begin with.
+    """Names of pixel classes by their numbers from 0 to 255; initially those of `Label`.
 
-    It is a mapping to which names may be added, ``names[40] = "road"``, and in which they may be changed. Numbers
-    without a name are classes, too, and shown as ``label 40``.
+    This is a mapping in which names can be added or changed: ``names[40] = "road"``. Numbers without a name are
+    classes,
+    too, and are displayed as ``label 40``.
     """
 
     def __init__(self, names: Mapping[int, str] | None = None) -> None:
-        """Begin with the names of `Label`, and add these to them.
+        """Initialize with the names of `Label`, and add the given names.
 
         Raises:
-            SceneError: A number or a name is none, or two numbers have one name.
+            SceneError: If a number or a name is invalid, or two numbers have the same name.
         """
         self._names = {label.value: label.name.lower() for label in Label}
         if names is not None:
             self.update(names)
 
     def update(self, names: Mapping[int, str]) -> None:
-        """Add names, or change them; all or none.
+        """Add or change names. If one is invalid, none is changed.
 
         Raises:
-            SceneError: A number or a name is none, or two numbers have one name.
+            SceneError: If a number or a name is invalid, or two numbers have the same name.
         """
         new = dict(self._names)
         for number, name in check_mapping(names, "label_names", SceneError).items():
@@ -119,10 +120,10 @@ class LabelNames(Mapping[int, str]):
         return f"LabelNames({self._names})"
 
     def number(self, label: Label | int | str) -> int:
-        """Return the number of a class, of itself or of its name in any case: a `Label` of those that it has.
+        """Return the number of a class, given its number or its name in any case; a `Label` if it is one of them.
 
         Raises:
-            SceneError: There is no such class.
+            SceneError: If there is no such class.
         """
         number: int | None = None
         if isinstance(label, str):
@@ -137,29 +138,29 @@ class LabelNames(Mapping[int, str]):
         return Label(number) if number <= _GREATEST else number
 
     def numbers(self, labels: Iterable[Label | int | str] | Label | int | str, name: str = "labels") -> set[int]:
-        """Return the numbers of several classes, or of one.
+        """Return the numbers of one or several classes.
 
         Args:
             labels: The classes.
-            name: What messages call them.
+            name: Name of the argument in error messages.
 
         Raises:
-            SceneError: There is no such class.
+            SceneError: If there is no such class.
         """
         given = [labels] if isinstance(labels, str) or is_whole(labels) else as_items(labels, name, SceneError)
         return {self.number(label) for label in given}
 
     def name(self, label: Label | int | str) -> str:
-        """Return what a class is called: its name, or ``label 40`` if it has none.
+        """Return the display name of a class: its name, or ``label 40`` if it has no name.
 
         Raises:
-            SceneError: There is no such class.
+            SceneError: If there is no such class.
         """
         number = self.number(label)
         return self._names.get(number, f"label {int(number)}")
 
     def word(self, label: int) -> str:
-        """Return what reports and files call a class: ``"OBJECT"`` for a `Label` of that name, else its name."""
+        """Return the name of a class in reports and files: ``"OBJECT"`` for a `Label` with that name, else its name."""
         number, name = self.number(label), self.name(label)
         return number.name if isinstance(number, Label) and number.name.lower() == name else name
 
@@ -188,6 +189,6 @@ _UNNAMED = "label "
 
 
 def _number_in(text: str) -> int | None:
-    """Read the number of a class: ``40``, or ``label 40``, as those without a name are shown."""
+    """Parse a class number: ``40``, or ``label 40``, the display name of a class without a name."""
     digits = text.removeprefix(_UNNAMED)
     return int(digits) if digits.isascii() and digits.isdigit() and len(digits) <= len(str(LABEL_COUNT)) else None

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Make messages of ROS 2 and read what is in them; ROS is not imported unless its own classes are asked for.
+"""Create and read ROS 2 messages; ROS is imported only if its message classes are requested.
 
-Messages are told by their fields: those of ROS 2, of rosbags, and of ROS 1 (whose CameraInfo has K, P and D) are read
-alike.
+Messages are recognized by their fields: messages of ROS 2, rosbags and ROS 1 (whose CameraInfo has K, P and D) are
+read in the same way.
 """
 
 from __future__ import annotations
@@ -25,45 +25,45 @@ from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning, MessageError
 
 Message: TypeAlias = Any
-"""A message of ROS: an object with the fields that its definition names."""
+"""A ROS message: an object with the fields of its definition."""
 
 _LAST_SECOND = 2**31 - 1
 _IDENTITY = np.eye(3).ravel()
 
 
 class MessageTypes(Protocol):
-    """A type store of rosbags, such as `rosbags.typesys.get_typestore` gives."""
+    """A rosbags type store, as returned by `rosbags.typesys.get_typestore`."""
 
     @property
     def types(self) -> Mapping[str, Any]:
-        """Classes by the names of messages, ``"sensor_msgs/msg/Image"``."""
+        """Message classes by message type, ``"sensor_msgs/msg/Image"``."""
 
 
 Stamp = float | Message
-"""A time [s], or a message ``builtin_interfaces/Time``."""
+"""A time [s], or a ``builtin_interfaces/Time`` message."""
 
 
 class MessageMaker:
-    """Makes messages of ROS 2."""
+    """Creates ROS 2 messages."""
 
     def __init__(self, types: MessageTypes | None = None) -> None:
-        """Choose the classes of messages.
+        """Choose the message classes.
 
         Args:
-            types: A type store of rosbags; by default ROS's own classes, which are imported when they are used.
+            types: A rosbags type store; by default the message classes of ROS, which are imported when used.
 
         Raises:
-            MessageError: `types` is none.
+            MessageError: If `types` is not a type store.
         """
         if types is not None and not isinstance(getattr(types, "types", None), Mapping):
             raise MessageError(f"types must be a type store of rosbags, or None for ROS's own, got {types!r}")
         self._types = types
 
     def make(self, kind: str, **fields: Any) -> Message:
-        """Make a message of a type such as ``"sensor_msgs/msg/Image"`` from its fields, by their names in ROS 2.
+        """Create a message of a type such as ``"sensor_msgs/msg/Image"`` from its fields, by their names in ROS 2.
 
         Raises:
-            MessageError: The types have no such message, or it has other fields, or there is no ROS to make it with.
+            MessageError: If the types lack this message or define other fields for it, or ROS is not available.
         """
         if self._types is None:
             return _ros_class(kind)(**fields)
@@ -75,9 +75,9 @@ class MessageMaker:
             raise MessageError(f"types have another {kind} than ROS 2 ({error}): take Stores.ROS2_JAZZY") from None
 
     def sequence(self, values: NDArray[Any]) -> Any:
-        """Return numbers as fields of the types hold a sequence of them: rosbags' fields hold the array itself.
+        """Convert numbers to the type of a sequence field; rosbags uses the NumPy array itself.
 
-        ROS's own fields take an `array.array` as it is, and look at each number of anything else.
+        The message classes of ROS accept an `array.array` without inspection, but check each element of other types.
         """
         if self._types is not None:
             return values
@@ -86,10 +86,10 @@ class MessageMaker:
         return copied
 
     def header(self, frame_id: str, stamp: Stamp) -> Message:
-        """Make a header.
+        """Create a message header.
 
         Raises:
-            MessageError: The time is none that ROS counts, or the frame's name is no text.
+            MessageError: If the time is outside the range of ROS, or the frame name is not a string.
         """
         frame_id = check_text(frame_id, "frame_id", MessageError)
         sec, nanosec = divmod(stamp_nanoseconds(stamp), 10**9)
@@ -105,14 +105,14 @@ class MessageMaker:
         d: Sequence[float] = (0.0,) * 5,
         model: str = "plumb_bob",
     ) -> Message:
-        """Make a CameraInfo without binning and region; rectified, its image has the same intrinsics.
+        """Create a CameraInfo without binning or region of interest; the rectified image has the same intrinsics.
 
         Args:
             size: Width and height [px].
-            k: Intrinsics with pixels' centres at whole numbers, shape ``(3, 3)``.
-            header: Its header.
-            d: Distortion of the raw image; zeros of one that is rectified.
-            model: The model that `d` is of.
+            k: Intrinsics with pixel centers at integer coordinates, shape ``(3, 3)``.
+            header: The message header.
+            d: Distortion of the raw image; zeros if it is rectified.
+            model: The distortion model of `d`.
         """
         width, height = size
         region = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
@@ -133,7 +133,7 @@ class MessageMaker:
 
 
 def _ros_class(kind: str) -> Any:
-    """Import a class of ROS's own."""
+    """Import a message class of ROS."""
     package, _, name = kind.split("/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name)
@@ -145,15 +145,15 @@ def _ros_class(kind: str) -> Any:
 
 
 def nanoseconds(seconds: float) -> int:
-    """Convert a time [s] to whole nanoseconds: those of its shortest decimal, which is what a text file said."""
+    """Convert a time [s] to integer nanoseconds, from its shortest decimal representation, as written in text files."""
     return int((Decimal(repr(seconds)) * 10**9).to_integral_value(ROUND_HALF_EVEN))
 
 
 def stamp_nanoseconds(stamp: Stamp) -> int:
-    """Convert a time [s], or a message ``builtin_interfaces/Time`` or ``Time`` of ROS 1, to nanoseconds.
+    """Convert a time [s], or a ``builtin_interfaces/Time`` or ROS 1 ``Time`` message, to nanoseconds.
 
     Raises:
-        MessageError: It is none, or not one that ROS 2 counts.
+        MessageError: If `stamp` is not a time, or is outside the range of ROS 2.
     """
     if is_number(stamp):
         if not 0 <= stamp < _LAST_SECOND:
@@ -167,10 +167,10 @@ def stamp_nanoseconds(stamp: Stamp) -> int:
 
 
 def field(message: Message, *names: str) -> Any:
-    """Return the first field of these names that a message has.
+    """Return the first of these fields that a message has.
 
     Raises:
-        MessageError: It has none of them.
+        MessageError: If the message has none of these fields.
     """
     for name in names:
         if hasattr(message, name):
@@ -179,10 +179,10 @@ def field(message: Message, *names: str) -> Any:
 
 
 def whole_field(message: Message, name: str) -> int:
-    """Return a field of a message that holds a whole number from 0 up.
+    """Return a message field that contains a nonnegative integer.
 
     Raises:
-        MessageError: It has none, or holds something else.
+        MessageError: If the field is missing, or contains another value.
     """
     value = field(message, name)
     if not is_number(value) or not math.isfinite(value) or value != int(value) or value < 0:
@@ -192,26 +192,26 @@ def whole_field(message: Message, name: str) -> int:
 
 @dataclass(frozen=True)
 class CameraInfo:
-    """What a CameraInfo says of the images that it comes with."""
+    """Size and intrinsics of the images described by a CameraInfo."""
 
     width: int
     """Image width [px]."""
     height: int
     """Image height [px]."""
     K: NDArray[np.float64]
-    """Intrinsics of that image, with pixels' centres at whole numbers, shape ``(3, 3)``."""
+    """Intrinsics of the image, with pixel centers at integer coordinates, shape ``(3, 3)``."""
 
 
 def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
     """Read a ``sensor_msgs/CameraInfo``, with binning and region of interest as `image_geometry` applies them.
 
     Args:
-        message: Of ROS 2 or ROS 1, or any object with its fields.
-        rectified: Whether it is for the rectified image, which `P` is for, or for the raw one, which `K` is for.
+        message: A message of ROS 2 or ROS 1, or any object with its fields.
+        rectified: Whether to read the intrinsics of the rectified image (`P`) or of the raw image (`K`).
 
     Raises:
-        CameraError: The camera is not calibrated or no pinhole, or the message contradicts itself.
-        MessageError: It is no CameraInfo.
+        CameraError: If the camera is not calibrated or not a pinhole, or the message is inconsistent.
+        MessageError: If `message` is not a CameraInfo.
     """
     rectified = check_flag(rectified, "rectified", CameraError)
     k = _matrix(field(message, "k", "K"), (3, 3), "K")
@@ -238,14 +238,14 @@ def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
 
 
 def read_raw_camera_info(message: Message) -> tuple[CameraInfo, NDArray[np.float64], str]:
-    """Read what a ``sensor_msgs/CameraInfo`` says of its raw image: size and `K`, the lens's `D` and its model.
+    """Read the raw image's size and `K`, and the lens's `D` and distortion model, from a ``sensor_msgs/CameraInfo``.
 
     Args:
-        message: As for `read_camera_info`; it need not have binning or a region of interest.
+        message: As for `read_camera_info`; binning and region of interest are optional.
 
     Raises:
-        CameraError: The camera is not calibrated, or the message contradicts itself.
-        MessageError: It is no CameraInfo.
+        CameraError: If the camera is not calibrated, or the message is inconsistent.
+        MessageError: If `message` is not a CameraInfo.
     """
     k = _matrix(field(message, "k", "K"), (3, 3), "K")
     if k[0, 0] == 0:
@@ -259,7 +259,7 @@ def read_raw_camera_info(message: Message) -> tuple[CameraInfo, NDArray[np.float
 
 
 def _in_region(k: NDArray[np.float64], region: _Region) -> CameraInfo:
-    """Apply a region of interest and binning to the whole image's intrinsics, which are written into."""
+    """Apply a region of interest and binning to the full image's intrinsics, in place."""
     k[:2, 2] -= region.x, region.y
     k[:2] /= np.array([[region.binning_x], [region.binning_y]])
     return CameraInfo(region.width // region.binning_x, region.height // region.binning_y, k)
@@ -267,7 +267,7 @@ def _in_region(k: NDArray[np.float64], region: _Region) -> CameraInfo:
 
 @dataclass(frozen=True)
 class _Region:
-    """Which pixels of a whole image a camera takes [px], and how many of them become one."""
+    """Region of the full image that a camera reads [px], and its binning."""
 
     x: int
     y: int
@@ -298,7 +298,7 @@ def _read_region(message: Message) -> _Region:
 
 
 def _check_projection(p: NDArray[np.float64]) -> None:
-    """Warn of a camera that is not where its frame is."""
+    """Warn if the camera is offset from its frame."""
     if p[2, 3] != 0:
         raise CameraError(f"P of CameraInfo must have a last column Tx, Ty, 0, got {p[:, 3].tolist()}")
     if p[0, 3] == 0 and p[1, 3] == 0:

@@ -109,7 +109,7 @@ def host_poses(
 ) -> NDArray[np.float32]:
     """Return poses for a caster on the CPU: what `parse_poses` gives, as rows ``(V, 7)``, at the least cost.
 
-    Poses that are well, as they mostly are, pass after a look. Those in single precision are not normalised: casters do
+    Poses that are well, as they mostly are, pass after a look. Those in single precision are not normalized: casters do
     that themselves.
     """
     given = poses.numpy() if type(poses) is wp.array and poses.device.is_cpu else poses
@@ -188,17 +188,17 @@ def _rows_are_well(rows: NDArray[np.float32]) -> bool:
 
 
 def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:
-    """Turn poses of the host into checked, normalised rows of the OpenCV camera frame, shape ``(V, 7)``."""
+    """Turn poses of the host into checked, normalized rows of the OpenCV camera frame, shape ``(V, 7)``."""
     return _turned(poses, _turn(convention, "opencv"), name)
 
 
 def turn_poses(poses: ArrayLike, convention: Convention, axes: Convention) -> NDArray[np.float64]:
-    """Turn poses of the host from one frame's axes into another's: checked, normalised rows, shape ``(V, 7)``."""
+    """Turn poses of the host from one frame's axes into another's: checked, normalized rows, shape ``(V, 7)``."""
     return _turned(poses, _turn(convention, axes), "poses")
 
 
 def _turned(poses: ArrayLike, turn: tuple[float, ...] | None, name: str) -> NDArray[np.float64]:
-    """Check and normalise poses of the host, and turn each frame by a quaternion; rows, shape ``(V, 7)``."""
+    """Check and normalize poses of the host, and turn each frame by a quaternion; rows, shape ``(V, 7)``."""
     array = as_numpy(poses, name=name).astype(np.float64)
     if array.shape in ((7,), (4, 4)):
         array = array[None]
@@ -217,7 +217,7 @@ def _turned(poses: ArrayLike, turn: tuple[float, ...] | None, name: str) -> NDAr
 
 
 def read_pose(pose: ArrayLike, quaternion: QuaternionOrder, *, name: str = "pose") -> NDArray[np.float64]:
-    """Read one pose of the host, a row of 7 numbers or a matrix, as a normalised row ``x y z qx qy qz qw``.
+    """Read one pose of the host, a row of 7 numbers or a matrix, as a normalized row ``x y z qx qy qz qw``.
 
     A row that is well, as most are, costs little: scenes have many thousands.
 

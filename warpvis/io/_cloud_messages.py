@@ -29,7 +29,7 @@ _OUSTER = (
     *_VELODYNE[:4], ("t", "<u4"), ("reflectivity", "<u2"), ("ring", "<u2"), ("ambient", "<u2"), ("range", "<u4"),
 )  # fmt: skip
 _LIVOX = (*_VELODYNE[:4], ("tag", "u1"), ("line", "u1"), ("timestamp", "<f8"))
-# Units a field's number is of, in one of ours, and the most that it holds: nanoseconds, millimetres, 1 / 255.
+# Units a field's number is of, in one of ours, and the most that it holds: nanoseconds, millimeters, 1 / 255.
 _SCALES = {"t": (1e9, 2**32 - 1), "range": (1e3, 2**32 - 1), "reflectivity": (255.0, 2**16 - 1)}
 
 # Of a point in Livox's own message, CustomPoint.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth images as 16-bit PNG, in millimetres or other units."""
+"""Depth images as 16-bit PNG, in millimeters or other units."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
 
     Args:
         depth: Depth [m], any shape.
-        scale: Units of a metre: 1000 for millimetres, 5000 for TUM's datasets.
+        scale: Units of a meter: 1000 for millimeters, 5000 for TUM's datasets.
 
     Returns:
         Depth in units, the same shape.
@@ -90,7 +90,7 @@ def missing_units(units: NDArray[np.integer]) -> NDArray[np.bool_]:
 
 
 def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
-    """Encode an image as the bytes of a grey PNG file.
+    """Encode an image as the bytes of a gray PNG file.
 
     They depend on the image and on the version of zlib. Most of the time the interpreter is not held, so that threads
     encode as many images at once.

@@ -24,7 +24,7 @@ def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[
     """Read one depth image.
 
     Args:
-        path: A grey PNG of 16 bits, or an array of NumPy's, shape ``(H, W)``: whole numbers are units, others metres.
+        path: A gray PNG of 16 bits, or an array of NumPy's, shape ``(H, W)``: whole numbers are units, others meters.
         unit: What one unit is [m].
 
     Returns:

@@ -32,7 +32,7 @@ _READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility", INSTAN
 _MOST_CORNERS = 100_000_000
 """Of all instances of a mesh that do not share it."""
 
-# Extensions that change colours, lights, motion or notes, and no triangle at rest.
+# Extensions that change colors, lights, motion or notes, and no triangle at rest.
 _HARMLESS = re.compile(
     r"[A-Z0-9]+_(materials?|textures?|lights?|image|animation|audio|physics|interactivity|xmp)(_|$)"
     r"|KHR_(xmp\w*|techniques_webgl|node_selectability|node_hoverability)$"

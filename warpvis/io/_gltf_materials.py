@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a glTF file says of colour: materials, base colour textures, and colours of vertices.
+"""What a glTF file says of color: materials, base color textures, and colors of vertices.
 
 It is read when it is asked for. trimesh's reader keeps neither wrap modes and filters nor transforms of textures, nor
 second texture coordinates. Sections are those of the glTF 2.0 specification.
@@ -157,7 +157,7 @@ def _material(said: dict[str, Any], texture: Texture | None) -> Material:
 
 
 def _base(said: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:
-    """Return a material's base colour, and where its texture is."""
+    """Return a material's base color, and where its texture is."""
     old = (said.get("extensions") or {}).get(_OLD)
     if old is not None and "pbrMetallicRoughness" not in said:
         return old.get("diffuseFactor", (1, 1, 1, 1)), old.get("diffuseTexture")
@@ -166,7 +166,7 @@ def _base(said: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:
 
 
 def _vertex_colors(rows: NDArray[np.generic]) -> NDArray[np.float32]:
-    """Read colours of vertices, which the specification has from 0 to 1 (3.7.2.1)."""
+    """Read colors of vertices, which the specification has from 0 to 1 (3.7.2.1)."""
     return np.clip(rows.astype(np.float32), 0.0, 1.0)
 
 

@@ -266,7 +266,7 @@ class _Textures:
 
 
 def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
-    """Read COLLADA in metres, and with the axis up that the file names; one of x up is turned to y up."""
+    """Read COLLADA in meters, and with the axis up that the file names; one of x up is turned to y up."""
     metres, axis = unit_and_axis(file)
     found = _load_by_trimesh(without_skins(file), "dae", resolver=_Textures(locate))
     turn = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
@@ -276,7 +276,7 @@ def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
 
 
 def _load_3mf(path: Path, file: bytes) -> FileMeshes:
-    """Read 3MF in metres, and in the file's order; z is up, as its specification says."""
+    """Read 3MF in meters, and in the file's order; z is up, as its specification says."""
     metres, names = unit_and_names(unpack(path, file))
     found = _load_by_trimesh(file, "3mf")
     order = {name: number for number, name in enumerate(names)}

@@ -44,8 +44,8 @@ def to_image_msg(
         depth: Planar depth [m], float, shape ``(H, W)`` or ``(1, H, W)``, of NumPy, Warp, PyTorch, ..., on any device.
         frame_id: The camera's optical frame.
         stamp: When the image was taken [s], or a Time message.
-        encoding: ``"32FC1"``, metres: +inf for nothing, -inf for too near, NaN for not measured (REP 117); or
-            ``"16UC1"``, whole millimetres, rounded, 0 for all of these (REP 118). Depth that 16 bits cannot hold is 0,
+        encoding: ``"32FC1"``, meters: +inf for nothing, -inf for too near, NaN for not measured (REP 117); or
+            ``"16UC1"``, whole millimeters, rounded, 0 for all of these (REP 118). Depth that 16 bits cannot hold is 0,
             too, and a warning says of how many pixels.
         types: A type store of rosbags; by default ROS's own classes, which must be there then.
 
@@ -79,7 +79,7 @@ def to_image_msg(
 def from_image_msg(message: Message) -> NDArray[np.float32]:
     """Return the depth image of a ``sensor_msgs/Image`` [m], shape ``(H, W)`` float32.
 
-    Of 32FC1 it is what the message holds: +inf, -inf and NaN mean what REP 117 says. Of 16UC1, which holds millimetres,
+    Of 32FC1 it is what the message holds: +inf, -inf and NaN mean what REP 117 says. Of 16UC1, which holds millimeters,
     0 becomes NaN, not measured, and so does 65535, which some write for the same or for a limit. Either order of bytes
     is read, and rows that are padded.
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an OBJ file and its MTL files say of colour: which material each face has.
+"""What an OBJ file and its MTL files say of color: which material each face has.
 
 trimesh's reader gives an object one material, or makes an object of each; texture coordinates are those that it reads.
 """
@@ -62,7 +62,7 @@ class ObjMaterials:
 
         Args:
             mesh: Its name, as in the file; empty for that of faces before any name.
-            given: Texture coordinates and colours of vertices, as trimesh reads them.
+            given: Texture coordinates and colors of vertices, as trimesh reads them.
             faces: How many it has.
         """
         runs = self._runs.pop(mesh, None)  # nobody asks twice, and it is text of the file

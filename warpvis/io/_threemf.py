@@ -7,7 +7,7 @@ from __future__ import annotations
 import html
 import re
 
-# The 3MF core specification, section 3.4: a model without a unit is in millimetres.
+# The 3MF core specification, section 3.4: a model without a unit is in millimeters.
 _METRES = {
     b"micron": 1e-6,
     b"millimeter": 1e-3,

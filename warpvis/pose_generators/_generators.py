@@ -237,7 +237,7 @@ def along(
     """Place cameras along a path of straight pieces, evenly spaced by its length, from its first point to its last.
 
     Args:
-        path: The points [m], shape ``(n, 3)``; equal neighbours count as one.
+        path: The points [m], shape ``(n, 3)``; equal neighbors count as one.
         count: Number of cameras; one alone is at the first point.
         look: ``"forward"``: along the piece that the camera is on, at a corner along the one that begins there. Or a
             point [m] that the cameras look at, shape ``(3,)``.

@@ -55,7 +55,7 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
     - ``random count=N [seed=N] [bounds=X,Y,Z,X,Y,Z] [clearance=D] [look=level|any|X,Y,Z] [exclude=NAME,NAME]``
     - ``along path=FILE count=N [look=forward|X,Y,Z]``, a file of points; see `warpvis.io.read_points`
 
-    Lengths are in metres and angles in radians; see `warpvis.pose_generators`. Bounds are the scene's by default, the
+    Lengths are in meters and angles in radians; see `warpvis.pose_generators`. Bounds are the scene's by default, the
     seed is 0. A value with spaces is written in quotes.
 
     Args:

@@ -27,7 +27,7 @@ _IMAGES = ("depth.txt", "rgb.txt", "associated.txt")
 
 
 def tum_camera(path: Path, *, distortion: bool) -> CalibratedCamera:
-    """Read the camera, whose pixels have their centres at whole numbers; the images' size is that of one beside it.
+    """Read the camera, whose pixels have their centers at whole numbers; the images' size is that of one beside it.
 
     Raises:
         FileFormatError: The file does not read, or no image is there.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of BOP's ``scene_camera.json``: world to camera, OpenCV axes, in millimetres.
+"""Poses of BOP's ``scene_camera.json``: world to camera, OpenCV axes, in millimeters.
 
 Format: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
 """

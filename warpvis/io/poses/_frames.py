@@ -72,7 +72,7 @@ def read_frames(
       in any order, among others.
     - ``nerfstudio``: ``transforms.json``. The frames' order is the file's, in its world frame (``applied_transform``
       is not undone), and their timestamps are 0, 1, 2, ...
-    - ``bop``: ``scene_camera.json`` with world-to-camera poses in millimetres. The frames are in the order of image
+    - ``bop``: ``scene_camera.json`` with world-to-camera poses in millimeters. The frames are in the order of image
       ids, which are their timestamps.
     - ``colmap``: ``images.txt`` or ``images.bin``, in the order of the images' names.
     - ``ros``: a topic of a ROS 2 bag, a folder or one ``.mcap`` or ``.db3`` file; see
