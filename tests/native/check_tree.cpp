@@ -85,7 +85,7 @@ struct Checker {
     bool find_flat() const {
         Vec first = {0, 0, 0};
         for (int triangle = 0; triangle < mesh.count(); ++triangle) {
-            const Vec a = corner(triangle, 0), n = (corner(triangle, 1) - a).cross(corner(triangle, 2) - a);
+            const Vec n = normal(triangle);
             if (n.length() == 0) return false;
             if (triangle == 0) first = n * (1 / n.length());
             if ((n * (1 / n.length()) - first).length() > 1e-6) return false;
@@ -96,6 +96,36 @@ struct Checker {
     Vec corner(int triangle, int k) const {
         const float* p = &mesh.vertices[3 * mesh.faces[3 * triangle + k]];
         return {p[0], p[1], p[2]};
+    }
+
+    // Zero if the cross product is no more than its rounding error: the corners are on a line, or two of them coincide.
+    Vec normal(int triangle) const {
+        const Vec a = corner(triangle, 0), ab = corner(triangle, 1) - a, ac = corner(triangle, 2) - a;
+        const Vec n = ab.cross(ac);
+        return n.length() > 1e-15 * ab.length() * ac.length() ? n : Vec{0, 0, 0};
+    }
+
+    // The corner of a triangle that its leaf stores first. Corners in one place are the same corner.
+    int first_corner(int leaf, int lane, int triangle) const {
+        for (int k = 0; k < 3; ++k) {
+            bool same = true;
+            for (int row = 0; row < 9; ++row) {
+                const int from = mesh.faces[3 * triangle + (k + row / 3) % 3];
+                same &= tree.leaf_rows[(leaf * 9 + row) * tree.lanes + lane] == mesh.vertices[3 * from + row % 3];
+            }
+            if (same) return k;
+        }
+        return 0;
+    }
+
+    // Lengths are L1 distances. The tree computes them in single precision, so two nearly equal sides may be swapped.
+    bool has_longest_side_opposite(int triangle, int first) const {
+        double length[3];
+        for (int k = 0; k < 3; ++k) {
+            const Vec side = corner(triangle, (k + 1) % 3) - corner(triangle, (k + 2) % 3);
+            length[k] = std::fabs(side.x) + std::fabs(side.y) + std::fabs(side.z);
+        }
+        return length[first] >= (1 - 1e-6) * std::max({length[0], length[1], length[2]});
     }
 
     void add_leaf(int leaf, Under& under) {
@@ -112,10 +142,12 @@ struct Checker {
             say(real >= 0 && real < mesh.count(), "no such triangle");
             if (wrong) return;
             say(tree.owners[leaf * lanes + k] == owner[real], "owner");
+            const int first = triangle < 0 ? 0 : first_corner(leaf, k, triangle);
             for (int row = 0; row < 9; ++row) {
-                const int from = mesh.faces[3 * real + (triangle < 0 ? 0 : row / 3)];
+                const int from = mesh.faces[3 * real + (triangle < 0 ? 0 : (first + row / 3) % 3)];
                 say(tree.leaf_rows[(leaf * 9 + row) * lanes + k] == mesh.vertices[3 * from + row % 3], "corner");
             }
+            say(triangle < 0 || has_longest_side_opposite(triangle, first), "a first corner beside the longest side");
             if (triangle < 0) continue;
             times_seen[triangle] += 1;
             under.triangles.push_back(triangle);
@@ -141,7 +173,7 @@ struct Checker {
         if (cutoff == 2.0) return;
         say(cutoff >= 1e-3 && cutoff < 1, "cutoff");
         for (int triangle : under.triangles) {
-            const Vec a = corner(triangle, 0), n = (corner(triangle, 1) - a).cross(corner(triangle, 2) - a);
+            const Vec n = normal(triangle);
             if (n.length() == 0) continue;
             const double cosine = n.dot(axis) / n.length() / axis.length();
             say(cosine > 0 && std::sqrt(std::max(0.0, 1 - cosine * cosine)) <= cutoff, "a normal outside of its cone");
@@ -154,7 +186,7 @@ struct Checker {
             const float at[3] = {(float)camera.x, (float)camera.y, (float)camera.z};
             if (!(turned_away(tree, node, at) >> child & 1)) continue;
             for (int triangle : under.triangles) {
-                const Vec a = corner(triangle, 0), n = (corner(triangle, 1) - a).cross(corner(triangle, 2) - a);
+                const Vec a = corner(triangle, 0), n = normal(triangle);
                 say(n.dot(a - Vec{at[0], at[1], at[2]}) >= -1e-6 * n.length(), "a triangle that is not turned away");
             }
         }
