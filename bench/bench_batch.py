@@ -34,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from machine import OtherWork, describe
 
 CAMERA = wv.Camera.from_fov(320, 240, hfov=0.994837)
-LEAST_RATIO, MOST_GROWTH, LEAST_SPEEDUP = 0.6, 0.1, {"ray": 1.6, "local": 1.8}
+MIN_RATIO, MAX_GROWTH, MIN_SPEEDUP = 0.6, 0.1, {"ray": 1.6, "local": 1.8}
 FLAT_FROM = 2000
 BATCHES = (16, 218)
 
@@ -117,10 +117,10 @@ def compare_with_rendering(scene: wv.Scene, frames: Frames, arguments: argparse.
             f"({summary.bytes / summary.seconds / 1e9:.2f} GB/s): {ratios[-1]:.0%}; "
             f"{size / 1e6:.0f} MB resident, within {growth:.1%} from frame {FLAT_FROM} on. {others.warning()}"
         )
-    reached = "reached" if np.median(ratios) >= LEAST_RATIO and max(growths) <= MOST_GROWTH else "MISSED"
+    reached = "reached" if np.median(ratios) >= MIN_RATIO and max(growths) <= MAX_GROWTH else "MISSED"
     print(
-        f"median {np.median(ratios):.0%} of rendering alone, at least {LEAST_RATIO:.0%}; memory grew by "
-        f"{max(growths):.1%}, at most {MOST_GROWTH:.0%}: {reached}"
+        f"median {np.median(ratios):.0%} of rendering alone, at least {MIN_RATIO:.0%}; memory grew by "
+        f"{max(growths):.1%}, at most {MAX_GROWTH:.0%}: {reached}"
     )
 
 
@@ -167,7 +167,7 @@ def compare_with_each_other(scene: wv.Scene, frames: Frames, arguments: argparse
             print(f"round {round_ + 1}: {name}: {rates[name][-1]:.0f} frames/s, {whole}")
     print(f"medians: {', '.join(f'{name} {np.median(rate):.0f}' for name, rate in rates.items())} frames/s")
     first, *_, last = map(np.array, rates.values())
-    times, least = float(np.median(last / first)), LEAST_SPEEDUP[arguments.engine]
+    times, least = float(np.median(last / first)), MIN_SPEEDUP[arguments.engine]
     print(f"{times:.2f} times in the median round, at least {least}: {'reached' if times >= least else 'MISSED'}")
 
 

@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from machine import describe
 
 FETCH, PUSHER = ("FetchPickAndPlace-v4", "external_camera_0"), ("Pusher-v5", -1)
-MOST_GROWTH = 0.05
+MAX_GROWTH = 0.05
 """Memory may grow by this from a tenth of the steps to the end."""
 
 # Name, images, workers' start (None for none), environments.
@@ -174,7 +174,7 @@ def main() -> None:
             f"{line['used'] * 1e3:.2f} ms of a core each, memory after 10, 50 and 100 %: {memory} MB",
             flush=True,
         )
-        if last > first * (1 + MOST_GROWTH):
+        if last > first * (1 + MAX_GROWTH):
             grown.append(label)
     if grown:
         sys.exit(f"memory grew: {', '.join(grown)}")

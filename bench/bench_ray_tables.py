@@ -24,11 +24,11 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import core_count
 
 VIEWS = 8
-LEAST_TIMES = {"room": 12.0, "blobs_77k": 8.0, "blobs_1m": 4.0}
+MIN_TIMES = {"room": 12.0, "blobs_77k": 8.0, "blobs_1m": 4.0}
 """A scan is at least so many times as fast as Open3D's."""
-MOST_OF_ONE_ORIGIN = 2.0
+MAX_OF_ONE_ORIGIN = 2.0
 """An Ouster's turn, of origins beside each other, takes at most so many times as long as one from one place."""
-MOST_OF_PINHOLE = 1.3
+MAX_OF_PINHOLE = 1.3
 """A lens takes at most so many times as long as a pinhole of its size."""
 TOLERANCE = 1e-3
 
@@ -105,16 +105,16 @@ def compare(name: str, rounds: int) -> None:
     scan, lens, pinhole, ouster, one_place, alone, once, theirs = times
     print(
         f"{name}: scan {scan:.3f} ms, Open3D {theirs:.3f} ms ({same.mean():.4%} of rays alike): {theirs / scan:.1f} "
-        f"times as fast, {_reached(theirs / scan >= LEAST_TIMES[name])} ({LEAST_TIMES[name]:g})"
+        f"times as fast, {_reached(theirs / scan >= MIN_TIMES[name])} ({MIN_TIMES[name]:g})"
     )
     print(f"{name}: scan by render_wide {once:.3f} ms: {theirs / once:.1f} times as fast as Open3D")
     print(
         f"{name}: lens {lens:.3f} ms, pinhole {pinhole:.3f} ms: {lens / pinhole:.2f} of its time, "
-        f"{_reached(lens / pinhole <= MOST_OF_PINHOLE)} ({MOST_OF_PINHOLE:g})"
+        f"{_reached(lens / pinhole <= MAX_OF_PINHOLE)} ({MAX_OF_PINHOLE:g})"
     )
     print(
         f"{name}: Ouster {ouster:.3f} ms, from one place {one_place:.3f} ms: {ouster / one_place:.2f} of its time, "
-        f"{_reached(ouster / one_place <= MOST_OF_ONE_ORIGIN)} ({MOST_OF_ONE_ORIGIN:g}); {alone / ouster:.1f} times as "
+        f"{_reached(ouster / one_place <= MAX_OF_ONE_ORIGIN)} ({MAX_OF_ONE_ORIGIN:g}); {alone / ouster:.1f} times as "
         "fast as ray by ray"
     )
 
@@ -127,7 +127,7 @@ def main() -> None:
     """Print times and ratios."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=9)
-    parser.add_argument("--scenes", nargs="+", default=list(LEAST_TIMES), choices=list(LEAST_TIMES))
+    parser.add_argument("--scenes", nargs="+", default=list(MIN_TIMES), choices=list(MIN_TIMES))
     arguments = parser.parse_args()
     try:
         import open3d as _  # noqa: F401

@@ -9,17 +9,17 @@ import warpvis as wv
 PRESET = wv.scenes.PRESETS["experiment_3"]
 
 # Images that wait to be processed take 1.6 MB a view; many cores share these.
-MOST_VIEWS = 200
+MAX_VIEWS = 200
 
 
 @pytest.fixture(scope="module")
 def images():
     """Views of the experiment, the input of the stages that come after casting."""
-    return wv.render(PRESET.build(), PRESET.camera, PRESET.poses(MOST_VIEWS), caster="packets")
+    return wv.render(PRESET.build(), PRESET.camera, PRESET.poses(MAX_VIEWS), caster="packets")
 
 
 def count(per_thread, threads):
-    return min(per_thread * threads, MOST_VIEWS)
+    return min(per_thread * threads, MAX_VIEWS)
 
 
 @pytest.mark.benchmark(group="stages")

@@ -37,13 +37,13 @@ from machine import OtherWork, describe
 
 CAMERA = wv.Camera.from_fov(320, 240, hfov=0.994837)
 SHARD = 218
-MOST_SHARDS = 4000
+MAX_SHARDS = 4000
 FORMATS: dict[str, tuple[str, dict[str, Any]]] = {
     "png": ("png", {}),
     "zarr, zstd": ("zarr", {"compression": "zstd"}),
     "npz": ("npz", {}),
 }
-LEAST_TIMES = 8.0
+MIN_TIMES = 8.0
 """What 16 threads on 16 cores must be times one, of PNG and of Zarr."""
 Peer = Callable[[Path, np.ndarray, float], float]
 
@@ -72,14 +72,14 @@ def write(out: Path, name: str, depth: np.ndarray, threads: int, seconds: float)
     kind, options = FORMATS[name]
     scene = wv.Scene()
     scene.add(([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]), name="triangle")
-    frames = Frames.from_poses(np.tile([0.0, 0, 0, 0, 0, 0, 1], (SHARD * MOST_SHARDS, 1)))
+    frames = Frames.from_poses(np.tile([0.0, 0, 0, 0, 0, 0, 1], (SHARD * MAX_SHARDS, 1)))
     plan = make_plan(scene, CAMERA, frames, find_format(kind), shard_frames=SHARD, options=options)
     store = open_store(out)
     store.create()
     whole: dict[int, Record] = {}
 
     def shards() -> Iterator[int]:
-        for shard in range(MOST_SHARDS):
+        for shard in range(MAX_SHARDS):
             if time.perf_counter() - start > seconds and shard >= 2:
                 return
             yield shard
@@ -113,7 +113,7 @@ def zarr_python(out: Path, depth: np.ndarray, seconds: float) -> float:
     import zarr
     from zarr.codecs import ZstdCodec
 
-    shape = (SHARD * MOST_SHARDS, *depth.shape[1:])
+    shape = (SHARD * MAX_SHARDS, *depth.shape[1:])
     array = zarr.create_group(out).create_array(
         "depth", shape=shape, chunks=(1, *shape[1:]), shards=(SHARD, *shape[1:]), dtype="float32",
         compressors=ZstdCodec(level=1),
@@ -168,8 +168,8 @@ def compare(out: Path, name: str, depth: np.ndarray, arguments: argparse.Namespa
     times = rates[last] / rates[first]
     print(f"{name:11}{line}   {times:5.2f} times, {same}; {beside}. {others.warning()}", flush=True)
     if first == 1 and last >= 16 <= core_count() and name != "npz":
-        verdict = "reached" if times >= LEAST_TIMES else "MISSED"
-        print(f"{name}: {times:.1f} times one thread, at least {LEAST_TIMES:g}: {verdict}")
+        verdict = "reached" if times >= MIN_TIMES else "MISSED"
+        print(f"{name}: {times:.1f} times one thread, at least {MIN_TIMES:g}: {verdict}")
 
 
 def main() -> None:

@@ -32,8 +32,8 @@ EDGE = 1e-9
 """Pixels within which a ray may see either side of an edge."""
 BANDS = (EDGE, 1e-6, 1e-5, 1e-4, 1e-3)
 TOLERANCE = 1e-5
-MOST_WRONG = 1 << 16
-MOST_VIEWS = 1 << 12
+MAX_WRONG = 1 << 16
+MAX_VIEWS = 1 << 12
 _SHOWN = 5
 
 
@@ -226,7 +226,7 @@ class Check:
         """Compare one scene's images."""
         rng = np.random.default_rng((seed, list(FAMILIES).index(family)))
         width, height = (int(side) for side in rng.integers(24, 512 if self.batch > 1 << 22 else 96, 2))
-        views = min(max(1, self.batch // (width * height)), MOST_VIEWS)
+        views = min(max(1, self.batch // (width * height)), MAX_VIEWS)
         case = FAMILIES[family](rng, width, height, views)
         outputs = ("depth",) if rng.random() < 0.5 else ("depth", "segmentation")
         renderer = wv.Renderer(case.scene(self.device), case.camera, outputs=outputs, caster=self.caster)
@@ -237,7 +237,7 @@ class Check:
         depth = renderer.render(poses, object_poses=case.object_poses, object_scales=case.object_scales).depth
         found = self._compare(case, matrices, depth)
         self.pixels[family] += depth.size
-        self.more[family] += max(0, len(found) - MOST_WRONG)
+        self.more[family] += max(0, len(found) - MAX_WRONG)
         for view, y, x in found[:1000]:
             shown = float(depth[int(view)].numpy()[y, x])
             where = f"{family}, seed {seed}, view {view} of {width}x{height}, x {x}, y {y}"
@@ -258,10 +258,10 @@ class Check:
         inputs = [corners, cameras, lens, camera.width, camera.height]
         wp.launch(prepare_triangles, size, inputs=inputs, outputs=[prepared], device=device)
         count = wp.zeros(1, dtype=int, device=device)
-        wrong = wp.empty(MOST_WRONG, dtype=wp.vec3i, device=device)
+        wrong = wp.empty(MAX_WRONG, dtype=wp.vec3i, device=device)
         wp.launch(compare_depth, depth.shape, inputs=[prepared, lens, depth], outputs=[count, wrong], device=device)
         found = int(count.numpy()[0])
-        order = wrong.numpy()[: min(found, MOST_WRONG)]
+        order = wrong.numpy()[: min(found, MAX_WRONG)]
         return order[np.lexsort(order.T[::-1])]
 
     def report(self) -> bool:

@@ -41,7 +41,7 @@ _MARK = "gpu"  # of the tables in docs/figures.md
 _WORTH_A_LOOK = 1.25
 
 # A case takes at least so many rounds, whatever the time.
-_LEAST_ROUNDS = 3
+_MIN_ROUNDS = 3
 
 # What could end the process and everybody's figures with it has to show in another process that it does not, with this
 # case. (OptiX and nvdiffrast are not from Warp, and nvdiffrast may be compiled for another PyTorch.)
@@ -107,7 +107,7 @@ def measure(case: Case, name: str, methods: Sequence[Method], options: argparse.
     of_case = log.results[first_of_case:]
     contestants = [entry for entry in contestants if entry.result.missing == "" and _worth(entry.result, of_case)]
     rounds, start = 0, time.monotonic()
-    while rounds < options.rounds and (rounds < _LEAST_ROUNDS or time.monotonic() - start < options.case_seconds):
+    while rounds < options.rounds and (rounds < _MIN_ROUNDS or time.monotonic() - start < options.case_seconds):
         _round(contestants[:: -1 if rounds % 2 else 1])
         rounds += 1
         log.save(f"{name}: {rounds} rounds")

@@ -31,7 +31,7 @@ TREES = (("sah", 64), ("sah", 128), ("cubql", 64))
 _OWN = ("warpvis", "warp-lang")
 
 # Movable objects that the rays caster is measured with.
-_MOST_ASKED = 100
+_MAX_ASKED = 100
 
 # Turns a camera that looks along +z (OpenCV) to one that looks along -z (OpenGL).
 _HALF_TURN = np.array([1.0, 0.0, 0.0, 0.0])
@@ -39,7 +39,7 @@ _HALF_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 
 def warpvis(case: Case, *outputs: Any, host: bool = False, **options: Any) -> Prepared:
     """This library; with poses of the host, if asked for."""
-    if options.get("caster") == "rays" and len(case.subject.scene.movable) > _MOST_ASKED:
+    if options.get("caster") == "rays" and len(case.subject.scene.movable) > _MAX_ASKED:
         raise RuntimeError(f"each ray asks every movable object, {len(case.subject.scene.movable)} here")
     renderer = wv.Renderer(case.subject.scene, case.camera, outputs=outputs or ("depth",), **options)
     poses = case.poses if host or case.device.is_cpu else case.device_poses

@@ -17,8 +17,8 @@ import warp as wp
 Run = Callable[[], Any]
 
 # The time that events stand around, at least.
-_LEAST_SECONDS = 0.015
-_MOST_CALLS = 64
+_MIN_SECONDS = 0.015
+_MAX_CALLS = 64
 
 
 class Timer(Protocol):
@@ -173,4 +173,4 @@ class LatencyTimer:
 
 def enough_calls(seconds: float) -> int:
     """How many calls of that time make a round that can be measured."""
-    return max(1, min(_MOST_CALLS, round(_LEAST_SECONDS / max(seconds, 1e-6))))
+    return max(1, min(_MAX_CALLS, round(_MIN_SECONDS / max(seconds, 1e-6))))

@@ -24,8 +24,8 @@ _CHECKED_PIXELS = 600_000
 _TOLERANCE = 1e-3
 
 # Silhouettes may differ: rasterisers round corners to a fraction of a pixel. An image half a pixel aside does not pass.
-_LEAST_HITS = 0.99
-_LEAST_SAME = 0.95
+_MIN_HITS = 0.99
+_MIN_SAME = 0.95
 _GREATEST_MEDIAN = 1e-4
 
 
@@ -212,7 +212,7 @@ class Agreement:
     @property
     def right(self) -> bool:
         """Whether it is the same picture."""
-        return self.hits >= _LEAST_HITS and self.same >= _LEAST_SAME and self.median <= _GREATEST_MEDIAN
+        return self.hits >= _MIN_HITS and self.same >= _MIN_SAME and self.median <= _GREATEST_MEDIAN
 
     def __str__(self) -> str:
         return f"hit/miss agree {self.hits:.3%}, median difference {self.median:.1e} m, same depth {self.same:.3%}"

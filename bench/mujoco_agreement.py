@@ -45,7 +45,7 @@ _MODELS = (
     ("dm_control", "locomotion/walkers/assets/humanoid_CMU_V2020.xml"),
 )
 _SIZE = _HEIGHT, _WIDTH = 240, 320
-_RAYS, _LEAST_SAME = 200, 0.995
+_RAYS, _MIN_SAME = 200, 0.995
 Found = defaultdict[str, list[Any]]  # what the images of one model have shown, an item for each
 
 
@@ -54,7 +54,7 @@ def report(found: Found, tolerance: float) -> tuple[bool, list[str]]:
     errors, rays, ray_same = (np.concatenate(found[name]) for name in ("errors", "ray_errors", "ray_same"))
     quantiles = [np.quantile(values, (0.5, 0.99)) for values in (*found["errors"], rays) if values.size]
     *within, rays_keep = [bool((pair < np.array([1e-4, 2e-3]) + tolerance).all()) for pair in quantiles]
-    same = min(np.mean(found["same"]), np.mean(ray_same)) >= _LEAST_SAME
+    same = min(np.mean(found["same"]), np.mean(ray_same)) >= _MIN_SAME
     return all(within) and rays_keep and bool(same), [
         f"{len(found['same'])}, {sum(found['empty'])} see no geom",
         "median {:.4f}, 99 % {:.4f} mm of {} px".format(*1e3 * np.quantile(errors, (0.5, 0.99)), errors.size),

@@ -28,10 +28,10 @@ TOLERATED = 0.05
 ROUNDS = 9
 
 # No further round of a workload begins after that many seconds, once there were that many rounds.
-_MOST_SECONDS, _LEAST_ROUNDS = 3.0, 3
+_MAX_SECONDS, _MIN_ROUNDS = 3.0, 3
 
 # Both sides must make the same values, up to corners that round otherwise.
-_LEAST_SAME = 0.95
+_MIN_SAME = 0.95
 
 # Of several ways to use a peer, those that are slower than the fastest by this factor at first look are dropped.
 _WORTH_A_LOOK = 1.25
@@ -99,8 +99,8 @@ def measure(contest: Contest, rounds: int) -> Figure:
     Raises:
         RuntimeError: If both sides make different values.
     """
-    if not contest.same >= _LEAST_SAME:
-        raise RuntimeError(f"both sides must agree on {_LEAST_SAME:.0%} of values, got {contest.same:.2%}")
+    if not contest.same >= _MIN_SAME:
+        raise RuntimeError(f"both sides must agree on {_MIN_SAME:.0%} of values, got {contest.same:.2%}")
     timer = contest.timer
     rows = [("", contest.ours), *((peer, run) for peer, ways in contest.peers.items() for run in ways)]
     if contest.with_graphs:
@@ -131,7 +131,7 @@ def _rounds(timer: Timer, runs: Sequence[Run], first: Sequence[float], rounds: i
     try:
         start = time.monotonic()
         for number in range(rounds):
-            if number >= _LEAST_ROUNDS and time.monotonic() - start > _MOST_SECONDS:
+            if number >= _MIN_ROUNDS and time.monotonic() - start > _MAX_SECONDS:
                 break
             for i in range(len(runs))[:: -1 if number % 2 else 1]:
                 times[i].append(timer.device_seconds(runs[i], calls[i]))

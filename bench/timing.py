@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 # Fast calls are made several times a round, for a time that can be measured.
-_LEAST_SECONDS = 0.1
+_MIN_SECONDS = 0.1
 
 # The threads of a library may keep spinning for a while after their work is done; they must not disturb the next one.
 _PAUSE = 0.05
@@ -18,7 +18,7 @@ _PAUSE = 0.05
 
 def take_turns(calls: Sequence[Callable[[], Any]], rounds: int) -> list[list[float]]:
     """Seconds of each call, one a round. The calls must have been made once, to be warm."""
-    repeats = [max(1, round(_LEAST_SECONDS / _seconds(call, 1))) for call in calls]
+    repeats = [max(1, round(_MIN_SECONDS / _seconds(call, 1))) for call in calls]
     times: list[list[float]] = [[] for _ in calls]
     gc.collect()
     gc.disable()

@@ -25,7 +25,7 @@ OPENED_WORDS = 3
 
 _WAITING = wp.constant(2 * CUDA_LANES)
 _NEVER = wp.constant(2.0)
-_LEAST_COSINE = wp.constant(wp.float64(0.0872))  # of 85 degrees
+_MIN_COSINE = wp.constant(wp.float64(0.0872))  # of 85 degrees
 _MARGIN = wp.constant(wp.float64(1e-3))
 
 
@@ -230,7 +230,7 @@ def unit_normal(leaves: wp.array3d[float], leaf: int, lane: int) -> wp.vec3d:
 @wp.func
 def cutoff_of(cosine: wp.float64) -> float:
     """The sine of a cone's half angle and a little more; `_NEVER` where it says nothing."""
-    if not (cosine > _LEAST_COSINE):
+    if not (cosine > _MIN_COSINE):
         return _NEVER
     sine = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) + _MARGIN
     return wp.where(sine < wp.float64(1.0), float(sine), _NEVER)

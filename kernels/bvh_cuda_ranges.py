@@ -12,7 +12,7 @@ SMALL = 4 * CUDA_LANES
 """Ranges of at most this many items are split where it is cheapest of all places."""
 BIN_WORDS = 6
 """Of a box while it grows: its corners as `ordered` has them, the greatest negated."""
-MOST_DEPTH = 40
+MAX_DEPTH = 40
 """Levels of the binary tree: eight levels of nodes, five of these each."""
 NOTHING = 2137108966
 """What a box has in each word before anything is in it: `NOWHERE`, as `ordered` has it."""
@@ -118,7 +118,7 @@ def must_halve(count: int, depth: int) -> bool:
     levels = int(0)
     while (1 << levels) < leaves:
         levels += 1
-    return depth + levels >= MOST_DEPTH
+    return depth + levels >= MAX_DEPTH
 
 
 @wp.func

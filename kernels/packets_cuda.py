@@ -27,7 +27,7 @@ CACHED_NUMBERS = 1 << 24
 TILE_BITS = 5
 """Of the pixels a side of the tiles of `FoundObjects`."""
 
-MOST_TILES = 4
+MAX_TILES = 4
 """In how many tiles an object may be that is sorted into each."""
 
 _SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/stretch.h", "shared/pose.h", "shared/edges.h")
@@ -144,7 +144,7 @@ def headers(
         f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)}, RAY_TABLE = {int(ray_table or points > 0)} }};\n"
     )
     head += f"enum {{ POINT_BLOCKS = {points // CUDA_LANES}, RAY_ORIGINS = {int(origins)} }};\n"
-    head += f"enum {{ TILE_BITS = {TILE_BITS}, MOST_TILES = {MOST_TILES}, CACHED_NUMBERS = {CACHED_NUMBERS} }};\n"
+    head += f"enum {{ TILE_BITS = {TILE_BITS}, MAX_TILES = {MAX_TILES}, CACHED_NUMBERS = {CACHED_NUMBERS} }};\n"
     near = "origins" if origins else "clips" if clip else "occludes"
     kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", f"cuda/near_{near}.h")
     kind = ("table" if ray_table else "grid", "table_point" if ray_table else "point")

@@ -23,7 +23,7 @@ OUTSIDE_CELLS = wp.constant(1024)
 APART_UNIT = wp.constant(8.0)
 """Of `PointLists.apart` to a pixel."""
 
-MOST_APART = wp.constant(8)
+MAX_APART = wp.constant(8)
 """So many times as far apart as blocks may be, and no more, counts a block."""
 
 
@@ -110,7 +110,7 @@ def measure_blocks(
             least, greatest = wp.min(least, here), wp.max(greatest, here)
     if greatest[0] >= least[0]:
         beyond = (greatest[0] - least[0]) + (greatest[1] - least[1]) - most
-        wp.atomic_add(apart_out, view, int(wp.min(beyond, float(MOST_APART) * most) * APART_UNIT))
+        wp.atomic_add(apart_out, view, int(wp.min(beyond, float(MAX_APART) * most) * APART_UNIT))
 
 
 @wp.kernel

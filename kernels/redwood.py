@@ -20,7 +20,7 @@ DISPARITY_SIGMA = wp.constant(0.027778)
 """Deviation of a disparity [px]."""
 LEVELS = wp.constant(8.0)
 """Parts of a pixel to which disparities are rounded."""
-LEAST_FACTOR = wp.constant(1.0e-5)
+MIN_FACTOR = wp.constant(1.0e-5)
 """Entries of the table below this are none."""
 TABLE_WIDTH, TABLE_HEIGHT, CELL_WIDTH, CELL_HEIGHT = (
     wp.constant(640),
@@ -93,7 +93,7 @@ def measure_redwood(
             cell_row = cell_of(row, height, TABLE_HEIGHT, CELL_HEIGHT)
             cell_column = cell_of(column, width, TABLE_WIDTH, CELL_WIDTH)
             factor = distortion_of(table, cell_row, cell_column, depth)
-            if factor < LEAST_FACTOR:
+            if factor < MIN_FACTOR:
                 depth = wp.nan
                 reason = REASON_DROPOUT
             else:

@@ -15,7 +15,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "
 
 LEVELS = wp.constant(8.0)
 """Parts of a pixel to which disparities are rounded."""
-MOST_LEVEL = wp.constant(8388608.0)
+MAX_LEVEL = wp.constant(8388608.0)
 """From so many on a surface is no surface, before sums over a window overflow: 3.4e-5 m by default."""
 REACH = wp.constant(4)
 """Of a dot's window to all sides [px]."""
@@ -72,7 +72,7 @@ def shift_to_levels(
     lower += right * depth_or_none(true_depth, view, row + 1, column + 1)
     depth = (1.0 - below) * upper + below * lower
     level = wp.rint(LEVELS * (model.disparity_scale / (depth + 1.0e-10)))
-    levels_out[view, y, x] = wp.where(level < MOST_LEVEL, int(level), 0)
+    levels_out[view, y, x] = wp.where(level < MAX_LEVEL, int(level), 0)
 
 
 @wp.kernel

@@ -14,7 +14,7 @@ DESKTOP, PHONE = (1400, 900), (390, 844)
 
 _OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 _READY_MS = 120_000
-_BETWEEN_PICTURES_MS, _MOST_PICTURES = 1500, 20
+_BETWEEN_PICTURES_MS, _MAX_PICTURES = 1500, 20
 _CHANGING = 1e-3  # of the pixels: what counts frames may go on
 _POINTS = 0  # WebGL's POINTS
 
@@ -96,7 +96,7 @@ def screenshot(page, name):
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.png"
     before = None
-    for _ in range(_MOST_PICTURES):
+    for _ in range(_MAX_PICTURES):
         page.wait_for_timeout(_BETWEEN_PICTURES_MS)
         page.screenshot(path=path)
         picture = np.asarray(Image.open(path).convert("RGB"))

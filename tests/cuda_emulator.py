@@ -176,7 +176,7 @@ class EmulatedCaster(RaysCaster):
             room.entries = wp.zeros((views, count), dtype=wp.vec4i, device="cpu")
             room.counts = wp.zeros((views, 2), dtype=wp.int32, device="cpu")
             room.tile_counts, room.tile_ends = (wp.zeros(tiles, dtype=wp.int32, device="cpu") for _ in range(2))
-            room.order = wp.zeros(packets_cuda.MOST_TILES * views * count, dtype=wp.int32, device="cpu")
+            room.order = wp.zeros(packets_cuda.MAX_TILES * views * count, dtype=wp.int32, device="cpu")
         return room
 
 

@@ -22,7 +22,7 @@ from warpvis.io import load_camera, read_archive, read_depth, read_points, save_
 
 CAMERA = wv.Camera.from_fov(12, 9, hfov=1.0, near=0.3, far=4.5)
 _FRAMES = 4
-_MOST_FRAMES = 6
+_MAX_FRAMES = 6
 """Frames of a dataset that are read; a manifest that was changed may speak of many."""
 
 
@@ -313,7 +313,7 @@ def _read_dataset(folder: Path) -> None:
 
     def read() -> None:
         dataset = wv.open_dataset(folder)
-        for index in range(min(len(dataset), _MOST_FRAMES)):
+        for index in range(min(len(dataset), _MAX_FRAMES)):
             dataset[index]
 
     all_of(

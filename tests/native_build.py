@@ -23,10 +23,10 @@ ROOT = Path(__file__).resolve().parent.parent
 SCENES = {"tree": 1500, "edges": 1000, "images": 600, "points": 160, "silhouettes": 120}
 """The checks, and of how many random scenes: a few seconds."""
 
-LEAST_CLANG = 17
+MIN_CLANG = 17
 """The first Clang that knows the vector builtins of the headers."""
 
-# The ABI of vectors of 16 lanes depends on AVX-512. Each program is compiled whole for one processor, so it is consistent.
+# Without AVX-512, the ABI of vectors of 16 lanes differs; each program is compiled whole, so it is consistent.
 _FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wno-psabi", "-Ikernels/native")
 # Faults end the program at once; frame pointers make their reports readable. What is not initialised holds nonsense.
 # An array at the end of a struct is as long as it says.
@@ -51,14 +51,14 @@ def find_clang() -> tuple[str, str]:
     `CLANGXX` names one that is taken instead of those that are found.
     """
     named = os.environ.get("CLANGXX")
-    names = [named] if named else [*(f"clang++-{version}" for version in range(30, LEAST_CLANG - 1, -1)), "clang++"]
-    why = f"no clang++ of version {LEAST_CLANG} or later is here"
+    names = [named] if named else [*(f"clang++-{version}" for version in range(30, MIN_CLANG - 1, -1)), "clang++"]
+    why = f"no clang++ of version {MIN_CLANG} or later is here"
     for name in names:
         if not (path := shutil.which(name)):
             continue
         version = subprocess.run([path, "-dumpversion"], capture_output=True, text=True).stdout.strip()
-        if not version or int(version.split(".")[0]) < LEAST_CLANG:
-            why = f"{name} is of version {version or 'unknown'}, and {LEAST_CLANG} is the least"
+        if not version or int(version.split(".")[0]) < MIN_CLANG:
+            why = f"{name} is of version {version or 'unknown'}, and {MIN_CLANG} is the least"
             continue
         with tempfile.TemporaryDirectory() as folder:
             command = [path, *_SANITIZERS, "-x", "c++", "-", "-o", str(Path(folder) / "probe")]

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-LANES, SMALL, BINS, MOST_DEPTH = 32, 128, 16, 40
+LANES, SMALL, BINS, MAX_DEPTH = 32, 128, 16, 40
 
 
 def half_area(low: NDArray, high: NDArray) -> NDArray:
@@ -23,7 +23,7 @@ def leaves_of(count: NDArray) -> NDArray:
 
 def must_halve(count: int, depth: int) -> bool:
     """Whether halving from here on makes leaves just in time."""
-    return depth + int(np.ceil(np.log2(leaves_of(count)))) >= MOST_DEPTH
+    return depth + int(np.ceil(np.log2(leaves_of(count)))) >= MAX_DEPTH
 
 
 def half_of(count: int) -> int:

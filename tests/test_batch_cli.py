@@ -46,9 +46,9 @@ def cli(*arguments):
 def test_one_is_no_plural_and_a_file_is_no_folder(workspace):
     """Of one frame of one triangle, in one process: each message says one of what there is one of."""
     from warpvis.batch import verify
-    from warpvis.core.checks import counted
+    from warpvis.core.checks import pluralize
 
-    assert [counted(count, "frame") for count in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
+    assert [pluralize(count, "frame") for count in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
     scene = wv.Scene()
     scene.add(([[-1, -1, 2], [1, -1, 2], [0, 1, 2]], [[0, 1, 2]]), name="triangle")
     assert repr(scene) == "Scene(1 object, 1 triangle, device='cpu')"

@@ -39,7 +39,7 @@ def started(monkeypatch):
         start(self, target, count)
         found.append(self)
 
-    monkeypatch.setattr(writer, "_LEAST_SHARDS", 1)
+    monkeypatch.setattr(writer, "_MIN_SHARDS", 1)
     monkeypatch.setattr(EncodingProcesses, "__init__", note)
     return found
 
@@ -91,7 +91,7 @@ def test_what_needs_none_starts_none(tmp_path, started, monkeypatch):
     run(tmp_path / "raw", threads=8, format="npz")
     pytest.importorskip("fsspec")
     run("memory://processes/job", threads=8, format="png")
-    monkeypatch.setattr(writer, "_LEAST_SHARDS", 16)
+    monkeypatch.setattr(writer, "_MIN_SHARDS", 16)
     run(tmp_path / "few", threads=8, format="png")
     assert not started
 

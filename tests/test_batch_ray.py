@@ -108,7 +108,7 @@ def test_empty_frames_are_counted(tmp_path, cluster):
 
 
 def test_a_worker_that_always_ends_is_not_started_for_ever(tmp_path, cluster, monkeypatch):
-    monkeypatch.setattr("warpvis.batch.engines._ray._MOST_RESTARTS", 1)
+    monkeypatch.setattr("warpvis.batch.engines._ray._MAX_RESTARTS", 1)
     monkeypatch.setattr(Job, "__reduce__", lambda job: (os._exit, (7,)))  # which is what a worker gets that unpacks it
     with pytest.raises(wv.errors.FileFormatError, match=r"workers ended, .* too often; 0 of 7 shards are whole"):
         run(tmp_path / "out", engine="ray", workers=1, threads=None)

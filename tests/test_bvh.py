@@ -282,10 +282,10 @@ def test_more_triangles_than_arrays_hold_are_refused(monkeypatch):
     with pytest.raises(SceneError, match="at most 238609294 triangles, got 238609295"):
         _bvh.check_size(238_609_295, 16, None)
     _bvh.check_size(238_609_294, 16, None)
-    monkeypatch.setattr(_bvh, "MOST_PLACES", 3000)
+    monkeypatch.setattr(_bvh, "MAX_PLACES", 3000)
     with pytest.raises(SceneError, match=r"at most 187 leaves of 16 triangles, .* got \d+; let objects share meshes"):
         CASES["soup"]().build()
-    monkeypatch.setattr(_bvh, "MOST_PLACES", 11 * 16)
+    monkeypatch.setattr(_bvh, "MAX_PLACES", 11 * 16)
     scene = wv.Scene()
     for size in (1, 2):
         scene.add((random_triangles(65 * size).reshape(-1, 3), np.arange(195 * size).reshape(-1, 3)), movable=True)

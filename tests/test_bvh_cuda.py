@@ -24,10 +24,10 @@ from warpvis.scene._bvh import Bvh
 import reference
 
 CASES = test_bvh.CASES
-MOST_LEVELS = 8
+MAX_LEVELS = 8
 
 
-def build(given, device="cpu", most_levels=MOST_LEVELS) -> Bvh:
+def build(given, device="cpu", most_levels=MAX_LEVELS) -> Bvh:
     arrays = given.vertices, given.faces, given.owner, given.closed
     return _bvh_cuda.build_device_bvh(_bvh_cuda.DeviceMesh.of(*arrays, wp.get_device(device)), most_levels=most_levels)
 
@@ -46,7 +46,7 @@ def test_the_tree_holds_all_triangles_and_its_bounds_hold_what_is_below(name, de
     tree = build(given, device)
     test_bvh.test_every_triangle_is_there_once_and_unchanged((given, tree))
     test_bvh.test_boxes_and_cones_hold_what_is_below((given, tree))
-    assert tree.depth <= MOST_LEVELS
+    assert tree.depth <= MAX_LEVELS
     if len(given.faces) >= 1000:
         assert len(given.faces) / tree.leaf_count >= 0.65 * tree.lanes
         assert tree.bytes_per_triangle < 100
@@ -71,7 +71,7 @@ def test_a_tree_that_would_be_too_deep_is_parted_evenly(monkeypatch):
     parted = []
     collapse = _bvh_cuda._collapse
     monkeypatch.setattr(_bvh_cuda, "_collapse", lambda *a, **k: parted.append(k) or collapse(*a, **k))
-    assert build(CASES["doubling"]()).depth <= MOST_LEVELS
+    assert build(CASES["doubling"]()).depth <= MAX_LEVELS
     assert parted == [{"evenly": False}, {"evenly": True}]
 
 
@@ -95,7 +95,7 @@ def test_the_host_asks_for_levels_only_where_they_may_be_the_last(monkeypatch):
     tree = build(given)
     assert tree.depth == 4
     assert len(asked) <= 6
-    assert max(asked) <= bvh_cuda_ranges.MOST_DEPTH + 2
+    assert max(asked) <= bvh_cuda_ranges.MAX_DEPTH + 2
 
 
 def test_more_triangles_than_a_tree_holds_are_refused():

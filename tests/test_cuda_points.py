@@ -331,7 +331,7 @@ def test_points_are_sorted_by_their_cells(device):
     bits = 4  # 256 cells for 1665 points
     assert lists.cells == 4**bits + OUTSIDE_CELLS
     spacing = np.sqrt(np.prod(SIZE) / 1665)
-    most = _cuda_points._MOST_STRETCH * 12 * spacing
+    most = _cuda_points._MAX_STRETCH * 12 * spacing
     apart = measure_blocks(pixels, 45, SIZE, _cuda_points._MEASURED_STEP, most)
     np.testing.assert_allclose(lists.apart.numpy(), 8 * apart, atol=20)
     assert apart[1] < 0 < apart[0]
@@ -363,7 +363,7 @@ def test_points_are_launched_in_parts_that_memory_holds(monkeypatch):
     """Views, their worlds and what they write go together."""
     scene, launched = build("cpu", random_poses(np.random.default_rng(1), 5), movable=True), []
     scene.bvh()
-    monkeypatch.setattr(_cuda_points, "_MOST_POINTS", 5000)
+    monkeypatch.setattr(_cuda_points, "_MAX_POINTS", 5000)
     monkeypatch.setattr(_cuda_points, "_cast", lambda *given: launched.append(given[3:]))
     pixels, depth = wp.zeros((5, 1, 2000), dtype=wp.vec2), wp.zeros((5, 1, 2000), dtype=float)
     worlds = wv.scene.worlds.parse_worlds(scene, 5, None, np.zeros(5, dtype=np.int32), None)

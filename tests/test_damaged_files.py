@@ -399,7 +399,7 @@ def test_what_is_no_array_of_numpy_is_not_to_be_unpickled(tmp_path):
 @pytest.fixture
 def small_bound(monkeypatch):
     """The bound of what files unpack to, as if it were 10,000 bytes."""
-    monkeypatch.setattr("warpvis.io._archives._MOST_BYTES", 10_000)
+    monkeypatch.setattr("warpvis.io._archives._MAX_BYTES", 10_000)
 
 
 def poses_at_origin(count):
@@ -440,7 +440,7 @@ def test_poses_in_parquet_have_a_bound(tmp_path, small_bound):
 
 @pytest.mark.parametrize("ending", [".zip", ".tar.gz"])
 def test_archives_that_unpack_to_too_much_take_no_memory(tmp_path, monkeypatch, ending):
-    monkeypatch.setattr("warpvis.io._archives._MOST_BYTES", 30_000_000)
+    monkeypatch.setattr("warpvis.io._archives._MAX_BYTES", 30_000_000)
     path, size = tmp_path / f"a{ending}", 50_000_000
     if ending == ".zip":
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

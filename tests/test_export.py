@@ -122,7 +122,7 @@ def test_what_cannot_be_written_leaves_no_file(tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr("warpvis.scene._refit.DeformingObject.vertices", np.full((8, 3), np.nan, np.float32))
             scene.export(tmp_path / "scene.glb")
-    monkeypatch.setattr("warpvis.io._gltf_writer._MOST_BYTES", 1000)
+    monkeypatch.setattr("warpvis.io._gltf_writer._MAX_BYTES", 1000)
     with pytest.raises(FileFormatError, match=r"scene.glb: binary glTF is of at most 1000 bytes, and this would be"):
         scene.export(tmp_path / "scene.glb")
     assert not list(tmp_path.iterdir())

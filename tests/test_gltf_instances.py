@@ -230,7 +230,7 @@ def test_a_hundred_thousand_instances_take_little(tmp_path):
 
 
 def test_instances_of_very_many_sizes_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("warpvis.io._gltf._MOST_CORNERS", 10 * len(PART.vertices))
+    monkeypatch.setattr("warpvis.io._gltf._MAX_CORNERS", 10 * len(PART.vertices))
     path = write(tmp_path / "many.glb", rows_of(COUNT, [(size, 1, 1) for size in range(1, 12)]))
     with pytest.raises(FileFormatError, match="the 40 instances of node 0 have more than"):
         wv.Scene.load(path)

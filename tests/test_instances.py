@@ -24,9 +24,9 @@ COUNT = 35  # of which some groups of lanes are full, and one is not
 @pytest.fixture
 def shared(monkeypatch):
     """Few instances share a tree here: the reference has to draw them."""
-    monkeypatch.setattr(_drawn, "_LEAST_USES", 10)
-    monkeypatch.setattr(_drawn, "_LEAST_SAVED", 1000)
-    monkeypatch.setattr(_drawn, "_LEAST_SAVED_CUDA", 1000)
+    monkeypatch.setattr(_drawn, "_MIN_USES", 10)
+    monkeypatch.setattr(_drawn, "_MIN_SAVED", 1000)
+    monkeypatch.setattr(_drawn, "_MIN_SAVED_CUDA", 1000)
 
 
 def rows(seed=0):

@@ -13,7 +13,7 @@ import reference
 ROOT = Path(__file__).parent.parent
 MODULES = sorted((ROOT / "kernels").glob("*.py"))
 GROUPS = ["# Scene:", "# Cameras:", "# In:", "# Out:"]
-MOST_PARAMETERS = 12
+MAX_PARAMETERS = 12
 
 
 def functions(decorator):
@@ -45,7 +45,7 @@ def test_parameters_are_typed_and_arrays_subscripted(node, source):
 @pytest.mark.parametrize(("node", "source"), KERNELS)
 def test_parameters_are_grouped_and_outputs_last(node, source):
     arguments = node.args.args
-    assert len(arguments) <= MOST_PARAMETERS
+    assert len(arguments) <= MAX_PARAMETERS
     first_output = next(i for i, argument in enumerate(arguments) if argument.arg.endswith("_out"))
     assert all(argument.arg.endswith("_out") for argument in arguments[first_output:])
     head = "\n".join(source.splitlines()[node.lineno - 1 : node.body[0].lineno - 1])
@@ -102,7 +102,7 @@ def test_kernels_are_never_imported_as_a_top_level_package():
 
 
 HEADERS = sorted((ROOT / "kernels" / "native").glob("*/*.h"))
-MOST_NATIVE_PARAMETERS, MOST_NATIVE_LINES, MOST_COLUMNS, MOST_LINES = 8, 60, 120, 400
+MAX_NATIVE_PARAMETERS, MAX_NATIVE_LINES, MAX_COLUMNS, MAX_LINES = 8, 60, 120, 400
 _NO_FUNCTIONS = {"if", "for", "while", "switch", "return", "sizeof", "alignof", "static_assert", "decltype"}
 
 
@@ -135,11 +135,11 @@ def native_functions(text):
 @pytest.mark.parametrize("path", HEADERS, ids=lambda path: f"{path.parent.name}/{path.name}")
 def test_native_functions_are_short_and_take_few_parameters(path):
     text = path.read_text()
-    assert len(text.splitlines()) <= MOST_LINES
-    assert not [line for line in text.splitlines() if len(line) > MOST_COLUMNS]  # clang-format leaves comments
+    assert len(text.splitlines()) <= MAX_LINES
+    assert not [line for line in text.splitlines() if len(line) > MAX_COLUMNS]  # clang-format leaves comments
     functions = list(native_functions(text))
-    assert not {name: lines for name, _, lines in functions if lines > MOST_NATIVE_LINES}
-    assert not {name: count for name, count, _ in functions if count > MOST_NATIVE_PARAMETERS}
+    assert not {name: lines for name, _, lines in functions if lines > MAX_NATIVE_LINES}
+    assert not {name: count for name, count, _ in functions if count > MAX_NATIVE_PARAMETERS}
 
 
 def test_native_functions_are_all_found():

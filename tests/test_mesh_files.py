@@ -533,7 +533,7 @@ def test_archives_that_are_refused(tmp_path, monkeypatch):
     assert "x.zip/bad.glb: does not read as GLB: " in refusal(zipped(ball_stl=stl, bad_glb=b"junk"))
     assert "'a.stl' and 'b.glb' do not say the same axis is up" in refusal(zipped(a_stl=stl, b_glb=writer.bytes()))
     assert "x.tar.gz: does not unpack: " in refusal(write(tmp_path, b"junk", "x.tar.gz"))
-    monkeypatch.setattr("warpvis.io._archives._MOST_BYTES", 10_000)
+    monkeypatch.setattr("warpvis.io._archives._MAX_BYTES", 10_000)
     for path in (
         zipped(bomb_stl=bytes(10**6)),
         write(tmp_path, tar(bytes(10**6), "bomb.stl"), "x.tar.gz"),
@@ -583,5 +583,5 @@ def test_3mf_that_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(trimesh, "available_formats", lambda: {"3mf"})
     wanted = "the unit must be one of micron, millimeter, centimeter, inch, foot, meter, got 'mile'"
     assert refusal(write(tmp_path, threemf(' unit="mile"', ["a"]), "x.3mf")).endswith(wanted)
-    monkeypatch.setattr("warpvis.io._archives._MOST_BYTES", 100)
+    monkeypatch.setattr("warpvis.io._archives._MAX_BYTES", 100)
     assert "x.3mf: unpacks to more than 1 GiB" in refusal(write(tmp_path, threemf("", ["a"]), "x.3mf"))

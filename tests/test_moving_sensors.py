@@ -129,7 +129,7 @@ def eyes_for_zero():
 @pytest.mark.parametrize("eye", ["camera", "lens", "lidar"])
 def test_what_stands_still_is_seen_as_it_was(eye, near_plane, device, monkeypatch):
     """Among solids, meshes, and instances that stay; some of them excluded, or stretched."""
-    for name, few in (("_LEAST_USES", 10), ("_LEAST_SAVED", 1000), ("_LEAST_SAVED_CUDA", 1000)):
+    for name, few in (("_MIN_USES", 10), ("_MIN_SAVED", 1000), ("_MIN_SAVED_CUDA", 1000)):
         monkeypatch.setattr(_drawn, name, few)
     rng = np.random.default_rng(5)
     scene = build_solids(device, random_poses(rng, 10), extra=[trimesh.creation.box((0.5, 0.3, 0.7))] * 2)

@@ -51,10 +51,10 @@ def test_threads_change_no_bit(room, count, views):
 
 def test_batches_strips_and_views_change_no_bit(room, monkeypatch):
     wanted = judge(room, 50_000, 2, threads=2)
-    for name, value in (("_MOST_POINTS", 16384), ("_STRIPS", 3), ("_MOST_WHOLE", 0)):
+    for name, value in (("_MAX_POINTS", 16384), ("_STRIPS", 3), ("_MAX_WHOLE", 0)):
         monkeypatch.setattr(point_packets, name, value)
         assert judge(room, 50_000, 2, threads=2) == wanted
-    monkeypatch.setattr(point_packets, "_MOST_WHOLE", 10**6)
+    monkeypatch.setattr(point_packets, "_MAX_WHOLE", 10**6)
     assert judge(room, 50_000, 5, threads=2) == judge(room, 50_000, 5, threads=1)
 
 

@@ -225,7 +225,7 @@ def test_a_seed_gives_the_same_poses(monkeypatch, device):
     np.testing.assert_array_equal(random_poses(crates("cpu"), count=500, **options), poses)
     np.testing.assert_array_equal(random_poses(scene, count=20, **options), poses[:20])
     monkeypatch.setattr(module, "_FEWEST_CANDIDATES", 16)
-    monkeypatch.setattr(module, "_MOST_CANDIDATES", 48)
+    monkeypatch.setattr(module, "_MAX_CANDIDATES", 48)
     np.testing.assert_array_equal(random_poses(scene, count=500, **options), poses)
     assert not np.array_equal(random_poses(scene, count=500, **{**options, "seed": 3}), poses)
     # As numpy's generator has them: three coordinates first of five numbers each.
@@ -235,7 +235,7 @@ def test_a_seed_gives_the_same_poses(monkeypatch, device):
 
 
 def test_no_room_is_said(monkeypatch):
-    monkeypatch.setattr(module, "_LEAST_TRIED", 20_000)
+    monkeypatch.setattr(module, "_MIN_TRIED", 20_000)
     scene = wv.Scene()
     add_box(scene, (-2, -2, -2), (2, 2, 2), name="solid")
     with pytest.raises(wv.errors.PoseError) as error:

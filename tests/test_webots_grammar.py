@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from warpvis.errors import FileFormatError
-from warpvis.webots._grammar import MOST_NESTED, MOST_NODES, World, parse_text, parse_world
+from warpvis.webots._grammar import MAX_NESTED, MAX_NODES, World, parse_text, parse_world
 from warpvis.webots._nodes import Node, Version
 
 REAL = sorted((Path(__file__).parent.parent.parent / "shared" / "webots").glob("*.wbt"))
@@ -253,27 +253,27 @@ def test_bytes_that_are_no_text_are_no_world(tmp_path):
 
 
 def test_nesting_is_limited():
-    deep = "A { b [ " * (MOST_NESTED - 1) + "A { }" + "]}" * (MOST_NESTED - 1)
-    assert only(deep).height == MOST_NESTED
+    deep = "A { b [ " * (MAX_NESTED - 1) + "A { }" + "]}" * (MAX_NESTED - 1)
+    assert only(deep).height == MAX_NESTED
     for text in (f"A {{ b {deep} }}", "A { b " * 100_000, "A { b [ " * 100_000):
-        with pytest.raises(FileFormatError, match=rf"w.wbt:2: expected at most {MOST_NESTED} nodes within nodes"):
+        with pytest.raises(FileFormatError, match=rf"w.wbt:2: expected at most {MAX_NESTED} nodes within nodes"):
             only(text)
 
 
 def test_nesting_through_use_is_limited():
-    text = "DEF N0 A { }\n" + "".join(f"DEF N{i} A {{ b USE N{i - 1} }}\n" for i in range(1, 2 * MOST_NESTED))
+    text = "DEF N0 A { }\n" + "".join(f"DEF N{i} A {{ b USE N{i - 1} }}\n" for i in range(1, 2 * MAX_NESTED))
     with pytest.raises(
-        FileFormatError, match=rf"w.wbt:{MOST_NESTED + 2}: expected at most {MOST_NESTED} nodes within nodes"
+        FileFormatError, match=rf"w.wbt:{MAX_NESTED + 2}: expected at most {MAX_NESTED} nodes within nodes"
     ):
         parse_text(HEADER + text, "w.wbt")
 
 
 def test_copies_by_use_are_limited():
     text = "DEF N0 A { }\n" + "".join(f"DEF N{i} A {{ b [ {f'USE N{i - 1} ' * 10} ] }}\n" for i in range(1, 100))
-    with pytest.raises(FileFormatError, match=rf"w.wbt:9: expected at most {MOST_NODES} nodes, where USE counts"):
+    with pytest.raises(FileFormatError, match=rf"w.wbt:9: expected at most {MAX_NODES} nodes, where USE counts"):
         parse_text(HEADER + text, "w.wbt")
     text = "\n".join(text.splitlines()[:7]) + "USE N6\n" * 8
-    with pytest.raises(FileFormatError, match=rf"^w.wbt: expected at most {MOST_NODES} nodes, got 10123455"):
+    with pytest.raises(FileFormatError, match=rf"^w.wbt: expected at most {MAX_NODES} nodes, got 10123455"):
         parse_text(HEADER + text, "w.wbt")
 
 

@@ -10,7 +10,7 @@ import pytest
 from warpvis.errors import FileFormatError
 from warpvis.webots._grammar import parse_text
 from warpvis.webots._nodes import Version
-from warpvis.webots.protos._expansion import MOST_PROTOS_NESTED, Protos
+from warpvis.webots.protos._expansion import MAX_PROTOS_NESTED, Protos
 
 
 @pytest.fixture
@@ -301,14 +301,14 @@ def test_a_proto_within_a_field_of_itself_is_no_circle(project):
 
 
 def test_protos_within_protos_are_limited(project):
-    for i in range(MOST_PROTOS_NESTED + 2):
+    for i in range(MAX_PROTOS_NESTED + 2):
         project.proto(f"P{i}", "", f"P{i + 1} {{ }}")
-    with pytest.raises(FileFormatError, match=rf"expected at most {MOST_PROTOS_NESTED} PROTOs within PROTOs, got more"):
+    with pytest.raises(FileFormatError, match=rf"expected at most {MAX_PROTOS_NESTED} PROTOs within PROTOs, got more"):
         project.expand("P0 { }")
 
 
 def test_nodes_of_all_instances_are_limited(project, monkeypatch):
-    monkeypatch.setattr("warpvis.webots.protos._expansion.MOST_PROTO_NODES", 5000)
+    monkeypatch.setattr("warpvis.webots.protos._expansion.MAX_PROTO_NODES", 5000)
     for i in range(10):
         project.proto(f"P{i}", "", f"Group {{ children [ {f'P{i + 1} {{ }} ' * 10} ] }}")
     world = project.world("P0 { }")

@@ -143,7 +143,7 @@ def test_a_template_that_failed_is_not_run_again(project, monkeypatch):
 
 def test_protos_that_double_end(project, monkeypatch):
     """26 of them stand for 67 million."""
-    monkeypatch.setattr(expansion, "MOST_INSTANCES", 2000)
+    monkeypatch.setattr(expansion, "MAX_INSTANCES", 2000)
     for k in range(26):
         project.proto(f"D{k}", "", f"Group {{ children [ D{k + 1} {{ }} D{k + 1} {{ }} ] }}")
     project.proto("D26", "", sphere(1))

@@ -176,7 +176,7 @@ def test_javascript_that_fails(project, monkeypatch, program, message):
 
 @needs_javascript
 def test_a_template_gets_no_more_than_it_can_hold(project, monkeypatch):
-    monkeypatch.setattr(templates, "_MOST_VALUES", 10_000)
+    monkeypatch.setattr(templates, "_MAX_VALUES", 10_000)
     defs = "Group { children [ DEF N0 A { } ] }" + "".join(
         f"DEF N{i} Group {{ children [ {f'USE N{i - 1} ' * 10} ] }}" for i in range(1, 7)
     )

@@ -32,7 +32,7 @@ void* Reader::array(int* shape) {
     if (kind == ABSENT) return nullptr;
     char* data = (char*)malloc((size_t)count);
     if (kind == IMAGE) {
-        require(image_count < MOST_IMAGES, "too many images");
+        require(image_count < MAX_IMAGES, "too many images");
         images[image_count].data = data;
         images[image_count++].bytes = (size_t)count;
     } else {
@@ -50,7 +50,7 @@ int main() {
     require(variant >= 0 && variant < VARIANTS, "there is no such variant");
     read(reader, arguments);
     const emulator::Launch launch = {packet_functions[variant], &arguments, size[0], size[1], size[2]};
-    char* expected[Reader::MOST_IMAGES];
+    char* expected[Reader::MAX_IMAGES];
     for (int order = 0; order < emulator::ORDERS; ++order) {
         // What nobody writes is different in every order.
         for (int i = 0; i < reader.image_count; ++i)

@@ -31,12 +31,12 @@ struct Transform {
 
 struct Reader {
     enum { ABSENT, GIVEN, IMAGE };  // kinds of arrays
-    enum { MOST_IMAGES = 8 };
+    enum { MAX_IMAGES = 8 };
     struct Image {
         char* data;
         size_t bytes;
     };
-    Image images[MOST_IMAGES];
+    Image images[MAX_IMAGES];
     int image_count;
 
     void bytes(void* to, size_t count);

@@ -19,7 +19,7 @@ from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, Record, commit, r
 from warpvis.batch.formats._npz import npz_parts
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.batch.writing._encoder import WorkerLostError
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.errors import FileFormatError
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class Dataset:
 
     def _state(self) -> str:
         count = self._plan.shard_count
-        shards = f"{counted(count, 'shard')} {'is' if count == 1 else 'are'}"
+        shards = f"{pluralize(count, 'shard')} {'is' if count == 1 else 'are'}"
         return f"{self._whole} of {shards} whole, and --resume goes on from there"
 
     def _require_ours(self, *, resume: bool) -> bool:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.core.labels import Label
 from warpvis.scene import too_large_for
 from warpvis.sensors import Reason
@@ -75,7 +75,7 @@ def describe_empty(empty: int, frames: int, plan: Plan, scene: Scene) -> str:
         return ""
     alone = all(name not in plan.outputs for name in _SHOWS) and 0 < len(plan.chosen) < len(plan.object_names)
     what = "nothing of the chosen objects" if alone else "nothing"
-    said = f"{empty} of {counted(frames, 'frame')} {'sees' if empty == 1 else 'see'} {what}"
+    said = f"{empty} of {pluralize(frames, 'frame')} {'sees' if empty == 1 else 'see'} {what}"
     return said if empty < frames else f"{said}: {_reason(plan, scene)}"
 
 

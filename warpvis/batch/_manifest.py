@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 from warpvis.batch._identity import SceneDescription, describe_camera, describe_scene, frames_hash, versions
-from warpvis.core.checks import shortened
+from warpvis.core.checks import truncate
 from warpvis.core.labels import LabelNames
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError, SceneError
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 MANIFEST = "manifest.json"
 _VERSION = 1
-_MOST_DIFFERENCES = 8
+_MAX_DIFFERENCES = 8
 
 _NOT_COMPARED = {
     ("scene", "file"),  # contents of files are compared, not their names
@@ -186,8 +186,8 @@ def require_same(found: Mapping[str, Json], wanted: Manifest, name: str) -> None
     """
     differences = list(dict.fromkeys(_differences(found, json.loads(manifest_text(wanted)), ())))
     if differences:
-        shown = "; ".join(shortened(difference, 300) for difference in differences[:_MOST_DIFFERENCES])
-        more = len(differences) - _MOST_DIFFERENCES
+        shown = "; ".join(truncate(difference, 300) for difference in differences[:_MAX_DIFFERENCES])
+        more = len(differences) - _MAX_DIFFERENCES
         shown += f"; and {more} more" if more > 0 else ""
         raise FileFormatError(f"{name}: cannot be continued, because it was begun with other input: {shown}")
 

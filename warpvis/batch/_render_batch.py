@@ -34,7 +34,7 @@ from warpvis.batch._verify import verify
 from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
-from warpvis.core.checks import check_choice, check_flag, check_mapping, check_whole, counted
+from warpvis.core.checks import check_choice, check_flag, check_mapping, check_whole, pluralize
 from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
 from warpvis.core.threads import check_threads
@@ -52,7 +52,7 @@ Engine = Literal["local", "ray"]
 
 # Shards of 64 MiB are written as fast as larger ones, and three of them need little memory.
 _SHARD_BYTES = 1 << 26
-_MOST_SHARD_FRAMES = 1000
+_MAX_SHARD_FRAMES = 1000
 
 # A job with at least this number of missing shards already warns after the first one if it sees nothing.
 _LONG_JOB = 4
@@ -306,7 +306,7 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
         return replace(frames, object_poses=rows[None])
     if frames.object_poses.shape[1] != movable:
         raise PoseError(
-            f"the frames have poses of {counted(frames.object_poses.shape[1], 'object')}, and the scene has "
+            f"the frames have poses of {pluralize(frames.object_poses.shape[1], 'object')}, and the scene has "
             f"{movable} that are movable"
         )
     return frames
@@ -324,7 +324,7 @@ def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Cali
         import warp as wp
 
         pixel = masks + sum(wp.types.type_size_in_bytes(IMAGES[name]) for name in outputs if name in IMAGES)
-        return max(1, min(_MOST_SHARD_FRAMES, _SHARD_BYTES // max(1, pixel * camera.width * camera.height)))
+        return max(1, min(_MAX_SHARD_FRAMES, _SHARD_BYTES // max(1, pixel * camera.width * camera.height)))
     whole = isinstance(shard_frames, int | np.integer) and not isinstance(shard_frames, bool)
     if not whole or shard_frames < 1:
         raise ArrayError(f"shard_frames must be a whole number from 1 up, got {shard_frames!r}")

@@ -18,12 +18,12 @@ from warpvis.batch._job import FRAME_ARRAYS, shard_name
 from warpvis.batch._manifest import MANIFEST, Contents, no_dataset, parse_manifest, read_contents, read_label_names
 from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, RECORDS_FOLDER, read_record, shard_record
 from warpvis.batch.storage._stores import Store, open_store
-from warpvis.core.checks import check_flag, counted
+from warpvis.core.checks import check_flag, pluralize
 from warpvis.core.threads import core_count
 from warpvis.errors import FileFormatError
 
-_MOST_RANGES = 10
-_MOST_DIGITS = 20
+_MAX_RANGES = 10
+_MAX_DIGITS = 20
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _verify(store: Store) -> VerifyReport:
         checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), *others.items()]))
     found = [shard for shard, item in zip(there, checked, strict=False) if not item.missing]
     if len(found) < shards:
-        missing = f"{counted(shards, 'shard')} {'is' if shards == 1 else 'are'} missing"
+        missing = f"{pluralize(shards, 'shard')} {'is' if shards == 1 else 'are'} missing"
         problems.append(f"{shards - len(found)} of {missing}: {_gaps(found, shards)}")
     problems += [problem for item in checked for problem in item.problems]
     files = {name for item in checked for name in item.files}
@@ -126,7 +126,7 @@ def _recorded_shards(store: Store, shards: int) -> list[int]:
     The records are listed, because the number of shards in a manifest is arbitrary and may be huge.
     """
     stems = (name.removesuffix(".json") for name in store.names(RECORDS_FOLDER) if name.endswith(".json"))
-    numbers = {int(stem): stem for stem in stems if stem.isascii() and stem.isdigit() and len(stem) < _MOST_DIGITS}
+    numbers = {int(stem): stem for stem in stems if stem.isascii() and stem.isdigit() and len(stem) < _MAX_DIGITS}
     return sorted(number for number, stem in numbers.items() if number < shards and shard_name(number) == stem)
 
 
@@ -140,7 +140,7 @@ def _check_poses(store: Store, sha256: str, frames: int) -> Iterator[str]:
         if frames_hash(found) != sha256:
             yield f"{POSES}: holds other poses than the manifest says"
         elif len(found) != frames:
-            yield f"{POSES}: holds {counted(len(found), 'frame')}, and the manifest says {frames}"
+            yield f"{POSES}: holds {pluralize(len(found), 'frame')}, and the manifest says {frames}"
     except Exception:  # NumPy and zipfile may raise any exception for a malformed file
         yield f"{POSES}: is missing or cannot be read"
 
@@ -168,7 +168,7 @@ def _check(store: Store, item: tuple[str, int]) -> _Checked:
     wrong = (
         []
         if record.frames == frames
-        else [f"{name}: is of {counted(record.frames, 'frame')}, and should be of {frames}"]
+        else [f"{name}: is of {pluralize(record.frames, 'frame')}, and should be of {frames}"]
     )
     for file, expected in record.files.items():
         size = store.size(file)
@@ -185,7 +185,7 @@ def _gaps(numbers: Sequence[int], count: int) -> str:
     """Format the numbers below `count` that are missing from increasing `numbers`, as ranges: ``0-3, 7, 9-12``."""
     runs = [(last + 1, following - 1) for last, following in itertools.pairwise([-1, *numbers, count])]
     shown = [str(first) if first == last else f"{first}-{last}" for first, last in runs if first <= last]
-    return ", ".join(shown[:_MOST_RANGES]) + (", ..." if len(shown) > _MOST_RANGES else "")
+    return ", ".join(shown[:_MAX_RANGES]) + (", ..." if len(shown) > _MAX_RANGES else "")
 
 
 def _crc32(store: Store, name: str) -> int:

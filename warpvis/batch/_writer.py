@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from warpvis.rendering import Caster
     from warpvis.scene import Scene
 
-_MOST_WRITERS = 8
+_MAX_WRITERS = 8
 """More writer threads are not faster, and each holds a shard in memory."""
 _SETS_TO_COPY = 3
 """Sets of images if encoding processes write copies of them: one is rendered to, and two are copied from."""
-_LEAST_SHARDS = 16
+_MIN_SHARDS = 16
 """With fewer shards, all of them are written before encoding processes have started."""
 
 Done = Callable[[int, Record], None]
@@ -53,7 +53,7 @@ Run = Callable[[Job, Sequence[int], Done], None]
 
 def writer_count(threads: int) -> int:
     """Return the maximum number of shards that are written at the same time with `threads` encoding threads."""
-    return max(min(_MOST_WRITERS, threads), shards_at_once(threads))
+    return max(min(_MAX_WRITERS, threads), shards_at_once(threads))
 
 
 class ShardWriter:
@@ -77,7 +77,7 @@ class ShardWriter:
         self._encoder = Encoder(target, threads)
         layout = self._encoder.layout
         self._processes = _start_processes(target, layout, threads)
-        self._writers = min(_MOST_WRITERS, threads) if self._processes is None else shards_at_once(threads)
+        self._writers = min(_MAX_WRITERS, threads) if self._processes is None else shards_at_once(threads)
         self._renderer = FrameRenderer(
             job.scene,
             plan.camera,
@@ -169,7 +169,7 @@ class ShardWriter:
 def _start_processes(target: Target, layout: Format, threads: int) -> EncodingProcesses | None:
     """Start encoding processes if they pay off: with many cores, enough shards to encode, and a local disk."""
     count = process_count(threads)
-    if not count or not layout.encodes or target.plan.shard_count < _LEAST_SHARDS or not is_local(target.out):
+    if not count or not layout.encodes or target.plan.shard_count < _MIN_SHARDS or not is_local(target.out):
         return None
     return EncodingProcesses(target, count) if can_start() else None
 

@@ -23,7 +23,7 @@ from warpvis.cli._inputs import (
     split_names,
     split_pairs,
 )
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.core.outputs import IMAGE_NAMES, SENSOR_NAMES, VISIBILITY
 from warpvis.errors import ArrayError, FileFormatError, PoseError
 
@@ -361,10 +361,10 @@ class Verify:
         for problem in report.problems:
             print(problem)
         print(
-            f"{report.out}: {'complete and sound' if report.ok else counted(len(report.problems), 'problem')}: "
-            f"{report.whole_shards} of {counted(report.shards, 'shard')} ({report.format}, "
-            f"{counted(report.frames, 'frame')}), "
-            f"{counted(report.files, 'file')}, {report.bytes / 1e9:.3f} GB"
+            f"{report.out}: {'complete and sound' if report.ok else pluralize(len(report.problems), 'problem')}: "
+            f"{report.whole_shards} of {pluralize(report.shards, 'shard')} ({report.format}, "
+            f"{pluralize(report.frames, 'frame')}), "
+            f"{pluralize(report.files, 'file')}, {report.bytes / 1e9:.3f} GB"
         )
         records = ", ".join(report.damaged)
         if report.damaged and report.repaired:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from warpvis.cli._help import with_help
 from warpvis.cli._inputs import MaybeSceneFile, SceneOptions, refuse_options, scene_options
 from warpvis.cli._output import format_rows
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 
 if TYPE_CHECKING:
     import numpy as np
@@ -49,7 +49,9 @@ class Info(SceneOptions):
 
     def _print_objects(self, file: Path) -> None:
         scene = self.load_scene(file)
-        print(f"{file}: {scene.up} up, {counted(len(scene), 'object')}, {counted(scene.triangle_count, 'triangle')}")
+        print(
+            f"{file}: {scene.up} up, {pluralize(len(scene), 'object')}, {pluralize(scene.triangle_count, 'triangle')}"
+        )
         print(describe(scene))
         rows = []
         for item in scene:

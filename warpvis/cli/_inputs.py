@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from warpvis.cli._help import with_help
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.errors import CameraError, FileFormatError, PoseError, SceneError, WarpvisError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from warpvis.scenes import Experiment
     from warpvis.sensors import CalibratedCamera
 
-_MOST_DIGITS = 10
+_MAX_DIGITS = 10
 
 Axes = Literal["opencv", "opengl", "ros_body", "ros_optical"]
 PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "colmap", "ros"]
@@ -255,7 +255,7 @@ class FrameOptions(ViewpointOptions):
             raise SceneError("--movable has no effect without poses of objects: give --worlds")
         if placed and placed != len(scene.movable):
             raise PoseError(
-                f"the frames have poses of {counted(placed, 'object')}, and the scene has {len(scene.movable)} that "
+                f"the frames have poses of {pluralize(placed, 'object')}, and the scene has {len(scene.movable)} that "
                 "are movable; "
                 "--movable names them"
             )
@@ -387,7 +387,7 @@ def _parse_label_names(words: Sequence[str]) -> dict[int, str]:
     names: dict[int, str] = {}
     for word in words:
         number, equals, name = word.partition("=")
-        if not (equals and name and number.isascii() and number.isdigit() and len(number) < _MOST_DIGITS):
+        if not (equals and name and number.isascii() and number.isdigit() and len(number) < _MAX_DIGITS):
             raise SceneError(f"label names must be given as NUMBER=NAME, such as 40=road, got {word!r}")
         names[int(number)] = name
     return names

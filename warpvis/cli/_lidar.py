@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpvis.cli._inputs import FrameOptions, refuse_options
-from warpvis.core.checks import check_choice, counted
+from warpvis.core.checks import check_choice, pluralize
 from warpvis.errors import CameraError, FileFormatError, PoseError
 
 if TYPE_CHECKING:
@@ -127,8 +127,8 @@ def render_clouds(command: FrameOptions, job: CloudJob) -> bool:
     if not job.quiet:
         folders = ", ".join(str(job.out / name) for name in job.formats)
         seconds = time.perf_counter() - began
-        of = f" of {counted(len(frames), 'pose')}" if job.moving else ""
-        print(f"clouds: {counted(turns, 'frame')}{of}, {counted(points, 'point')}, in {seconds:.1f} s: {folders}")
+        of = f" of {pluralize(len(frames), 'pose')}" if job.moving else ""
+        print(f"clouds: {pluralize(turns, 'frame')}{of}, {pluralize(points, 'point')}, in {seconds:.1f} s: {folders}")
     return points > 0
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 
 if TYPE_CHECKING:
     from warpvis.batch import FrameDataset
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 PREVIEWS, SHEET = "preview", "contact_sheet.png"
 """Where pictures go: a folder, and one file."""
 
-_MOST_PREVIEWS, _MOST_ON_SHEET = 100, 24
+_MAX_PREVIEWS, _MAX_ON_SHEET = 100, 24
 
 
 def write_pictures(dataset: FrameDataset, out: Path) -> str:
@@ -32,8 +32,8 @@ def write_pictures(dataset: FrameDataset, out: Path) -> str:
     from warpvis.viz import save_contact_sheet, save_preview
 
     count = len(dataset)
-    first = range(min(count, _MOST_PREVIEWS))
-    spread = sorted({round(place) for place in np.linspace(0, count - 1, min(count, _MOST_ON_SHEET))})
+    first = range(min(count, _MAX_PREVIEWS))
+    spread = sorted({round(place) for place in np.linspace(0, count - 1, min(count, _MAX_ON_SHEET))})
     least, greatest = np.inf, -np.inf
     for index in {*first, *spread}:
         seen = dataset.read("depth", index)
@@ -48,5 +48,5 @@ def write_pictures(dataset: FrameDataset, out: Path) -> str:
         save_preview(dataset.read("depth", index), out / PREVIEWS / f"{index:06d}.png", depth_range)
     names = [f"{index:06d}" for index in spread]
     save_contact_sheet([dataset.read("depth", index) for index in spread], names, out / SHEET, depth_range)
-    some = "" if count == len(first) else f" of the first {counted(len(first), 'frame')}"
+    some = "" if count == len(first) else f" of the first {pluralize(len(first), 'frame')}"
     return f"{out / PREVIEWS}{some}, {out / SHEET}"

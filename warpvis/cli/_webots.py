@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warpvis.cli._output import make_folder
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.errors import FileFormatError, SceneError
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels
     from warpvis.webots import load_webots
 
     world = load_webots(path, search_path=search_path, strict=strict, labels=labels)
-    triangles = counted(world.scene.triangle_count, "triangle")
-    print(f"{path}: {world.version}, {world.scene.up} up, {counted(len(world.scene), 'object')}, {triangles}")
+    triangles = pluralize(world.scene.triangle_count, "triangle")
+    print(f"{path}: {world.version}, {world.scene.up} up, {pluralize(len(world.scene), 'object')}, {triangles}")
     print(world.tree)
     for name, device in world.devices.items():
         place = " ".join(f"{value:.4g}" for value in device.pose)
@@ -98,7 +98,7 @@ def render_world(
             print(f"{name}: {folder / 'ranges.npz'}, {folder / 'pcd' / '000000.pcd'}")
     if blind:
         some, sees = ", ".join(map(repr, blind)), "sees nothing in its" if len(blind) == 1 else "see nothing in their"
-        count = counted(len(finders) + len(lidars), "device")
+        count = pluralize(len(finders) + len(lidars), "device")
         warnings.warn(f"{len(blind)} of {count} {sees} range: {some}", stacklevel=2)
     return len(blind) < len(finders) + len(lidars)
 

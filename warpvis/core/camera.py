@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _FIRST_PIXELS = 1.5
 """Bound on a normalized principal point, plus half a pixel for a different pixel-center convention [px]."""
 
-_MOST_TANGENT = 20
+_MAX_TANGENT = 20
 """Largest tangent of the field of view to one side of the optical axis: 87 degrees."""
 
 _SAME_PIXELS = 0.01
@@ -330,7 +330,7 @@ def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
     """
     fx, fy, cx, cy = (getattr(intrinsics, name) for name in ("fx", "fy", "cx", "cy"))
     in_corner = max(abs(cx), abs(cy)) <= _FIRST_PIXELS
-    if in_corner and fx * _MOST_TANGENT < width and fy * _MOST_TANGENT < height:
+    if in_corner and fx * _MAX_TANGENT < width and fy * _MAX_TANGENT < height:
         raise CameraError(
             f"intrinsics must be in pixels of an image of {width} x {height}, got fx={fx:g}, fy={fy:g} and a principal "
             f"point in the first pixel: if they are normalized, multiply fx and cx by {width}, fy and cy by {height}"

@@ -39,7 +39,7 @@ def is_whole(value: object) -> TypeGuard[int]:
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
-def counted(count: int, noun: str) -> str:
+def pluralize(count: int, noun: str) -> str:
     """Format a count with its noun for messages: ``1 frame``, ``2 frames``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
@@ -200,7 +200,7 @@ def as_path(path: object, name: str = "path") -> Path:
     return Path(text)
 
 
-def said_by(error: BaseException) -> str:
+def describe_exception(error: BaseException) -> str:
     """Describe an exception of third-party code as part of a single sentence with a limited length."""
     said = " ".join(str(error).split())
     if isinstance(error, MemoryError):
@@ -210,10 +210,10 @@ def said_by(error: BaseException) -> str:
     elif isinstance(error, _STUMBLES):
         said = f"it is damaged, or something else ({type(error).__name__}{': ' if said else ''}{said})"
     said = said or type(error).__name__
-    return shortened(said, _LONGEST_SAID)
+    return truncate(said, _LONGEST_SAID)
 
 
-def shortened(text: str, most: int = 120) -> str:
+def truncate(text: str, most: int = 120) -> str:
     """Shorten a text to `most` characters for a message, by keeping its beginning and its end."""
     end = most // 3
     return text if len(text) <= most else f"{text[: most - end - 3]}...{text[-end:]}"

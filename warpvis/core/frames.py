@@ -13,7 +13,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.core.image_cameras import ImageCamera, describe_pixels, require_image_camera, same_pixels
 from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import (
@@ -67,7 +67,7 @@ class Frames:
         if self.world_index is None:
             if worlds not in (1, count):
                 raise ArrayError(
-                    f"object_poses are of {counted(worlds, 'world')} for {counted(count, 'frame')}; "
+                    f"object_poses are of {pluralize(worlds, 'world')} for {pluralize(count, 'frame')}; "
                     "give each frame's world_index"
                 )
             return
@@ -154,7 +154,7 @@ class Frames:
             worlds = _check_world(world_index, count, objects)
         elif objects is not None and len(objects) not in (1, count):
             raise ArrayError(
-                f"object_poses are of {counted(len(objects), 'world')} for {counted(count, 'frame')}; "
+                f"object_poses are of {pluralize(len(objects), 'world')} for {pluralize(count, 'frame')}; "
                 "give each frame's world_index"
             )
         return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source), camera)

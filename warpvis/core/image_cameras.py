@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera, describe_pinhole, same_pinhole
-from warpvis.core.checks import shortened
+from warpvis.core.checks import truncate
 from warpvis.core.ray_camera import LensedCamera, RayCamera
 from warpvis.errors import CameraError
 
@@ -47,4 +47,4 @@ def describe_pixels(camera: ImageCamera) -> str:
     """Describe the image size and projection of a camera in a few words."""
     if isinstance(camera, Camera):
         return describe_pinhole(camera)
-    return f"{camera.width}x{camera.height} pixels, {shortened(repr(camera.lens))}"
+    return f"{camera.width}x{camera.height} pixels, {truncate(repr(camera.lens))}"

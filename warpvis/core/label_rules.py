@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from warpvis.core.checks import as_path, check_mapping, said_by, shortened
+from warpvis.core.checks import as_path, check_mapping, describe_exception, truncate
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
@@ -85,8 +85,8 @@ class LabelPatterns:
     def require_used(self, names: Iterable[str], path: object) -> None:
         """Raise `SceneError` if a pattern matches no object of a file."""
         if self._unused:
-            some = shortened(", ".join(map(repr, list(names)[:10])), 300)
-            wrong = shortened(", ".join(map(repr, sorted(self._unused))), 300)
+            some = truncate(", ".join(map(repr, list(names)[:10])), 300)
+            wrong = truncate(", ".join(map(repr, sorted(self._unused))), 300)
             raise SceneError(f"labels for {wrong} fit no object of {path}, which has {some}")
 
 
@@ -115,7 +115,7 @@ def _read_file(path: Path) -> LabelRules:
     other = [key for key in data if key not in _SECTIONS]
     if other:
         raise FileFormatError(
-            f"{path}: must have {', '.join(_SECTIONS)} and nothing else, got {shortened(str(other[0]))!r}"
+            f"{path}: must have {', '.join(_SECTIONS)} and nothing else, got {truncate(str(other[0]))!r}"
         )
     try:
         labels = _check_patterns(data.get("labels") or {})
@@ -126,7 +126,7 @@ def _read_file(path: Path) -> LabelRules:
         if ground is not None and not isinstance(ground, list):
             raise SceneError(f"ground_labels must be a list, got {ground!r}")
     except WarpvisError as error:
-        raise FileFormatError(f"{path}: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: {describe_exception(error)}") from None
     settled = None if ground is None else tuple(_settled(label, classes) for label in ground)
     return LabelRules(labels, names, settled)
 
@@ -168,7 +168,7 @@ def _parse(path: Path) -> object:
     try:
         return json.loads(text, object_pairs_hook=_without_doubles) if kind == ".json" else tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{path}: is not {kind[1:].upper()}: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: is not {kind[1:].upper()}: {describe_exception(error)}") from None
 
 
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -7,14 +7,14 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterable, Iterator, Mapping
 
-from warpvis.core.checks import as_items, check_mapping, is_whole, shortened
+from warpvis.core.checks import as_items, check_mapping, is_whole, truncate
 from warpvis.errors import SceneError
 from warpvis.kernels import constants
 
 LABEL_COUNT = 256
 """Number of classes: label images are uint8."""
 
-_MOST_LISTED = 12
+_MAX_LISTED = 12
 
 
 class Label(enum.IntEnum):
@@ -134,7 +134,7 @@ class LabelNames(Mapping[int, str]):
             number = int(label)
         if number is None or not 0 <= number < LABEL_COUNT:
             known = f"one of {self._listed()}, or a number from 0 to 255"
-            raise SceneError(f"label must be {known}, got {shortened(repr(label))}; label_names names others")
+            raise SceneError(f"label must be {known}, got {truncate(repr(label))}; label_names names others")
         return Label(number) if number <= _GREATEST else number
 
     def numbers(self, labels: Iterable[Label | int | str] | Label | int | str, name: str = "labels") -> set[int]:
@@ -165,9 +165,9 @@ class LabelNames(Mapping[int, str]):
         return number.name if isinstance(number, Label) and number.name.lower() == name else name
 
     def _listed(self) -> str:
-        names = [f"{shortened(name, 40)} ({number})" for number, name in self._names.items()]
-        more = len(names) - _MOST_LISTED
-        return ", ".join(names if more <= 1 else [*names[:_MOST_LISTED], f"{more} others"])
+        names = [f"{truncate(name, 40)} ({number})" for number, name in self._names.items()]
+        more = len(names) - _MAX_LISTED
+        return ", ".join(names if more <= 1 else [*names[:_MAX_LISTED], f"{more} others"])
 
 
 def _check_number(number: object) -> int:

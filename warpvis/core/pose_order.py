@@ -16,7 +16,7 @@ from warpvis.core.types import PoseLike
 from warpvis.core.user_warnings import warn_user
 
 # Fewer poses may be upright by chance in either order; of more, some are enough.
-_LEAST_POSES, _MOST_POSES = 3, 256
+_MIN_POSES, _MAX_POSES = 3, 256
 # Heights of the cameras' axes: of a level one, and of one that surely points up or down.
 _LEVEL, _STEEP = 1e-3, 0.1
 
@@ -31,10 +31,10 @@ def warn_of_order(poses: PoseLike, convention: Convention) -> None:
         poses: Valid poses, as they were given.
         convention: The axes of their frame.
     """
-    if on_gpu(poses) or np.shape(poses)[1:] != (7,) or len(poses) < _LEAST_POSES:
+    if on_gpu(poses) or np.shape(poses)[1:] != (7,) or len(poses) < _MIN_POSES:
         return
     rows = np.asarray(poses, dtype=np.float64)
-    rows = rows[:: -(-len(rows) // _MOST_POSES)]
+    rows = rows[:: -(-len(rows) // _MAX_POSES)]
     right, down = _axes(convention)
     inverted = _heights(rows[:, 3:], down) > _STEEP
     if inverted.all() or not inverted.any():

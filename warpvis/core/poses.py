@@ -34,7 +34,7 @@ _OPENCV_TO: dict[str, tuple[float, float, float, float]] = {
 _ROTATION_TOLERANCE = 1e-3
 
 # Squares of lengths that surely are within that, in single precision.
-_LEAST_SQUARE, _MOST_SQUARE = 0.9981, 1.0019
+_MIN_SQUARE, _MAX_SQUARE = 0.9981, 1.0019
 
 # Shapes of a single pose, and coordinates that surely are finite in single precision.
 _ONE_ROW, _ONE_MATRIX = ((1, 7), (7,)), ((1, 4, 4), (4, 4))
@@ -134,7 +134,7 @@ def _one_row(pose: NDArray) -> NDArray[np.float32] | None:
     x, y, z, *q = pose.ravel().tolist()
     squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     # NaN is in no range.
-    if not (-_FAR < x < _FAR and -_FAR < y < _FAR and -_FAR < z < _FAR and _LEAST_SQUARE < squared < _MOST_SQUARE):
+    if not (-_FAR < x < _FAR and -_FAR < y < _FAR and -_FAR < z < _FAR and _MIN_SQUARE < squared < _MAX_SQUARE):
         return None
     if pose.dtype == np.float32:
         return pose.reshape(1, 7)
@@ -184,7 +184,7 @@ def _rows_are_well(rows: NDArray[np.float32]) -> bool:
     squared = np.einsum("ij,ij->i", quaternions, quaternions)
     # A sum is finite only if its terms are.
     finite = math.isfinite(np.einsum("ij->", rows))
-    return finite and squared.min() > _LEAST_SQUARE and squared.max() < _MOST_SQUARE
+    return finite and squared.min() > _MIN_SQUARE and squared.max() < _MAX_SQUARE
 
 
 def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:
@@ -230,7 +230,7 @@ def read_pose(pose: ArrayLike, quaternion: QuaternionOrder, *, name: str = "pose
         if row.ndim == 1:
             x, y, z, *q = row.tolist()
             squared = sum(part * part for part in q)
-            if math.isfinite(x + y + z) and _LEAST_SQUARE < squared < _MOST_SQUARE:
+            if math.isfinite(x + y + z) and _MIN_SQUARE < squared < _MAX_SQUARE:
                 row[3:] /= math.sqrt(squared)
                 return row
     rows = poses_to_opencv(to_xyzw(pose, quaternion, name), name=name)

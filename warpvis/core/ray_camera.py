@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 DepthKind = Literal["z", "range"]
 """What depth is: along the camera's axis, or along the ray."""
 
-MOST_RAYS = 2**26
+MAX_RAYS = 2**26
 """So many rays may one camera have: they take 1.6 GB."""
 
 

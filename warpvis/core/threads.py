@@ -22,7 +22,7 @@ from warpvis.kernels.pinhole import Window
 # Pieces a thread gets on average: enough to even out views of different cost, few enough that the 0.1 ms of Python
 # that a launch costs does not show.
 _PIECES_PER_THREAD = 4
-_LEAST_PIXELS = 4096
+_MIN_PIXELS = 4096
 
 # Rays of one block wait for its slowest: with one query a thread and nothing else, blocks of 64 are 7 % faster than of
 # 256 (H200, three scenes).
@@ -31,7 +31,7 @@ _CUDA_BLOCK = 64
 WHOLE_ROW = 2**30
 """A span of more pixels than a row has: then a thread of a kernel takes all of one."""
 
-MOST_THREADS = 4096
+MAX_THREADS = 4096
 """More CPU threads than this are a mistake: each has memory of its own."""
 
 _pool: SimpleQueue[_Task] = SimpleQueue()
@@ -55,7 +55,7 @@ def launch_images(
     threads: int | None = None,
     split_views: bool = True,
     span: int = 1,
-    least_pixels: int = _LEAST_PIXELS,
+    least_pixels: int = _MIN_PIXELS,
 ) -> None:
     """Launch a kernel over all pixels: at once on CUDA, in pieces over the pool's threads on the CPU.
 
@@ -260,13 +260,13 @@ def check_threads(threads: int | None) -> int:
     """Return the number of threads to use; all cores for None."""
     if threads is None:
         return core_count()
-    if check_whole(threads, "threads") > MOST_THREADS:
-        raise ArrayError(f"threads must be at most {MOST_THREADS}, got {threads}")
+    if check_whole(threads, "threads") > MAX_THREADS:
+        raise ArrayError(f"threads must be at most {MAX_THREADS}, got {threads}")
     return int(threads)
 
 
 def _split(
-    shape: tuple[int, int, int], threads: int, split_views: bool, least_pixels: int = _LEAST_PIXELS
+    shape: tuple[int, int, int], threads: int, split_views: bool, least_pixels: int = _MIN_PIXELS
 ) -> list[tuple[int, int, int, int]]:
     """Make pieces ``(view, view_count, row, row_count)`` of about equal size that cover all rows of all views."""
     views, height, width = shape

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.errors import FileFormatError
 
 
@@ -28,4 +28,4 @@ def load_yaml(path: Path) -> object:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     except Exception as error:  # text of any kind raises what it likes
-        raise FileFormatError(f"{path}: is not YAML: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: is not YAML: {describe_exception(error)}") from None

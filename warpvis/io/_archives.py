@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.errors import FileFormatError
 
 _TARS = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
@@ -27,7 +27,7 @@ ARCHIVES = (*_ZIPS, *_TARS, *_SINGLE)
 _Stream = IO[bytes] | gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile
 
 # A few thousand bytes can unpack to any number.
-_MOST_BYTES = 1 << 30
+_MAX_BYTES = 1 << 30
 _PIECE = 1 << 20
 
 
@@ -42,7 +42,7 @@ def check_unpacked(path: Path, size: int, fix: str = "unpack it first") -> None:
     Raises:
         FileFormatError: If `size`, in bytes, is more than that; `fix` says what to do then.
     """
-    if size > _MOST_BYTES:
+    if size > _MAX_BYTES:
         raise FileFormatError(f"{path}: unpacks to more than 1 GiB, the most that is read: {fix}")
 
 
@@ -62,13 +62,13 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
         for name, stream, said in _members(path, zipped):
             check_unpacked(path, size + said)  # before it takes memory
             with stream:
-                found[name] = _read(stream, _MOST_BYTES - size + 1)
+                found[name] = _read(stream, _MAX_BYTES - size + 1)
             size += len(found[name])
             check_unpacked(path, size)
     except FileFormatError:
         raise
     except Exception as error:  # each library has exceptions of its own for what is no archive
-        raise FileFormatError(f"{path}: does not unpack: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: does not unpack: {describe_exception(error)}") from None
     return found
 
 

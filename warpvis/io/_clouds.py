@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_items, as_path, check_choice, check_text, check_whole, said_by
+from warpvis.core.checks import as_items, as_path, check_choice, check_text, check_whole, describe_exception
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._cloud_messages import check_cloud
 
@@ -150,7 +150,7 @@ def _write_las(path: Path, cloud: NDArray[np.void]) -> None:
     except ArrayError:
         raise
     except (ValueError, OverflowError) as error:
-        raise ArrayError(f"{path}: LAS does not hold this cloud: {said_by(error)}") from None
+        raise ArrayError(f"{path}: LAS does not hold this cloud: {describe_exception(error)}") from None
 
 
 def _las_intensity(intensity: NDArray[np.float32], path: Path) -> NDArray[np.uint16]:

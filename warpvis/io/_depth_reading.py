@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path, check_number, said_by
+from warpvis.core.checks import as_path, check_number, describe_exception
 from warpvis.core.file_content import require_content
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._depth import units_to_depth
@@ -59,7 +59,7 @@ def _read(path: Path) -> NDArray:
         with Image.open(path, formats=("PNG",)) as picture:
             mode, image = picture.mode, np.asarray(picture)
     except Exception as error:  # each kind of damage has its own
-        raise FileFormatError(f"{path}: not a PNG image: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: not a PNG image: {describe_exception(error)}") from None
     if mode not in ("I;16", "I;16B", "I"):
         raise FileFormatError(
             f"{path}: expected a grey PNG of 16 bits, as depth cameras' programs write, got mode {mode}"

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by, shortened
+from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io._archives import check_unpacked
@@ -58,12 +58,12 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
         try:
             arrays = {name: loaded[name] for name in wanted if name in names}
         except Exception as error:  # so do damaged archives
-            raise FileFormatError(f"{path}: does not read as NPZ: {said_by(error)}") from None
+            raise FileFormatError(f"{path}: does not read as NPZ: {describe_exception(error)}") from None
     other = [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]
     if other:
         raise FileFormatError(f"{path}: does not read as NPZ: {other[0]} is no array")
     if needed not in arrays:
-        raise FileFormatError(f"{path}: expected an array {needed}, got {shortened(', '.join(names)) or 'no arrays'}")
+        raise FileFormatError(f"{path}: expected an array {needed}, got {truncate(', '.join(names)) or 'no arrays'}")
     return arrays
 
 
@@ -71,10 +71,10 @@ def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
     try:
         return np.load(path, allow_pickle=False)
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or said_by(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
     except Exception as error:  # a file that looks like an archive has errors of its own
         pickled = str(error).startswith("This file contains pickled")  # so NumPy calls any file without its first bytes
-        reason = "it holds no arrays of NumPy" if pickled else said_by(error)
+        reason = "it holds no arrays of NumPy" if pickled else describe_exception(error)
         raise FileFormatError(f"{path}: does not read as {kind}: {reason}") from None
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by, shortened
+from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.types import Json
 from warpvis.io._file_meshes import FileMeshes
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
@@ -29,7 +29,7 @@ from warpvis.io._gltf_rest import joint_matrices, morphed, skinned
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility", INSTANCES}
 
-_MOST_CORNERS = 100_000_000
+_MAX_CORNERS = 100_000_000
 """Of all instances of a mesh that do not share it."""
 
 # Extensions that change colors, lights, motion or notes, and no triangle at rest.
@@ -76,7 +76,7 @@ def _add_light(
     try:
         light = gltf_light(data.get("extensions"), node, placement)
     except Exception as error:  # what is no glTF leads to any
-        found.unlit.append(f"node {index} ({shortened(said_by(error))})")
+        found.unlit.append(f"node {index} ({truncate(describe_exception(error))})")
     else:
         found.lights += [] if light is None else [light]
 
@@ -147,8 +147,8 @@ def _add_mesh(
         if copies is not None:
             matrices = above @ copies
             parts = split(matrices)
-            if parts.copies * len(shape.vertices) > _MOST_CORNERS:
-                raise ValueError(f"the {len(copies)} instances of node {index} have more than {_MOST_CORNERS} corners")
+            if parts.copies * len(shape.vertices) > _MAX_CORNERS:
+                raise ValueError(f"the {len(copies)} instances of node {index} have more than {_MAX_CORNERS} corners")
             names = [f"{own or f'node_{index}'}_{copy}" for copy in range(len(copies))]
             found.meshes += shape.shared(names, matrices, parts, extras, movable=True)
         elif shared is not None:

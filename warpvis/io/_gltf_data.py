@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
 
 Find = Callable[[str], bytes]
@@ -30,7 +30,7 @@ _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 # An accessor may have a number of zeros that no bytes of the file stand for: a short file could ask for any memory.
-_MOST_ZEROS = 1 << 24
+_MAX_ZEROS = 1 << 24
 
 
 class GltfData:
@@ -99,7 +99,7 @@ class GltfData:
         count, dtype, width = _layout(item)
         if "bufferView" in item:
             rows = self._rows(item["bufferView"], item.get("byteOffset", 0), count, dtype, width)
-        elif count > _MOST_ZEROS:
+        elif count > _MAX_ZEROS:
             raise ValueError(f"accessor {index} has {count} elements and no data")
         else:
             rows = np.zeros((count, width), dtype)
@@ -228,7 +228,7 @@ def decode_draco(data: bytes) -> Any:
     try:
         return DracoPy.decode(data)
     except Exception as error:  # it has exceptions of its own
-        raise ValueError(f"{DRACO}: {said_by(error)}") from None
+        raise ValueError(f"{DRACO}: {describe_exception(error)}") from None
 
 
 def missing(extension: str, package: str) -> str:

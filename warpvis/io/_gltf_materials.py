@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by, shortened
+from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.io._gltf_data import GltfData, uri_bytes, uri_name
 from warpvis.scene.looks import Look
@@ -127,7 +127,7 @@ def _read_or_warn(
         found = read(*given)
         found.check_fits(vertices, 0, name)
     except Exception as error:  # what is no glTF leads to any
-        warn_user(f"{file}: left out the colours of {name} ({shortened(said_by(error))})", UserWarning)
+        warn_user(f"{file}: left out the colours of {name} ({truncate(describe_exception(error))})", UserWarning)
         return None
     return found
 

@@ -24,11 +24,11 @@ INSTANCES = "EXT_mesh_gpu_instancing"
 
 # Nodes that are children of several others, which the specification forbids and files have, can stand for any number,
 # and so can instances: their accessors may be of zeros that no bytes of the file stand for.
-_MOST_NODES = 1_000_000
-_MOST_INSTANCES = 100_000
+_MAX_NODES = 1_000_000
+_MAX_INSTANCES = 100_000
 
 # Of two axes of length 1: matrices that are written in single precision are off by as much.
-_MOST_SKEW = 1e-6
+_MAX_SKEW = 1e-6
 
 
 def nodes_in_order(data: GltfData) -> Iterator[tuple[int, dict[str, Any], NDArray[np.float64]]]:
@@ -41,8 +41,8 @@ def nodes_in_order(data: GltfData) -> Iterator[tuple[int, dict[str, Any], NDArra
         node = data.one("nodes", index)
         if depth > len(data.all("nodes")):
             raise ValueError(f"node {index} is below itself")
-        if count >= _MOST_NODES:
-            raise ValueError(f"its nodes stand in more than {_MOST_NODES} places")
+        if count >= _MAX_NODES:
+            raise ValueError(f"its nodes stand in more than {_MAX_NODES} places")
         hides = (node.get("extensions") or {}).get("KHR_node_visibility") or {}
         if hides.get("visible", True) is False:
             continue
@@ -78,9 +78,9 @@ def instance_matrices(data: GltfData, packed: dict[str, Any]) -> NDArray[np.floa
     """Make the matrices from a node's instances to the node (EXT_mesh_gpu_instancing), shape ``(n, 4, 4)``."""
     attributes = packed["attributes"]
     counts = sorted({data.one("accessors", index)["count"] for index in attributes.values()})
-    if len(counts) != 1 or not 0 <= counts[0] <= _MOST_INSTANCES:
+    if len(counts) != 1 or not 0 <= counts[0] <= _MAX_INSTANCES:
         raise ValueError(
-            f"{INSTANCES}: all attributes must have one number of rows up to {_MOST_INSTANCES}, got {counts}"
+            f"{INSTANCES}: all attributes must have one number of rows up to {_MAX_INSTANCES}, got {counts}"
         )
     rest = {"TRANSLATION": np.zeros(3), "ROTATION": np.array([0.0, 0, 0, 1]), "SCALE": np.ones(3)}
     move, turn, scale = (
@@ -128,7 +128,7 @@ def split(matrices: NDArray[np.float64]) -> Split:
         factors = np.linalg.norm(linear, axis=1)
         factors[np.linalg.det(linear / factors[:, None]) < 0] *= -1
         axes = linear / factors[:, None]
-        fits = np.abs(axes.swapaxes(1, 2) @ axes - np.eye(3)).max(axis=(1, 2)) <= _MOST_SKEW
+        fits = np.abs(axes.swapaxes(1, 2) @ axes - np.eye(3)).max(axis=(1, 2)) <= _MAX_SKEW
     rows = np.zeros((len(matrices), 7))
     if fits.any():
         rigid = matrices[fits]

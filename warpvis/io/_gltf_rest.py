@@ -19,7 +19,7 @@ from warpvis.io._gltf_data import GltfData
 Rows = Callable[[str], NDArray[np.generic]]
 """Reads an attribute of a primitive."""
 
-_MOST_SETS = 16
+_MAX_SETS = 16
 """Of four joints each."""
 
 
@@ -59,7 +59,7 @@ def skinned(
         joints: Of `joint_matrices`.
     """
     turn, total = np.zeros((len(vertices), 4, 4)), np.zeros(len(vertices))
-    for number in range(_MOST_SETS):
+    for number in range(_MAX_SETS):
         if f"JOINTS_{number}" not in attributes:
             break
         chosen, weights = rows(f"JOINTS_{number}").astype(np.int64), rows(f"WEIGHTS_{number}").astype(np.float64)

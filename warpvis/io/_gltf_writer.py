@@ -21,7 +21,7 @@ from warpvis.scene import Y_UP_TO_Z_UP, Axis, SceneObject
 _FLOAT, _UNSIGNED = 5126, 5125
 _VERTICES, _INDICES = 34962, 34963
 """What buffer views are for (3.6.2.1): some programs need to be told."""
-_MOST_BYTES = 2**32 - 1
+_MAX_BYTES = 2**32 - 1
 """Of a file, whose length is a number of 32 bits (4.4.2)."""
 
 
@@ -119,8 +119,8 @@ def _chunks(text: bytes, buffer: _Buffer) -> list[bytes]:
     """Put a header and chunks around JSON and data (4.4), both of which end at a multiple of four bytes."""
     text += b" " * (-len(text) % 4)
     length = 12 + 8 + len(text) + 8 + buffer.length
-    if length > _MOST_BYTES:
-        raise ValueError(f"binary glTF is of at most {_MOST_BYTES} bytes, and this would be {length}")
+    if length > _MAX_BYTES:
+        raise ValueError(f"binary glTF is of at most {_MAX_BYTES} bytes, and this would be {length}")
     head = b"glTF" + _word(2) + _word(length)
     return [head, _word(len(text)) + b"JSON", text, _word(buffer.length) + b"BIN\0", *buffer.chunks]
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from warpvis.core.checks import is_whole, said_by, shortened
+from warpvis.core.checks import describe_exception, is_whole, truncate
 from warpvis.core.file_content import require_content
 from warpvis.core.label_rules import LabelRules
 from warpvis.core.labels import Label
@@ -36,7 +36,7 @@ from warpvis.scene.looks import look_of
 _GLTF = ("glb", "gltf")
 _NAMELESS = ("geometry_0", "geometry")
 """What trimesh calls the mesh of a file without names."""
-_MOST_NAMED = 5
+_MAX_NAMED = 5
 _NEEDED = {"dae": "pycollada: pip install 'warpvis[collada]'", "3mf": "lxml and networkx: pip install lxml networkx"}
 """What is missing where trimesh has no reader for a format that it knows."""
 
@@ -73,13 +73,13 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     ]
     messages = [f"{path}: left out {note}" for note in loaded.notes]
     if loaded.empty:
-        more = ", ..." if len(loaded.empty) > _MOST_NAMED else ""
-        some = ", ".join(repr(shortened(name)) for name in loaded.empty[:_MOST_NAMED]) + more
+        more = ", ..." if len(loaded.empty) > _MAX_NAMED else ""
+        some = ", ".join(repr(truncate(name)) for name in loaded.empty[:_MAX_NAMED]) + more
         messages.append(f"{path}: left out {some}, which hold lines or points and no triangles")
     if strict and messages:
         raise FileFormatError(messages[0])
     if loaded.unlit:
-        messages.append(f"{path}: left out the lights of {', '.join(loaded.unlit[:_MOST_NAMED])}")
+        messages.append(f"{path}: left out the lights of {', '.join(loaded.unlit[:_MAX_NAMED])}")
     up: Axis | None = "y" if loaded.up == "y" else "z" if loaded.up else None
     classes, lights = _classes(path, loaded.meshes), tuple(loaded.lights)
     return FileParts(path, parts, up=up, warnings=tuple(messages), classes=classes, lights=lights)
@@ -248,7 +248,7 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
     except FileFormatError:
         raise
     except Exception as error:  # readers raise what they like
-        raise FileFormatError(f"{name}: does not read as {kind.upper()}: {said_by(error)}") from None
+        raise FileFormatError(f"{name}: does not read as {kind.upper()}: {describe_exception(error)}") from None
 
 
 class _Textures:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 
 # All begin with the end of the line before, which is found fast, and none goes back once it has read on: a file has
 # millions of lines.
@@ -46,7 +46,7 @@ def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
     if short:
         line, content = _line(text, joined, short)
         joined, count = _SHORT_FACE.subn(b"\n", joined)
-        notes.append(f"{counted(count, 'face')} of fewer than three corners, the first {content!r} in line {line}")
+        notes.append(f"{pluralize(count, 'face')} of fewer than three corners, the first {content!r} in line {line}")
     return (_absolute(joined) if _RELATIVE.search(joined) else joined), notes
 
 

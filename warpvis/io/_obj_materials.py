@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import shortened
+from warpvis.core.checks import truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.io._gltf_materials import Locate
 from warpvis.io._obj import obj_splits
@@ -77,7 +77,7 @@ class ObjMaterials:
         def make() -> Appearance:
             base = None if given is None else given.get()
             if unknown:
-                some = ", ".join(map(repr, map(shortened, unknown[:5])))
+                some = ", ".join(map(repr, map(truncate, unknown[:5])))
                 warn_user(f"{where}: no MTL file has the material {some}{missed}: white stands in", UserWarning)
             if len(names) > 1 and rows is None:
                 warn_user(f"{where}: {mesh!r} has one material, for its faces are not those of the file", UserWarning)

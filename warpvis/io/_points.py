@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path, said_by, shortened
+from warpvis.core.checks import as_path, describe_exception, truncate
 from warpvis.core.file_content import require_content
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_array, read_lines
@@ -70,7 +70,7 @@ def _parse_words(words: list[str], place: str) -> list[float]:
     except ValueError:
         values = []
     if len(values) != 3 or not all(map(math.isfinite, values)):
-        raise FileFormatError(f"{place}: expected three finite numbers '{_LINE}', got {shortened(' '.join(words))!r}")
+        raise FileFormatError(f"{place}: expected three finite numbers '{_LINE}', got {truncate(' '.join(words))!r}")
     return values
 
 
@@ -90,4 +90,4 @@ def _read_ply(path: Path) -> NDArray[np.float64]:
         loaded = trimesh.load(io.BytesIO(straighten_ply(path.read_bytes())), file_type="ply", process=False)
         return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh's readers raise what they like
-        raise FileFormatError(f"{path}: does not read as PLY: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: does not read as PLY: {describe_exception(error)}") from None

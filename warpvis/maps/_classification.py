@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empty, on_gpu
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.core.depth_images import read_depth
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.labels import Label, LabelNames
@@ -213,7 +213,7 @@ def _read_images(
     poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
     if len(poses) != len(depth):
         raise ArrayError(
-            f"depth has {counted(len(depth), 'view')} and camera_to_world has {len(poses)}; give one pose a view"
+            f"depth has {pluralize(len(depth), 'view')} and camera_to_world has {len(poses)}; give one pose a view"
         )
     return depth, poses
 

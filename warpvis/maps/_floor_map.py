@@ -26,7 +26,7 @@ from warpvis.maps._map_labels import Color, ground_bits, label_colors, legend_of
 # The floor's axes, in the order that makes the map a view from above: first to the right, second upwards.
 _FLOOR_AXES = {"z": (0, 1), "y": (2, 0)}
 
-_MOST_CELLS = 2**31 - 1
+_MAX_CELLS = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,7 @@ def _check_cells(size: NDArray[np.float64], cell_size: float) -> tuple[int, int]
     check_metres(cell_size, "cell_size", zero=False)
     # A map of 4 m in cells of 2 cm has 200 of them, whatever the quotient's last digit says.
     columns, rows = np.ceil(size / cell_size - 1e-6)
-    if columns * rows > _MOST_CELLS:
+    if columns * rows > _MAX_CELLS:
         raise ArrayError(
             f"a map of {columns:.0f} x {rows:.0f} cells is too large; give a larger cell_size than {cell_size} m"
         )

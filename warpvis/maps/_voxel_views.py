@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, check_metres, empty
 from warpvis.core.camera import Camera
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.core.depth_images import read_depth, read_labels
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
@@ -34,7 +34,7 @@ from warpvis.rendering import Renderer
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
-_MOST_VOXELS = 2**31 - 1
+_MAX_VOXELS = 2**31 - 1
 
 # Depth and labels of 218 images of 320x240: 84 MB.
 _PIXELS_AT_A_TIME = 2**24
@@ -112,7 +112,7 @@ def voxel_map(
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     if len(poses) != len(images):
         raise ArrayError(
-            f"depth has {counted(len(images), 'view')} and camera_to_world has {len(poses)}; give one pose a view"
+            f"depth has {pluralize(len(images), 'view')} and camera_to_world has {len(poses)}; give one pose a view"
         )
     pixel_labels = None if labels is None else read_labels(labels, images.shape, device)
     given: Iterable[Label | int | str] = (Label.GROUND,) if ground_labels is None else ground_labels
@@ -266,9 +266,9 @@ def _check_grid(bounds: ArrayLike, cell_size: float) -> tuple[tuple[float, float
         )
     # A box of 4 m in voxels of 2 cm has 200 of them, whatever the quotient's last digit says.
     x, y, z = np.ceil((corners[1] - corners[0]) / side - 1e-6).clip(min=1)
-    if x * y * z > _MOST_VOXELS:
+    if x * y * z > _MAX_VOXELS:
         raise ArrayError(
-            f"a grid of {x:.0f} x {y:.0f} x {z:.0f} voxels is too large, {_MOST_VOXELS} are the most; "
+            f"a grid of {x:.0f} x {y:.0f} x {z:.0f} voxels is too large, {_MAX_VOXELS} are the most; "
             f"give a larger cell_size than {side} m"
         )
     first, second, third = corners[0].tolist()

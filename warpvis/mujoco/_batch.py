@@ -69,8 +69,8 @@ from warpvis.scene import Scene
 _Key = tuple[tuple[BatchCamera, ...], bytes, int, int | None]
 
 # Largest number of cached choices of cameras and worlds, and of cached intrinsics.
-_MOST_PLACES = 16
-_MOST_RENDERERS = 64
+_MAX_PLACES = 16
+_MAX_RENDERERS = 64
 
 # Outputs that show colors.
 COLORS = frozenset(("color", "albedo"))
@@ -417,7 +417,7 @@ class BatchRenderer:
     ) -> None:
         """Render views through cameras with equal intrinsics."""
         if camera not in self._renderers:
-            while len(self._renderers) >= _MOST_RENDERERS:
+            while len(self._renderers) >= _MAX_RENDERERS:
                 self._renderers.pop(next(iter(self._renderers)), None)
             self._renderers[camera] = GeomRenderer(self.scene, camera, self._coinciding, **self._render_options)
         renderer, eyes = self._renderers[camera], place.eyes.flatten()
@@ -455,7 +455,7 @@ class BatchRenderer:
 
     def _give_back(self, key: _Key, place: _Workplace) -> None:
         self._idle[key] = place  # the last entry is the most recently used
-        while len(self._idle) > _MOST_PLACES:
+        while len(self._idle) > _MAX_PLACES:
             self._idle.pop(next(iter(self._idle)), None)
 
     def _make_workplace(self, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> _Workplace:

@@ -36,7 +36,7 @@ _SKEW = np.array([0.3571, 0.5219, 0.7746])
 _TABLE = 1 << 22
 """Bins in the table that rules out most triangles that match no other."""
 
-_LEAST_SAMPLES = 3
+_MIN_SAMPLES = 3
 """Surfaces that only touch or cross have fewer common samples."""
 
 _Ints = NDArray[np.int64]
@@ -157,7 +157,7 @@ def _share_surface(objects: Sequence[SceneObject], pair: tuple[int, int]) -> boo
     beyond = np.hypot(across, np.maximum(along, 0)) - 1
     if other.solid.kind == SolidKind.CYLINDER:
         beyond = np.maximum(across - 1, along)
-    return int(np.count_nonzero(np.abs(beyond) < _CLOSENESS)) >= _LEAST_SAMPLES
+    return int(np.count_nonzero(np.abs(beyond) < _CLOSENESS)) >= _MIN_SAMPLES
 
 
 def _samples(solid: Solid) -> _Floats:

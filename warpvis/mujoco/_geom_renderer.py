@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _DEPTH, _LABELS, _SEGMENTATION, _FACES = 0, 3, 4, 5  # in the order of the casters' images
 _BOX_MARGIN = 2e-5  # relative: boxes are computed from poses and corners in single precision
-_MOST_SCRATCH = 4  # number of image sizes whose scratch memory is cached
+_MAX_SCRATCH = 4  # number of image sizes whose scratch memory is cached
 
 
 class CoincidingGeoms:
@@ -269,5 +269,5 @@ class _LaterWins:
 
     def _give_back(self, place: int, image: wp.array) -> None:
         self._idle[place, image.shape, self._stream()] = image
-        while len(self._idle) > _MOST_SCRATCH:
+        while len(self._idle) > _MAX_SCRATCH:
             self._idle.pop(next(iter(self._idle)), None)

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import mujoco  # noqa: TID253 - the whole package is about it
 
-from warpvis.core.checks import as_items, as_path, check_flag, said_by
+from warpvis.core.checks import as_items, as_path, check_flag, describe_exception
 from warpvis.core.file_content import is_file, require_content
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
@@ -63,7 +63,7 @@ def read_model(
         if isinstance(error, FileFormatError):
             raise
         _require_assets(path, root, folders)
-        raise FileFormatError(f"{path}: MuJoCo does not compile it: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: MuJoCo does not compile it: {describe_exception(error)}") from None
     soft = [f"{count} {what}" for count, what in ((model.nflex, "flexes"), (model.nskin, "skins")) if count]
     left_out += [f"{' and '.join(soft)}, which have no fixed shape"] if soft else []
     message = f"{path}: left out {'; '.join(left_out)}" if left_out else ""

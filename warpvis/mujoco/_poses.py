@@ -17,7 +17,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu, surely_finite
-from warpvis.core.checks import as_items, counted, is_whole
+from warpvis.core.checks import as_items, is_whole, pluralize
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import ArrayInput
@@ -276,7 +276,7 @@ class Kinematics:
                 parts[name] = _check_rows(value, (self._model.nmocap, size), name)
                 if len(parts[name]) != len(rows):
                     raise ArrayError(
-                        f"{name} must be of {counted(len(rows), 'world')} as qpos is, got {len(parts[name])}"
+                        f"{name} must be of {pluralize(len(rows), 'world')} as qpos is, got {len(parts[name])}"
                     )
 
         def place(data: mujoco.MjData, world: int) -> None:
@@ -481,6 +481,6 @@ def _check_rows(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
     bad = np.flatnonzero(~np.isfinite(rows).all(axis=tuple(range(1, rows.ndim))))
     if len(bad):
         raise ArrayError(
-            f"{name} must be finite: not so in {len(bad)} of {counted(len(rows), 'world')}, the first {bad[0]}"
+            f"{name} must be finite: not so in {len(bad)} of {pluralize(len(rows), 'world')}, the first {bad[0]}"
         )
     return rows

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import check_size
-from warpvis.core.checks import check_choice, check_flag, said_by, shortened
+from warpvis.core.checks import check_choice, check_flag, describe_exception, truncate
 from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
@@ -44,7 +44,7 @@ from warpvis.sensors import Reason
 
 _MADE_ANEW = ("_stages", "_stage", "_viewer", "_fallback", "_visuals")
 _OF_SENSOR: tuple[Output, ...] = ("reasons", "true_depth")
-_MOST_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
+_MAX_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
 
 
 class Renderer:
@@ -328,8 +328,10 @@ class Renderer:
                 f"fallback=True needs OpenGL, and there is none ({error}); MUJOCO_GL=egl finds that of a GPU or of Mesa"
             ) from None
         except (AttributeError, OverflowError, TypeError) as error:
-            given = ", ".join(f"{name}={shortened(repr(value))}" for name, value in self._fallback_options.items())
-            raise ArrayError(f"mujoco.Renderer, which fallback=True makes, refuses {given}: {said_by(error)}") from None
+            given = ", ".join(f"{name}={truncate(repr(value))}" for name, value in self._fallback_options.items())
+            raise ArrayError(
+                f"mujoco.Renderer, which fallback=True makes, refuses {given}: {describe_exception(error)}"
+            ) from None
 
     def _draw(
         self, stage: Stage, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None
@@ -390,7 +392,7 @@ class Renderer:
                 seed=self._seed,
                 threads=self._threads,
             )
-            if len(stage.renderers) >= _MOST_RENDERERS:
+            if len(stage.renderers) >= _MAX_RENDERERS:
                 stage.renderers.clear()
             stage.renderers[key] = renderer
         options: dict[str, Any] = {"object_poses": stage.object_poses(), "exclude": stage.hidden}

@@ -20,7 +20,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import shortened
+from warpvis.core.checks import truncate
 from warpvis.core.file_content import is_file
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.mujoco._robot_looks import joined_look
@@ -37,7 +37,7 @@ _MIN_VERTICES = 4  # MuJoCo compiles no mesh with fewer
 _SCHEME = re.compile(r"(package|model|file)://(.*)")
 
 # MuJoCo compiles no body that moves without mass.
-_LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9
+_MIN_MASS, _MIN_INERTIA = 1e-6, 1e-9
 
 _DEFAULT_COLOR = "0.5 0.5 0.5 1"
 """Of geoms in MuJoCo."""
@@ -107,7 +107,7 @@ def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[P
     options.attrib.update(strippath="false", discardvisual="false", fusestatic="false")
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
     spec.compiler.balanceinertia = True
-    spec.compiler.boundmass, spec.compiler.boundinertia = _LEAST_MASS, _LEAST_INERTIA
+    spec.compiler.boundmass, spec.compiler.boundinertia = _MIN_MASS, _MIN_INERTIA
     meshes = {asset.name: found.read.get(asset.file) for asset in spec.meshes}
     for asset in spec.meshes:
         asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # what is open has no volume
@@ -154,7 +154,7 @@ class _Meshes:
         """Describe what was not found and what has no triangles, as parts of a sentence."""
         parts = []
         if self.missing:
-            names = ", ".join(map(shortened, dict.fromkeys(self.missing)))
+            names = ", ".join(map(truncate, dict.fromkeys(self.missing)))
             parts.append(f"{names}, of which no file was found beside it, in packages above it, or on the search path")
         empty = ", ".join(name for name, mesh in self.read.items() if mesh is None)
         return [*parts, f"{empty}, without triangles"] if empty else parts

@@ -28,7 +28,7 @@ _LINES = int(_GEOM.mjGEOM_LINE), int(_GEOM.mjGEOM_LINEBOX)
 _SHAPES = int(_OBJ.mjOBJ_GEOM), int(_OBJ.mjOBJ_SITE)
 _FRAMES_OF_SHAPES = mujoco.mjtFrame.mjFRAME_GEOM, mujoco.mjtFrame.mjFRAME_SITE
 _ALL, _DECOR = int(mujoco.mjtCatBit.mjCAT_ALL), int(mujoco.mjtCatBit.mjCAT_DECOR)
-_MOST_GEOMS = 10000  # as mujoco.Renderer has it by default
+_MAX_GEOMS = 10000  # as mujoco.Renderer has it by default
 _BOX_WIDTH = 1.5  # of a model's lines, where they are edges of boxes
 _SOFT_FLAGS = "SKIN", "TENDON", "FLEXVERT", "FLEXEDGE", "FLEXFACE", "FLEXSKIN"
 _SENSORS = [int(getattr(mujoco.mjtSensor, f"mjSENS_{name}")) for name in ("RANGEFINDER", "GEOMFROMTO")]
@@ -117,7 +117,7 @@ class Visuals:
             eye: Intrinsics of the camera, and where it is.
         """
         if self._scene is None:
-            self._scene = mujoco.MjvScene(self._model, maxgeom=_MOST_GEOMS)
+            self._scene = mujoco.MjvScene(self._model, maxgeom=_MAX_GEOMS)
         scene, chosen = self._scene, self._plain if option is None else _without_shapes(option)
         mujoco.mjv_updateScene(self._model, data, chosen, None, viewer, _ALL, scene)
         drawn: dict[VisualKey, Blocks] = {}

@@ -31,7 +31,7 @@ _FIELDS = {"fraction": "fraction", "pixels": "visible_pixels"}
 _AT_A_TIME = 1 << 21
 
 # Poses of a grid: they and what makes them take 2 GB.
-_MOST_PLACES = 10**7
+_MAX_PLACES = 10**7
 
 # Scores are single precision: what is a whole number of ties up to rounding counts as one.
 _TIE_ROUNDING = 1e-4
@@ -100,7 +100,7 @@ def pose_grid(
     height = check_metres(height, "height", signed=True)
     turns = check_whole(headings, "headings") if look_at is None else 1
     across = 2 * radius / step + 1  # of a square around the disc; what would be too many is never made
-    if turns > _MOST_PLACES or not across * across * turns <= _MOST_PLACES:
+    if turns > _MAX_PLACES or not across * across * turns <= _MAX_PLACES:
         raise ArrayError(
             f"a disc of radius {radius} m has too many places {step} m apart; give a larger step, or fewer headings"
         )

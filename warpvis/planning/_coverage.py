@@ -24,7 +24,7 @@ from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility import choose_objects, point_visibility
 
-_MOST_SAMPLES = 10**8
+_MAX_SAMPLES = 10**8
 
 # Pairs of a view and a sample that are looked at together: point_visibility takes about 20 bytes for each.
 _PAIRS = 1 << 22
@@ -89,9 +89,9 @@ def surface_samples(
     doubled = [np.cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0]) for part in corners]
     areas = [np.linalg.norm(part, axis=1).sum() / 2 for part in doubled]
     wanted = [max(1.0, np.rint(area / spacing / spacing)) for area in areas]
-    if not sum(wanted) <= _MOST_SAMPLES:
+    if not sum(wanted) <= _MAX_SAMPLES:
         raise ArrayError(
-            f"spacing {spacing:g} m makes {sum(wanted):.3g} samples; give more, for {_MOST_SAMPLES:g} at most"
+            f"spacing {spacing:g} m makes {sum(wanted):.3g} samples; give more, for {_MAX_SAMPLES:g} at most"
         )
     parts = []
     for index, part, doubles, area, count in zip(chosen, corners, doubled, areas, map(int, wanted), strict=True):

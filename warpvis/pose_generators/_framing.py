@@ -19,7 +19,7 @@ from warpvis.pose_generators._generators import poses_along
 from warpvis.scene import Scene, require_scene
 
 _MARGIN = 0.03
-_LEAST_DISTANCE = 1e-3
+_MIN_DISTANCE = 1e-3
 _ASIDE = "a scene is framed by a camera whose axis is inside of its image, and this one's is not"
 
 # Of the pinhole in a lens's image: how wide it may be, points on each side of its border, and steps of the search.
@@ -117,7 +117,7 @@ def fitting_distance(
     """
     corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
     x, y, z = ((corners - middle) @ poses_to_matrices(pose)[:3, :3]).T
-    found = _LEAST_DISTANCE - z
+    found = _MIN_DISTANCE - z
     for along, focal, centre, size in (
         (x, camera.fx, camera.cx, camera.width),
         (y, camera.fy, camera.cy, camera.height),

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import FARTHEST, as_numpy, as_point, check_metres
-from warpvis.core.checks import check_angle, check_whole, counted, degrees_hint
+from warpvis.core.checks import check_angle, check_whole, degrees_hint, pluralize
 from warpvis.core.poses import check_up
 from warpvis.core.types import Excluded
 from warpvis.errors import ArrayError, PoseError
@@ -25,7 +25,7 @@ from warpvis.scene import Scene
 
 Up = Literal["z", "y"]
 
-MOST_POSES = 1 << 28
+MAX_POSES = 1 << 28
 """A generator makes at most this many: they take 15 GB."""
 
 # Poses whose axes are computed in one go.
@@ -39,8 +39,8 @@ _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 # Random places: a candidate is so many numbers of the generator; so many are judged in one go at least and at most; the
 # search ends when one in so many is good, of so many at least.
 _NUMBERS_EACH = 5
-_FEWEST_CANDIDATES, _MOST_CANDIDATES = 1 << 12, 1 << 19
-_RAREST, _LEAST_TRIED = 10_000, 1_000_000
+_FEWEST_CANDIDATES, _MAX_CANDIDATES = 1 << 12, 1 << 19
+_RAREST, _MIN_TRIED = 10_000, 1_000_000
 
 # How much farther than the clearance surfaces are looked for, in single precision.
 _ROOM_FOR_ROUNDING = 1e-3
@@ -150,10 +150,8 @@ def grid(
     with np.errstate(over="ignore"):
         counts = np.floor((high - low) / step + 1e-9) + 1
         total = counts.prod() * (len(turns) if target is None else 1)
-    if not total <= MOST_POSES:
-        raise ArrayError(
-            f"a grid has at most {MOST_POSES} poses, and step {step} makes {total:.3g}; take a greater one"
-        )
+    if not total <= MAX_POSES:
+        raise ArrayError(f"a grid has at most {MAX_POSES} poses, and step {step} makes {total:.3g}; take a greater one")
     axes = [low[axis] + step * np.arange(int(counts[axis])) for axis in range(3)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     if target is not None:
@@ -300,7 +298,7 @@ def _draw(
     good: list[NDArray[np.float64]] = []
     have, tried, size = 0, 0, count + count // 8
     while have < count:
-        size = min(max(size, _FEWEST_CANDIDATES), _MOST_CANDIDATES)
+        size = min(max(size, _FEWEST_CANDIDATES), _MAX_CANDIDATES)
         numbers = generator.random((size, _NUMBERS_EACH))
         places = low + numbers[:, :3] * (high - low)
         fine = np.ones(size, dtype=bool) if target is None else (places != target).any(axis=1)
@@ -308,13 +306,13 @@ def _draw(
             fine &= judge(places)
         good.append(numbers[fine])
         have, tried = have + len(good[-1]), tried + size
-        if have < count and tried >= _LEAST_TRIED and have * _RAREST < tried:
+        if have < count and tried >= _MIN_TRIED and have * _RAREST < tried:
             what = "are elsewhere than the point to look at"
             if judge is not None:
                 what = f"are {judge.clearance} m from all surfaces and not inside of closed objects"
             box = " to ".join(" ".join(f"{value:g}" for value in corner) for corner in (low, high))
             raise PoseError(
-                f"there is no room for {counted(count, 'camera')} from {box}: of {tried} random places, {have} {what}"
+                f"there is no room for {pluralize(count, 'camera')} from {box}: of {tried} random places, {have} {what}"
             )
         size = math.ceil((count - have) * tried / max(have, 1))
     return np.concatenate(good)[:count]
@@ -360,8 +358,8 @@ def _check_bounds(bounds: ArrayLike) -> NDArray[np.float64]:
 
 
 def _check_count(count: int) -> int:
-    if _check_whole(count, "count", 1) > MOST_POSES:
-        raise ArrayError(f"count must be at most {MOST_POSES}, got {count}")
+    if _check_whole(count, "count", 1) > MAX_POSES:
+        raise ArrayError(f"count must be at most {MAX_POSES}, got {count}")
     return int(count)
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
     from warpvis.scene import Scene
 
-MOST_APART = 0.1
+MAX_APART = 0.1
 """Origins within so much of each other, along each axis, are close [m]."""
 _ROUNDED = 1e-6  # of what single precision holds
 _GROUP = CPU_LANES * CPU_LANES
@@ -55,7 +55,7 @@ def takes_packets(scene: Scene, camera: RayCamera, worlds: Worlds, clip_near: bo
 def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
     """Whether rays begin so close to each other that packets of them share what they see."""
     known = np.isfinite(rays).all(axis=-1)
-    return not known.any() or bool(np.ptp(origins[known], axis=0).max() <= MOST_APART)
+    return not known.any() or bool(np.ptp(origins[known], axis=0).max() <= MAX_APART)
 
 
 def prepare_apart(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> PreparedApartRays:

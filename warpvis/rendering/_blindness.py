@@ -19,10 +19,10 @@ from warpvis.scene.closed import holds
 _PIXELS = 256
 
 # So many times as far as the camera's `near` is across an object inside of which it is blind.
-_MOST_NEARS = 4.0
+_MAX_NEARS = 4.0
 
 # Of cameras that see nothing, so many are looked for inside of objects.
-_MOST_EYES = 8
+_MAX_EYES = 8
 
 
 def find_blind(views: Views) -> tuple[bool, NDArray[np.intp]]:
@@ -71,12 +71,12 @@ def warn_of_eyes_inside(
         views: Which of them see too little.
         seen: Which objects are where they were added, and not excluded, shape ``(objects,)``.
     """
-    eyes = poses[views[:_MOST_EYES], :3]
+    eyes = poses[views[:_MAX_EYES], :3]
     if not len(eyes):
         return
     around = []
     for item, counts in zip(scene.objects, seen, strict=True):
-        is_small = counts and np.ptp(item.bounds, axis=0).min() <= _MOST_NEARS * near
+        is_small = counts and np.ptp(item.bounds, axis=0).min() <= _MAX_NEARS * near
         if is_small and holds(item.vertices, item.faces, eyes).any():
             around.append(item.name)
     if around:

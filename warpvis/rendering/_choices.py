@@ -30,7 +30,7 @@ Fill = Literal["inf", "far"] | float
 NearPlane = Literal["occlude", "clip"]
 """Whether what is nearer than `near` hides what is behind it, as in a real sensor, or is cut away."""
 
-_MOST_FLOAT = 3.4e38  # what single precision holds
+_MAX_FLOAT = 3.4e38  # what single precision holds
 
 
 DEFAULT_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation")
@@ -103,7 +103,7 @@ def check_fill(fill: Fill) -> Fill:
     if isinstance(fill, str):
         check_choice(fill, "fill", ("inf", "far"))
         return fill
-    return check_number(fill, "fill", least=-_MOST_FLOAT, most=_MOST_FLOAT)
+    return check_number(fill, "fill", least=-_MAX_FLOAT, most=_MAX_FLOAT)
 
 
 def check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:

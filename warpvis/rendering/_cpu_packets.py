@@ -36,7 +36,7 @@ TILE = TILE_SIDE
 # What a ray takes one thread [ns], until calls have shown it.
 _FIRST_COST = 6.0
 # Less work [ns] is done before another thread has woken up; more than that surely is not.
-_LEAST_SHARED, _SURELY_SHARED = 8e4, 5e5
+_MIN_SHARED, _SURELY_SHARED = 8e4, 5e5
 # So few rays are one thread's, and nobody looks how long they take.
 FEW_RAYS = 256
 # In between, one of so many calls is made in the way that was slower, to see whether it still is.
@@ -44,7 +44,7 @@ _CALLS_BETWEEN_LOOKS = 16
 # To wake a thread takes the caller so long [ns].
 _WAKING = 5e3
 # So many kinds of calls have memory that waits for the next one: as many threads as were tried last, and others.
-MOST_KINDS = 3
+MAX_KINDS = 3
 
 
 class Workspace:
@@ -119,7 +119,7 @@ class RayCosts:
     def threads_for(self, rays: int) -> int:
         """Choose a number of threads: one, a power of two, or all."""
         work = rays * self._alone
-        if self._threads == 1 or work < _LEAST_SHARED:
+        if self._threads == 1 or work < _MIN_SHARED:
             return 1
         if work < _SURELY_SHARED:
             self._calls += 1
@@ -154,7 +154,7 @@ class CpuPacketsCaster:
         self._clip_near = clip_near
         self._threads = threads
         self._costs = RayCosts(threads), RayCosts(threads)  # of pixels, and of points
-        self._idle = Idle[Workspace](MOST_KINDS)
+        self._idle = Idle[Workspace](MAX_KINDS)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
         """Check poses, and return them as this caster takes them."""

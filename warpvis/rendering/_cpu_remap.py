@@ -13,7 +13,7 @@ import warp as wp
 
 from warpvis.core.camera import Camera
 from warpvis.kernels.constants import BLOCK_SIDE, TILE_SIDE
-from warpvis.rendering._cpu_packets import MOST_KINDS, CpuPacketsCaster, RayCosts, Workspace
+from warpvis.rendering._cpu_packets import MAX_KINDS, CpuPacketsCaster, RayCosts, Workspace
 from warpvis.rendering._prepared import Idle
 from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 # Pixels of trees' images are so much finer than the camera's: their bounds are to a pixel.
-_FINENESS, _MOST_FOCAL = 32.0, 2.0**15
+_FINENESS, _MAX_FOCAL = 32.0, 2.0**15
 # Neighbours of a map are taken as such if blocks of 4 x 4 are no larger than this on average [px], width and height
 # together; so many blocks are looked at.
-_MOST_APART, _LOOKED_AT = 24.0, 64
+_MAX_APART, _LOOKED_AT = 24.0, 64
 
 
 class CpuRemapCaster(CpuPacketsCaster):
@@ -36,7 +36,7 @@ class CpuRemapCaster(CpuPacketsCaster):
         """Prepare to cast."""
         super().__init__(scene, camera, cull_backfaces=cull_backfaces, clip_near=clip_near, threads=threads)
         self._map_costs = RayCosts(threads)
-        self._idle_maps = Idle[Workspace](MOST_KINDS)
+        self._idle_maps = Idle[Workspace](MAX_KINDS)
 
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, shape ``(V, Y, X)`` vec2, as are the images'; lists of them have one row."""
@@ -67,7 +67,7 @@ class CpuRemapCaster(CpuPacketsCaster):
         job.views, job.rows, job.columns = shape
         job.camera = self._camera.device_struct(clip_near=self._clip_near)
         # A power of two times finer: then places are found without double precision.
-        finer = min(_FINENESS, max(1.0, _MOST_FOCAL / self._camera.fx))
+        finer = min(_FINENESS, max(1.0, _MAX_FOCAL / self._camera.fx))
         job.tree_focal = self._camera.fx * 2.0 ** math.floor(math.log2(finer))
         job.cull_backfaces = int(self._cull_backfaces)
         job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
@@ -88,4 +88,4 @@ def are_neighbours(pixels: wp.array) -> bool:
     most = np.where(fine, places, -np.inf).max(axis=1)
     apart = most - np.where(fine, places, np.inf).min(axis=1)
     some = np.isfinite(most).all(axis=-1)
-    return not some.any() or float(apart[some].sum(axis=-1).mean()) <= _MOST_APART
+    return not some.any() or float(apart[some].sum(axis=-1).mean()) <= _MAX_APART

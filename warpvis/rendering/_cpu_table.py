@@ -16,7 +16,7 @@ from warpvis.core.camera import most_inv_z
 from warpvis.core.poses import Convention, host_poses
 from warpvis.core.ray_camera import RayCamera
 from warpvis.core.types import PoseLike
-from warpvis.rendering._cpu_packets import FEW_RAYS, MOST_KINDS, RayCosts, Workspace
+from warpvis.rendering._cpu_packets import FEW_RAYS, MAX_KINDS, RayCosts, Workspace
 from warpvis.rendering._prepared import Idle
 from warpvis.rendering._ray_bundles import PreparedRays, prepare_rays
 from warpvis.rendering._views import wants_faces
@@ -40,7 +40,7 @@ class CpuTablePacketsCaster:
         self._clip_near = clip_near and camera.near > 0
         self._threads = threads
         self._costs = RayCosts(threads)
-        self._idle = Idle[Workspace](MOST_KINDS)
+        self._idle = Idle[Workspace](MAX_KINDS)
         self._single_rays = RayTableCaster(
             scene, camera, cull_backfaces=cull_backfaces, clip_near=clip_near, threads=threads
         )

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # all stays, and where objects move, which every packet looks for.
 _FEWEST_PACKETS = {False: (((16, 24), (8, 32), (4, 24), (2, 8)), 1), True: (((16, 24), (8, 16)), 4)}
 # So many kinds of calls have a launch that waits for the next one.
-_MOST_KINDS = 4
+_MAX_KINDS = 4
 
 _Kind = tuple[int, bool, bool, bool, bool, int]
 """What `_kernel` makes a kernel of, and views."""
@@ -92,7 +92,7 @@ class CudaPacketsCaster(RaysCaster):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         """Prepare to cast, as `RaysCaster` does."""
         super().__init__(*arguments, **options)
-        self._idle = Idle[_PackedLaunch](_MOST_KINDS)
+        self._idle = Idle[_PackedLaunch](_MAX_KINDS)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""

@@ -29,19 +29,19 @@ _FEWEST_POINTS = 1 << 15
 # Points of a packet, from how many of these on a multiprocessor on.
 _PACKETS = ((256, 24), (64, 0))
 # So many points are sorted at a time: 4 bytes each, and half as much or less for cells.
-_MOST_POINTS = 1 << 26
+_MAX_POINTS = 1 << 26
 # Blocks of points in rows may be so many times as long as those of pixels would be.
-_MOST_STRETCH = 2.5
+_MAX_STRETCH = 2.5
 # Of blocks of points in rows, one of so many is measured.
 _MEASURED_STEP = 4
 # Points of a cell, at most, if they are everywhere alike.
 _POINTS_PER_CELL = 8
-_MOST_BITS = 12  # of columns of cells
+_MAX_BITS = 12  # of columns of cells
 
 
 def takes_packets(count: int) -> bool:
     """Tell whether so many points of a view are cast in packets."""
-    return _FEWEST_POINTS <= count <= _MOST_POINTS
+    return _FEWEST_POINTS <= count <= _MAX_POINTS
 
 
 def cast_point_packets(
@@ -65,7 +65,7 @@ def cast_point_packets(
         images: Depth, points, normals, labels, segmentation and faces of this shape; None is not made.
     """
     views = len(pixels)
-    step = max(1, _MOST_POINTS // (pixels.shape[1] * pixels.shape[2]))
+    step = max(1, _MAX_POINTS // (pixels.shape[1] * pixels.shape[2]))
     for first in range(0, views, step):
         part = slice(first, min(first + step, views))
         some = worlds if step >= views else part_of(worlds, part)
@@ -153,7 +153,7 @@ def guess_columns(count: int, camera: Camera) -> int:
 
 
 def _cell_bits(count: int) -> int:
-    return min(_MOST_BITS, (1 + (count // _POINTS_PER_CELL).bit_length()) // 2)
+    return min(_MAX_BITS, (1 + (count // _POINTS_PER_CELL).bit_length()) // 2)
 
 
 def _threads(views: int, count: int) -> tuple[int, int]:
@@ -171,7 +171,7 @@ def _measure(pixels: wp.array, columns: int, camera: Camera) -> wp.array:
         return wp.ones(views, dtype=wp.int32, device=device)
     apart = wp.zeros(views, dtype=wp.int32, device=device)
     spacing = math.sqrt(camera.width * camera.height / count)
-    most = _MOST_STRETCH * (BLOCK_COLUMNS + BLOCK_ROWS) * spacing
+    most = _MAX_STRETCH * (BLOCK_COLUMNS + BLOCK_ROWS) * spacing
     across = -(-columns // (BLOCK_COLUMNS * _MEASURED_STEP))
     inputs = [pixels, columns, float(camera.width), float(camera.height), _MEASURED_STEP, most, apart]
     launch(measure_blocks, (views, -(-(count // columns) // BLOCK_ROWS), across), inputs, device)

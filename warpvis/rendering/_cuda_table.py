@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 
-MOST_ASIDE = 2.0
+MAX_ASIDE = 2.0
 """Where most packets' rays pass farther than that beside their eye, one by one they are faster [px m]."""
 
 
@@ -61,7 +61,7 @@ class CudaTablePacketsCaster(RayTableCaster):
     def _goes_ray_by_ray(self, worlds: Worlds) -> bool:
         if self._camera.origins is not None:
             taken = takes_packets(self._scene, self._camera, worlds, self._clip_near)
-            return not taken or self._prepared.aside > MOST_ASIDE
+            return not taken or self._prepared.aside > MAX_ASIDE
         return self._clip_near and self._camera.near > 0
 
     @property

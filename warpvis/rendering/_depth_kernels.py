@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from warpvis.kernels.pinhole import Window
 
 # Rows take about 0.5 ns a pixel, and as much again for each sphere; to wake a thread takes 50 to 100 us.
-_LEAST_PIXELS = 2**17
+_MIN_PIXELS = 2**17
 
 
 def launch_back_project(
@@ -31,7 +31,7 @@ def launch_back_project(
     else:
         from warpvis.kernels.classify import back_project as of_pinhole
         from warpvis.kernels.ray_points import back_project_rays as of_rays
-    _launch_camera((of_pinhole, of_rays), camera, poses, depth, [points], threads, _LEAST_PIXELS)
+    _launch_camera((of_pinhole, of_rays), camera, poses, depth, [points], threads, _MIN_PIXELS)
 
 
 def launch_classify(
@@ -48,7 +48,7 @@ def launch_classify(
     else:
         from warpvis.kernels.classify import classify_depth as of_pinhole
         from warpvis.kernels.ray_points import classify_rays as of_rays
-    _launch_camera((of_pinhole, of_rays), camera, poses, depth, arguments, threads, _LEAST_PIXELS // (1 + sphere_count))
+    _launch_camera((of_pinhole, of_rays), camera, poses, depth, arguments, threads, _MIN_PIXELS // (1 + sphere_count))
 
 
 def launch_label_objects(
@@ -63,7 +63,7 @@ def launch_label_objects(
     def arguments(window: Window) -> KernelArguments:
         return [object_labels, window, depth, objects, reach, labels]
 
-    _launch(kernel, depth, arguments, threads, _LEAST_PIXELS)
+    _launch(kernel, depth, arguments, threads, _MIN_PIXELS)
 
 
 def _launch_camera(

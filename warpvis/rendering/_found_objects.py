@@ -44,7 +44,7 @@ def find_objects(
     Returns:
         What packets ask; without arrays where that would take too much memory.
     """
-    from warpvis.kernels.packets_cuda import MOST_TILES, TILE_BITS, FoundObjects, sort_into_tiles
+    from warpvis.kernels.packets_cuda import MAX_TILES, TILE_BITS, FoundObjects, sort_into_tiles
 
     count, views = scene.drawn_count, len(poses)
     if views * count > _MOST or max(camera.width, camera.height) > _WIDEST:
@@ -56,7 +56,7 @@ def find_objects(
     found.counts = wp.zeros((views, 2), dtype=wp.int32, device=device)
     found.tile_counts = wp.zeros(tiles, dtype=wp.int32, device=device)
     found.tile_ends = wp.empty(tiles, dtype=wp.int32, device=device)
-    found.order = wp.empty(MOST_TILES * views * count, dtype=wp.int32, device=device)
+    found.order = wp.empty(MAX_TILES * views * count, dtype=wp.int32, device=device)
     lens = camera.device_struct(clip_near=clip_near)
     size = views, -(-count // CUDA_LANES), CUDA_LANES
     launch(

@@ -16,7 +16,7 @@ from warpvis.core.arrays import as_numpy
 from warpvis.core.camera import check_range, check_size
 from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.core.poses import Convention, QuaternionOrder
-from warpvis.core.ray_camera import MOST_RAYS, Kept, RayCamera
+from warpvis.core.ray_camera import MAX_RAYS, Kept, RayCamera
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import CameraError
 from warpvis.rendering._choices import Output
@@ -29,7 +29,7 @@ Projection = Literal["cylindrical", "spherical"]
 # Two pi as files write it with four decimals.
 _WIDEST = 6.2832
 # A scene keeps the rays of so many images of `render_wide`, of so many rays each: 30 MB.
-_MOST_KEPT, _MOST_KEPT_RAYS = 2, 2**20
+_MAX_KEPT, _MAX_KEPT_RAYS = 2, 2**20
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class WideCamera(RayCamera):
         check_choice(self.projection, "projection", get_args(Projection), CameraError)
         for name in ("width", "height"):
             object.__setattr__(self, name, check_size(getattr(self, name), name))
-        if self.width * self.height > MOST_RAYS:
-            raise CameraError(f"a WideCamera may have {MOST_RAYS} rays, got {self.width} x {self.height}")
+        if self.width * self.height > MAX_RAYS:
+            raise CameraError(f"a WideCamera may have {MAX_RAYS} rays, got {self.width} x {self.height}")
         if not is_number(self.hfov):
             raise CameraError(f"hfov must be a number, got {self.hfov!r}")
         if not 0 < self.hfov <= _WIDEST:
@@ -165,7 +165,7 @@ def render_wide(
     """
     require_scene(scene)
     camera = WideCamera(width, height, hfov, projection, near, far)
-    few = camera.width * camera.height <= _MOST_KEPT_RAYS
+    few = camera.width * camera.height <= _MAX_KEPT_RAYS
     if few:
         _share(scene, camera)
     return render(
@@ -188,5 +188,5 @@ def _share(scene: Scene, camera: WideCamera) -> None:
     """Have a camera find what was prepared for one of the same image, whatever its range."""
     image = (camera.width, camera.height, camera.hfov, camera.projection)
     camera.prepare_in(scene.kept_rays.setdefault(image, Kept()))
-    for old in list(scene.kept_rays)[:-_MOST_KEPT]:
+    for old in list(scene.kept_rays)[:-_MAX_KEPT]:
         scene.kept_rays.pop(old, None)

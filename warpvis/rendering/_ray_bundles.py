@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 _LANES = CPU_LANES
 _GROUP = _LANES * _LANES
 # A bundle has so many groups at most: as many bytes as stay in a core's cache, and a few units of work an image.
-_MOST_GROUPS = 10
+_MAX_GROUPS = 10
 # One pinhole is enough up to this tangent.
 _WIDEST = 1.6
 # Pixels of a bundle's image between neighbouring rays: places are known to that, and bounds to a bit more.
 _FINENESS = 32.0
-_LEAST_FOCAL, _MOST_FOCAL = 64.0, 2.0**15
+_MIN_FOCAL, _MAX_FOCAL = 64.0, 2.0**15
 _MARGIN = 1e-3  # of bounds [px]
 # Neighbours in the table are neighbours in the image if their packets are not this much longer than sorted ones.
-_MOST_STRETCH = 2.0
+_MAX_STRETCH = 2.0
 _BLOCKS = ((4, 4), (2, 8), (1, 16))
 _ACROSS = TILE_SIDE // BLOCK_SIDE  # packets of a tile
 # Tiles of fewer rays are not fitted, nor those whose columns run along their rows, or whose rays are so many columns or
 # rows from where the fit has them.
-_LEAST_FITTED, _LEAST_TURN, _MOST_ASIDE = 16, 0.05, 0.75
+_MIN_FITTED, _MIN_TURN, _MAX_ASIDE = 16, 0.05, 0.75
 # What single precision may add to that, and what it may change of a place, as a part of it.
 _FIT_MARGIN, _ROUNDED = 1e-3, 5e-7
 _FIT_WORDS = 10  # of a ``RayFit``
@@ -129,8 +129,8 @@ def split_rays(rays: NDArray) -> SplitRays:
             places[here] = at / np.abs(ahead[here])[:, None]
             area += float(np.ptp(places[here], axis=0).prod())
     spacing = math.sqrt(area / max(1, int(known.sum())))
-    focal = _MOST_FOCAL if spacing == 0 else 2.0 ** round(math.log2(_FINENESS / spacing))
-    focal = min(max(focal, _LEAST_FOCAL), _MOST_FOCAL)
+    focal = _MAX_FOCAL if spacing == 0 else 2.0 ** round(math.log2(_FINENESS / spacing))
+    focal = min(max(focal, _MIN_FOCAL), _MAX_FOCAL)
     return SplitRays(axes, face, (places * focal).reshape(-1, 2), np.abs(ahead).ravel(), focal)
 
 
@@ -150,7 +150,7 @@ def _sort(split: SplitRays) -> tuple[NDArray[np.int64], NDArray[np.int64], list[
     for number in range(len(split.axes)):
         made, across = _tiles(split.face == number, split.places)
         middle = _middles(made.reshape(len(made), -1), split.places)
-        for part in _parts(middle, np.arange(len(made)), _LANES, _MOST_GROUPS * _LANES):
+        for part in _parts(middle, np.arange(len(made)), _LANES, _MAX_GROUPS * _LANES):
             order = np.concatenate(list(_parts(middle, part, _LANES, _LANES)))
             tiles.append(made[order])
             columns.append(np.full(len(order), across))
@@ -172,7 +172,7 @@ def _tiles(there: NDArray[np.bool_], places: NDArray) -> tuple[NDArray[np.int64]
     # How long packets would be if they were squares.
     count = len(rays) / _LANES
     ideal = 2 * math.sqrt(float(np.ptp(places[rays], axis=0).prod()) / count) * count
-    if lengths[best] <= _MOST_STRETCH * ideal:
+    if lengths[best] <= _MAX_STRETCH * ideal:
         return cuts[best], _BLOCKS[best][1]
     packets = _filled(list(_parts(places, rays, _GROUP, _LANES)))
     middles = _middles(packets, places)
@@ -333,7 +333,7 @@ def _fits(places: NDArray[np.float32], there: NDArray[np.bool_], across: NDArray
     fits = np.zeros((len(there), _FIT_WORDS), dtype=np.float32)
     for columns in np.unique(across[across > 0]):
         cells = np.stack([np.ones(_GROUP), *_slots(columns)], axis=-1)
-        tiles = np.flatnonzero((across == columns) & (there.sum(axis=(1, 2)) >= _LEAST_FITTED))
+        tiles = np.flatnonzero((across == columns) & (there.sum(axis=(1, 2)) >= _MIN_FITTED))
         weight = there[tiles].reshape(len(tiles), _GROUP).astype(np.float64)
         at = places[:, tiles].reshape(2, len(tiles), _GROUP).astype(np.float64)
         # Rays in one row or one column have many solutions, of which this takes the least.
@@ -343,12 +343,12 @@ def _fits(places: NDArray[np.float32], there: NDArray[np.bool_], across: NDArray
         step = linear[..., 1:].astype(np.float64)  # (u and v, tile, along column and row)
         size = np.abs(step).max(axis=(0, 2))
         turn = step[0, :, 0] * step[1, :, 1] - step[0, :, 1] * step[1, :, 0]
-        fine = np.abs(turn) > _LEAST_TURN * size**2
+        fine = np.abs(turn) > _MIN_TURN * size**2
         tiles, linear, off, step = tiles[fine], linear[:, fine], off[:, fine], step[:, fine]
         back = np.linalg.inv(step.transpose(1, 0, 2))  # (tile, column and row, along u and v)
         off += _ROUNDED * np.abs(at[:, fine]).max(axis=-1)
         aside = np.einsum("tik,kt->ti", np.abs(back), off) + _FIT_MARGIN
-        near = (aside <= _MOST_ASIDE).all(axis=1)
+        near = (aside <= _MAX_ASIDE).all(axis=1)
         words = [*linear[..., 0], *back.reshape(-1, 4).T, *aside.T, np.full(len(tiles), np.log2(columns)), size[fine]]
         fits[tiles[near]] = np.stack(words, axis=-1)[near]
     return fits

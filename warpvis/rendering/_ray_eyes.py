@@ -18,11 +18,11 @@ from warpvis.rendering._ray_images import PacketImages
 # How much an eye is drawn to the middle of its rays' origins: those of parallel rays are anywhere along them.
 _DRAWN_TO_ORIGINS = 1e-5
 # Eyes are no farther than so many times as far from there as origins are.
-_MOST_AWAY = 2.0
+_MAX_AWAY = 2.0
 _ROUNDED = 1e-6  # of what single precision holds
 # Rows of a table are sorted into so many groups, of no fewer rows, where rays pass farther beside their eye than so
 # many times what neighbours are apart 1 m away, and pass so much nearer to a group's.
-_MOST_GROUPS, _FEWEST_ROWS = 4, 8
+_MAX_GROUPS, _FEWEST_ROWS = 4, 8
 _FAR_ASIDE, _MUCH_NEARER = 3.0, 0.5
 
 
@@ -80,7 +80,7 @@ def _nearest_places(rays: NDArray[np.float64], starts: NDArray[np.float64], ther
     along = np.einsum("pia,pia->pi", ahead, apart)
     passed = (apart - along[..., None] * ahead).sum(axis=1)
     shift = np.linalg.solve(across, passed[..., None])[..., 0]
-    most = _MOST_AWAY * np.linalg.norm(apart, axis=-1).max(axis=1)
+    most = _MAX_AWAY * np.linalg.norm(apart, axis=-1).max(axis=1)
     size = np.linalg.norm(shift, axis=-1)
     return middle + shift * np.where(size > most, most / np.where(size > 0, size, 1.0), 1.0)[:, None]
 
@@ -106,7 +106,7 @@ def group_rows(
         return index
     # No more groups than needed: each is filled up to a multiple of a packet's rows.
     while _farthest(groups, looks, starts, there, side) > _MUCH_NEARER * apart:
-        if len(groups) >= _MOST_GROUPS:
+        if len(groups) >= _MAX_GROUPS:
             return index
         groups = [half for part in groups for half in _halves(part, looks, starts, there)]
     return np.concatenate(

@@ -20,7 +20,7 @@ POINTS_SIDE = 32
 """Pixels of an image of points, along each axis."""
 
 # Rays are no farther than this from where their image looks: the cosine.
-_LEAST_AHEAD = 0.3
+_MIN_AHEAD = 0.3
 _MARGIN = 1e-3  # of bounds [px]
 # Where pixels would be more than so many times as high as wide, rays are all in a line, and pixels are squares. Of one
 # ray, there are so many of them a radian.
@@ -207,7 +207,7 @@ def _fit(rays: NDArray, basis: NDArray, pixels: NDArray) -> _Fit:
     """Fit images to rays: columns and rows are linear in the places of rays, by least squares."""
     there = (rays != 0).any(axis=-1)
     flat = np.einsum("prk,pik->pir", basis, rays)
-    aside = (there & (flat[..., 2] < _LEAST_AHEAD * np.linalg.norm(rays, axis=-1))).any(axis=1)
+    aside = (there & (flat[..., 2] < _MIN_AHEAD * np.linalg.norm(rays, axis=-1))).any(axis=1)
     ahead = np.where(there & ~aside[:, None], flat[..., 2], 1.0)
     places = flat[..., :2] / ahead[..., None]
     count = np.maximum(there.sum(axis=1), 1)[:, None]

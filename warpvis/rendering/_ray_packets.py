@@ -29,13 +29,13 @@ _MANY_RAYS = 200_000
 # Of the pixels that a warp looks at together.
 _BLOCK_WIDTH, _BLOCK_HEIGHT = 8, 4
 # Rays of a packet are no farther than this from its middle: the cosine.
-_LEAST_COSINE = 0.5
+_MIN_COSINE = 0.5
 # Rays of neighbours in the table that are farther than this from their pixels' centres are sorted instead.
-_MOST_SPREAD = 1.5
+_MAX_SPREAD = 1.5
 # Packets of 32x32 have nearer ones, and few pixels without.
-_MOST_LARGE_SPREAD, _LEAST_FILL = 0.4, 0.6
+_MAX_LARGE_SPREAD, _MIN_FILL = 0.4, 0.6
 # Squares of what is sorted, too; other rays are points.
-_MOST_SORTED_SPREAD = 0.4
+_MAX_SORTED_SPREAD = 0.4
 
 POINTS = 256
 """Rays of a packet of those that are in no order."""
@@ -70,8 +70,8 @@ def prepare_packets(
         grouped = group_rows(unrolled, flat, origins.reshape(-1, 3), side)
         index = index if grouped is unrolled else grouped
     if len(flat) >= _MANY_RAYS:
-        place = _near_blocks(index, flat, _LARGE_SIDE, _MOST_LARGE_SPREAD)
-        full = (place >= 0).mean(axis=1) >= _LEAST_FILL
+        place = _near_blocks(index, flat, _LARGE_SIDE, _MAX_LARGE_SPREAD)
+        full = (place >= 0).mean(axis=1) >= _MIN_FILL
         places.append((_LARGE_SIDE, place[full]))
         index = np.where(np.isin(index, place[full]), -1, index)
     squares, others = _arrange(index, flat, _SMALL_SIDE)
@@ -159,7 +159,7 @@ def _near_blocks(index: NDArray[np.int64], rays: NDArray, side: int, most_spread
     cuts = [_blocks(table, side) for table in tables]
     images = [fit_grid(place, rays, side) for place in cuts]
     best = int(np.argmin([np.median(image.spread) for image in images]))
-    near = (images[best].spread <= most_spread) & (middle_cosines(images[best], rays) >= _LEAST_COSINE)
+    near = (images[best].spread <= most_spread) & (middle_cosines(images[best], rays) >= _MIN_COSINE)
     return cuts[best][near & (cuts[best] >= 0).any(axis=1)]
 
 
@@ -171,11 +171,11 @@ def _arrange(
     They are squares of the table where rays that are neighbours there are so in space, and of the others groups that
     are sorted by where they look.
     """
-    place = _near_blocks(index, rays, side, _MOST_SPREAD)
+    place = _near_blocks(index, rays, side, _MAX_SPREAD)
     others = index[(index >= 0) & ~np.isin(index, place)]
     full, rest, without = _sorted(others, rays[None], side * side)
     squares = _as_squares(full)
-    near = fit_grid(squares, rays, side).spread <= _MOST_SORTED_SPREAD
+    near = fit_grid(squares, rays, side).spread <= _MAX_SORTED_SPREAD
     points = _in_points(full[~near], rest)
     return np.concatenate([place, squares[near], _padded(without, side * side)]), points
 
@@ -219,7 +219,7 @@ def _parts(items: NDArray, places: NDArray, rays: NDArray, most: int) -> Iterato
         return
     some = rays[items] / np.linalg.norm(rays[items], axis=-1, keepdims=True)
     middle = some.mean(axis=0)
-    if len(items) <= most and (some @ middle >= _LEAST_COSINE * np.linalg.norm(middle)).all():
+    if len(items) <= most and (some @ middle >= _MIN_COSINE * np.linalg.norm(middle)).all():
         yield items
         return
     at = places[items]

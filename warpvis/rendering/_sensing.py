@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
     from warpvis.scene import Scene
 
-_MOST_WORD = 2**32 - 1
+_MAX_WORD = 2**32 - 1
 # So many numbers of views, on so many streams, have memory for clean images.
-_MOST_KINDS = 3
+_MAX_KINDS = 3
 
 
 class Sensing:
@@ -63,7 +63,7 @@ class Sensing:
         self._threads = threads
         self._make_caster = make_caster
         self._casters: dict[Camera, Any] = {}
-        self._idle = Idle[dict[str, wp.array]](_MOST_KINDS)
+        self._idle = Idle[dict[str, wp.array]](_MAX_KINDS)
 
     @property
     def _needed(self) -> tuple[str, ...]:
@@ -177,7 +177,7 @@ def check_word(value: object, name: str) -> int:
     Raises:
         ArrayError: It is none.
     """
-    if check_whole(value, name, least=0) > _MOST_WORD:
+    if check_whole(value, name, least=0) > _MAX_WORD:
         raise ArrayError(f"{name} must be below 2^32, got {value}")
     return int(value)  # type: ignore[call-overload]
 
@@ -186,7 +186,7 @@ def _check_words(value: ArrayInput | int, name: str, views: int) -> NDArray[np.i
     numbers = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
     if numbers.shape != (views,) or numbers.dtype.kind not in "iu":
         raise ArrayError(f"{name} must be whole numbers, one for each of {views} views, got {_kind(numbers)}")
-    wrong = (numbers < 0) | (numbers > _MOST_WORD)
+    wrong = (numbers < 0) | (numbers > _MAX_WORD)
     if wrong.any():
         raise ArrayError(f"{name} must be from 0 up and below 2^32, got {numbers[wrong][0]}")
     return numbers

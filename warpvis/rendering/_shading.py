@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _NEEDED = ("points", "segmentation", "faces")
 # So many numbers of views, on so many streams, have memory for images that nobody asked for.
-_MOST_KINDS = 3
+_MAX_KINDS = 3
 
 
 class ShadingCaster:
@@ -39,7 +39,7 @@ class ShadingCaster:
         self._scene = scene
         self._camera = camera
         self._threads = threads
-        self._idle = Idle[dict[str, wp.array]](_MOST_KINDS)
+        self._idle = Idle[dict[str, wp.array]](_MAX_KINDS)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
         """Check poses, and return them as `cast` takes them."""

@@ -31,7 +31,7 @@ CastPoses: TypeAlias = wp.array | np.ndarray
 """Poses on the scene's device, or rows in host memory to be copied there."""
 
 # Maximum number of kinds of calls (number of views and stream) with cached memory for poses on a GPU.
-_MOST_STAGED = 4
+_MAX_STAGED = 4
 
 
 class _Staging:
@@ -68,7 +68,7 @@ class RaysCaster:
         self._cull_backfaces = cull_backfaces
         self._clip_near = clip_near
         self._threads = threads
-        self._staging = Idle[_Staging](_MOST_STAGED)
+        self._staging = Idle[_Staging](_MAX_STAGED)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
         """Check poses and return them in this caster's format: host poses as rows if they go to a GPU."""

@@ -12,7 +12,7 @@ from warpvis.scene._object import SceneObject
 from warpvis.scene._object_list import Instances, ObjectList
 
 # So many corners in the world at a time, 24 bytes each, stay in caches.
-_MOST_CORNERS = 1 << 16
+_MAX_CORNERS = 1 << 16
 
 
 def bounds_of(objects: ObjectList) -> NDArray[np.float32]:
@@ -52,7 +52,7 @@ def _bounds_at(vertices: NDArray[np.floating], rows: NDArray[np.floating]) -> ND
     matrices = poses_to_matrices(rows.astype(np.float64))
     corners = np.ascontiguousarray(vertices.T, dtype=np.float64)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    step = max(1, _MOST_CORNERS // len(vertices))
+    step = max(1, _MAX_CORNERS // len(vertices))
     for start in range(0, len(matrices), step):
         part = matrices[start : start + step]
         placed = part[:, :3, :3] @ corners

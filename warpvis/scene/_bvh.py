@@ -29,10 +29,10 @@ from warpvis.kernels.constants import (
 )
 
 # Ranges of fewer triangles are not worth a launch of their own.
-_LEAST_RANGE = 16384
+_MIN_RANGE = 16384
 # Ranges a thread gets on average, so that they end at about the same time. The tree does not depend on it.
 _RANGES_PER_THREAD = 8
-MOST_PLACES = (2**31 - 1) // LEAF_ROWS
+MAX_PLACES = (2**31 - 1) // LEAF_ROWS
 """Places for triangles in leaves: Warp's arrays have fewer than 2^31 numbers, and a triangle is nine."""
 # No limit to the number of splits.
 _ALL = -1
@@ -117,7 +117,7 @@ def build_bvh(
 
     count = len(faces)
     check_size(count, lanes, most_levels)
-    threads = check_threads(threads) if count > 2 * _LEAST_RANGE else 1
+    threads = check_threads(threads) if count > 2 * _MIN_RANGE else 1
     load_module(bvh.load_items)
     scene = [
         _wrap(np.ascontiguousarray(vertices, dtype=np.float32).ravel()),
@@ -149,8 +149,8 @@ def check_size(count: int, lanes: int, most_levels: int | None) -> None:
     """Raise an error unless there can be a tree of so many triangles, lanes and levels."""
     if lanes not in (CPU_LANES, CUDA_LANES):
         raise ArrayError(f"lanes must be {CPU_LANES} or {CUDA_LANES}, got {lanes!r}")
-    if count > MOST_PLACES:
-        raise SceneError(f"a scene has at most {MOST_PLACES} triangles, got {count}")
+    if count > MAX_PLACES:
+        raise SceneError(f"a scene has at most {MAX_PLACES} triangles, got {count}")
     if most_levels is None:
         return
     most = lanes ** (most_levels + 1) if most_levels > 0 else 0
@@ -162,7 +162,7 @@ def check_size(count: int, lanes: int, most_levels: int | None) -> None:
 
 def check_leaves(leaf_count: int, lanes: int) -> None:
     """Raise a `SceneError` unless casters can have so many leaves, of all trees together."""
-    most = MOST_PLACES // lanes
+    most = MAX_PLACES // lanes
     if leaf_count > most:
         raise SceneError(
             f"a scene has at most {most} leaves of {lanes} triangles, some of which have fewer, got {leaf_count}; "
@@ -213,7 +213,7 @@ def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, roo
     """Split the items into a binary tree: large ranges once at a time until there are enough, then all to leaves."""
     links = splits.numpy().reshape(-1, SPLIT_WORDS)[:, :2]
     count = len(links)
-    large = max(_LEAST_RANGE, count // (threads * _RANGES_PER_THREAD)) if threads > 1 else count
+    large = max(_MIN_RANGE, count // (threads * _RANGES_PER_THREAD)) if threads > 1 else count
     nowhere = aligned_empty((0,), wp.float32)
 
     def split(work: tuple[_Range, int, int, wp.array]) -> None:

@@ -21,14 +21,14 @@ _BINS = 3 * bvh_cuda_ranges.BINS  # of a range
 # Threads that find the box around all items: few wait for others. And of items, how many at least a thread puts into
 # bins, and into how many parts they are divided at most: a GPU's threads are busy, and seldom meet.
 _BOUNDING_THREADS = 1 << 14
-_LEAST_PART, _MOST_PARTS = 64, 1 << 15
+_MIN_PART, _MAX_PARTS = 64, 1 << 15
 # Fewer triangles are built into a tree by the CPU before a GPU has begun with all levels.
-_LEAST_TRIANGLES = 30_000
+_MIN_TRIANGLES = 30_000
 
 
 def builds_on(device: wp.Device, triangles: int) -> bool:
     """Tell whether a device builds a tree of so many triangles itself."""
-    return not device.is_cpu and triangles >= _LEAST_TRIANGLES
+    return not device.is_cpu and triangles >= _MIN_TRIANGLES
 
 
 class DeviceMesh(NamedTuple):
@@ -160,7 +160,7 @@ class _Splitter:
         self._choose = record(kernels.choose_bins, (3, large), *bins, binary, level, level.best)
         self._part_large = record(kernels.part_bins, (2, large), *bins, level, binary)
         self._fill, self._sort, self._place, self._side, self._move, self._part = ([] for _ in range(6))
-        length = max(_LEAST_PART, -(-self._count // _MOST_PARTS))
+        length = max(_MIN_PART, -(-self._count // _MAX_PARTS))
         parts = -(-self._count // length), bvh_cuda_ranges.BINS
         moving = self._lefts, self._before, self._order
         for items, moved in (self._items, self._items[::-1]):
@@ -224,7 +224,7 @@ class _Splitter:
 
     def _new_level(self, ranges: int) -> Any:
         level = bvh_cuda_ranges.Level()
-        level.info = self._integers((bvh_cuda_ranges.MOST_DEPTH + 2, bvh_cuda_ranges.INFO_WORDS))
+        level.info = self._integers((bvh_cuda_ranges.MAX_DEPTH + 2, bvh_cuda_ranges.INFO_WORDS))
         level.nodes, level.axis, level.bin, level.left_count = (self._integers(ranges) for _ in range(4))
         level.best = wp.empty(ranges, dtype=wp.int64, device=self._device)
         return level
@@ -288,7 +288,7 @@ def _find_costs(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> 
 def _new_opened(most: int, device: wp.Device) -> Any:
     """Make room for levels of so many nodes at most, of which the first is the root."""
     opened = node_kernels.Opened()
-    info = np.zeros((bvh_cuda_ranges.MOST_DEPTH + 2, node_kernels.OPENED_WORDS), dtype=np.int32)
+    info = np.zeros((bvh_cuda_ranges.MAX_DEPTH + 2, node_kernels.OPENED_WORDS), dtype=np.int32)
     info[0, node_kernels.NODES] = 1
     opened.info = wp.array(info, dtype=wp.int32, device=device)
     opened.nodes = wp.zeros((2, most), dtype=wp.int32, device=device)

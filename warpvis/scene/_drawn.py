@@ -20,11 +20,11 @@ from warpvis.scene._shared_mesh import SharedMesh
 
 # Objects that stay are as fast as one mesh, or faster, while the triangles of all of them fit into caches; and one mesh
 # is quickly built. From so many objects of so many triangles on, which one tree saves so many, they share it.
-_LEAST_USES = 64
-_LEAST_TRIANGLES = 64
-_LEAST_SAVED = 1 << 20
+_MIN_USES = 64
+_MIN_TRIANGLES = 64
+_MIN_SAVED = 1 << 20
 # A GPU has room for more, and is slower where each packet asks for many objects.
-_LEAST_SAVED_CUDA = 1 << 23
+_MIN_SAVED_CUDA = 1 << 23
 
 # Of the largest coordinate: how much wider an instance's box in the world is.
 _BOX_SLACK = 4e-6
@@ -173,11 +173,11 @@ def _meshes_that_pay(staying: Sequence[_Run], device: wp.Device) -> set[int]:
         if mesh is not None:
             uses[id(mesh)] = uses.get(id(mesh), 0) + count
             triangles[id(mesh)] = len(mesh.faces)
-    least = _LEAST_SAVED if device.is_cpu else _LEAST_SAVED_CUDA
+    least = _MIN_SAVED if device.is_cpu else _MIN_SAVED_CUDA
     return {
         mesh
         for mesh, count in uses.items()
-        if count >= _LEAST_USES and triangles[mesh] >= _LEAST_TRIANGLES and (count - 1) * triangles[mesh] >= least
+        if count >= _MIN_USES and triangles[mesh] >= _MIN_TRIANGLES and (count - 1) * triangles[mesh] >= least
     }
 
 

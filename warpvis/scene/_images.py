@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.core.user_warnings import warn_user
 
 if TYPE_CHECKING:
@@ -67,4 +67,4 @@ def pixels(image: Image) -> NDArray[np.uint8]:
 def _reason(error: Exception) -> str:
     from PIL import UnidentifiedImageError
 
-    return "no known format" if isinstance(error, UnidentifiedImageError) else said_by(error)
+    return "no known format" if isinstance(error, UnidentifiedImageError) else describe_exception(error)

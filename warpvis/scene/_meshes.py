@@ -19,7 +19,7 @@ from warpvis.scene._object import check_mesh
 from warpvis.scene._shared_mesh import SharedMesh
 
 # Larger meshes are not added many times, and to remember them takes memory.
-_MOST_REMEMBERED = 1_000_000
+_MAX_REMEMBERED = 1_000_000
 
 
 class SharedMeshes:
@@ -44,7 +44,7 @@ class SharedMeshes:
             return known.mesh
         vertices, faces = check_mesh(mesh, name)
         shared = SharedMesh(vertices * factors, faces)
-        if arrays is not None and len(vertices) <= _MOST_REMEMBERED:
+        if arrays is not None and len(vertices) <= _MAX_REMEMBERED:
             # An id may come to be another array's.
             references = tuple(weakref.ref(array, lambda _: self._known.pop(key, None)) for array in arrays)
             self._known[key] = _Known(references, _hashes(arrays), factors, shared)

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_items, shortened
+from warpvis.core.checks import as_items, truncate
 from warpvis.core.label_rules import LabelPatterns, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
@@ -119,7 +119,7 @@ class FileParts:
             SceneError: There are no parts, a pattern fits none of them, or an argument has no meaning for the file.
         """
         if not self.parts:
-            left_out = shortened(next(iter(self.warnings), ""), _LONGEST_LIST)
+            left_out = truncate(next(iter(self.warnings), ""), _LONGEST_LIST)
             raise SceneError(f"{left_out}; nothing is left" if left_out else f"{self.path}: holds no triangles")
         if self.settled and (scale != 1 or file_up is not None):
             raise SceneError(

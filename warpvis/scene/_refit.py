@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from warpvis.scene._bvh import Bvh
 
 # Leaves of fewer are not worth a launch of their own, nor another thread.
-_LEAST_LEAVES = 512
+_MIN_LEAVES = 512
 _PARTS_PER_THREAD = 4
 _NAMED = 3
 
@@ -136,8 +136,8 @@ class BvhRefit:
         def record(kernel: wp.Kernel, count: int, arguments: KernelArguments) -> wp.Launch:
             return launch(kernel, (count, parts), arguments, device, record_cmd=True)
 
-        self._threads = check_threads(None) if device.is_cpu and tree.leaf_count > 2 * _LEAST_LEAVES else 1
-        step = max(_LEAST_LEAVES, -(-tree.leaf_count // (_PARTS_PER_THREAD * self._threads)))
+        self._threads = check_threads(None) if device.is_cpu and tree.leaf_count > 2 * _MIN_LEAVES else 1
+        step = max(_MIN_LEAVES, -(-tree.leaf_count // (_PARTS_PER_THREAD * self._threads)))
         step = step if device.is_cpu else tree.leaf_count
         self._leaf_launches = [
             record(

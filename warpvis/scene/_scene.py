@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import get_device
-from warpvis.core.checks import check_flag, counted, said_by
+from warpvis.core.checks import check_flag, describe_exception, pluralize
 from warpvis.core.label_rules import LabelInput, LabelPatterns, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import (
@@ -298,7 +298,7 @@ class Scene(SceneExports):
             try:
                 (self.add_instances if "poses" in arguments else self.add)(**arguments)
             except WarpvisError as error:
-                raise FileFormatError(f"{found.path}: {said_by(error)}") from None
+                raise FileFormatError(f"{found.path}: {describe_exception(error)}") from None
 
     @property
     def triangle_count(self) -> int:
@@ -323,7 +323,7 @@ class Scene(SceneExports):
         return name in self._index
 
     def __repr__(self) -> str:
-        holds = f"{counted(len(self), 'object')}, {counted(self.triangle_count, 'triangle')}"
+        holds = f"{pluralize(len(self), 'object')}, {pluralize(self.triangle_count, 'triangle')}"
         return f"Scene({holds}, device={str(self.device)!r})"
 
     def to(self, device: DeviceLike) -> Scene:

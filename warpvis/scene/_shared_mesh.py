@@ -15,7 +15,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import SceneError
 
 # Of meshes of which all instances have more corners together, each one's place in the world is not kept.
-_MOST_KEPT = 1 << 24
+_MAX_KEPT = 1 << 24
 
 
 @dataclass(eq=False)
@@ -32,7 +32,7 @@ class SharedMesh:
     @property
     def is_kept_once(self) -> bool:
         """Whether vertices of all objects in the world would take too much memory to keep."""
-        return self.uses * len(self.vertices) > _MOST_KEPT
+        return self.uses * len(self.vertices) > _MAX_KEPT
 
     def rounded_at(self, row: NDArray[np.float64] | None) -> NDArray[np.float32]:
         """Return the corners in the world, of an object at a pose, in single precision."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # What people model and measure, from a cup to a hall [m], and from where on metres are less likely than millimetres.
-_LEAST_MODEL, _LARGEST_MODEL = 0.01, 100.0
+_MIN_MODEL, _LARGEST_MODEL = 0.01, 100.0
 _MANY_METRES = 60.0
 
 # A scene that is so many times as large as the camera sees far is rarely meant.
@@ -17,7 +17,7 @@ _TOO_LARGE = 10.0
 
 def fits_millimetres(size: NDArray[np.floating]) -> bool:
     """Tell whether a scene's sides, taken for millimetres, are those of what people model."""
-    return bool(_LEAST_MODEL <= np.max(size) / 1000 <= _LARGEST_MODEL)
+    return bool(_MIN_MODEL <= np.max(size) / 1000 <= _LARGEST_MODEL)
 
 
 def looks_like_millimetres(size: NDArray[np.floating]) -> bool:

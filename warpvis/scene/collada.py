@@ -15,7 +15,7 @@ _AXES = {
     "Y_UP": [(1, 0, 0), (0, 1, 0), (0, 0, 1)],
     "Z_UP": [(1, 0, 0), (0, 0, 1), (0, -1, 0)],
 }
-_MOST_CONTROLLERS = 10
+_MAX_CONTROLLERS = 10
 """Controllers of controllers, as a skin of a morphed mesh."""
 
 
@@ -64,7 +64,7 @@ def without_skins(file: bytes) -> bytes:
     for instance in root.iter(f"{space}instance_controller"):
         instance.tag = f"{space}instance_geometry"
         url = instance.get("url", "")
-        for _ in range(_MOST_CONTROLLERS):
+        for _ in range(_MAX_CONTROLLERS):
             url = sources.get(url, url)
         instance.set("url", url)
     for library in root.findall(f"{space}library_controllers"):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import WarpvisError
 from warpvis.scene._images import pixels_or_white
@@ -112,7 +112,7 @@ def _from_visual(
         found = Appearance(materials, **arrays)
         found.check_fits(*counts, name)
     except (WarpvisError, TypeError, ValueError, AttributeError) as error:  # other libraries' raise what they like
-        warn_user(f"the colours of {name!r} are left out: {said_by(error)}", UserWarning)
+        warn_user(f"the colours of {name!r} are left out: {describe_exception(error)}", UserWarning)
         return None
     return found
 

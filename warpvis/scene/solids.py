@@ -25,8 +25,8 @@ DEFAULT_TOLERANCE = 5e-4
 RELATIVE_TOLERANCE = 1e-4
 """Of a round shape's largest radius: where this is more than the tolerance in metres, it is the one that counts."""
 
-_LEAST_STACKS = 4
-_LEAST_SLICES = 8
+_MIN_STACKS = 4
+_MIN_SLICES = 8
 
 
 class SolidKind(IntEnum):
@@ -164,7 +164,7 @@ def cylinder(radius: float, half_length: float, *, tolerance: float = DEFAULT_TO
     tolerance = _check_size(tolerance, "tolerance")
     error = largest_error(tolerance, radius) / radius
     least_cosine = (1 - error) / (1 + error)
-    slices = max(_LEAST_SLICES, math.ceil(math.pi / math.acos(max(least_cosine, 0.0))))
+    slices = max(_MIN_SLICES, math.ceil(math.pi / math.acos(max(least_cosine, 0.0))))
     ring = 2 / (1 + math.cos(math.pi / slices))
     half = half_length / radius
     rings = np.array([0, ring, ring, 0]), np.array([-half, -half, half, half])
@@ -183,7 +183,7 @@ def _ball_grid(radius: float, tolerance: float) -> tuple[int, float]:
     """
     error = largest_error(tolerance, radius) / radius
     least = max((1 - error) / (1 + error), 0.0)
-    stacks = max(_LEAST_STACKS, math.ceil(math.pi / 2 / math.acos(math.sqrt(least))))
+    stacks = max(_MIN_STACKS, math.ceil(math.pi / 2 / math.acos(math.sqrt(least))))
     stacks += stacks % 2
     return stacks, 2 / (1 + math.cos(math.pi / (2 * stacks)) ** 2)
 

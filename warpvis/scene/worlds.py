@@ -13,7 +13,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu, share, surely_finite, take_rows
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.core.kernel_cache import launch
 from warpvis.core.motion import Motion, instants_of, stacked
 from warpvis.core.poses import not_unit, wrong_length
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 # Squares of a quaternion's length that are surely within the tolerance, in single precision.
-_LEAST_SQUARE, _MOST_SQUARE = 0.9981, 1.0019
+_MIN_SQUARE, _MAX_SQUARE = 0.9981, 1.0019
 
 
 def parse_worlds(
@@ -66,7 +66,7 @@ def parse_worlds(
     elif count not in (1, views):
         given = "object_scales" if repeated > 1 else "object_poses"
         raise ArrayError(
-            f"{given} are of {counted(count, 'world')} for {counted(views, 'view')}; say world_index= of each view"
+            f"{given} are of {pluralize(count, 'world')} for {pluralize(views, 'view')}; say world_index= of each view"
         )
     exclude = (exclude,) if isinstance(exclude, str) else exclude
     if exclude is not None and not _is_empty(exclude):
@@ -197,7 +197,7 @@ def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
         x, y, z, w = (rows[..., k] for k in range(3, 7))
         squared = x * x + y * y + z * z + w * w
         least, most = np.minimum.reduce(squared, axis=None), np.maximum.reduce(squared, axis=None)
-        if surely_finite(rows) and least > _LEAST_SQUARE and most < _MOST_SQUARE:
+        if surely_finite(rows) and least > _MIN_SQUARE and most < _MAX_SQUARE:
             return rows
         finite = np.isfinite(rows).all(axis=2)
     for bad in (np.argwhere(~finite), np.argwhere(not_unit(rows))):

@@ -30,7 +30,7 @@ Reflectivity: TypeAlias = float | Mapping[str, float] | ArrayLike
 Keep = Literal["strongest", "last", "dual"]
 """Which returns of a beam a lidar keeps."""
 
-_MOST_SUBRAYS = 1024
+_MAX_SUBRAYS = 1024
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 
@@ -63,8 +63,8 @@ def spread_beams(rays: Rays, divergence: float, count: int = 7) -> Rays:
     _require_rays(rays)
     divergence = check_angle(divergence, "divergence", least=0.0, most=math.pi)
     count = check_whole(count, "count")
-    if count > _MOST_SUBRAYS:
-        raise ArrayError(f"count must be at most {_MOST_SUBRAYS} rays in a beam, got {count}")
+    if count > _MAX_SUBRAYS:
+        raise ArrayError(f"count must be at most {_MAX_SUBRAYS} rays in a beam, got {count}")
     middle = np.asarray(rays.directions)
     # A sunflower's seeds: each has as much of the cone as any other.
     radius = np.tan(divergence / 2.0) * np.sqrt((np.arange(count) + 0.5) / count) if count > 1 else np.zeros(1)

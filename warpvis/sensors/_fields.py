@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_mapping, is_number, is_whole, shortened
+from warpvis.core.checks import check_mapping, is_number, is_whole, truncate
 from warpvis.core.types import Json
 from warpvis.errors import CameraError
 from warpvis.sensors import lenses
@@ -42,7 +42,7 @@ def lens_camera_to_fields(camera: LensCamera) -> dict[str, Json]:
     if wrong is not None:
         raise CameraError(
             f"{wrong} of lens {model} must be a number, a text or a tuple of these to be written to a file, got "
-            f"{shortened(repr(getattr(lens, wrong)))}"
+            f"{truncate(repr(getattr(lens, wrong)))}"
         )
     return {
         "lens": {"model": model, **numbers},
@@ -63,22 +63,22 @@ def lens_camera_from_fields(given: Mapping[str, Any]) -> LensCamera:
     unknown = sorted(given.keys() - set(_KNOWN))
     missing = [name for name in ("lens", "width", "height") if name not in given]
     if unknown or missing:
-        problem = f"unknown {shortened(unknown[0])}" if unknown else f"missing {missing[0]}"
+        problem = f"unknown {truncate(unknown[0])}" if unknown else f"missing {missing[0]}"
         raise CameraError(f"{problem}; a camera with a lens may hold {', '.join(_KNOWN)}")
     numbers = dict(check_mapping(given["lens"], "lens", CameraError))
     model = numbers.pop("model", None)
     if not isinstance(model, str) or (model not in _LENSES and ":" not in model):
-        raise CameraError(f"model of a lens must be one of {', '.join(_LENSES)}, got {shortened(repr(model))}")
+        raise CameraError(f"model of a lens must be one of {', '.join(_LENSES)}, got {truncate(repr(model))}")
     kind = _find_model(model)
     if kind is None:
-        module, _, name = map(shortened, model.partition(":"))
+        module, _, name = map(truncate, model.partition(":"))
         raise CameraError(
             f"the lens is of the class {name} outside of warpvis. Import {module}, which defines it, first."
         )
     names = [field.name for field in fields(kind) if field.init]
     wrong = sorted(numbers.keys() - set(names))
     if wrong:
-        raise CameraError(f"unknown {shortened(wrong[0])} of a lens; {model} has {', '.join(names)}")
+        raise CameraError(f"unknown {truncate(wrong[0])} of a lens; {model} has {', '.join(names)}")
     try:
         lens = kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()})
     except TypeError:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera, check_pixel_units, check_range, check_size
 from warpvis.core.checks import as_items, check_choice, check_whole
-from warpvis.core.ray_camera import MOST_RAYS, DepthKind, Kept, LensedCamera, RayCamera
+from warpvis.core.ray_camera import MAX_RAYS, DepthKind, Kept, LensedCamera, RayCamera
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, IntrinsicsWarning
 from warpvis.sensors.lenses import Lens, lens_to_ros
@@ -174,9 +174,9 @@ CalibratedCamera: TypeAlias = Camera | LensCamera
 
 
 def _check_pixels(width: int, height: int) -> None:
-    if width * height > MOST_RAYS:
+    if width * height > MAX_RAYS:
         raise CameraError(
-            f"a LensCamera has a ray for each pixel, of which there may be {MOST_RAYS}, got {width} x {height}"
+            f"a LensCamera has a ray for each pixel, of which there may be {MAX_RAYS}, got {width} x {height}"
         )
 
 

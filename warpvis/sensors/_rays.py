@@ -13,7 +13,7 @@ from warpvis.core.arrays import as_numpy
 from warpvis.core.camera import check_range
 from warpvis.core.checks import check_choice
 from warpvis.core.poses import Convention, check_convention
-from warpvis.core.ray_camera import MOST_RAYS, DepthKind, RayCamera
+from warpvis.core.ray_camera import MAX_RAYS, DepthKind, RayCamera
 from warpvis.errors import ArrayError, CameraError, PoseError
 
 _LENGTH_TOLERANCE = 1e-6
@@ -163,8 +163,8 @@ def _vectors(value: ArrayLike, name: str) -> NDArray[np.float64]:
     array = _floats(value, name)
     if array.ndim not in (2, 3) or array.shape[-1] != 3 or not array.size:
         raise CameraError(f"{name} must have shape (H, W, 3) or (N, 3), got {array.shape}")
-    if array.size // 3 > MOST_RAYS:
-        raise CameraError(f"a pattern may have {MOST_RAYS} rays, got {array.size // 3}")
+    if array.size // 3 > MAX_RAYS:
+        raise CameraError(f"a pattern may have {MAX_RAYS} rays, got {array.size // 3}")
     wrong = ~np.isfinite(array).all(axis=-1)
     if wrong.any():
         first = ", ".join(map(str, np.argwhere(wrong)[0]))

@@ -18,7 +18,7 @@ from warpvis.visibility import Agent, point_visibility
 
 _POINTS = 20_000
 """About how many points there are."""
-_LEAST_SPACING = 0.005
+_MIN_SPACING = 0.005
 _SPARSER = 1.4
 """How many times as far apart they are on the ground."""
 
@@ -33,7 +33,7 @@ class SurfaceCloud:
         ground = [index for index, item in enumerate(objects) if item.label in stage.scene.ground_labels]
         rest = [index for index in range(len(objects)) if index not in set(ground)]
         area = _area(stage, rest) + _area(stage, ground) / _SPARSER**2
-        self.spacing = max(_LEAST_SPACING, math.sqrt(area / points))
+        self.spacing = max(_MIN_SPACING, math.sqrt(area / points))
         samples = [
             surface_samples(stage.scene, spacing=spacing, objects=chosen)
             for spacing, chosen in ((self.spacing, rest), (_SPARSER * self.spacing, ground))

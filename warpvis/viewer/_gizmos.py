@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from warpvis.viewer._state import ViewerState
 
-_AGENT_SIZE, _LEAST_SIZE, _MOST_SIZE = 0.4, 0.3, 0.6
+_AGENT_SIZE, _MIN_SIZE, _MAX_SIZE = 0.4, 0.3, 0.6
 
 
 class Gizmos:
@@ -66,7 +66,7 @@ class Gizmos:
     def _add_object(self, scene: SceneApi, name: str) -> Any:
         vertices, _ = self._state.stage.mesh(name)
         reach = 0.75 * float((vertices.max(axis=0) - vertices.min(axis=0)).max())
-        size = min(max(reach, _LEAST_SIZE), _MOST_SIZE)
+        size = min(max(reach, _MIN_SIZE), _MAX_SIZE)
         number = self._state.scene.index(name)
         gizmo = scene.add_transform_controls(f"/handles/objects/{number}", scale=size, depth_test=False)
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from warpvis.viewer._state import Look, ViewerState
 
 _RATE_OVER = 20
-_MOST_WAY, _RADIUS = 2.0, 0.2
+_MAX_WAY, _RADIUS = 2.0, 0.2
 _BRAND = (0, 114, 178)
 
 
@@ -82,7 +82,7 @@ class Page:
     def propose(self) -> tuple[str, bool]:
         """Show where the first agent should go; say it, and whether there is such a place."""
         assert self.look is not None  # a page shows one from the beginning
-        found = propose(self.state, self.look, max_distance=_MOST_WAY, radius=_RADIUS)
+        found = propose(self.state, self.look, max_distance=_MAX_WAY, radius=_RADIUS)
         self.proposed = None if isinstance(found, str) else found
         if isinstance(found, str):
             self.proposal.clear()

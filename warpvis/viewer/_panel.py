@@ -40,7 +40,7 @@ class Asked(Protocol):
 
 _PICTURES = {"depth": "depth", "who sees it": "objects"}
 _CLOUDS = {"who sees it": "who", "labels of the depth image": "labels", "no points": "none"}
-_MOST_HEIGHT, _LEAST_FAR, _MOST_FAR = 3.0, 0.5, 20.0
+_MAX_HEIGHT, _MIN_FAR, _MAX_FAR = 3.0, 0.5, 20.0
 _JPEG = 85
 _STEP = (0.05, 1.0)
 """Least and most time between two frames that are played [s]."""
@@ -172,7 +172,7 @@ class Panel:
         name, state, gui = agent.name, self._state, self._gui
         with gui.add_folder(f"{name}'s eyes", expand_by_default=len(self.sliders) == 0):
             height = state.height(name)
-            most = max(_MOST_HEIGHT, 2 * height)
+            most = max(_MAX_HEIGHT, 2 * height)
             least = min(0.0, height)
             self._slider(
                 f"{name} height", "height [m]", (least, most, 0.01), height, lambda v: state.raise_agent(name, v)
@@ -180,14 +180,14 @@ class Panel:
             camera = agent.camera
             if isinstance(camera, Camera):
                 wide = math.degrees(camera.hfov)
-                far = camera.far if math.isfinite(camera.far) else _MOST_FAR
+                far = camera.far if math.isfinite(camera.far) else _MAX_FAR
                 self._slider(
                     f"{name} hfov", "width [deg]", (min(20.0, wide), max(120.0, wide), 1.0), wide, self._widen(name)
                 )
                 self._slider(
                     f"{name} far",
                     "range [m]",
-                    (max(_LEAST_FAR, camera.near + 0.1), max(_MOST_FAR, far), 0.1),
+                    (max(_MIN_FAR, camera.near + 0.1), max(_MAX_FAR, far), 0.1),
                     far,
                     self._reach(name),
                 )
@@ -277,7 +277,7 @@ class Panel:
         values = {"height": self._state.height(name)}
         if isinstance(agent.camera, Camera):
             values |= {"hfov": math.degrees(agent.camera.hfov)}
-            values |= {"far": agent.camera.far if math.isfinite(agent.camera.far) else _MOST_FAR}
+            values |= {"far": agent.camera.far if math.isfinite(agent.camera.far) else _MAX_FAR}
         for key, value in values.items():
             slider = self.sliders.get(f"{name} {key}")
             if slider is not None:

@@ -18,7 +18,7 @@ from warpvis.errors import SceneError
 from warpvis.scene import Scene, SceneObject, require_scene
 
 _DRAGGED = (Label.OBJECT, Label.HUMAN, Label.ROBOT)
-_MOST_DRAGGED = 40
+_MAX_DRAGGED = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def _dragged(items: Sequence[SceneObject], bodies: set[str], movable: Sequence[s
     if movable is None:
         chosen = [item.name for item in items if item.label in _DRAGGED or item.pose is not None]
         chosen = [name for name in chosen if name not in bodies]
-        return chosen if len(chosen) <= _MOST_DRAGGED else []
+        return chosen if len(chosen) <= _MAX_DRAGGED else []
     patterns = as_items(movable, "movable", SceneError)
     for pattern in patterns:
         if not isinstance(pattern, str) or not any(fnmatch.fnmatchcase(item.name, pattern) for item in items):

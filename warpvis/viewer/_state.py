@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 
 CloudKind = Literal["who", "labels", "none"]
 
-_MOST_WATCHED = 16
-_MOST_POINTS = 1_000_000
+_MAX_WATCHED = 16
+_MAX_POINTS = 1_000_000
 _LIFT = 0.35
 """How far above its surface a point is shown, in spacings of the points."""
 _GREY = {Label.GROUND: (222, 222, 222), Label.OBSTACLE: (165, 165, 165), Label.HUMAN: (105, 105, 105)}
@@ -151,8 +151,8 @@ class ViewerState:
         self.frame = 0
         """The frame that was shown last."""
         self.watched = self._watched(objects, bodies)
-        if not is_whole(points) or not 0 < points <= _MOST_POINTS:
-            raise ArrayError(f"points must be a whole number from 1 to {_MOST_POINTS}, got {points!r}")
+        if not is_whole(points) or not 0 < points <= _MAX_POINTS:
+            raise ArrayError(f"points must be a whole number from 1 to {_MAX_POINTS}, got {points!r}")
         self.cloud = SurfaceCloud(self.stage, int(points))
         self.picture_kind: PictureKind = "depth"
         self.cloud_kind: CloudKind = "who"
@@ -365,11 +365,11 @@ class ViewerState:
             names = as_items(objects, "objects", SceneError)
             return [self.scene.objects[self.scene.index(name)].name for name in names]
         items = [item for item in self.scene.objects if item.label not in self.scene.ground_labels]
-        if len(items) > _MOST_WATCHED:
+        if len(items) > _MAX_WATCHED:
             items = [item for item in items if item.label != Label.OBSTACLE] or items
             items.sort(key=lambda item: item.label == Label.ROBOT)  # of a robot's many links, those come last
         items = items or list(self.scene.objects)
-        return [item.name for item in items[:_MOST_WATCHED]]
+        return [item.name for item in items[:_MAX_WATCHED]]
 
     def _agent(self, name: str) -> Agent:
         if not isinstance(name, str) or name not in self.agents:

@@ -13,7 +13,7 @@ from warpvis.visibility import State
 from warpvis.viz import STATE_COLORS
 
 _STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.6em"
-_MOST_HEIGHT = "17em"
+_MAX_HEIGHT = "17em"
 _CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid rgba(128,128,128,0.3)"
 
 
@@ -25,7 +25,7 @@ def table_html(look: Look) -> str:
     )
     body = "".join(_row(row, agents) for row in look.rows)
     return (
-        f'<div style="{_STYLE};max-height:{_MOST_HEIGHT};overflow:auto">'
+        f'<div style="{_STYLE};max-height:{_MAX_HEIGHT};overflow:auto">'
         f'<table class="warpvis-table" style="border-collapse:collapse;width:100%">'
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )

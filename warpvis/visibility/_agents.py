@@ -22,7 +22,7 @@ from warpvis.core.types import PoseLike
 from warpvis.errors import CameraError, SceneError
 
 # A pinhole spends ever more pixels on ever less: at 40 degrees from its axis, a row has 1.7 times as many a degree.
-_MOST_PIXELS = 1 << 19
+_MAX_PIXELS = 1 << 19
 _WIDEST_FACE = math.radians(80)
 _HIGHEST = math.radians(85)
 
@@ -84,10 +84,10 @@ class FieldOfView:
             raise CameraError("up and down of a field must not both be 0")
         _check_resolution(self.resolution)
         camera = self._camera(self.hfov / self._count)
-        if max(camera.width, camera.height) > _MOST_PIXELS:
+        if max(camera.width, camera.height) > _MAX_PIXELS:
             raise CameraError(
                 f"resolution {self.resolution!r} makes images of {camera.width} x {camera.height} pixels; "
-                f"{_MOST_PIXELS} a side are the most"
+                f"{_MAX_PIXELS} a side are the most"
             )
 
     @property

@@ -33,15 +33,15 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 # Points of a view that are worked on at a time, which bounds the memory.
-_MOST_POINTS = 1 << 20
+_MAX_POINTS = 1 << 20
 # A view of at most so many is one worker's, if there are views for all.
-_MOST_WHOLE = 1 << 15
+_MAX_WHOLE = 1 << 15
 _STRIPS = 16
 # What a worker sleeps that has to wait for others [s]: at first, and at most.
 _SHORTEST_PAUSE, _LONGEST_PAUSE = 5e-5, 1e-3
 # Of an image, in pixels: the number of a cell in a row of tiles has to fit a `ProjectedPoint` of
 # native/cpu/point_bins.h.
-_MOST_SIDE = 1 << 18
+_MAX_SIDE = 1 << 18
 # Workspaces that a scene keeps: for so many callers at a time.
 _KEPT = 2
 
@@ -130,12 +130,12 @@ def _work(launch: wp.Launch, counter: NDArray[np.int32], units: int, all_taken: 
 
 
 def _lay_out(camera: Camera, triangles: int, views: int, count: int, with_id: bool, threads: int) -> _Layout:
-    batch = min(-(-count // CPU_LANES) * CPU_LANES, _MOST_POINTS)
+    batch = min(-(-count // CPU_LANES) * CPU_LANES, _MAX_POINTS)
     scale = _scale(camera, triangles, batch)
     width, height = math.ceil(camera.width * scale), math.ceil(camera.height * scale)
     tiles_y = -(-height // TILE_SIDE)
     strip_tiles, chunks = -(-tiles_y // _STRIPS), -(-batch // POINT_CHUNK)
-    whole = threads == 1 or (count <= _MOST_WHOLE and views >= 2 * threads)
+    whole = threads == 1 or (count <= _MAX_WHOLE and views >= 2 * threads)
     turns = views * -(-count // batch)
     units = turns if whole else turns * (chunks + -(-tiles_y // strip_tiles))
     return _Layout(scale, (width, height), strip_tiles, batch, with_id, whole, units, min(threads, units))
@@ -149,7 +149,7 @@ def _scale(camera: Camera, triangles: int, count: int) -> float:
     """
     cells = 0.7 * math.sqrt(triangles * min(count, 1000)) + count / 32
     scale = 2.0 ** round(0.5 * math.log2(16 * cells / (camera.width * camera.height)))
-    return min(scale, 2.0 ** math.floor(math.log2(_MOST_SIDE / max(camera.width, camera.height))))
+    return min(scale, 2.0 ** math.floor(math.log2(_MAX_SIDE / max(camera.width, camera.height))))
 
 
 def _take(clusters: SceneBvh, layout: _Layout) -> _Workspace:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # Of a GPU: enough threads to fill it, whatever the number of objects and views, and no more than a large silhouette
 # has use for.
 _CUDA_THREADS = 1 << 20
-_LEAST_THREADS, _MOST_THREADS = 32, 4096
+_MIN_THREADS, _MAX_THREADS = 32, 4096
 
 
 class SilhouetteCounter:
@@ -129,8 +129,8 @@ class SilhouetteCounter:
         pairs = len(poses) * len(self._chosen.index)
         threads = 1
         if not self._device.is_cpu:
-            threads = _LEAST_THREADS
-            while threads < _MOST_THREADS and pairs * threads < _CUDA_THREADS:
+            threads = _MIN_THREADS
+            while threads < _MAX_THREADS and pairs * threads < _CUDA_THREADS:
                 threads *= 2
         parts = [self._canvas]
         if self._canvas.seen_only:  # first of all what the image shows

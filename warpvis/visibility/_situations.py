@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_warp
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError
@@ -42,7 +42,7 @@ class Situations:
             ArrayError: They are not of one number of situations.
             PoseError: The poses of the objects are malformed.
         """
-        counts = {f"{agent.name!r} has {counted(len(agent.poses), 'pose')}": len(agent.poses) for agent in agents}
+        counts = {f"{agent.name!r} has {pluralize(len(agent.poses), 'pose')}": len(agent.poses) for agent in agents}
         if world_index is None:
             # As if for one view, in whichever world: how many there are is what is to be found out.
             poses = parse_worlds(scene, 1, object_poses, [0], None).object_poses
@@ -52,7 +52,7 @@ class Situations:
             poses = parse_worlds(scene, len(worlds), object_poses, worlds, None).object_poses
         if world_index is not None or len(worlds) > 1:
             counts[
-                f"{'object_poses' if world_index is None else 'world_index'} has {counted(len(worlds), 'world')}"
+                f"{'object_poses' if world_index is None else 'world_index'} has {pluralize(len(worlds), 'world')}"
             ] = len(worlds)
         count = max(counts.values())
         if any(number not in (1, count) for number in counts.values()):

@@ -15,7 +15,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import check_text, counted
+from warpvis.core.checks import check_text, pluralize
 from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, poses_to_matrices, to_xyzw
 from warpvis.core.types import ObjectPoses
@@ -38,7 +38,7 @@ _UNSEEN = 0.25
 _MAP_ORDER = (State.NEITHER, State.BOTH, State.FIRST, State.SECOND)
 
 _CELLS = 250
-_LEAST_CELL = 0.02
+_MIN_CELL = 0.02
 # Characters in a line.
 _LEGEND_WIDTH, _PANEL_WIDTH, _TITLE_WIDTH = 40, 40, 100
 
@@ -176,7 +176,7 @@ def _floor_map(shown: Shown, agent: Agent) -> _Floor:
     scene, bounds = shown.scene, shown.bounds
     margin = 0.03 * np.linalg.norm(bounds[1] - bounds[0])
     bounds = bounds + [[-margin], [margin]]
-    cell_size = max(_LEAST_CELL, float((bounds[1] - bounds[0]).max()) / _CELLS)
+    cell_size = max(_MIN_CELL, float((bounds[1] - bounds[0]).max()) / _CELLS)
     # From 6 on, labels cover each other by their numbers: what has a state comes after all that has none.
     above = range(len(Label), len(Label) + len(GREYS) - 1 + len(_MAP_ORDER))
     ranks = [int(Label.EMPTY), int(Label.GROUND), *above]
@@ -244,7 +244,7 @@ def _draw_legend(axes: Axes, shown: Shown, proposed: bool) -> None:
         names = [shown.scene.objects[index].name for index, its in shown.states.items() if its == state]
         text = f"{word}: {', '.join(names) or 'nothing'}"
         if len(text) > _LEGEND_WIDTH:
-            text = textwrap.shorten(f"{word}: {counted(len(names), 'object')}", _LEGEND_WIDTH, placeholder=" ...")
+            text = textwrap.shorten(f"{word}: {pluralize(len(names), 'object')}", _LEGEND_WIDTH, placeholder=" ...")
         handles.append(Patch(facecolor=np.array(STATE_COLORS[state]) / 255, edgecolor="black", label=text))
     greys = {
         "seen ground": GREYS[Label.GROUND],

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 NOTHING, TOO_NEAR = (70, 70, 70), (255, 255, 255)
 """Colours of pixels without depth: nothing up to far, and nearer than near."""
 
-_SCALE_HEIGHT, _LEAST_WIDTH = 16, 160
+_SCALE_HEIGHT, _MIN_WIDTH = 16, 160
 _SHEET_COLUMNS, _THUMBNAIL = 4, 240
 _GAP, _TITLE_HEIGHT = 6, 14
 
@@ -72,8 +72,8 @@ def save_preview(depth: ArrayInput, path: str | os.PathLike[str], depth_range: t
     if image.ndim != 2 or not image.size:
         raise ArrayError(f"depth must have shape (H, W), got {image.shape}")
     colors = depth_colors(image, depth_range)
-    scale = _scale(max(image.shape[1], _LEAST_WIDTH), depth_range)
-    picture = Image.new("RGB", (max(image.shape[1], _LEAST_WIDTH), image.shape[0] + scale.height), "white")
+    scale = _scale(max(image.shape[1], _MIN_WIDTH), depth_range)
+    picture = Image.new("RGB", (max(image.shape[1], _MIN_WIDTH), image.shape[0] + scale.height), "white")
     picture.paste(Image.fromarray(colors), (0, 0))
     picture.paste(scale, (0, image.shape[0]))
     _save(picture, path)
@@ -108,7 +108,7 @@ def save_contact_sheet(
     cell = (max(1, round(width * small)), max(1, round(height * small)) + _TITLE_HEIGHT)
     columns = min(_SHEET_COLUMNS, len(images))
     rows = -(-len(images) // columns)
-    across = max(columns * (cell[0] + _GAP) + _GAP, _LEAST_WIDTH)
+    across = max(columns * (cell[0] + _GAP) + _GAP, _MIN_WIDTH)
     scale = _scale(across, depth_range)
     sheet = Image.new("RGB", (across, rows * (cell[1] + _GAP) + _GAP + scale.height), "white")
     draw = ImageDraw.Draw(sheet)

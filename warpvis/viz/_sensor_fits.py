@@ -17,7 +17,7 @@ from warpvis.viz._figures import new_figure, save_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_BINS, _MOST_SIGMAS = 81, 4.0
+_BINS, _MAX_SIGMAS = 81, 4.0
 
 
 def save_sensor_fit(fit: StereoFit, path: str | os.PathLike[str]) -> None:
@@ -65,7 +65,7 @@ def _draw_errors(axes: Axes, fit: StereoFit) -> None:
 def _draw_histogram(axes: Axes, fit: StereoFit) -> None:
     spread = _spread(fit)
     errors = np.concatenate([wall[np.isfinite(wall)] for wall in fit.errors])
-    edges = np.linspace(-_MOST_SIGMAS * spread, _MOST_SIGMAS * spread, _BINS)
+    edges = np.linspace(-_MAX_SIGMAS * spread, _MAX_SIGMAS * spread, _BINS)
     axes.hist(errors, edges.tolist(), density=True, color="tab:blue", alpha=0.6, label="measured")
     middle = (edges[1:] + edges[:-1]) / 2
     axes.plot(

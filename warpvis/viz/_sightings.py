@@ -61,7 +61,7 @@ _WORDS = {
 }
 _TINT = 0.5
 _LEGEND_WIDTH = 90
-_LEGEND_COLUMNS, _MOST_NAMED, _LONGEST_NAME = 3, 15, 20
+_LEGEND_COLUMNS, _MAX_NAMED, _LONGEST_NAME = 3, 15, 20
 
 
 def save_sightings(
@@ -121,14 +121,14 @@ def save_sightings(
 
     largest = sorted(color_of, key=lambda k: -int((masks[k] > 0).sum()))
     handles = []
-    for k in largest[:_MOST_NAMED]:
+    for k in largest[:_MAX_NAMED]:
         status = Visibility(statuses[k])
         share = f" {format_fraction(float(fractions[k]))}" if status == Visibility.VISIBLE else ""
         label = f"{_cut(found.names[k])}: {_WORDS[status]}{share}"
         handles.append(Patch(facecolor=color_of[k], edgecolor="black", linewidth=0.5, label=label))
     figure.legend(handles=handles, loc="outside lower left", ncols=_LEGEND_COLUMNS, frameon=False, fontsize="small")
     missing = [name for name, status in zip(found.names, statuses, strict=True) if status == Visibility.OUT_OF_VIEW]
-    notes = [f"{len(largest)} objects, of which {_MOST_NAMED} are named"] if len(largest) > _MOST_NAMED else []
+    notes = [f"{len(largest)} objects, of which {_MAX_NAMED} are named"] if len(largest) > _MAX_NAMED else []
     notes += [f"out of view: {', '.join(missing)}"] if missing else []
     if notes:
         axes.set_xlabel("x [px]\n" + textwrap.shorten("; ".join(notes), _LEGEND_WIDTH, placeholder=" ..."))

@@ -22,14 +22,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 
-from warpvis.core.checks import shortened
+from warpvis.core.checks import truncate
 from warpvis.core.file_content import require_content
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, Version, shown
 
-MOST_NESTED = 300
+MAX_NESTED = 300
 """Nodes within nodes, followed through USE: trees may be walked by functions that call themselves."""
-MOST_NODES = 10_000_000
+MAX_NODES = 10_000_000
 """Nodes of a world where every USE counts as a copy: a few nested USEs can stand for more than memory holds."""
 
 _NUMBER = r"[+-]?+(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?+\d++)?+(?![^\s,\[\]{}\"\#])"
@@ -95,9 +95,9 @@ def parse_text(text: str, file: str = "<text>") -> World:
         world.nodes += parser.nodes()
         if parser.kind != "end" and parser.token not in ("EXTERNPROTO", "IMPORTABLE"):
             parser.fail("a node")
-    if world.size > MOST_NODES:
+    if world.size > MAX_NODES:
         raise FileFormatError(
-            f"{file}: expected at most {MOST_NODES} nodes, got {world.size} where USE counts as a copy"
+            f"{file}: expected at most {MAX_NODES} nodes, got {world.size} where USE counts as a copy"
         )
     return world
 
@@ -188,7 +188,7 @@ class Parser:
             got = "the end of the file" if self.kind == "end" else shown(self.token)
             if self.kind == "bad" and self.token.startswith('"'):
                 wanted, got = "a string to end", "the end of the file"
-        raise FileFormatError(f"{self._file}:{self.line()}: expected {shortened(wanted)}, got {got}")
+        raise FileFormatError(f"{self._file}:{self.line()}: expected {truncate(wanted)}, got {got}")
 
     def take(self, kind: str, wanted: str) -> str:
         """Take the current token, which must be of a kind, and go on to the next."""
@@ -264,8 +264,8 @@ class Parser:
         node = Node(self.take("word", wanted), {}, name, self._file, line, self._version, self._protos)
         self.take("{", f"'{{' after {node.type}")
         self._open.append(node)
-        if len(self._open) > 2 * MOST_NESTED:  # each node within a list within a node
-            self.fail(f"at most {MOST_NESTED} nodes within nodes", "more")
+        if len(self._open) > 2 * MAX_NESTED:  # each node within a list within a node
+            self.fail(f"at most {MAX_NESTED} nodes within nodes", "more")
         if name is not None:
             self._named[name] = node
         return node
@@ -343,10 +343,10 @@ class Parser:
             return
         owner.size += node.size
         owner.height = max(owner.height, node.height + 1)
-        if owner.size > MOST_NODES:
-            self.fail(f"at most {MOST_NODES} nodes, where USE counts as a copy", f"{owner.size}")
-        if owner.height > MOST_NESTED:
-            self.fail(f"at most {MOST_NESTED} nodes within nodes", "more")
+        if owner.size > MAX_NODES:
+            self.fail(f"at most {MAX_NODES} nodes, where USE counts as a copy", f"{owner.size}")
+        if owner.height > MAX_NESTED:
+            self.fail(f"at most {MAX_NESTED} nodes within nodes", "more")
 
 
 def _unquoted(token: str) -> str:

@@ -38,7 +38,7 @@ UNSEEN = {
     *("SolidReference", "Muscle", "ContactProperties", "TexturedBackground", "TexturedBackgroundLight"),
 }
 LINES = {"IndexedLineSet", "PointSet"}  # geometry without triangles
-MOST_LOOKED_AT = 10_000
+MAX_LOOKED_AT = 10_000
 """Nodes of an instance that are looked at for missing parts."""
 
 
@@ -79,7 +79,7 @@ def missing_parts(
     """
     missing: list[str] = []
     shapes, eyes, seen, nodes = 0, False, {id(body)}, [body]
-    while nodes and len(seen) <= MOST_LOOKED_AT:
+    while nodes and len(seen) <= MAX_LOOKED_AT:
         node = nodes.pop()
         inside: list[Node] = []
         eyes = eyes or node.type in ("Camera", "RangeFinder", "Lidar")

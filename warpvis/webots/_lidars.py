@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy
 from warpvis.core.poses import Convention, turn_poses
-from warpvis.core.ray_camera import MOST_RAYS
+from warpvis.core.ray_camera import MAX_RAYS
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
 from warpvis.sensors import Rays
@@ -145,9 +145,9 @@ class Lidar:
         return self.drawn_rays.directions @ forward
 
     def _cast(self, near: float, far: float, *, drawn: bool) -> Rays:
-        if self.layers * self.columns > MOST_RAYS:
+        if self.layers * self.columns > MAX_RAYS:
             raise SceneError(
-                f"{self.name!r} has {self.layers} layers of {self.columns} points, and {MOST_RAYS} rays are the most"
+                f"{self.name!r} has {self.layers} layers of {self.columns} points, and {MAX_RAYS} rays are the most"
             )
         width = image_width(self.columns, self.fov, self.rotates)
         height = image_height(self.layers, self.fov, self.vertical_fov, width)
@@ -267,8 +267,8 @@ def _image(node: Node, fov: float, rotates: bool, notes: list[str]) -> tuple[int
     if layers < 1:
         notes.append(correction(node, "numberOfLayers", layers, 1))
     width = image_width(columns, fov, rotates)
-    if max(vertical * width / fov, counted * 2 * math.pi / vertical) > MOST_RAYS:
-        node.refuse("fieldOfView", f"angles that make an image of at most {MOST_RAYS} lines", f"{fov:g}")
+    if max(vertical * width / fov, counted * 2 * math.pi / vertical) > MAX_RAYS:
+        node.refuse("fieldOfView", f"angles that make an image of at most {MAX_RAYS} lines", f"{fov:g}")
     # Every layer has a line of its own.
     if image_height(counted, fov, vertical, width) < counted:
         needed = math.ceil(counted * fov / vertical)

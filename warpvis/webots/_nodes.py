@@ -11,7 +11,7 @@ from typing import NoReturn, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import check_text, counted
+from warpvis.core.checks import check_text, pluralize
 from warpvis.errors import FileFormatError
 
 _RELEASE = re.compile(r"R(\d{4})([a-z])(?:-rev\d+)?|V(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.ASCII)
@@ -192,7 +192,7 @@ def _literals(node: Node, field: str, kind: type[_Literal], wanted: str, *, sing
     if len(found) < len(value):
         node.refuse(field, wanted, described(next(item for item in value if not isinstance(item, kind))))
     if single and len(found) != 1:
-        node.refuse(field, wanted, counted(len(found), "value"))
+        node.refuse(field, wanted, pluralize(len(found), "value"))
     return found
 
 

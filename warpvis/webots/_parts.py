@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import counted, shortened as shortened_text
+from warpvis.core.checks import pluralize, truncate as truncate_text
 from warpvis.core.labels import Label
 from warpvis.scene import Part
 from warpvis.webots._extents import Extent
@@ -28,7 +28,7 @@ from warpvis.webots.shapes._resets import correction
 GROUND_HEIGHT = 0.1
 """A level surface within this height of 0 is ground [m]."""
 
-_MOST_SENTENCES, _MOST_NAMES = 20, 12  # in a warning
+_MAX_SENTENCES, _MAX_NAMES = 20, 12  # in a warning
 _SCALAR_GRAVITY = Version(2020, 2)
 _NEGATIVE_SCALES = Version(2022, 2)
 
@@ -209,20 +209,20 @@ def skipped_message(
         )
     for name, reason in reasons.items():
         parts.append(f"the file of {name} was of no use: {reason}")
-    parts += [f"left out what cannot be read: {reason}" for reason in shortened(refused)]
+    parts += [f"left out what cannot be read: {reason}" for reason in truncate(refused)]
     return f"{path}: {'; '.join(parts)}" if parts else ""
 
 
 def _counted(counts: Mapping[str, int], below: Mapping[str, int] | None = None) -> str:
     """List what there is, how often, and how many nodes are in it, but for all after the first of very many."""
-    inside = {name: f" with {counted(count, 'node')} in it" for name, count in (below or {}).items() if count}
-    listed = [f"{shortened_text(name)} ({count}{inside.get(name, '')})" for name, count in counts.items()]
-    more = len(listed) - _MOST_NAMES
-    return ", ".join(listed if more <= 1 else [*listed[:_MOST_NAMES], f"and {more} others"])
+    inside = {name: f" with {pluralize(count, 'node')} in it" for name, count in (below or {}).items() if count}
+    listed = [f"{truncate_text(name)} ({count}{inside.get(name, '')})" for name, count in counts.items()]
+    more = len(listed) - _MAX_NAMES
+    return ", ".join(listed if more <= 1 else [*listed[:_MAX_NAMES], f"and {more} others"])
 
 
-def shortened(sentences: Iterable[str]) -> list[str]:
+def truncate(sentences: Iterable[str]) -> list[str]:
     """Leave out what was said before, and all but the first of very many: the bodies of PROTOs are read often."""
     known = list(dict.fromkeys(sentences))
-    more = len(known) - _MOST_SENTENCES
-    return known if more <= 0 else [*known[:_MOST_SENTENCES], f"and {more} more"]
+    more = len(known) - _MAX_SENTENCES
+    return known if more <= 0 else [*known[:_MAX_SENTENCES], f"and {more} more"]

@@ -15,7 +15,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_metres
-from warpvis.core.checks import check_choice, check_flag, counted, is_number, is_whole
+from warpvis.core.checks import check_choice, check_flag, is_number, is_whole, pluralize
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.webots._devices import PROJECTIONS, Projection
@@ -225,7 +225,7 @@ def _check_depth(depth: ArrayInput) -> np.ndarray:
         first = tuple(bad[0].tolist())
         raise ArrayError(
             f"depth must be from 0 up or +inf, rendered with near 0 and far inf: not so "
-            f"{len(bad)} of {counted(images.size, 'value')}, "
+            f"{len(bad)} of {pluralize(images.size, 'value')}, "
             f"the first {images[first]} at {first}"
         )
     return images

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.scene.lights import Background, Light
@@ -58,9 +58,9 @@ from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, tessel
 from warpvis.webots.shapes._polygons import Triangles
 from warpvis.webots.shapes._resets import reset_fields
 
-MOST_VISITED = 1_000_000
+MAX_VISITED = 1_000_000
 """Nodes of a world that are walked through, each USE counted as a copy."""
-MOST_TRIANGLES = 50_000_000
+MAX_TRIANGLES = 50_000_000
 """Triangles of a world."""
 
 _ARENAS = {"RectangleArena", "CircleArena"}
@@ -116,8 +116,8 @@ class Reader:
         visited = 0
         while steps:
             visited += 1
-            if visited > MOST_VISITED:
-                raise _TooMuchError(f"{self._world.path}: expected at most {MOST_VISITED} nodes to draw, got more")
+            if visited > MAX_VISITED:
+                raise _TooMuchError(f"{self._world.path}: expected at most {MAX_VISITED} nodes to draw, got more")
             step = steps.pop()
             with self._leaving_out():
                 steps += reversed(list(self._visit(step)))
@@ -321,8 +321,8 @@ class Reader:
             self._lines.append((step.depth, f"{node.type} {owner.wanted!r}", owner))
         vertices, faces = mesh
         self._triangles += len(faces)
-        if self._triangles > MOST_TRIANGLES:
-            raise _TooMuchError(f"{node.file}:{node.line}: expected at most {MOST_TRIANGLES} triangles, got more")
+        if self._triangles > MAX_TRIANGLES:
+            raise _TooMuchError(f"{node.file}:{node.line}: expected at most {MAX_TRIANGLES} triangles, got more")
         placed = vertices @ step.transform.linear.T + step.transform.offset
         if not (np.abs(placed) <= FARTHEST).all():
             raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
@@ -391,7 +391,7 @@ class Reader:
         for depth, text, solid in self._lines:
             if solid is not None and solid.parts:
                 count = sum(len(faces) for _, faces in solid.parts)
-                text += f": object {', '.join(map(repr, names[solid]))}, {counted(count, 'triangle')}"
+                text += f": object {', '.join(map(repr, names[solid]))}, {pluralize(count, 'triangle')}"
             lines.append("  " * depth + text)
         return "\n".join(lines)
 

@@ -20,7 +20,7 @@ from warpvis.webots._extents import Bounds
 from warpvis.webots._grammar import parse_world
 from warpvis.webots._lidars import Lidar
 from warpvis.webots._nodes import Node, Version
-from warpvis.webots._parts import Solid, make_parts, names_of, shortened, skipped_message
+from warpvis.webots._parts import Solid, make_parts, names_of, skipped_message, truncate
 from warpvis.webots._urls import CACHED_SINCE, installed, webots_cache
 from warpvis.webots._walk import Reader
 
@@ -145,7 +145,7 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     missed = reader.skipped, reader.below, reader.stand_ins, reader.reasons, reader.refused
     message = skipped_message(path, *missed, search_path, downloads=reader.version >= CACHED_SINCE)
     notes = reader.corrections()
-    listed = "; ".join(shortened(notes))
+    listed = "; ".join(truncate(notes))
     if strict and message:
         raise FileFormatError(message)
     if strict and notes:

@@ -7,7 +7,7 @@
 // least surface area, and a random ray visits the fewest nodes (Ylitie, Karras and Laine 2017, section 3.1).
 struct Collapser {
     enum {
-        MOST_LEVELS = HALVING_DEPTH + 31
+        MAX_LEVELS = HALVING_DEPTH + 31
     };  // of the binary tree: from HALVING_DEPTH on, items are halved at most 31 times
 
     // A node of the binary tree. cost[i]: the least area of the nodes that its subtree takes as at most i + 1 parts,
@@ -44,7 +44,7 @@ struct Collapser {
             int parent, side, split, begin, end;
             float area;
         };
-        Item stack[MOST_LEVELS + 1];  // one sibling a level, and the last level's second
+        Item stack[MAX_LEVELS + 1];  // one sibling a level, and the last level's second
         int waiting = 0, count = 0;
         stack[waiting++] = Item{-1, 0, splits[0].child[0], 0, item_count, 0.0f};
         while (waiting > 0) {
@@ -130,7 +130,7 @@ struct Collapser {
             share_evenly(tree, binaries);
         else
             find_costs(tree, binaries);
-        Pending stack[LANES * MOST_LEVELS];  // a node's levels are no more than the binary tree's
+        Pending stack[LANES * MAX_LEVELS];  // a node's levels are no more than the binary tree's
         int waiting = 0, nodes = 0, leaves = 0, levels = 0;
         stack[waiting++] = Pending{binaries > 0 ? 0 : -1, 1, -1};
         while (waiting > 0) {

@@ -142,12 +142,12 @@ struct Image {
     }
 
     // A rectangle of more blocks than this is judged by whole tiles.
-    enum { MOST_BLOCKS = 32 };
+    enum { MAX_BLOCKS = 32 };
 
     // Whether everything in a rectangle of pixels is nearer than inv_z.
     inline bool hides(int x0, int y0, int x1, int y1, float nearest_inv_z) const {
         const int bx0 = x0 >> BLOCK_SHIFT, bx1 = x1 >> BLOCK_SHIFT, by0 = y0 >> BLOCK_SHIFT, by1 = y1 >> BLOCK_SHIFT;
-        if ((bx1 - bx0 + 1) * (by1 - by0 + 1) > MOST_BLOCKS)
+        if ((bx1 - bx0 + 1) * (by1 - by0 + 1) > MAX_BLOCKS)
             return tiles_hide(x0 >> TILE_SHIFT, y0 >> TILE_SHIFT, x1 >> TILE_SHIFT, y1 >> TILE_SHIFT, nearest_inv_z);
         for (int by = by0; by <= by1; ++by)
             for (int bx = bx0; bx <= bx1; ++bx)

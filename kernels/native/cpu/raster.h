@@ -14,7 +14,7 @@ struct Raster : Pixels {
     // Triangles of at most this many pixels a side are drawn together, a lane each.
     enum { SMALL_SIDE = 6 };
     // Triangles that touch at most this many blocks are drawn block by block without looking at tiles first.
-    enum { MOST_BLOCKS = 20 };
+    enum { MAX_BLOCKS = 20 };
     // Larger ones that cover less than a pixel of so many rows are drawn row by row.
     enum { ROWS_OF_PIXEL = 2 };
 
@@ -30,7 +30,7 @@ struct Raster : Pixels {
         inexact |= turns(camera, triangles);
         const Ints blocks = ((triangles.x1 >> BLOCK_SHIFT) - (triangles.x0 >> BLOCK_SHIFT) + 1) *
                             ((triangles.view_y1 >> BLOCK_SHIFT) - (triangles.view_y0 >> BLOCK_SHIFT) + 1);
-        const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(MOST_BLOCKS));
+        const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(MAX_BLOCKS));
         for (unsigned left = Lanes::bits(medium); left; left &= left - 1)
             draw_medium(camera, image, triangles, Lanes::first_lane(left), mode);
         const Floats rows = __builtin_convertvector(triangles.view_y1 - triangles.view_y0 + 1, Floats);

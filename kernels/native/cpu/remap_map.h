@@ -16,15 +16,15 @@ struct RemapJob {
     const float* at;  // [view][row][column]: x and y [px]
 
     // A group's side, and the groups of a tree, in which rays stay in a core's cache.
-    enum { GROUP_SIDE = BLOCKS_ACROSS * TILE_SIDE, MOST_GROUPS = 10 };
+    enum { GROUP_SIDE = BLOCKS_ACROSS * TILE_SIDE, MAX_GROUPS = 10 };
 
     static inline int parts(int count, int size) { return (count + size - 1) / size; }
     inline int groups_across() const { return parts(columns, GROUP_SIDE); }
     inline int groups_down() const { return parts(rows, GROUP_SIDE); }
     // Of a tree: as many as there are side by side, and rows of them.
-    inline int across() const { return groups_across() < MOST_GROUPS ? groups_across() : (int)MOST_GROUPS; }
+    inline int across() const { return groups_across() < MAX_GROUPS ? groups_across() : (int)MAX_GROUPS; }
     inline int down() const {
-        const int most = MOST_GROUPS / across();
+        const int most = MAX_GROUPS / across();
         return groups_down() < most ? groups_down() : most;
     }
     inline int trees_across() const { return parts(groups_across(), across()); }

@@ -53,10 +53,10 @@ struct Exactly {
 };
 
 // How far the rounding of a triangle's corners may turn its plane, as a part of 1 / z.
-constexpr float MOST_TURN = 5e-5f;
+constexpr float MAX_TURN = 5e-5f;
 
 // How many times inv_z the terms may be that it is a sum of.
-constexpr float MOST_TERMS = 16.0f;
+constexpr float MAX_TERMS = 16.0f;
 
 struct Setup {
     // cross(a - b, a + b) is 2 a x b, and exactly its negative when a and b change places.
@@ -131,7 +131,7 @@ struct Setup {
         out.edge[0] = edge(c[1], c[2], sign);
         out.edge[1] = edge(c[2], c[0], sign);
         out.edge[2] = edge(c[0], c[1], sign);
-        out.doubt = rounded * (apart + (EDGE_DOUBT_LEAST * camera.per_extent) * away);
+        out.doubt = rounded * (apart + (EDGE_DOUBT_MIN * camera.per_extent) * away);
         if (RAY_ORIGINS) out.doubt += moment_doubt(camera, image.tree->apart) * (away + apart);
         const Floats scale = one / volume;
         out.inv_z = Linear{normal.x * scale, normal.y * scale, normal.z * scale};
@@ -143,7 +143,7 @@ struct Setup {
         const Floats terms = slope_u * box.reach_u + (slope_v * box.reach_v + Lanes::abs(out.inv_z.one));
         const Floats turn = camera.blur * (box.width + box.height) * (slope_u * box.width + slope_v * box.height);
         out.inexact =
-            (terms > MOST_TERMS * out.min_inv_z) | (turn > MOST_TURN * out.min_inv_z * out.area) | edge_on | crossing;
+            (terms > MAX_TERMS * out.min_inv_z) | (turn > MAX_TURN * out.min_inv_z * out.area) | edge_on | crossing;
         return true;
     }
 

@@ -32,7 +32,7 @@ static_assert((int)BLOCKS <= (int)LANES, "lane b keeps what is known of block b"
 static_assert(PACKET_WIDTH % BLOCK_WIDTH == 0 && PACKET_HEIGHT % BLOCK_HEIGHT == 0, "a packet is of whole blocks");
 
 // Upper limit of 1 / z: nearer surfaces are clamped to it.
-constexpr float MOST_INV_Z = 3e37f;
+constexpr float MAX_INV_Z = 3e37f;
 
 // Factor that covers the rounding error of 1 / z.
 constexpr float NEARER = 1.00003f;

@@ -43,7 +43,7 @@ struct Exactly {
         if (!camera.draws_side(owner, volume) || !seen.meet(ray, volume)) return 0;
         float zmin, zmax;
         depths(camera, seen, zmin, zmax);
-        const float least = 1.0f / zmax, most = zmin > 0.0f ? fminf(1.0f / zmin, MOST_INV_Z) : MOST_INV_Z;
+        const float least = 1.0f / zmax, most = zmin > 0.0f ? fminf(1.0f / zmin, MAX_INV_Z) : MAX_INV_Z;
         const float inv_z = fmaxf(fminf((float)(ExactCorners::dot(normal, ray) / volume), most), least);
         return camera.near.shows(inv_z, camera.near.cuts(most)) ? DepthKey::of(inv_z, id) : 0;
     }

@@ -107,7 +107,7 @@ struct FoundObjects {
     inline void add(const Entry& entry, int movable_count) const {
         const int x0 = Entry::first(entry.columns) >> TILE_BITS, x1 = Entry::last(entry.columns) >> TILE_BITS;
         const int y0 = Entry::first(entry.rows) >> TILE_BITS, y1 = Entry::last(entry.rows) >> TILE_BITS;
-        if ((x1 - x0 + 1) * (y1 - y0 + 1) > MOST_TILES) {
+        if ((x1 - x0 + 1) * (y1 - y0 + 1) > MAX_TILES) {
             entries[movable_count - 1 - atomicAdd(count + 1, 1)] = entry;
             return;
         }

@@ -234,7 +234,7 @@ struct Setup {
         inline float edge_error(const Camera& camera) const {
             const float apart = spread(camera);
             const float away = camera.origins.away(__fmaf_rn(2.0f * camera.extent, zmax(), apart));
-            return __fmul_rn(__fmul_rn(EDGE_DOUBT, away), __fmaf_rn(EDGE_DOUBT_LEAST * camera.per_extent, away, apart));
+            return __fmul_rn(__fmul_rn(EDGE_DOUBT, away), __fmaf_rn(EDGE_DOUBT_MIN * camera.per_extent, away, apart));
         }
     };
 
@@ -363,7 +363,7 @@ struct Setup {
         t.slope_v = c.normal.y * scale;
         t.u = p.u[0], t.v = p.v[0], t.inv_z = p.inv_z[0];
         t.min_inv_z = p.crossing ? 1.0f / p.zmax : Three::min(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
-        t.max_inv_z = p.crossing ? MOST_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
+        t.max_inv_z = p.crossing ? MAX_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
         t.beside = camera.origins.is_beside(c.volume, c.volume_error, c.normal);
         t.exact = edge_on || t.sees_both_sides() || loses_digits(camera, p, bounds, t, c.sides, scale);
         // Within a triangle, no edge's value is more than the volume by the depth there.

@@ -19,7 +19,7 @@ constexpr float REACH_SLACK = 1.001f, SIDE_SLACK = 1e-6f;
 // C of a ball or a side that the camera almost touches.
 constexpr float SMALL_C = 0.1f;
 // The root of less is slow, and next to nothing.
-constexpr float LEAST_ROOT = 1e-30f;
+constexpr float MIN_ROOT = 1e-30f;
 // From the first pixel of a block to its middle.
 constexpr float HALF_BLOCK_WIDTH = 0.5f * (BLOCK_WIDTH - 1), HALF_BLOCK_HEIGHT = 0.5f * (BLOCK_HEIGHT - 1);
 
@@ -176,7 +176,7 @@ struct alignas(16) Solid {
     }
     // w where a ray meets something round; 0 if it does not.
     static inline float meet(float b, float discriminant, float inverse) {
-        const float w = __fmul_rn(b + __fsqrt_rn(fmaxf(discriminant, LEAST_ROOT)), inverse);
+        const float w = __fmul_rn(b + __fsqrt_rn(fmaxf(discriminant, MIN_ROOT)), inverse);
         return discriminant >= 0.0f && b > 0.0f ? w : 0.0f;
     }
 
@@ -259,7 +259,7 @@ struct alignas(16) Solid {
     // Draw it into blocks of pixels. It is not cut; what is nearer than the near plane is so by rounding.
     inline void draw(const Camera& camera, Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
-        const float most_inv_z = camera.near.most(MOST_INV_Z);
+        const float most_inv_z = camera.near.most(MAX_INV_Z);
         if (!RAY_TABLE && __popc(blocks) > FEW_BLOCKS) blocks = blocks_met(packet, blocks);
         for (; blocks; blocks = Warp::without_first_lane(blocks)) {
             const int block = Warp::first_lane(blocks);

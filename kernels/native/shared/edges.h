@@ -13,7 +13,7 @@
 constexpr float EDGE_DOUBT = 1.5e-7f;
 
 // Pixels within so much of a triangle may be looked at, however small it is.
-constexpr float EDGE_DOUBT_LEAST = 0.01f;
+constexpr float EDGE_DOUBT_MIN = 0.01f;
 
 // The same of double precision, eight roundings.
 constexpr double EXACT_DOUBT = 1e-15;

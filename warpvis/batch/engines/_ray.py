@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 # Maximum number of shards passed to an actor at once: enough to write one while another is rendered, few enough that
 # little is rendered again if the actor is lost.
 _SHARDS_AT_ONCE = 8
-_LEAST_ROUNDS = 4
+_MIN_ROUNDS = 4
 
 # Maximum number of restarts per worker: Ray Data would restart a worker that always crashes forever. Ray 2.64 no longer
 # has an argument for this limit, so starts are counted here.
-_MOST_RESTARTS = 10
+_MAX_RESTARTS = 10
 
 
 _PRINTING_THREADS = ("ray_listen_error_messages", "ray_print_logs")
@@ -177,7 +177,7 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
     workers, cpus, gpus = share
-    at_once = max(1, min(_SHARDS_AT_ONCE, len(shards) // (workers * _LEAST_ROUNDS)))
+    at_once = max(1, min(_SHARDS_AT_ONCE, len(shards) // (workers * _MIN_ROUNDS)))
     rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=-(-len(shards) // at_once))
     # The counter runs on the node of this process, on which the job depends anyway: another node could be lost.
     here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
@@ -186,7 +186,7 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
         "job": ray.put(job),
         "device": "cuda" if gpus else "cpu",
         "threads": max(1, int(cpus)),
-        "starts": counter.remote(workers * (1 + _MOST_RESTARTS)),
+        "starts": counter.remote(workers * (1 + _MAX_RESTARTS)),
     }
     made = rows.map_batches(
         ShardActor,

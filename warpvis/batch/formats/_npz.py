@@ -14,7 +14,7 @@ import numpy as np
 
 from warpvis.batch._job import Plan, shard_name
 from warpvis.batch.formats._base import IMAGE_DTYPES, Format, Images, check_options
-from warpvis.batch.storage._direct_io import ALIGNMENT, LEAST_DIRECT
+from warpvis.batch.storage._direct_io import ALIGNMENT, MIN_DIRECT
 from warpvis.core.camera import Camera
 from warpvis.sensors import CalibratedCamera, lens_camera_to_fields, opencv_intrinsics, sensor_to_fields
 
@@ -85,7 +85,7 @@ def npz_parts(arrays: Mapping[str, np.ndarray]) -> list[memoryview]:
             np.lib.format.write_array_header_1_0(header, np.lib.format.header_data_from_array_1_0(array))
             entry = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
             entry.create_system = 3
-            if array.nbytes >= LEAST_DIRECT:
+            if array.nbytes >= MIN_DIRECT:
                 entry.extra = _padding(parts.tell() + _HEADER_BYTES + len(entry.filename) + len(header.getvalue()))
             with archive.open(entry, "w", force_zip64=True) as stream:
                 stream.write(header.getvalue())

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
-_MOST_OBJECTS = 65_535
+_MAX_OBJECTS = 65_535
 
 
 class Png(Layout):
@@ -56,9 +56,9 @@ class Png(Layout):
         """
         super().__init__(plan)
         self._scale = self.positive_option("scale", 1000.0)
-        if "segmentation" in plan.outputs and len(plan.object_names) > _MOST_OBJECTS:
+        if "segmentation" in plan.outputs and len(plan.object_names) > _MAX_OBJECTS:
             count = len(plan.object_names)
-            raise FileFormatError(f"format 'png' tells {_MOST_OBJECTS} objects apart, the scene has {count}; use npz")
+            raise FileFormatError(f"format 'png' tells {_MAX_OBJECTS} objects apart, the scene has {count}; use npz")
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""

@@ -16,7 +16,7 @@ from warpvis.batch.formats._ros2 import image_topic
 from warpvis.batch.reading._files import Files, Recent
 from warpvis.batch.reading._job import FrameSpec, Job
 from warpvis.batch.storage._stores import LocalStore
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.errors import FileFormatError
 from warpvis.io import check_mcap, from_image_msg
 
@@ -69,7 +69,7 @@ class BagReader:
                         depth[count] = from_image_msg(reader.deserialize(data, connection.msgtype))
                     count += 1
         except Exception as error:  # whatever rosbags raises for what is no such bag
-            raise FileFormatError(f"{self._job.name}: {bag.name} cannot be read: {said_by(error)}") from None
+            raise FileFormatError(f"{self._job.name}: {bag.name} cannot be read: {describe_exception(error)}") from None
         if count != length:
             raise FileFormatError(f"{self._job.name}: {bag.name} has {count} depth images, and should have {length}")
         return depth

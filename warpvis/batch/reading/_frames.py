@@ -21,7 +21,7 @@ from warpvis.batch.reading._job import FrameSpec, Job, read_job
 from warpvis.batch.reading._pictures import BopReader, ColmapReader, PngReader, TumReader
 from warpvis.batch.reading._shards import NpzReader, ShardReader, ZarrReader
 from warpvis.batch.storage._stores import Store, open_store
-from warpvis.core.checks import as_items, check_mapping, counted, is_whole, said_by
+from warpvis.core.checks import as_items, check_mapping, describe_exception, is_whole, pluralize
 from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
 from warpvis.core.poses import poses_to_matrices
@@ -162,7 +162,7 @@ class FrameDataset:
         try:
             return sensor_from_fields(check_mapping(self._job.sensor, "sensor"))
         except WarpvisError as error:
-            raise FileFormatError(f"{self._job.name}: {MANIFEST} has no sensor: {said_by(error)}") from None
+            raise FileFormatError(f"{self._job.name}: {MANIFEST} has no sensor: {describe_exception(error)}") from None
 
     @property
     def visibility_objects(self) -> tuple[str, ...]:
@@ -288,7 +288,7 @@ class FrameDataset:
 
     def __repr__(self) -> str:
         state = "" if self.complete else f" of {self._job.frames}, unfinished"
-        frames = counted(len(self), "frame")
+        frames = pluralize(len(self), "frame")
         return f"<FrameDataset {self._store.name}: {frames}{state}, {self.format}: {', '.join(self.outputs)}>"
 
 
@@ -344,11 +344,11 @@ def _read_poses(store: Store, job: Job) -> Frames:
         worlds = {"object_poses": objects, "world_index": world_index}
         frames = Frames.from_poses(poses, timestamps=times, camera=job.camera, **worlds)
     except Exception as error:  # whatever NumPy and zipfile raise for what is no such file
-        raise FileFormatError(f"{store.name}: {POSES} is missing or damaged: {said_by(error)}") from None
+        raise FileFormatError(f"{store.name}: {POSES} is missing or damaged: {describe_exception(error)}") from None
     if len(frames) != job.frames:
         raise FileFormatError(
-            f"{store.name}: {POSES} has {counted(len(frames), 'pose')}, and there should be "
-            f"{counted(job.frames, 'frame')}"
+            f"{store.name}: {POSES} has {pluralize(len(frames), 'pose')}, and there should be "
+            f"{pluralize(job.frames, 'frame')}"
         )
     return frames
 

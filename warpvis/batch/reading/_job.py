@@ -14,7 +14,7 @@ from warpvis.batch._manifest import MANIFEST, no_dataset, parse_manifest, read_c
 from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
 from warpvis.core.camera import Camera
-from warpvis.core.checks import said_by, shortened
+from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError, SceneError
@@ -77,7 +77,7 @@ class Job:
         try:
             return float(given)  # type: ignore[arg-type]
         except (TypeError, ValueError, OverflowError):
-            said = f"{MANIFEST} has the option {name}={shortened(repr(given))}, not a number"
+            said = f"{MANIFEST} has the option {name}={truncate(repr(given))}, not a number"
             raise FileFormatError(f"{self.name}: {said}") from None
 
 
@@ -122,13 +122,13 @@ def _read_camera(name: str, fields: Mapping[str, Json]) -> CalibratedCamera:
         try:
             return lens_camera_from_fields(fields)
         except CameraError as error:
-            raise FileFormatError(f"{name}: {MANIFEST} has no camera: {said_by(error)}") from None
+            raise FileFormatError(f"{name}: {MANIFEST} has no camera: {describe_exception(error)}") from None
     if fields.get("far", 0) is None:  # JSON has no infinity
         fields = {**fields, "far": np.inf}
     try:
         return Camera(**fields)  # type: ignore[arg-type]
     except (TypeError, CameraError) as error:
-        raise FileFormatError(f"{name}: {MANIFEST} has no camera: {said_by(error)}") from None
+        raise FileFormatError(f"{name}: {MANIFEST} has no camera: {describe_exception(error)}") from None
 
 
 def _read_labels(name: str, objects: Mapping[str, Json]) -> tuple[int, ...]:

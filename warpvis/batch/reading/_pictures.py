@@ -16,7 +16,7 @@ from warpvis.batch._job import shard_name
 from warpvis.batch.reading._files import Files, Recent
 from warpvis.batch.reading._job import FrameSpec, Job
 from warpvis.batch.reading._shards import number
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io import missing_units
@@ -76,7 +76,7 @@ class PngReader:
         except UnidentifiedImageError:
             raise FileFormatError(f"{place} is damaged, or no PNG image") from None
         except Exception as error:  # each kind of damage has its own
-            raise FileFormatError(f"{place} is damaged: {said_by(error)}") from None
+            raise FileFormatError(f"{place} is damaged: {describe_exception(error)}") from None
         if image is None or image.shape != size:
             found = shape if image is None else image.shape
             raise FileFormatError(f"{place} is of shape {found}, and should be of {size}")
@@ -130,7 +130,7 @@ class BopReader(PngReader):
                 for name, (key, dtype) in _BOP_COUNTS.items()
             }
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-            raise FileFormatError(f"{where} is damaged: {said_by(error)}") from None
+            raise FileFormatError(f"{where} is damaged: {describe_exception(error)}") from None
 
 
 class ColmapReader:

@@ -16,12 +16,12 @@ from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import IMAGE_DTYPES
 from warpvis.batch.reading._files import Files, Recent
 from warpvis.batch.reading._job import FrameSpec, Job
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 
 _LOCAL_HEADER = 30  # of a ZIP entry, before its name and its extra field
-_MOST_HEADER = 4096
+_MAX_HEADER = 4096
 
 
 class ShardReader(Protocol):
@@ -73,7 +73,7 @@ class NpzReader:
                 entries = {entry.filename: entry for entry in archive.infolist()}
             arrays = {key: _mapped_array(data, entries[f"{key}.npy"]) for key in self._specs}
         except Exception as error:  # whatever zipfile and NumPy raise for what is no such file
-            raise FileFormatError(f"{self._job.name}: {name} is damaged: {said_by(error)}") from None
+            raise FileFormatError(f"{self._job.name}: {name} is damaged: {describe_exception(error)}") from None
         length = self._job.shard_length(shard)
         for key, spec in self._specs.items():
             found = arrays[key]
@@ -96,7 +96,7 @@ def _mapped_array(data: NDArray[np.uint8], entry: zipfile.ZipInfo) -> NDArray:
     local = data[entry.header_offset : entry.header_offset + _LOCAL_HEADER]
     name_and_extra = local[26:30].view("<u2") if len(local) == _LOCAL_HEADER else [0]
     start = entry.header_offset + _LOCAL_HEADER + int(sum(name_and_extra))
-    head = io.BytesIO(data[start : start + _MOST_HEADER].tobytes())
+    head = io.BytesIO(data[start : start + _MAX_HEADER].tobytes())
     np.lib.format.read_magic(head)
     shape, by_columns, dtype = np.lib.format.read_array_header_1_0(head)
     first, size = start + head.tell(), dtype.itemsize * int(np.prod(shape))

@@ -19,7 +19,7 @@ ALIGNMENT = 4096
 
 # Copying into the page cache and writing it back costs the kernel 1 s of a core for 250 to 700 MB; O_DIRECT 0.2 s a GB,
 # which on two cores that render 1.2 GB/s decides whether writing is in the way. Little parts are not worth it.
-LEAST_DIRECT = 1 << 20
+MIN_DIRECT = 1 << 20
 _PIECE = 1 << 23
 _O_DIRECT = getattr(os, "O_DIRECT", 0)
 
@@ -56,7 +56,7 @@ def _as_bytes(part: FilePart) -> memoryview:
 
 def _direct_bytes(data: memoryview, offset: int) -> int:
     """Count how many of the first bytes may go past the page cache."""
-    if not _O_DIRECT or len(data) < LEAST_DIRECT or offset % ALIGNMENT:
+    if not _O_DIRECT or len(data) < MIN_DIRECT or offset % ALIGNMENT:
         return 0
     address = np.frombuffer(data, dtype=np.uint8).ctypes.data
     return 0 if address % ALIGNMENT else len(data) // ALIGNMENT * ALIGNMENT

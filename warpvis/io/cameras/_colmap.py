@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import shortened
+from warpvis.core.checks import truncate
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
 from warpvis.io.cameras._pinhole import NoPinholeError, make_calibrated, make_pinhole, one_camera
@@ -120,7 +120,7 @@ def _text_rows(path: Path) -> Iterator[_Row]:
             parameters = [float(word) for word in words[4:]]
         except (IndexError, ValueError):
             wanted = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
-            raise FileFormatError(f"{place}: expected {wanted}, got {shortened(line)!r}") from None
+            raise FileFormatError(f"{place}: expected {wanted}, got {truncate(line)!r}") from None
         yield _Row(index, place, model, (width, height), parameters)
 
 
@@ -136,7 +136,7 @@ def _text_images(path: Path) -> Iterator[ColmapImage]:
             yield ColmapImage(words[9].strip(), int(words[8]), tuple(numbers[:4]), tuple(numbers[4:]))
         except (IndexError, ValueError):
             wanted = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
-            raise FileFormatError(f"{path}:{number}: expected {wanted}, got {shortened(line, 60)!r}") from None
+            raise FileFormatError(f"{path}:{number}: expected {wanted}, got {truncate(line, 60)!r}") from None
         next(lines, None)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, overload
 
 from warpvis.core.camera import Camera, require_camera
-from warpvis.core.checks import as_path, check_flag, said_by
+from warpvis.core.checks import as_path, check_flag, describe_exception
 from warpvis.core.file_content import require_content
 from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
@@ -130,7 +130,7 @@ def _own_lens_camera(path: Path, fields: Mapping[str, Json]) -> CalibratedCamera
     try:
         return lens_camera_from_fields(fields)
     except CameraError as error:
-        raise CameraError(f"{path}: {said_by(error)}") from None
+        raise CameraError(f"{path}: {describe_exception(error)}") from None
 
 
 def _camera_from_fields(fields: Json, path: Path) -> Camera:
@@ -147,6 +147,6 @@ def _camera_from_fields(fields: Json, path: Path) -> Camera:
     try:
         return Camera.from_K(**given) if "K" in fields else Camera.from_fov(**given)
     except CameraError as error:
-        raise CameraError(f"{path}: {said_by(error)}") from None
+        raise CameraError(f"{path}: {describe_exception(error)}") from None
     except TypeError:
         raise CameraError(f"{path}: sizes, fields of view and ranges must be numbers") from None

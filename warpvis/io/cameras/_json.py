@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
@@ -85,7 +85,7 @@ def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[
     try:
         model, lens = nerfstudio_model(fields), nerfstudio_distortion(fields)
     except CameraError as error:
-        raise FileFormatError(f"{path}: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: {describe_exception(error)}") from None
     if model not in NERF_PINHOLES:
         raise NoPinholeError(f"{path}: camera_model {shorten(model)} is no pinhole")
     numbers = _nerfstudio_numbers(path, fields, frames)

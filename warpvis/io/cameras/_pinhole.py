@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.core.image_cameras import describe_pixels, same_pixels
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
@@ -47,7 +47,7 @@ def make_pinhole(
         matrix = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
         camera = Camera.from_K(matrix, *size, pixel_center=pixel_center)  # type: ignore[arg-type]  # `Camera` checks
     except CameraError as error:
-        raise FileFormatError(f"{place}: {said_by(error)}") from None
+        raise FileFormatError(f"{place}: {describe_exception(error)}") from None
     if any(distortion):
         warn_user(
             f"{place}: the lens has distortion, which is not rendered: images are those of the pinhole, as of pictures "
@@ -66,7 +66,7 @@ def make_calibrated(place: str, make: Callable[[], CalibratedCamera]) -> Calibra
     try:
         return make()
     except (CameraError, MessageError) as error:
-        raise FileFormatError(f"{place}: {said_by(error)}") from None
+        raise FileFormatError(f"{place}: {describe_exception(error)}") from None
 
 
 def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import shortened
+from warpvis.core.checks import truncate
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
 from warpvis.io.cameras._pinhole import image_size, make_calibrated, make_pinhole
@@ -42,7 +42,7 @@ def tum_camera(path: Path, *, distortion: bool) -> CalibratedCamera:
         except ValueError:
             values = []
         if len(values) not in (4, 9):
-            raise FileFormatError(f"{path}:{number}: expected {wanted}, got {shortened(line, 60)!r}")
+            raise FileFormatError(f"{path}:{number}: expected {wanted}, got {truncate(line, 60)!r}")
         size, (fx, fy, cx, cy, *lens) = _size(path), values
         if not distortion:
             return make_pinhole(str(path), size, (fx, fy, cx, cy), pixel_center=0.0, distortion=lens)

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import is_number, said_by
+from warpvis.core.checks import describe_exception, is_number
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import CameraError, FileFormatError, MessageError
 from warpvis.io._files import as_numbers, shorten
@@ -75,7 +75,7 @@ def xml_lens_camera(path: Path) -> CalibratedCamera:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     except (ElementTree.ParseError, ValueError, LookupError) as error:  # the last two of encodings
-        raise FileFormatError(f"{path}: is not XML: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: is not XML: {describe_exception(error)}") from None
     data: dict[str, Any] = {}
     for item in root:
         numbers = item.findtext("data")
@@ -163,7 +163,7 @@ def _ros_camera(path: Path, data: Mapping[str, Any]) -> Camera:
     try:
         return Camera.from_camera_info(info, rectified=matrices["projection_matrix"] is not None)
     except (CameraError, MessageError) as error:
-        raise FileFormatError(f"{path}: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: {describe_exception(error)}") from None
 
 
 def _matrix(path: Path, data: Mapping[str, Any], name: str, count: int) -> list[float] | None:

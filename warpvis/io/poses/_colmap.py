@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpvis.core.checks import shortened
+from warpvis.core.checks import truncate
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import FileFormatError
 from warpvis.io.cameras._colmap import colmap_camera, colmap_images, colmap_lens_camera
@@ -33,7 +33,7 @@ def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
     lengths = np.linalg.norm(turns, axis=1, keepdims=True)
     bad = np.flatnonzero(~(lengths[:, 0] > 0) | ~np.isfinite(lengths[:, 0]))
     if len(bad):
-        raise FileFormatError(f"{path}: image {shortened(images[bad[0]].name)!r} has no rotation")
+        raise FileFormatError(f"{path}: image {truncate(images[bad[0]].name)!r} has no rotation")
     world_to_camera = np.zeros((len(images), 7))
     world_to_camera[:, 3:] = (turns / lengths)[:, [1, 2, 3, 0]]
     rotations = poses_to_matrices(world_to_camera)[:, :3, :3]
@@ -46,4 +46,4 @@ def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
     used = {image.camera for image in images}
     read = colmap_lens_camera if distortion else colmap_camera
     camera = camera_of_poses(lambda: read(beside, used)) if images and beside.is_file() else None
-    return FilePoses(poses, lambda index: f"{path}: image {shortened(images[index].name)!r}", camera=camera)
+    return FilePoses(poses, lambda index: f"{path}: image {truncate(images[index].name)!r}", camera=camera)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import said_by, shortened
+from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.io._mcap import check_mcap
@@ -104,9 +104,9 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
     except FileFormatError:
         raise
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or said_by(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
     except Exception as error:  # damaged bags raise what they like
-        raise FileFormatError(f"{path}: does not read as a ROS 2 bag: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: does not read as a ROS 2 bag: {describe_exception(error)}") from None
     return _as_poses(
         path, name, child, poses, [_Eye(info.header.frame_id, partial(_camera, info, distortion)) for info in found]
     )
@@ -114,7 +114,7 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
 
 def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
     readable = sorted(name for name, kind in types.items() if kind in _POSES)
-    known = shortened(", ".join(f"{name} ({types[name]})" for name in readable), _LONGEST_LIST) or "none"
+    known = truncate(", ".join(f"{name} ({types[name]})" for name in readable), _LONGEST_LIST) or "none"
     if not topic:
         if len(readable) != 1:
             what = "several topics of poses; choose one as topic=" if readable else "no topic of poses"
@@ -123,35 +123,35 @@ def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
     if topic not in types:
         raise FileFormatError(f"{path}: the bag has no topic {topic!r}; those of poses are: {known}")
     if topic not in readable:
-        kind = shortened(types[topic])
+        kind = truncate(types[topic])
         raise FileFormatError(f"{path}: topic {topic} is of {kind}, not of poses; those of poses are: {known}")
     return topic
 
 
 def _all(types: dict[str, str]) -> str:
     listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(types.items()))
-    return shortened(listed, _LONGEST_LIST) or "no topics"
+    return truncate(listed, _LONGEST_LIST) or "no topics"
 
 
 def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[_Eye]) -> FilePoses:
     """Choose one camera's poses, which are in one frame."""
-    place = f"{path}: topic {shortened(topic)}"
+    place = f"{path}: topic {truncate(topic)}"
     if not poses:
         raise FileFormatError(f"{place} holds no poses")
     children = sorted({pose.child for pose in poses})
     if child:
         if child not in children:
-            known = shortened(", ".join(filter(None, children)), _LONGEST_LIST) or "none"
+            known = truncate(", ".join(filter(None, children)), _LONGEST_LIST) or "none"
             raise FileFormatError(f"{place} has no child frame {child!r}; it has {known}")
         poses, children = [pose for pose in poses if pose.child == child], [child]
     if len(children) > 1:
         raise FileFormatError(
-            f"{place} has the child frames {shortened(', '.join(children), _LONGEST_LIST)}; choose one as "
-            f"topic='{shortened(topic)}:{shortened(children[0])}'"
+            f"{place} has the child frames {truncate(', '.join(children), _LONGEST_LIST)}; choose one as "
+            f"topic='{truncate(topic)}:{truncate(children[0])}'"
         )
     parents = sorted({pose.parent for pose in poses})
     if len(parents) > 1:
-        known = shortened(", ".join(parents), _LONGEST_LIST)
+        known = truncate(", ".join(parents), _LONGEST_LIST)
         raise FileFormatError(f"{place} has poses in the frames {known}, and frames are not chained")
     rows = [_row(pose.position, pose.orientation) for pose in poses]
     times = np.array([pose.stamp.sec + 1e-9 * pose.stamp.nanosec for pose in poses])

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import counted, said_by
+from warpvis.core.checks import describe_exception, pluralize
 from warpvis.errors import FileFormatError
 from warpvis.io._archives import check_unpacked
 from warpvis.io._files import read_lines, shorten
@@ -56,7 +56,7 @@ def read_csv(path: Path) -> FilePoses:
             elif not words[0].lstrip().startswith("#"):
                 if len(words) != width:
                     raise FileFormatError(
-                        f"{place}: expected {counted(width, 'value')}, as there are column names, got {len(words)}"
+                        f"{place}: expected {pluralize(width, 'value')}, as there are column names, got {len(words)}"
                     )
                 rows.append([_parse_number(words[column], place) for column in columns.values()])
                 numbers.append(reader.line_num)
@@ -93,9 +93,9 @@ def read_parquet(path: Path) -> FilePoses:
     except FileFormatError:
         raise
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or said_by(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
     except Exception as error:  # damaged files raise what they like
-        raise FileFormatError(f"{path}: does not read as Parquet: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: does not read as Parquet: {describe_exception(error)}") from None
     return _as_poses(np.stack(arrays, axis=1), list(columns), lambda index: f"{path}: row {index}")
 
 

@@ -13,7 +13,7 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path, shortened
+from warpvis.core.checks import as_path, truncate
 from warpvis.core.poses import LENGTH_TOLERANCE
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
@@ -55,9 +55,9 @@ def _parse_line(line: str, place: str) -> list[float]:
     try:
         values = [float(word) for word in words]
     except ValueError:
-        raise FileFormatError(f"{place}: expected the 8 numbers '{_LINE}', got {shortened(line.strip())!r}") from None
+        raise FileFormatError(f"{place}: expected the 8 numbers '{_LINE}', got {truncate(line.strip())!r}") from None
     if not all(map(math.isfinite, values)):
-        raise FileFormatError(f"{place}: numbers must be finite, got {shortened(line.strip())!r}")
+        raise FileFormatError(f"{place}: numbers must be finite, got {truncate(line.strip())!r}")
     length = math.hypot(*values[4:])
     if abs(length - 1) > LENGTH_TOLERANCE:
         raise FileFormatError(f"{place}: the quaternion qx qy qz qw must have length 1, got {length:.6g}")

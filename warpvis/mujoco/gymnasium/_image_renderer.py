@@ -19,7 +19,7 @@ from warpvis.mujoco.gymnasium._outputs import DEPTH, FRACTION, REASONS, SEGMENTA
 from warpvis.rendering import AnyCamera
 from warpvis.sensors import Reason
 
-_MOST_CAMERAS = 16
+_MAX_CAMERAS = 16
 
 
 class _Casters(NamedTuple):
@@ -85,7 +85,7 @@ class ImageRenderer(Renderer):
     def _casters_of(self, camera: AnyCamera, outputs: Outputs) -> _Casters:
         kept = self.__dict__.setdefault("_casters", {})
         if camera not in kept or kept[camera].stage is not self._stage:
-            if len(kept) >= _MOST_CAMERAS:  # a field of view that changes all the time must not fill the memory
+            if len(kept) >= _MAX_CAMERAS:  # a field of view that changes all the time must not fill the memory
                 kept.clear()
             options: dict[str, Any] = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
             seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)

@@ -29,7 +29,7 @@ from warpvis.mujoco.gymnasium._poses import POSES, PoseLayout
 from warpvis.rendering import AnyCamera, DepthSensor, Fill
 
 _FINAL = "final_obs"
-_MOST_CAMERAS = 64
+_MAX_CAMERAS = 64
 
 
 class VectorDepthObservation(gym.vector.VectorWrapper):
@@ -240,7 +240,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
 
     def _fractions_of(self, camera: AnyCamera) -> VisibleFractions:
         if camera not in self._fractions:
-            if len(self._fractions) >= _MOST_CAMERAS:
+            if len(self._fractions) >= _MAX_CAMERAS:
                 self._fractions.clear()
             options = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
             self._fractions[camera] = VisibleFractions(self._batch.scene, camera, **options)

@@ -17,7 +17,7 @@ from warpvis.errors import ArrayError
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
 from warpvis.scene import Scene
 
-_MOST_RECTANGLES, _MOST_SIDE = 256, 2**20
+_MAX_RECTANGLES, _MAX_SIDE = 256, 2**20
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ class Corruptions(DepthSensor):
         check_number(self.added, "added", least=0.0)
         check_number(self.multiplied, "multiplied", least=0.0)
         check_number(self.dropout, "dropout", least=0.0, most=1.0)
-        object.__setattr__(self, "rectangles", _check_limits(self.rectangles, "rectangles", 0, _MOST_RECTANGLES))
-        object.__setattr__(self, "sides", _check_limits(self.sides, "sides", 1, _MOST_SIDE))
+        object.__setattr__(self, "rectangles", _check_limits(self.rectangles, "rectangles", 0, _MAX_RECTANGLES))
+        object.__setattr__(self, "sides", _check_limits(self.sides, "sides", 1, _MAX_SIDE))
         if self.of is not None and not isinstance(self.of, DepthSensor):
             raise ArrayError(f"of must be a model of warpvis.sensors, such as StereoDepth, got {self.of!r}")
         inner: object = self.of

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import is_number, is_whole, said_by, shortened
+from warpvis.core.checks import describe_exception, is_number, is_whole, truncate
 from warpvis.core.types import Json
 from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering import DepthSensor
@@ -47,7 +47,7 @@ def sensor_from_fields(values: Mapping[str, Json]) -> DepthSensor | None:
     """
     model = values.get("model")
     if not isinstance(model, str):
-        raise CameraError(f"a sensor's fields must say its model, got {shortened(repr(model))}")
+        raise CameraError(f"a sensor's fields must say its model, got {truncate(repr(model))}")
     kind = _find_model(model)
     if kind is None:
         return None
@@ -56,7 +56,7 @@ def sensor_from_fields(values: Mapping[str, Json]) -> DepthSensor | None:
         inner = [key for key, value in values.items() if isinstance(value, Mapping) and "model" in value]
         return None if any(given[key] is None for key in inner) else kind(**given)
     except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
-        raise CameraError(f"these are no fields of a {model}: {said_by(error)}") from None
+        raise CameraError(f"these are no fields of a {model}: {describe_exception(error)}") from None
 
 
 def _find_model(name: str) -> Any:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy
 from warpvis.core.camera import Camera, require_camera
-from warpvis.core.checks import as_items, check_number, check_whole, counted, format_percent
+from warpvis.core.checks import as_items, check_number, check_whole, format_percent, pluralize
 from warpvis.core.depth_images import check_meters
 from warpvis.errors import ArrayError
 from warpvis.sensors.depth._noise_spacing import correlation, expected_correlation, find_spacing
@@ -103,7 +103,7 @@ class StereoFit:
         """Return what was found as lines of text."""
         rounded = f"{self.step:.4g} px (1/{1 / self.step:.4g})" if self.step > 0 else "none was found"
         lines = [
-            f"{counted(len(self.walls), 'wall')}; f b {self.focal_baseline:.4g} px m, by the {self.found_by}",
+            f"{pluralize(len(self.walls), 'wall')}; f b {self.focal_baseline:.4g} px m, by the {self.found_by}",
             f"sigma of disparity  {self.sigma:.4g} px",
             f"step of disparity   {rounded}",
             f"noise spacing       {self.noise_spacing} px",

@@ -18,7 +18,7 @@ from warpvis.errors import ArrayError
 from warpvis.rendering import OUTPUTS as EXACT_OUTPUTS, SENSOR_OUTPUTS, Views, view_numbers, views_for
 
 _DELAYED = ("depth", "points", "reasons")
-_MOST_FRAMES = 1024
+_MAX_FRAMES = 1024
 
 
 class Latency:
@@ -152,6 +152,6 @@ def _check_delays(frames: object) -> NDArray[np.int64]:
         delays = as_numpy(frames.numpy() if isinstance(frames, wp.array) else frames, name="frames")
         if delays.ndim != 1 or delays.dtype.kind not in "iu" or (delays < 0).any():
             raise ArrayError(f"frames must be whole numbers from 0 up, one or one a view, got {frames!r}")
-    if (delays > _MOST_FRAMES).any():
-        raise ArrayError(f"frames must be at most {_MOST_FRAMES}, got {delays.max()}")
+    if (delays > _MAX_FRAMES).any():
+        raise ArrayError(f"frames must be at most {_MAX_FRAMES}, got {delays.max()}")
     return delays.astype(np.int64)

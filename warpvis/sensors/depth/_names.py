@@ -8,7 +8,7 @@ import difflib
 import re
 from collections.abc import Callable
 
-from warpvis.core.checks import check_text, shortened
+from warpvis.core.checks import check_text, truncate
 from warpvis.errors import CameraError
 from warpvis.rendering import DepthSensor
 from warpvis.sensors.depth._profiles import (
@@ -59,11 +59,11 @@ def sensor_by_name(text: str) -> DepthSensor:
         found = [match for word in words for match in difflib.get_close_matches(word, SENSOR_NAMES, n=3, cutoff=0.5)]
         near = list(dict.fromkeys(found))
         meant = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(SENSOR_NAMES)}"
-        raise CameraError(f"there is no sensor {shortened(repr(name))}; {meant}")
+        raise CameraError(f"there is no sensor {truncate(repr(name))}; {meant}")
     if not at:
         return _OF_ANY_SIZE[key]() if key in _OF_ANY_SIZE else _OF_ONE_SIZE[key]()  # type: ignore[call-arg]
     pixels = re.fullmatch(r"([1-9][0-9]{0,4})x([1-9][0-9]{0,4})", size, re.ASCII)
     if key not in _OF_ANY_SIZE or pixels is None:
         has = "its size is as in d435@424x240" if key in _OF_ANY_SIZE else f"{key} has one size"
-        raise CameraError(f"there is no sensor {shortened(repr(text))}: {has}")
+        raise CameraError(f"there is no sensor {truncate(repr(text))}: {has}")
     return _OF_ANY_SIZE[key](int(pixels[1]), int(pixels[2]))

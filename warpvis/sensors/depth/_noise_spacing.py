@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from warpvis.sensors.depth._walls import Wall
 
-MOST_LAG = 64
+MAX_LAG = 64
 """Distances at which pixels are compared [px]: up to this, and to a quarter of the picture."""
 
-_MOST_SPACING = 64
+_MAX_SPACING = 64
 
 
 def correlation(walls: list[Wall], rounding: float) -> NDArray[np.float64]:
@@ -22,7 +22,7 @@ def correlation(walls: list[Wall], rounding: float) -> NDArray[np.float64]:
         walls: The pictures.
         rounding: Variance that rounding adds [1/m^2], of which neighbours know nothing.
     """
-    most = min(MOST_LAG, *(min(wall.known.shape) // 4 for wall in walls))
+    most = min(MAX_LAG, *(min(wall.known.shape) // 4 for wall in walls))
     sums, counts = np.zeros(most + 1), np.zeros(most + 1)
     for wall in walls:
         filled, known = np.where(wall.known, wall.inverse - wall.plane, 0.0), wall.known
@@ -54,6 +54,6 @@ def expected_correlation(spacing: int, count: int) -> NDArray[np.float64]:
 
 def find_spacing(measured: NDArray[np.float64]) -> int:
     """Return the spacing whose autocorrelation is nearest, by least squares."""
-    spacings = range(1, min(_MOST_SPACING, len(measured) - 1) + 1)
+    spacings = range(1, min(_MAX_SPACING, len(measured) - 1) + 1)
     errors = [float(((expected_correlation(spacing, len(measured)) - measured) ** 2).sum()) for spacing in spacings]
     return spacings[int(np.argmin(errors))]

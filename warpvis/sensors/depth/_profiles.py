@@ -20,7 +20,7 @@ _D400_DISPARITIES, _D400_STEPS = 126.0, 32
 # Its RMS of disparities is below 0.1 px where there is texture or the projector's, by the same paper.
 _D400_SIGMA, _D400_SPACING = 0.08, 4
 # No source: pixels are found for sure up to 60 degrees of incidence, and not at all beyond 85.
-_LEAST_SIGNAL, _FULL_SIGNAL = math.cos(math.radians(85.0)), math.cos(math.radians(60.0))
+_MIN_SIGNAL, _FULL_SIGNAL = math.cos(math.radians(85.0)), math.cos(math.radians(60.0))
 
 
 def realsense_d415(width: int = 1280, height: int = 720) -> StereoDepth:
@@ -80,7 +80,7 @@ def oak_d(width: int = 1280, height: int = 800) -> StereoDepth:
         subpixel=8,
         edge_window=5,
         least_support=0.6,
-        least_signal=_LEAST_SIGNAL,
+        least_signal=_MIN_SIGNAL,
         full_signal=_FULL_SIGNAL,
         native_camera=_camera(width, height, focal, focal * baseline / disparities, 12.0),
     )
@@ -126,7 +126,7 @@ def _realsense(width: int, height: int, *, hfov: float, baseline: float) -> Ster
         subpixel=_D400_STEPS,
         edge_window=5,
         least_support=0.6,
-        least_signal=_LEAST_SIGNAL,
+        least_signal=_MIN_SIGNAL,
         full_signal=_FULL_SIGNAL,
         native_camera=_camera(width, height, focal, focal * baseline / _D400_DISPARITIES, 10.0),
     )
@@ -144,7 +144,7 @@ def _structured_light(camera: Camera, baseline: float, focal_length: float) -> S
         band=False,
         edge_window=2 * round(4 * share) + 1,
         least_support=1 / 1.2,
-        least_signal=_LEAST_SIGNAL,
+        least_signal=_MIN_SIGNAL,
         full_signal=_FULL_SIGNAL,
         native_camera=camera,
     )

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from warpvis.sensors.depth._walls import Wall
 
 # A picture has steps if its values are so few, as a share of its pixels, and so near whole steps.
-_MOST_VALUES, _MOST_APART, _LEAST_VALUES = 0.05, 0.12, 4
+_MAX_VALUES, _MAX_APART, _MIN_VALUES = 0.05, 0.12, 4
 # Rounding alone spreads values about the plane by 0.29 of a step.
-_LEAST_SPREAD = 0.15
+_MIN_SPREAD = 0.15
 # Steps of 1 / z have to be so many times what depth's own rounding makes of it.
-_LEAST_ROUNDINGS = 3.0
+_MIN_ROUNDINGS = 3.0
 # Depth in single precision, as a part of it.
 _SINGLE = 2.0**-23
 # So many pixels of a wall say how far noise spreads, in so many rounds; less of a step cannot be told from none.
-_SAMPLES, _ROUNDS, _LEAST_SIGMA = 6000, 25, 1e-3
+_SAMPLES, _ROUNDS, _MIN_SIGMA = 6000, 25, 1e-3
 
 
 def find_quantum(walls: list[Wall], resolution: float) -> float:
@@ -37,12 +37,12 @@ def find_quantum(walls: list[Wall], resolution: float) -> float:
 
 def _quantum_of(wall: Wall, resolution: float) -> float:
     values, rounding = _values(wall, resolution)
-    if not _LEAST_VALUES <= len(values) <= _MOST_VALUES * wall.known.sum():
+    if not _MIN_VALUES <= len(values) <= _MAX_VALUES * wall.known.sum():
         return 0.0
     gaps = np.diff(values)
     least = float(np.percentile(gaps, 10))
     quantum = float(np.median(gaps[gaps < 1.5 * least])) if (gaps < 1.5 * least).any() else least
-    if quantum < _LEAST_ROUNDINGS * rounding:
+    if quantum < _MIN_ROUNDINGS * rounding:
         return 0.0
     # From one value to the next there are a few whole steps, so that no count is in doubt.
     for _ in range(4):
@@ -51,7 +51,7 @@ def _quantum_of(wall: Wall, resolution: float) -> float:
     apart = np.sqrt(np.mean((values - first - quantum * steps) ** 2)) / quantum
     # A wall that leans sideways has a value a column, evenly apart: but none of them is far from the plane.
     spread = np.sqrt(np.mean(wall.residuals[wall.known] ** 2)) / quantum
-    return float(quantum) if apart <= _MOST_APART and spread >= _LEAST_SPREAD else 0.0
+    return float(quantum) if apart <= _MAX_APART and spread >= _MIN_SPREAD else 0.0
 
 
 def _values(wall: Wall, resolution: float) -> tuple[NDArray[np.float64], float]:
@@ -69,7 +69,7 @@ def _refined(wall: Wall, quantum: float) -> float:
     steps = np.round(values / quantum)
     refined = float((values * steps).sum() / (steps**2).sum())
     apart = np.sqrt(np.mean((values - refined * steps) ** 2)) / refined
-    return refined if apart <= _MOST_APART else quantum
+    return refined if apart <= _MAX_APART else quantum
 
 
 def fit_spread(walls: list[Wall], quantum: float) -> tuple[list[Wall], float]:
@@ -84,12 +84,12 @@ def fit_spread(walls: list[Wall], quantum: float) -> tuple[list[Wall], float]:
         return walls, float(np.sqrt(np.mean(np.concatenate([wall.residuals[wall.known] for wall in walls]) ** 2)))
     samples = [_Sample.of(wall, quantum, seed) for seed, wall in enumerate(walls)]
     apart = np.concatenate([sample.value - sample.rows @ sample.plane for sample in samples])
-    sigma = max(float(np.sqrt(max(np.mean(apart**2) - 1 / 12, 0.0))), _LEAST_SIGMA)
+    sigma = max(float(np.sqrt(max(np.mean(apart**2) - 1 / 12, 0.0))), _MIN_SIGMA)
     for _ in range(_ROUNDS):
         slopes = [sample.improve(sigma) for sample in samples]
         slope = np.concatenate(slopes)
         step = float(slope.sum() / max((slope**2).sum(), 1e-30))
-        sigma = max(sigma * math.exp(min(max(step, -0.5), 0.5)), _LEAST_SIGMA)
+        sigma = max(sigma * math.exp(min(max(step, -0.5), 0.5)), _MIN_SIGMA)
     fitted = [wall.with_plane(sample.plane * quantum) for wall, sample in zip(walls, samples, strict=True)]
     return fitted, sigma * quantum
 

@@ -16,7 +16,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.camera import Camera
-from warpvis.core.checks import as_items, check_choice, check_whole, is_number, is_whole, said_by, shortened
+from warpvis.core.checks import as_items, check_choice, check_whole, describe_exception, is_number, is_whole, truncate
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError, WarpvisError
 from warpvis.kernels.constants import STREAM_PARAMETERS
@@ -25,7 +25,7 @@ from warpvis.scene import Scene
 
 Per = Literal["view", "image"]
 
-_MOST_RANGES = 8  # of which all corners are tried
+_MAX_RANGES = 8  # of which all corners are tried
 _SAID = 9  # bytes of a pixel's true depth, depth and reason
 
 
@@ -57,8 +57,8 @@ class Randomized(DepthSensor):
         if self.kinds is not None:
             object.__setattr__(self, "kinds", check_whole(self.kinds, "kinds"))
             check_word(self.kinds, "kinds")
-        if not isinstance(self.ranges, Mapping) or not 1 <= len(self.ranges) <= _MOST_RANGES:
-            raise ArrayError(f"ranges must be of 1 to {_MOST_RANGES} parameters, got {shortened(repr(self.ranges))}")
+        if not isinstance(self.ranges, Mapping) or not 1 <= len(self.ranges) <= _MAX_RANGES:
+            raise ArrayError(f"ranges must be of 1 to {_MAX_RANGES} parameters, got {truncate(repr(self.ranges))}")
         limits = {name: self._check_range(name, given) for name, given in self.ranges.items()}
         object.__setattr__(self, "ranges", limits)
         self._corners  # noqa: B018 - which are all tried
@@ -68,7 +68,7 @@ class Randomized(DepthSensor):
         kind = type(self.of).__name__
         known = {field.name: field.type for field in fields(cast(Any, self.of))}
         if name not in known:
-            raise ArrayError(f"{kind} has no parameter {shortened(repr(name))}; it has {', '.join(known)}")
+            raise ArrayError(f"{kind} has no parameter {truncate(repr(name))}; it has {', '.join(known)}")
         value, limits = getattr(self.of, str(name)), [] if is_number(given) else as_items(given, str(name))
         whole = is_whole(value) and "float" not in str(known[str(name)]) and not isinstance(value, bool)
         if not is_number(value) and not (value is None and "float" in str(known[str(name)])):
@@ -76,7 +76,7 @@ class Randomized(DepthSensor):
         fits = is_whole if whole else is_number
         if len(limits) != 2 or not all(fits(limit) and np.isfinite(limit) for limit in limits):
             wanted = "whole numbers" if whole else "numbers"
-            raise ArrayError(f"{name} must be two {wanted}, the least and the greatest, got {shortened(repr(given))}")
+            raise ArrayError(f"{name} must be two {wanted}, the least and the greatest, got {truncate(repr(given))}")
         least, greatest = (int(limit) if whole else float(limit) for limit in limits)
         if least > greatest:
             raise ArrayError(f"{name} must be from a number to one no less, got {least:g} and {greatest:g}")
@@ -98,7 +98,7 @@ class Randomized(DepthSensor):
             return cast(DepthSensor, replace(cast(Any, self.of), **given))
         except WarpvisError as error:
             said = ", ".join(f"{name} {value:g}" for name, value in given.items())
-            raise ArrayError(f"ranges have {said}: {said_by(error)}") from None
+            raise ArrayError(f"ranges have {said}: {describe_exception(error)}") from None
 
     def camera(self) -> Camera:
         """Return the camera of the sensor.

@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import as_path, check_number, said_by
+from warpvis.core.checks import as_path, check_number, describe_exception
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, FileFormatError
@@ -27,7 +27,7 @@ _TABLE = (80, 80, 5)
 # The distortion file: lines before the numbers, numbers before the first cell and of each, where of a cell five factors
 # are, and the count of samples below which all five of them are taken for none.
 _HEADER_LINES, _BEFORE, _OF_CELL, _FACTORS, _ENOUGH = 5, 3, 23, 15, 8000
-_MOST_BYTES = 2**28
+_MAX_BYTES = 2**28
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ def _read_table(value: object) -> NDArray[np.float32]:
         return _check_table(as_numpy(value, name="distortion"), ArrayError, "distortion")
     path = as_path(value, "distortion")
     try:
-        if path.stat().st_size > _MOST_BYTES:
+        if path.stat().st_size > _MAX_BYTES:
             raise FileFormatError(f"{path}: is no table of distortions, which has 32,000 factors")
         table = np.load(path, allow_pickle=False) if path.suffix.lower() == ".npy" else _read_text(path)
     except FileFormatError:
@@ -97,7 +97,7 @@ def _read_table(value: object) -> NDArray[np.float32]:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or 'it is no NPY'}") from None
     except Exception as error:  # NumPy has many
-        raise FileFormatError(f"{path}: is no table of distortions: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: is no table of distortions: {describe_exception(error)}") from None
     return _check_table(table, FileFormatError, f"{path}: the table")
 
 

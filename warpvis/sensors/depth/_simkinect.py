@@ -24,7 +24,7 @@ from warpvis.sensors.depth._normal_images import draw_normal_image
 # A dot in each cell of so many pixels, as in the pattern that comes with simkinect; after so many cells it repeats.
 _CELL, _CELLS = 3, 96
 # Half the window's side plus what simkinect leaves out at the end, [px].
-_LEAST_PATTERN = 10
+_MIN_PATTERN = 10
 _PATTERN_KEY = 0x5EED
 _FILL_REACH = 3
 
@@ -119,9 +119,9 @@ def make_pattern(height: int, width: int) -> NDArray[np.uint8]:
 
 def _check_pattern(value: object) -> NDArray[np.uint8]:
     dots = as_numpy(value, name="pattern")
-    if dots.ndim != 2 or min(dots.shape) < _LEAST_PATTERN or dots.dtype.kind not in "iub":
+    if dots.ndim != 2 or min(dots.shape) < _MIN_PATTERN or dots.dtype.kind not in "iub":
         raise ArrayError(
-            f"pattern must be an image (H, W) of whole numbers, of at least {_LEAST_PATTERN}x{_LEAST_PATTERN} pixels, "
+            f"pattern must be an image (H, W) of whole numbers, of at least {_MIN_PATTERN}x{_MIN_PATTERN} pixels, "
             f"got {dots.dtype} of shape {dots.shape}"
         )
     if dots.min() < 0 or dots.max() > 255:

@@ -42,7 +42,7 @@ to the next. A shadow is as wide as disparities differ, so that none is missed t
 _LONG_BASELINE = 5.0
 # Share by which focal lengths of devices of one kind differ.
 _SAME_FOCAL_LENGTH = 0.05
-_MOST_SPACING, _MOST_WINDOW, _MOST_BESIDE = 64, 63, 8192
+_MAX_SPACING, _MAX_WINDOW, _MAX_BESIDE = 64, 63, 8192
 
 
 @lru_cache(maxsize=1024)  # once for each
@@ -135,14 +135,14 @@ class StereoDepth(Device):
             raise ArrayError(f"max_disparity must be a number of pixels above 0, got {self.max_disparity!r}")
         check_number(self.sigma, "sigma", least=0.0)
         check_number(self.locking, "locking")
-        _check_at_most(check_whole(self.noise_spacing, "noise_spacing"), "noise_spacing", _MOST_SPACING)
+        _check_at_most(check_whole(self.noise_spacing, "noise_spacing"), "noise_spacing", _MAX_SPACING)
         check_whole(self.subpixel, "subpixel", least=0)
         check_flag(self.shadow, "shadow")
         check_flag(self.band, "band")
-        _check_at_most(check_whole(self.fattening, "fattening", least=0), "fattening", _MOST_WINDOW // 2)
+        _check_at_most(check_whole(self.fattening, "fattening", least=0), "fattening", _MAX_WINDOW // 2)
         if check_whole(self.edge_window, "edge_window") % 2 == 0:
             raise ArrayError(f"edge_window must be odd, got {self.edge_window}")
-        _check_at_most(self.edge_window, "edge_window", _MOST_WINDOW)
+        _check_at_most(self.edge_window, "edge_window", _MAX_WINDOW)
         check_number(self.edge_step, "edge_step", least=0.0)
         check_number(self.least_support, "least_support", least=0.0, most=1.0)
         least = check_number(self.least_signal, "least_signal", least=0.0)
@@ -190,9 +190,9 @@ class StereoDepth(Device):
             return other
         least = max(camera.near, self._scale(camera) / self.max_disparity)
         beside = camera.fx * self.baseline / least if least > 0 else math.inf
-        if beside > _MOST_BESIDE:
+        if beside > _MAX_BESIDE:
             raise CameraError(
-                f"band=False needs a camera whose near, or max_disparity, keeps disparities below {_MOST_BESIDE} px"
+                f"band=False needs a camera whose near, or max_disparity, keeps disparities below {_MAX_BESIDE} px"
             )
         room = math.ceil(beside) + 1
         return dataclasses.replace(other, width=camera.width + 2 * room, cx=camera.cx + room)

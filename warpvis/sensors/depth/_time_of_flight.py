@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 SPEED_OF_LIGHT = 299792458.0
 """In a vacuum [m/s]."""
 
-_MOST_FREQUENCIES, _MOST_LAPS = 3, 1000
+_MAX_FREQUENCIES, _MAX_LAPS = 3, 1000
 # So many pixels' sub-rays have memory at once, in each view: images with more are made in parts. Trees over maps on CPU
 # cores are of 640 pixels, and parts are whole ones, so that results are those of any batch.
 _TREE_PIXELS, _TILE_PIXELS, _SIDE = 640, 16, 4
@@ -96,13 +96,13 @@ class TimeOfFlight(Device):
             given = tuple(self.frequencies)
         else:
             given = ()
-        if not 1 <= len(given) <= _MOST_FREQUENCIES or not all(_is_frequency(number) for number in given):
+        if not 1 <= len(given) <= _MAX_FREQUENCIES or not all(_is_frequency(number) for number in given):
             raise ArrayError(f"frequencies must be 1 to 3 whole numbers of Hz from 1 to 1e12, got {self.frequencies!r}")
         whole = tuple(sorted({int(number) for number in given}, reverse=True))
         object.__setattr__(self, "frequencies", tuple(float(number) for number in whole))
-        if whole[0] // reduce(math.gcd, whole) > _MOST_LAPS:
+        if whole[0] // reduce(math.gcd, whole) > _MAX_LAPS:
             raise ArrayError(
-                f"frequencies must have a common part of at least 1/{_MOST_LAPS} of the highest, got {self.frequencies}"
+                f"frequencies must have a common part of at least 1/{_MAX_LAPS} of the highest, got {self.frequencies}"
             )
         _check_or_endless(self.signal, "signal")
         check_number(self.background, "background", least=0.0)
@@ -155,7 +155,7 @@ class TimeOfFlight(Device):
         camera, model, whole = exposure.camera, FlightModel(), self._whole
         model.frequencies = len(whole)
         turns = [2 * frequency / SPEED_OF_LIGHT for frequency in whole]
-        model.turns = wp.vec3d(*turns, *[0.0] * (_MOST_FREQUENCIES - len(turns)))
+        model.turns = wp.vec3d(*turns, *[0.0] * (_MAX_FREQUENCIES - len(turns)))
         model.unambiguous, model.laps = self.unambiguous_range, whole[0] // reduce(math.gcd, whole)
         one = SPEED_OF_LIGHT / (4 * math.sqrt(2) * math.pi * whole[0])
         model.noise_scale = one / (self.contrast * math.sqrt(self.signal))

@@ -25,7 +25,7 @@ _AZURE_MODES = {
 _AZURE_SIGMA, _AZURE_DARKEST = 0.017, 0.15
 _CONTRAST = 0.7
 # No source: pixels whose light is of one phase to less than this are taken for flying ones.
-_LEAST_COHERENCE = 0.9
+_MIN_COHERENCE = 0.9
 
 
 def azure_kinect(mode: str = "nfov") -> TimeOfFlight:
@@ -93,7 +93,7 @@ def _profile(
         signal=electrons,
         contrast=_CONTRAST,
         wiggle=wiggle,
-        least_coherence=_LEAST_COHERENCE,
+        least_coherence=_MIN_COHERENCE,
         least_signal=least_signal,
         native_camera=Camera(width, height, fx, fy, width / 2, height / 2, near, far),
     )

@@ -21,8 +21,8 @@ from warpvis.errors import ArrayError
 _OUTLIERS = 6.0
 _ROUNDS = 12
 # What is spread more than this part of 1 / z is no wall.
-_MOST_SPREAD = 0.25
-_LEAST_PIXELS = 400
+_MAX_SPREAD = 0.25
+_MIN_PIXELS = 400
 # A column or a row is of the invalid band if at most this share of it is there.
 _BAND_SHARE = 0.02
 # Share of a normal distribution's deviation that the median of its absolute values is.
@@ -108,7 +108,7 @@ def measure_wall(depth: NDArray[np.floating], camera: Camera, region: float, nam
     first, last = _middle(camera.width, region)
     part = slice(top, bottom), slice(max(first, left), min(last, camera.width - right))
     looked_at = inverse[part]
-    if np.isfinite(looked_at).sum() < _LEAST_PIXELS:
+    if np.isfinite(looked_at).sum() < _MIN_PIXELS:
         raise ArrayError(f"{name} has depth at {np.isfinite(looked_at).sum()} pixels, too few for a wall")
     coefficients, known = _fit_plane(looked_at, x[part[1]], y[part[0]], name)
     planes = coefficients[0] * x + coefficients[1] * y[:, None] + coefficients[2]
@@ -161,7 +161,7 @@ def _fit_plane(
             break
         near = closer
     spread = float(np.median(np.abs(values - rows @ found))) / _MEDIAN_SHARE
-    if near.mean() < 0.5 or found[2] <= 0 or spread > _MOST_SPREAD * found[2]:
+    if near.mean() < 0.5 or found[2] <= 0 or spread > _MAX_SPREAD * found[2]:
         raise ArrayError(
             f"{name} shows no flat wall: {format_percent(near.mean())} of its pixels are of one plane, and 1 / z is "
             f"{format_percent(spread / abs(found[2]))} from it"

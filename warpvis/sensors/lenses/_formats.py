@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpvis.core.checks import as_items, check_flag, is_number, shortened
+from warpvis.core.checks import as_items, check_flag, is_number, truncate
 from warpvis.errors import CameraError
 from warpvis.sensors.lenses._closed import EUCM, FOV, DoubleSphere
 from warpvis.sensors.lenses._fisheyes import KannalaBrandt
@@ -66,7 +66,7 @@ def lens_from_ros(k: ArrayLike, d: ArrayLike | None, model: str) -> Lens:
     if not model and not any(coefficients):
         return lens_from_opencv(k, None)
     if model not in _ROS_COUNTS:
-        raise CameraError(f"distortion_model must be one of {', '.join(_ROS_COUNTS)}, got {shortened(repr(model))}")
+        raise CameraError(f"distortion_model must be one of {', '.join(_ROS_COUNTS)}, got {truncate(repr(model))}")
     _check_count(coefficients, (0, *_ROS_COUNTS[model]), "D", model)
     return lens_from_opencv(k, coefficients, fisheye=model in _FISHEYES)
 
@@ -82,11 +82,11 @@ def lens_from_kalibr(entry: Mapping[str, Any]) -> Lens:
     numbers = _numbers(entry.get("intrinsics"), "intrinsics")
     counts = {"pinhole": 4, "omni": 5, "eucm": 6, "ds": 6}
     if model not in counts:
-        raise CameraError(f"camera_model must be one of {', '.join(counts)}, got {shortened(repr(model))}")
+        raise CameraError(f"camera_model must be one of {', '.join(counts)}, got {truncate(repr(model))}")
     _check_count(numbers, (counts[model],), "intrinsics", model)
     if distortion not in _KALIBR_COUNTS:
         raise CameraError(
-            f"distortion_model must be one of {', '.join(_KALIBR_COUNTS)}, got {shortened(repr(distortion))}"
+            f"distortion_model must be one of {', '.join(_KALIBR_COUNTS)}, got {truncate(repr(distortion))}"
         )
     fx, fy, cx, cy = numbers[-4:]
     intrinsics = fx, fy, cx + 0.5, cy + 0.5
@@ -127,7 +127,7 @@ def nerfstudio_model(fields: Mapping[str, Any]) -> str:
             if given is None:
                 models.append(model)
             elif given != model and not (model == "OPENCV_FISHEYE" and given in _NERF_FISHEYES):
-                raise CameraError(f"camera_model must be {model} or left out with {key}, got {shortened(repr(given))}")
+                raise CameraError(f"camera_model must be {model} or left out with {key}, got {truncate(repr(given))}")
     if len(models) > 1:
         raise CameraError(f"a camera must have one model, got keys of {' and '.join(models)}")
     return models[0] if models else "OPENCV"
@@ -172,14 +172,14 @@ def lens_from_nerfstudio(fields: Mapping[str, Any], size: Sequence[float], intri
         return FTheta(cx, cy, tuple(rest))
     if model == "EQUIRECTANGULAR":
         return Equirectangular(float(size[0]), float(size[1]))
-    raise CameraError(f"camera_model {shortened(repr(model))} of nerfstudio is not known")
+    raise CameraError(f"camera_model {truncate(repr(model))} of nerfstudio is not known")
 
 
 def _number(fields: Mapping[str, Any], name: str) -> float:
     value = fields.get(name)
     value = 0.0 if value is None else value
     if not is_number(value):
-        raise CameraError(f"{name} must be a number, got {shortened(repr(value))}")
+        raise CameraError(f"{name} must be a number, got {truncate(repr(value))}")
     return float(value)
 
 
@@ -198,7 +198,7 @@ def _numbers(values: Any, name: str) -> tuple[float, ...]:
     # Compared, since whole numbers of a file may be longer than any float.
     wrong = [number for number in flat if not is_number(number) or not abs(number) <= sys.float_info.max]
     if wrong:
-        raise CameraError(f"{name} must be finite numbers, got {shortened(repr(wrong[0]))}")
+        raise CameraError(f"{name} must be finite numbers, got {truncate(repr(wrong[0]))}")
     return tuple(float(number) for number in flat)
 
 

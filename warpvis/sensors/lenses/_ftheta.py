@@ -16,7 +16,7 @@ from warpvis.errors import CameraError
 from warpvis.sensors.lenses._lens import Lens, check_coefficients, rays_of
 from warpvis.sensors.lenses._rising import Floats, Rising
 
-_MOST_RADIUS = 2.0**20
+_MAX_RADIUS = 2.0**20
 """No image's radius is larger [px]."""
 
 
@@ -74,7 +74,7 @@ class FTheta(Lens):
         limit = self.most_angle
         if not self._is_forward:
             limit = 1.0
-            while limit < _MOST_RADIUS and polynomial(limit) < self.most_angle and slope(limit) > 0:
+            while limit < _MAX_RADIUS and polynomial(limit) < self.most_angle and slope(limit) > 0:
                 limit *= 2
         return Rising(lambda at: (polynomial(at), slope(at)), limit)
 

@@ -19,7 +19,7 @@ from warpvis.core.checks import as_items, is_number
 from warpvis.errors import ArrayError, CameraError
 from warpvis.sensors.lenses._rising import Floats, Rising
 
-_MOST_TABLES = 2  # an image, and a canvas around it
+_MAX_TABLES = 2  # an image, and a canvas around it
 _PIXELS_AT_ONCE = 2**18  # what is computed on the way takes 20 times as much memory as rays
 
 
@@ -87,7 +87,7 @@ class Lens(ABC):
                 some = first[1] + np.arange(row, min(row + rows, height)) + 0.5
                 found[row : row + rows] = self.unproject(np.stack(np.meshgrid(columns, some), axis=-1))
             found.flags.writeable = False
-            if len(tables) >= _MOST_TABLES:  # a lens is of one sensor: what is kept does not grow
+            if len(tables) >= _MAX_TABLES:  # a lens is of one sensor: what is kept does not grow
                 tables.clear()
             tables[part] = found
             return found

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _SAMPLES = 4096
-_MOST_STEPS = 200
+_MAX_STEPS = 200
 
 
 class Rising:
@@ -67,7 +67,7 @@ class Rising:
         low, high = self._places[index], self._places[index + 1]
         place = (low + high) / 2
         active = np.arange(len(wanted))
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MAX_STEPS):
             at, a, b = place[active], low[active], high[active]
             with np.errstate(all="ignore"):
                 value, slope = self._function(at)

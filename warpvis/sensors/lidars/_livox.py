@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path, check_number, check_whole, said_by, shortened
+from warpvis.core.checks import as_path, check_number, check_whole, describe_exception, truncate
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.sensors._rays import Rays
 from warpvis.sensors.lidars._angles import directions_at
@@ -136,7 +136,7 @@ def _read_npy(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or 'it is no NPY'}") from None
     except Exception as error:  # a damaged file raises what it likes
-        raise FileFormatError(f"{path}: does not read as NPY: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: does not read as NPY: {describe_exception(error)}") from None
     if not isinstance(loaded, np.ndarray) or loaded.ndim != 2 or loaded.shape[1] != 2 or loaded.dtype.kind != "f":
         got = f"{loaded.dtype} of {loaded.shape}" if isinstance(loaded, np.ndarray) else "an archive"
         raise FileFormatError(f"{path}: must hold azimuth and elevation, floats of shape (samples, 2), got {got}")
@@ -150,7 +150,7 @@ def _read_csv(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         with path.open(encoding="utf-8-sig") as lines:
             header = lines.readline().strip()
             if [name.strip().lower() for name in header.split(",")] != _HEADER.lower().split(","):
-                raise FileFormatError(f"{path}:1: must begin with the line '{_HEADER}', got {shortened(header)!r}")
+                raise FileFormatError(f"{path}:1: must begin with the line '{_HEADER}', got {truncate(header)!r}")
             with warnings.catch_warnings(action="ignore"):  # of no lines, which are refused below
                 numbers = np.loadtxt(lines, delimiter=",", ndmin=2)
     except OSError as error:
@@ -160,7 +160,7 @@ def _read_csv(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise
-        raise FileFormatError(f"{path}: must hold three numbers a line: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: must hold three numbers a line: {describe_exception(error)}") from None
     if numbers.ndim != 2 or not len(numbers) or numbers.shape[1] != 3:
         raise FileFormatError(f"{path}: must hold lines of three numbers, '{_HEADER}', got {numbers.shape}")
     return _checked(path, np.radians(numbers[:, 1]), np.radians(90.0 - numbers[:, 2]), math.pi / 2)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path, check_choice, is_whole, shortened
+from warpvis.core.checks import as_path, check_choice, is_whole, truncate
 from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
@@ -169,7 +169,7 @@ def _read(path: str | os.PathLike[str]) -> _Beams:
     product = product if isinstance(product, str) else ""
     named = re.match(r"OS-\d-(\d+)", product)
     if named and int(named[1]) != len(altitude):
-        raise FileFormatError(f"{path}: is of an {shortened(product)}, and has {len(altitude)} beams")
+        raise FileFormatError(f"{path}: is of an {truncate(product)}, and has {len(altitude)} beams")
     columns = layout.get("columns_per_frame")
     return _Beams(
         altitude,

@@ -15,7 +15,7 @@ from warpvis.errors import CameraError
 from warpvis.sensors._rays import Rays
 from warpvis.sensors.lidars._angles import check_increment, check_span, directions_at
 
-_MOST_RAYS = 2**26
+_MAX_RAYS = 2**26
 _TURN = 2.0 * math.pi
 
 
@@ -163,8 +163,8 @@ def grid(
     norm = float(np.linalg.norm(along))
     if norm == 0:
         raise CameraError("direction must have a length, got 0")
-    if (length / step + 1) * (width / step + 1) > _MOST_RAYS:
-        raise CameraError(f"a grid may have {_MOST_RAYS} rays, and {length:g} x {width:g} m by {step:g} m has more")
+    if (length / step + 1) * (width / step + 1) > _MAX_RAYS:
+        raise CameraError(f"a grid may have {_MAX_RAYS} rays, and {length:g} x {width:g} m by {step:g} m has more")
     x = _steps(-length / 2, length / 2, step, "resolution")
     y = _steps(-width / 2, width / 2, step, "resolution")
     origins = np.zeros((len(y), len(x), 3))
@@ -193,9 +193,9 @@ def _around(first: float, last: float, step: float, channels: int) -> NDArray[np
     """Return azimuths of columns [rad]; of a whole turn the last is left out."""
     if last - first > _TURN + 1e-9:
         raise CameraError(f"azimuth must be within one turn, got {last - first:g} radians{degrees_hint(last)}")
-    if channels > _MOST_RAYS or (last - first) / step * channels > _MOST_RAYS:
+    if channels > _MAX_RAYS or (last - first) / step * channels > _MAX_RAYS:
         raise CameraError(
-            f"a lidar may have {_MOST_RAYS} rays, and {channels} channels {step:g} radians apart have more"
+            f"a lidar may have {_MAX_RAYS} rays, and {channels} channels {step:g} radians apart have more"
         )
     azimuth = _steps(first, last, step, "increment")
     whole = len(azimuth) > 1 and azimuth[-1] - azimuth[0] > _TURN - 1e-9
@@ -207,6 +207,6 @@ def _steps(first: float, last: float, step: float, name: str) -> NDArray[np.floa
     if step == 0 or (last - first) / step < 0:
         raise CameraError(f"{name} must lead from {first:g} to {last:g}, got {step:g}")
     count = (last - first) / step
-    if count > _MOST_RAYS:
-        raise CameraError(f"a pattern may have {_MOST_RAYS} rays, and {name} {step:g} makes more")
+    if count > _MAX_RAYS:
+        raise CameraError(f"a pattern may have {_MAX_RAYS} rays, and {name} {step:g} makes more")
     return first + np.arange(math.floor(count + 1e-9) + 1, dtype=np.float64) * step

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path, is_number, shortened
+from warpvis.core.checks import as_path, is_number, truncate
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import FileFormatError
 from warpvis.sensors._rays import Rays
@@ -206,5 +206,5 @@ def _number(row: dict[str, object], name: str, path: object) -> float:
     value = row.get(name, 0.0 if name in _OFFSETS else None)
     # Compared, since whole numbers of a file may be longer than any float.
     if not is_number(value) or not abs(value) <= sys.float_info.max:
-        raise FileFormatError(f"{path}: {name} of a laser must be a finite number, got {shortened(repr(value))}")
+        raise FileFormatError(f"{path}: {name} of a laser must be a finite number, got {truncate(repr(value))}")
     return float(value)

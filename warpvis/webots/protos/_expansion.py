@@ -17,11 +17,11 @@ from warpvis.webots.protos._files import ProtoFile, read_proto
 from warpvis.webots.protos._template_engine import TemplateEngine
 from warpvis.webots.protos._templates import render, script_value
 
-MOST_PROTOS_NESTED = 50
+MAX_PROTOS_NESTED = 50
 """PROTOs within PROTOs."""
-MOST_PROTO_NODES = 1_000_000
+MAX_PROTO_NODES = 1_000_000
 """Nodes that all PROTO instances of a world may stand for."""
-MOST_INSTANCES = 50_000
+MAX_INSTANCES = 50_000
 """PROTO instances of a world, those within PROTOs included: a few that double each other make any number."""
 
 
@@ -99,14 +99,14 @@ class Protos:
         if path in node.protos:
             circle = " -> ".join(Path(file).stem for file in protos[node.protos.index(path) :])
             raise FileFormatError(f"{node.file}:{node.line}: expected PROTOs that do not use themselves, got {circle}")
-        if len(protos) > MOST_PROTOS_NESTED:
+        if len(protos) > MAX_PROTOS_NESTED:
             raise FileFormatError(
-                f"{node.file}:{node.line}: expected at most {MOST_PROTOS_NESTED} PROTOs within PROTOs, got more"
+                f"{node.file}:{node.line}: expected at most {MAX_PROTOS_NESTED} PROTOs within PROTOs, got more"
             )
         self._instances += 1
-        if self._instances > MOST_INSTANCES:
+        if self._instances > MAX_INSTANCES:
             raise FileFormatError(
-                f"{node.file}:{node.line}: expected at most {MOST_INSTANCES} instances of PROTOs in a world, got more"
+                f"{node.file}:{node.line}: expected at most {MAX_INSTANCES} instances of PROTOs in a world, got more"
             )
         values = proto.values(node, protos)
         body = self._render(proto, values, node) if proto.language else proto.body
@@ -117,9 +117,9 @@ class Protos:
             parser.fail(f"one node in the body of {proto.name}", f"{len(nodes)}" if parser.kind == "end" else None)
         (root,) = nodes
         self._nodes += root.size
-        if self._nodes > MOST_PROTO_NODES:
+        if self._nodes > MAX_PROTO_NODES:
             raise FileFormatError(
-                f"{node.file}:{node.line}: expected PROTOs that stand for at most {MOST_PROTO_NODES} nodes, got more"
+                f"{node.file}:{node.line}: expected PROTOs that stand for at most {MAX_PROTO_NODES} nodes, got more"
             )
         root.name = node.name
         return root

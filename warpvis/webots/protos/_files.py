@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from warpvis.core.checks import counted
+from warpvis.core.checks import pluralize
 from warpvis.webots._grammar import Parser, read_text, read_version
 from warpvis.webots._nodes import Node, Value, Version, described
 from warpvis.webots.protos._templates import Language, language_of
@@ -174,7 +174,7 @@ def _checked(field: ProtoField, name: str, instance: Node) -> Value:
             instance.refuse(name, "whole numbers", described(item))
     width = _WIDTHS[kind]
     if len(value) != width if single else len(value) % width:
-        _refuse(instance, name, field, counted(len(value), "value"))
+        _refuse(instance, name, field, pluralize(len(value), "value"))
     allowed = [field.allowed[i : i + width] for i in range(0, len(field.allowed), width)]
     for i in range(0, len(value) if allowed else 0, width):
         if tuple(value[i : i + width]) not in allowed:

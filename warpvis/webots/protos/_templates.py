@@ -31,8 +31,8 @@ _GRACE = 1  # that a template's process has over its engine [s]
 _HEAP = 256 << 20  # of an engine [bytes]
 _MEMORY = 1 << 30  # of the process, beyond what it has before [bytes]
 _STACK = 512 << 10  # bytes; threads have stacks of a few MiB
-_MOST_VALUES = 1_000_000  # that a template may be given
-_MOST_NESTED = 60  # nodes in them
+_MAX_VALUES = 1_000_000  # that a template may be given
+_MAX_NESTED = 60  # nodes in them
 _PROTO_COST = 100  # values that an instance of a PROTO counts as: its defaults have to be parsed
 
 _MARKS = {"javascript": ("%<", ">%"), "lua": ("%{", "}%")}
@@ -122,7 +122,7 @@ class _Script:
     def __init__(self, place: str, describe: Describe) -> None:
         self._place = place
         self._describe = describe
-        self._left = _MOST_VALUES
+        self._left = _MAX_VALUES
         self._depth = 0
 
     def value(self, value: Value, field_type: str) -> Json:
@@ -160,9 +160,9 @@ class _Script:
 
     def _node(self, node: Node) -> dict[str, Json]:
         self._depth += 1
-        if self._depth > _MOST_NESTED:
+        if self._depth > _MAX_NESTED:
             raise FileFormatError(
-                f"{self._place}: expected at most {_MOST_NESTED} nodes within nodes for a template, got more"
+                f"{self._place}: expected at most {_MAX_NESTED} nodes within nodes for a template, got more"
             )
         fields = {}
         described = self._describe(node)
@@ -183,7 +183,7 @@ class _Script:
     def _count(self, number: int) -> None:
         self._left -= number
         if self._left < 0:
-            raise FileFormatError(f"{self._place}: expected at most {_MOST_VALUES} values for a template, got more")
+            raise FileFormatError(f"{self._place}: expected at most {_MAX_VALUES} values for a template, got more")
 
 
 def _named(items: Sequence[Json], keys: str) -> dict[str, Json]:

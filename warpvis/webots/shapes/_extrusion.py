@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.webots._nodes import Node
-from warpvis.webots.shapes._polygons import MOST_POINTS, Points, Triangles, compact, refuse, triangulate, tuples
+from warpvis.webots.shapes._polygons import MAX_POINTS, Points, Triangles, compact, refuse, triangulate, tuples
 
 _SQUARE = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
 
@@ -29,8 +29,8 @@ def extrusion(node: Node) -> Triangles | None:
     turns = _for_each(node, "orientation", tuples(node, "orientation", 4, ((0, 0, 1, 0),)), len(spine))
     subdivision = max(node.integer("splineSubdivision", 4), 0)
     count = (len(spine) - 1) * max(subdivision, 1) + 1
-    if count * len(section) > MOST_POINTS:
-        refuse(node, f"at most {MOST_POINTS} points", f"{count} x {len(section)}")
+    if count * len(section) > MAX_POINTS:
+        refuse(node, f"at most {MAX_POINTS} points", f"{count} x {len(section)}")
     if subdivision > 0:
         spine, scale, turns = _smooth(spine, subdivision), _between(scale, subdivision), _between(turns, subdivision)
     side, other = _axes(node, spine)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import said_by
+from warpvis.core.checks import describe_exception
 from warpvis.core.file_content import require_content
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
@@ -264,7 +264,7 @@ def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArra
                 faces = keep_winding(np.asarray(mesh.faces, dtype=np.int64), placement[:3, :3])
                 parts.append((str(name), (vertices @ linear.T, faces)))
     except Exception as error:  # trimesh's readers raise what they like
-        raise FileFormatError(f"{path}: does not read as {kind.upper()}: {said_by(error)}") from None
+        raise FileFormatError(f"{path}: does not read as {kind.upper()}: {describe_exception(error)}") from None
     if not parts:
         raise FileFormatError(f"{path}: holds no triangles")
     if not all(np.isfinite(vertices).all() for _, (vertices, _) in parts):

@@ -14,9 +14,9 @@ from warpvis.core.arrays import FARTHEST
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node
 
-MOST_POINTS = 1 << 22
+MAX_POINTS = 1 << 22
 """A grid or an extrusion has at most so many points: a short text can ask for any number of them."""
-MOST_CORNERS = 2000
+MAX_CORNERS = 2000
 """A polygon that is not convex has at most so many corners: the time to cut it up grows with their square."""
 
 Triangles = tuple[NDArray[np.float64], NDArray[np.int32]]
@@ -111,8 +111,8 @@ def elevation_grid(node: Node) -> Triangles | None:
     second = "y" if node.version.z_up else "z"
     columns, rows = (whole(node, f"{axis}Dimension", 0, 0) for axis in ("x", second))
     steps = [positive(node, f"{axis}Spacing", 1.0) for axis in ("x", second)]
-    if columns * rows > MOST_POINTS:
-        refuse(node, f"a grid of at most {MOST_POINTS} points", f"{columns} x {rows}")
+    if columns * rows > MAX_POINTS:
+        refuse(node, f"a grid of at most {MAX_POINTS} points", f"{columns} x {rows}")
     if columns < 2 or rows < 2:
         return None
     given = node.numbers("height")[: columns * rows]
@@ -158,8 +158,8 @@ def triangulate(node: Node, points: Points, groups: list[Indices], names: Indice
             concave[:] = False
         fan = [(0, k, k + 1) for k in range(1, corners - 1)]
         parts.append(polygons[~concave][:, fan].reshape(-1, 3))
-        if concave.any() and corners > MOST_CORNERS:
-            refuse(node, f"at most {MOST_CORNERS} corners of a polygon that is not convex", corners)
+        if concave.any() and corners > MAX_CORNERS:
+            refuse(node, f"at most {MAX_CORNERS} corners of a polygon that is not convex", corners)
         parts += [polygon[_ears(points[polygon])] for polygon in polygons[concave]]
     faces = np.concatenate(parts)
     named = faces if names is None else names[faces]
