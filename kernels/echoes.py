@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What of a lidar's beam comes back: intensities of rays, and the returns of beams that are made of several rays."""
+"""Lidar echoes: intensities of rays, and the returns of beams that consist of several rays."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class Return:
-    """What of a beam comes back from surfaces that are closer to each other than it can tell apart."""
+    """A return: the echo of surfaces that are too close to each other to be resolved."""
 
     distance: float
     intensity: float
@@ -28,9 +28,9 @@ def measure_incidence(
     # Out:
     incidence_out: wp.array3d[float],
 ):
-    """Write the cosine between every ray and the normal of what it meets; NaN where it meets nothing.
+    """Write the absolute cosine between every ray and the surface normal at its hit; NaN for a miss.
 
-    `directions_in` are unit vectors of the frame that poses are of, (1, y, x).
+    `directions_in` contains unit vectors in the frame of the poses, (1, y, x).
     """
     view, y, x = wp.tid()
     view += window.first_view
@@ -52,9 +52,9 @@ def reflect_rays(
     # Out:
     intensity_out: wp.array3d[float],
 ):
-    """Write the intensity of every ray: its object's reflectivity by the cosine of incidence, 0 where nothing is seen.
+    """Write the intensity of every ray: the object's reflectivity times the cosine of incidence; 0 for a miss.
 
-    `falls_off`: Whether it falls with the square of the range, too [1/m^2].
+    `falls_off`: Whether intensity also decreases with the square of the range [1/m^2].
     """
     view, y, x = wp.tid()
     view += window.first_view
@@ -72,7 +72,7 @@ def reflect_rays(
 
 @wp.func
 def next_distance(depth_in: wp.array3d[float], view: int, y: int, first: int, count: int, after: float) -> float:
-    """The least range of a beam's rays that is more than `after`; +inf if there is none."""
+    """Return the smallest range of a beam's rays that is greater than `after`; +inf if there are no more."""
     found = float(wp.inf)
     for i in range(count):
         distance = depth_in[view, y, first + i]
@@ -92,7 +92,7 @@ def return_within(
     least: float,
     most: float,
 ) -> Return:
-    """What the rays of a beam whose ranges are from `least` to `most` bring back: the mean range, by intensity."""
+    """Return the echo of a beam's rays with ranges from `least` to `most`: their intensity-weighted mean range."""
     total = float(0.0)
     moment = float(0.0)
     for i in range(count):
@@ -123,12 +123,12 @@ def gather_returns(
     range_out: wp.array4d[float],
     intensity_out: wp.array4d[float],
 ):
-    """Write a return of every beam, of `count` rays side by side: the strongest, or if `keeps_last`, the last.
+    """Write one or two returns of beams of `count` adjacent rays: first the strongest, or the last if `keeps_last`.
 
-    Rays are of one return while no gap between their ranges is more than `separation` [m]. Returns weaker than
-    `threshold` are none. Indices of what is written are (view, return, y, x). Of two returns the second is the last
-    one, and where that is the strongest, the second strongest. Where there is no return, range is +inf and intensity
-    0; -inf where all of the beam is too near.
+    Rays belong to one return while gaps between their ranges are at most `separation` [m]. Returns weaker than
+    `threshold` are dropped. Output indices are (view, return, y, x). The second return is the last one, or the second
+    strongest if the last one is the strongest. Without a return, range is +inf and intensity 0; range is -inf if the
+    whole beam is too near.
     """
     view, y, x = wp.tid()
     view += window.first_view

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CPU cores: views, or strips of them, walk a BVH of as many lanes as a SIMD register has.
+"""The ``packets`` caster on CPU cores: views, or strips of them, traverse a BVH with one child per SIMD lane.
 
-The C++ is in ``kernels/native/``; Warp's own Clang compiles it. It holds structs of static functions only, because a
-native function's text goes into a function's body.
+The C++ is in ``kernels/native/`` and is compiled by Warp's Clang. It consists of structs of static functions, because
+the text of a native function is pasted into a function body.
 """
 
 import warp as wp
@@ -17,46 +17,46 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class BvhScene:
-    """BVHs in the same arrays: of all that stays, then of each mesh that moves, or that objects share where they stay.
+    """BVHs in shared arrays: of all static geometry, then of each mesh that is movable or shared by static objects.
 
-    Of a triangle, ``owners`` holds the object, or its complement if that is closed; of one that moves, and alone, 0 or
-    its complement. Triangles are numbered by their places in leaves: first those that stay, then those of each movable
-    object, as if it had leaves of its own.
+    ``owners`` contains each static triangle's object, or the complement of its index if the object is closed. Triangles
+    of a movable mesh of a single object have 0 or its complement. Triangle ids are positions in leaves: first those of
+    static triangles, then those of each movable object, as if each had its own leaves.
     """
 
     leaves: wp.array[float]
     owners: wp.array[wp.int32]
     nodes: wp.array[float]
     children: wp.array[wp.int32]
-    slot_face: wp.array[wp.int32]  # (place in leaves): in its object's own mesh, -1 for none; None until asked for
+    slot_face: wp.array[wp.int32]  # (position in leaves): face index in the object's mesh, or -1; None until needed
     object_label: wp.array[wp.uint8]
     object_count: int
-    levels: int  # of nodes, of the deepest tree
-    static_root: int  # -1 if nothing stays
-    static_object: wp.array[wp.int32]  # those that stay
-    closed_boxes: wp.array[float]  # of closed objects that stay
+    levels: int  # of the deepest tree
+    static_root: int  # -1 without static geometry
+    static_object: wp.array[wp.int32]  # static objects
+    closed_boxes: wp.array[float]  # of closed static objects
     closed_object: wp.array[wp.int32]
     closed_count: int
-    all_closed: int  # whether all that stay are
+    all_closed: int  # whether all static objects are closed
     movable_count: int
-    drawn_count: int  # of what has a frame of its own: of the movable, and behind them instances, which stay
-    instance_pose: wp.array[wp.transform]  # of those that stay
-    movable_object: wp.array[wp.int32]  # (drawn), as the others; -1 where several move together: then owners tell
+    drawn_count: int  # objects with their own frame: movable objects, then static instances
+    instance_pose: wp.array[wp.transform]  # of static instances
+    movable_object: wp.array[wp.int32]  # (drawn), as below; -1 if several objects move together: see owners
     movable_root: wp.array[wp.int32]
-    movable_leaf: wp.array[wp.int32]  # the first leaf of its tree
-    movable_first_id: wp.array[wp.int32]  # the number of its first triangle
+    movable_leaf: wp.array[wp.int32]  # first leaf of its tree
+    movable_first_id: wp.array[wp.int32]  # id of its first triangle
     movable_closed: wp.array[wp.int32]
-    movable_boxes: wp.array[float]  # in its frame, of its triangles
+    movable_boxes: wp.array[float]  # bounds of its triangles, in its frame
     movable_solid: wp.array[wp.int32]  # a `warpvis.scene.solids.SolidKind`
-    movable_size: wp.array[wp.vec4]  # of a solid: factors along x, y and z [m], and half length before them
+    movable_size: wp.array[wp.vec4]  # of a solid: factors along x, y and z [m], and half length before scaling
 
 
 @wp.struct
 class PacketJob:
-    """Images to make, in units of strips. Counters, from 0, are a `JobCounter` of ``native/shared``.
+    """Images to render, in units of strips. Counters are a `JobCounter` of ``native/shared`` and start at 0.
 
-    With `points`, rays go through that many points of every view, at x y x y ... [px], instead of its pixels' centres;
-    the outputs' shape is then (views, 1, points).
+    If `points` is positive, rays pass through that many points in every view instead of pixel centers; their
+    coordinates are x y x y ... [px], and outputs have the shape (views, 1, points).
     """
 
     views: int
@@ -77,14 +77,15 @@ class PacketJob:
     points: int
     at: wp.array[float]
     counter: wp.array[wp.int32]
-    scratch: wp.array2d[wp.uint8]  # of each worker; None to measure how many bytes each needs
+    scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
     scratch_bytes: wp.array[wp.int64]
 
 
 @wp.struct
 class PacketCall:
-    """What a launch is given, in one piece of memory, which its owner may change between launches: to pack that much
-    as arguments takes longer than many an image.
+    """The arguments of a launch in one struct, which the caller may modify between launches.
+
+    Packing them as individual arguments takes longer than rendering some images.
     """
 
     scene: BvhScene
@@ -134,7 +135,7 @@ const Scene drawn = {
      worlds.world.data, worlds.excluded.data, worlds.excluded.shape[0], scene.object_count, scene.static_object.data,
      scene.static_object.shape[0]}};
 """
-"""The structs of ``kernels/native/cpu`` of a `BvhScene` named ``scene`` and `Worlds` named ``worlds``."""
+"""C++ that defines the `Scene` of ``kernels/native/cpu`` from a `BvhScene` ``scene`` and `Worlds` ``worlds``."""
 
 CALL = """
 const auto& scene = calls.data->scene;
@@ -143,7 +144,7 @@ const auto& poses = calls.data->poses;
 const auto& worlds = calls.data->worlds;
 const auto& images = images_out.data[0];
 """
-"""What a call's struct, the first of ``calls``, and its images are called."""
+"""C++ that names the members of a call's struct, the first of ``calls``, and its images."""
 
 _CAST = """
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
@@ -177,10 +178,10 @@ def cast_packets(
     # Out:
     images_out: wp.array[Images],
 ):
-    """Write the asked-for images (one that is None is skipped) of one call: each array holds one.
+    """Write the requested images (None is skipped) of one call; each array contains one element.
 
-    Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
-    of work, until none is left.
+    Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
+    units of work.
     """
     _ = wp.tid()
     cast_units(calls, images_out)

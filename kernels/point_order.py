@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points of images, sorted by where they are, for packets on CUDA.
+"""Spatial sorting of image points for packets on CUDA.
 
-Points that are in rows, as an image's pixels are, are left as they are. Others are counted by the cells of a grid that
-they are in, and written in the order of these: along a Hilbert curve, so that those that follow each other are near.
-In what order those of one cell are is by chance, and counts for nothing: see ``native/cuda/points.h``.
+Points in rows, such as the pixels of an image, are not sorted. Other points are counting-sorted by the cells of a grid,
+in the order of a Hilbert curve, so that consecutive points are close. The order of points within a cell is arbitrary
+and does not change results: see ``native/cuda/points.h``.
 """
 
 import warp as wp
@@ -12,39 +12,39 @@ import warp as wp
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 POINTS_PER_THREAD = 8
-"""That a thread looks at."""
+"""Points per thread."""
 
 BLOCK_COLUMNS, BLOCK_ROWS = 8, 4
-"""Of points in rows that lanes draw together."""
+"""Size of a block of points in rows, which a warp renders together."""
 
 OUTSIDE_CELLS = wp.constant(1024)
-"""For points that are not in the image, in turns: threads that count in one and the same would wait for each other."""
+"""Number of cells for points outside the image; points are distributed over them to reduce contention of atomics."""
 
 APART_UNIT = wp.constant(8.0)
-"""Of `PointLists.apart` to a pixel."""
+"""Scale of the integers in `PointLists.apart`, per pixel."""
 
 MAX_APART = wp.constant(8)
-"""So many times as far apart as blocks may be, and no more, counts a block."""
+"""Limit of a block's contribution to `PointLists.apart`, as a multiple of the permitted spread."""
 
 
 @wp.struct
 class PointLists:
-    """Points of the image of every view, as many in each."""
+    """Image points of all views, the same number in each view."""
 
     at: wp.array2d[wp.vec2]
     """(view, point): from the image's corner [px]."""
     columns: int
-    """Of rows that they may be in."""
+    """Number of points per row, if the points are in rows."""
     apart: wp.array[wp.int32]
-    """(view): by how much farther apart points of a block are than they may be; above 0, they are sorted."""
+    """(view): sum of the spread of sampled blocks beyond the permitted spread; a view is sorted if positive."""
     cells: int
-    """Of the grid, and `OUTSIDE_CELLS`."""
+    """Number of cells per view: those of the grid, and `OUTSIDE_CELLS`."""
     counts: wp.array[wp.int32]
-    """(view, cell) in a row: how many points are in it and not yet in `order`."""
+    """(view, cell), flattened: number of points in the cell that are not yet in `order`."""
     ends: wp.array[wp.int32]
-    """(view, cell) in a row: where in `order` its points end."""
+    """(view, cell), flattened: end of the cell's points in `order`."""
     order: wp.array[wp.int32]
-    """Points of the views that are sorted, one view after the other."""
+    """Point indices of the sorted views, one view after the other."""
 
 
 @wp.func
@@ -54,7 +54,7 @@ def is_inside(at: wp.vec2, width: float, height: float) -> bool:
 
 @wp.func
 def along_hilbert(x: int, y: int, bits: int) -> int:
-    """How far along a Hilbert curve a cell is (Hamilton and Rau-Chaplin 2008): a quadrant a bit, each turned."""
+    """Return a cell's index along a Hilbert curve (Hamilton and Rau-Chaplin 2008): two bits per level of quadrants."""
     place = int(0)
     column, row = int(x), int(y)
     last = (1 << bits) - 1
@@ -73,7 +73,7 @@ def along_hilbert(x: int, y: int, bits: int) -> int:
 
 @wp.func
 def cell_of(at: wp.vec2, point: int, width: float, height: float, bits: int) -> int:
-    """The cell of a point; one of the last where it is not in the image."""
+    """Return the cell of a point: one of the last `OUTSIDE_CELLS` if the point is outside the image."""
     cell = (1 << (2 * bits)) + point % OUTSIDE_CELLS
     if is_inside(at, width, height):
         last = (1 << bits) - 1
@@ -94,9 +94,9 @@ def measure_blocks(
     # Out:
     apart_out: wp.array[wp.int32],
 ):
-    """Add up by how much the corners of some blocks of 8x4 points in rows are farther apart than `most` [px].
+    """Sum by how much the corners of sampled blocks of 8x4 points in rows spread farther than `most` [px].
 
-    Of columns of blocks one is looked at, and so many are not, less one. `apart_out` is 0 before.
+    In every row of blocks, each `step`-th block is sampled. `apart_out` must be 0 before the launch.
     """
     view, block_y, i = wp.tid()
     y, x = block_y * BLOCK_ROWS, i * step * BLOCK_COLUMNS
@@ -122,7 +122,7 @@ def count_points(
     # Out:
     points_out: PointLists,
 ):
-    """Count the points in each cell, of views that are to be sorted. `counts` are 0 before."""
+    """Count the points in each cell for views that need sorting. `counts` must be 0 before the launch."""
     view, i = wp.tid()
     if points_out.apart[view] <= 0:
         return
@@ -143,7 +143,7 @@ def sort_points(
     # Out:
     points_out: PointLists,
 ):
-    """Fill `order` by counts and ends. Of what is counted nothing is left then."""
+    """Fill `order` from counts and ends. The counts are 0 afterwards."""
     view, i = wp.tid()
     if points_out.apart[view] <= 0:
         return

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo's rangefinder sensors: what every ray of a model meets in every world, as `mj_ray` says it.
+"""MuJoCo's rangefinder sensors: the hits of a model's sensor rays in every world, as computed by `mj_ray`.
 
-Surfaces count from both sides, but for planes, which are met from above; a ray that starts within a shape meets it from
-inside. A ray is within a convex shape along one span of its length: round shapes are spans of the unit ball or the tube
-of radius 1 in their shape frame (`warpvis.kernels.solids`), and boxes are where three slabs overlap. A tree finds the
-triangle of a mesh or a height field; where it is met is computed in double precision, as all the rest is. Which geoms
-and surfaces count, and what is written of a ray, is in src/engine/engine_ray.c and engine_sensor.c of MuJoCo.
+Surfaces are two-sided, except planes, which are hit only from above; a ray that starts inside a shape hits it from
+inside. A ray is inside a convex shape along one interval: round shapes are intersections of the unit ball or the tube
+of radius 1 in their shape frame (`warpvis.kernels.solids`), and boxes are intersections of three slabs. A mesh query
+finds the triangle of a mesh or a height field; the point of intersection is computed in double precision, as is
+everything else. The rules for which geoms and surfaces count, and the output of each ray, follow
+src/engine/engine_ray.c and engine_sensor.c of MuJoCo.
 """
 
 import warp as wp
@@ -17,49 +18,49 @@ from warpvis.kernels.triangle_scene import corner, plane_depth
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-# Of mujoco.mjtGeom.
+# Values of mujoco.mjtGeom.
 PLANE, SPHERE, CAPSULE, ELLIPSOID = wp.constant(0), wp.constant(2), wp.constant(3), wp.constant(4)
 CYLINDER, BOX = wp.constant(5), wp.constant(6)
-# Bits of a sensor's fields, by mujoco.mjtRayDataField.
+# Bits of the data fields, by mujoco.mjtRayDataField.
 DISTANCE, DIRECTION, ORIGIN = wp.constant(1), wp.constant(2), wp.constant(4)
 POINT, NORMAL, DEPTH = wp.constant(8), wp.constant(16), wp.constant(32)
 
 FLAT = wp.constant(wp.float64(1.0e-15))
-"""Directions whose component across a surface is less are along it (`mjMINVAL`)."""
+"""Directions with a smaller component along a surface's normal are parallel to it (`mjMINVAL`)."""
 FARTHEST = wp.constant(wp.float64(1.0e30))
-"""Farther than anything is [m]."""
+"""Distance beyond all geometry [m]."""
 
 
 @wp.struct
 class RayGeoms:
-    """The geoms that rays meet."""
+    """The geoms that rays can hit."""
 
     geom: wp.array[wp.int32]
     body: wp.array[wp.int32]
-    kind: wp.array[wp.int32]  # of mujoco.mjtGeom
-    size: wp.array[wp.vec4]  # half sizes of planes and boxes [m]; of what is round, as solids have them
-    mesh: wp.array[wp.uint64]  # 0 but for meshes and height fields
-    bound: wp.array[wp.float64]  # radius of a ball about the geom that it is in [m]; 0 where there is none
+    kind: wp.array[wp.int32]  # a mujoco.mjtGeom
+    size: wp.array[wp.vec4]  # half sizes of planes and boxes [m]; for round shapes as in `warpvis.kernels.solids`
+    mesh: wp.array[wp.uint64]  # 0 except for meshes and height fields
+    bound: wp.array[wp.float64]  # radius of the geom's bounding sphere [m]; 0 if it is unbounded
 
 
 @wp.struct
 class SensorRays:
-    """The rays of a model's sensors, and what is written of each."""
+    """The rays of a model's sensors, and the layout of their output."""
 
-    site: wp.array[wp.int32]  # -1 for rays of cameras
+    site: wp.array[wp.int32]  # -1 for rays of a camera
     camera: wp.array[wp.int32]
-    body: wp.array[wp.int32]  # whose geoms the ray passes
-    origin: wp.array[wp.vec3d]  # of the site's or the camera's frame
+    body: wp.array[wp.int32]  # whose geoms the ray ignores
+    origin: wp.array[wp.vec3d]  # in the frame of the site or camera
     direction: wp.array[wp.vec3d]
-    fields: wp.array[wp.int32]  # bits of what is written
-    column: wp.array[wp.int32]  # of the first number that is written
-    least: wp.array[wp.float64]  # what numbers are clipped to
+    fields: wp.array[wp.int32]  # bits of the fields to write
+    column: wp.array[wp.int32]  # of the ray's first number
+    least: wp.array[wp.float64]  # numbers are clamped to [least, most]
     most: wp.array[wp.float64]
 
 
 @wp.struct
 class Frame:
-    """Where a geom, a site or a camera is."""
+    """The pose of a geom, a site or a camera."""
 
     position: wp.vec3d
     rotation: wp.mat33  # to the world
@@ -67,7 +68,7 @@ class Frame:
 
 @wp.struct
 class Ray:
-    """A ray of a frame; its direction is of length 1."""
+    """A ray with a direction of unit length."""
 
     origin: wp.vec3d
     direction: wp.vec3d
@@ -75,7 +76,7 @@ class Ray:
 
 @wp.struct
 class Met:
-    """What a ray meets: how far along it, -1 for nothing, and the unit normal there."""
+    """The hit of a ray: the distance, -1 for a miss, and the unit normal."""
 
     distance: wp.float64
     normal: wp.vec3d
@@ -83,7 +84,7 @@ class Met:
 
 @wp.struct
 class Span:
-    """Along which of its length a ray is within a convex shape, if `enter` is not more than `leave`."""
+    """The interval of a ray inside a convex shape; empty if `enter` is greater than `leave`."""
 
     enter: wp.float64
     leave: wp.float64
@@ -121,7 +122,7 @@ def whole_span() -> Span:
 
 @wp.func
 def span_of_square(a: wp.float64, b: wp.float64, c: wp.float64) -> Span:
-    """Where a t^2 + 2 b t + c is not more than 0."""
+    """Return the interval where a t^2 + 2 b t + c <= 0."""
     square = b * b - a * c
     if square < wp.float64(0.0) or a < FLAT:
         return no_span()
@@ -133,7 +134,7 @@ def span_of_square(a: wp.float64, b: wp.float64, c: wp.float64) -> Span:
 
 @wp.func
 def span_of_ball(o: wp.vec3d, d: wp.vec3d) -> Span:
-    """Within the unit ball."""
+    """Return the interval inside the unit ball."""
     span = span_of_square(wp.dot(d, d), wp.dot(o, d), wp.dot(o, o) - wp.float64(1.0))
     span.enter_normal = o + span.enter * d
     span.leave_normal = o + span.leave * d
@@ -142,7 +143,7 @@ def span_of_ball(o: wp.vec3d, d: wp.vec3d) -> Span:
 
 @wp.func
 def span_of_tube(o: wp.vec3d, d: wp.vec3d) -> Span:
-    """Within the endless tube of radius 1 about z."""
+    """Return the interval inside the infinite tube of radius 1 about z."""
     across, along = wp.vec3d(o[0], o[1], wp.float64(0.0)), wp.vec3d(d[0], d[1], wp.float64(0.0))
     a, c = wp.dot(along, along), wp.dot(across, across) - wp.float64(1.0)
     if a < FLAT and c <= wp.float64(0.0):
@@ -155,7 +156,7 @@ def span_of_tube(o: wp.vec3d, d: wp.vec3d) -> Span:
 
 @wp.func
 def span_of_slab(o: wp.vec3d, d: wp.vec3d, axis: int, half: wp.float64) -> Span:
-    """Within a slab: as far on both sides of the origin along an axis."""
+    """Return the interval inside a slab, which extends by `half` to both sides of the origin along an axis."""
     if wp.abs(d[axis]) <= FLAT:
         if wp.abs(o[axis]) <= half:
             return whole_span()
@@ -173,7 +174,7 @@ def span_of_slab(o: wp.vec3d, d: wp.vec3d, axis: int, half: wp.float64) -> Span:
 
 @wp.func
 def overlap(a: Span, b: Span) -> Span:
-    """Within both of two shapes."""
+    """Return the intersection of two intervals."""
     span = a
     if b.enter > a.enter:
         span.enter = b.enter
@@ -186,7 +187,7 @@ def overlap(a: Span, b: Span) -> Span:
 
 @wp.func
 def united(a: Span, b: Span) -> Span:
-    """Within one of two shapes that are one convex shape together."""
+    """Return the union of the intervals of two shapes whose union is convex."""
     if a.enter > a.leave:
         return b
     span = a
@@ -207,7 +208,7 @@ def span_of_box(o: wp.vec3d, d: wp.vec3d, size: wp.vec3d) -> Span:
 
 @wp.func
 def span_of_round(kind: int, o: wp.vec3d, d: wp.vec3d, half: wp.float64) -> Span:
-    """Within a round shape of the shape frame."""
+    """Return the interval inside a round shape, in its shape frame."""
     if kind != CYLINDER and kind != CAPSULE:
         return span_of_ball(o, d)
     span = overlap(span_of_tube(o, d), span_of_slab(o, d, 2, half))
@@ -226,7 +227,7 @@ def nothing_met() -> Met:
 
 @wp.func
 def surface_of(span: Span) -> Met:
-    """The first surface that is ahead."""
+    """Return the first boundary of an interval that is not behind the ray's origin."""
     met = nothing_met()
     if span.enter <= span.leave and span.leave >= wp.float64(0.0):
         met.distance = span.leave
@@ -239,7 +240,7 @@ def surface_of(span: Span) -> Met:
 
 @wp.func
 def meet_plane(o: wp.vec3d, d: wp.vec3d, size: wp.vec3d) -> Met:
-    """A rectangle seen from above, endless where a half size is 0."""
+    """Intersect a ray with a rectangle, seen from above, that is infinite along axes whose half size is 0."""
     met = nothing_met()
     if d[2] > -FLAT or o[2] < wp.float64(0.0):
         return met
@@ -266,7 +267,7 @@ def meet_mesh(mesh: wp.uint64, o: wp.vec3d, d: wp.vec3d, farthest: wp.float64) -
 
 @wp.func
 def meet_geom(kind: int, size: wp.vec4, mesh: wp.uint64, ray: Ray, farthest: wp.float64) -> Met:
-    """What a ray of a geom's frame meets of it; of a mesh, what is not beyond the farthest that counts."""
+    """Intersect a ray of the geom's frame with the geom; mesh queries end at `farthest`."""
     half = wp.vec3d(wp.float64(size[0]), wp.float64(size[1]), wp.float64(size[2]))
     if mesh != wp.uint64(0):
         return meet_mesh(mesh, ray.origin, ray.direction, farthest)
@@ -282,7 +283,7 @@ def meet_geom(kind: int, size: wp.vec4, mesh: wp.uint64, ray: Ray, farthest: wp.
 
 @wp.func
 def may_meet(bound: wp.float64, toward: wp.vec3d, direction: wp.vec3d, nearest: wp.float64) -> bool:
-    """Whether a ray comes into a ball, `toward` from its origin, before it meets what is nearest so far."""
+    """Return whether a ray reaches a bounding sphere, centered at `toward` from its origin, before `nearest`."""
     if bound == wp.float64(0.0):
         return True
     along = wp.dot(toward, direction)
@@ -295,7 +296,7 @@ def may_meet(bound: wp.float64, toward: wp.vec3d, direction: wp.vec3d, nearest: 
 def nearest_geom(
     geoms: RayGeoms, geom_xpos: wp.array2d[wp.vec3], geom_xmat: wp.array2d[wp.mat33], world: int, body: int, ray: Ray
 ) -> Met:
-    """What a ray of the world meets first that is not of a body."""
+    """Return the first hit of a ray of the world among the geoms of other bodies."""
     nearest = Met()
     nearest.distance = FARTHEST
     for index in range(geoms.geom.shape[0]):
@@ -318,7 +319,7 @@ def nearest_geom(
 
 @wp.func
 def depth_of(frame: Frame, ray: Ray, distance: wp.float64) -> wp.float64:
-    """How far what is met lies ahead of a camera, along -z."""
+    """Return the depth of a hit in front of a camera, along -z; -1 for a miss."""
     if distance < wp.float64(0.0):
         return wp.float64(-1.0)
     return -turn_back(frame.rotation, ray.origin + distance * ray.direction - frame.position)[2]
@@ -340,7 +341,7 @@ def read_rangefinders(
     # Out:
     readings_out: wp.array2d[wp.float32],
 ):
-    """Write the fields of every ray in every world. Distance and depth are -1 where nothing is met, the rest 0."""
+    """Write the fields of every ray in every world. On a miss, distance and depth are -1, and the other fields 0."""
     world, _row, index = wp.tid()
     world += window.first_view
 

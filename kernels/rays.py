@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``rays`` caster: one thread a pixel, one ``wp.mesh_query_ray`` a thread; the reference on both devices.
+"""The ``rays`` caster: one thread per pixel and one ``wp.mesh_query_ray`` per thread; the reference on both devices.
 
-The tree only finds the triangle. Its depth comes from the triangle's plane in double precision, because single
-precision loses up to a millimetre where a large triangle is seen at a grazing angle.
+The mesh query only finds the triangle. Depth is computed from the triangle's plane in double precision, because single
+precision is off by up to 1 mm where a large triangle is seen at a grazing angle.
 """
 
 import warp as wp
@@ -44,37 +44,37 @@ from warpvis.kernels.worlds import Worlds, is_excluded, world_of
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-# Spilling some of what is computed after a hit is faster than fewer threads on a multiprocessor: by 15 to 21 % (H200).
+# Spilling registers after a hit is 15 to 21 % faster than lower occupancy (H200).
 CUDA_REGISTERS = 64
 
 FARTHEST = wp.constant(3.0e38)
-"""Farther than anything is [m]."""
+"""Upper limit of ray queries [m], beyond all geometry."""
 
 
 @wp.struct
 class RayRange:
-    """What depth along rays means, and which of it is measured [m]."""
+    """How depth is measured along rays, and its limits [m]."""
 
     near: float
     far: float
-    clip: float  # surfaces nearer than this are not there; 0 where near ones hide what is behind them
-    is_planar: bool  # rays have z = 1 and depth is planar; otherwise they are of unit length, and it is theirs
+    clip: float  # surfaces nearer than this are invisible; 0 if near surfaces occlude what is behind them
+    is_planar: bool  # rays have z = 1 and depth is planar; otherwise rays have unit length and depth is the range
 
 
 @wp.struct
 class Seen:
-    """What a ray meets: depth, and the triangle where it lies between near and far, -1 elsewhere."""
+    """The hit of a ray: depth, and the triangle if depth is between near and far, -1 otherwise."""
 
     depth: float
-    face: int  # of a solid's true surface, which part of it
-    movable: int  # which movable object it belongs to; -1 for what stays
-    round: bool  # whether it is a solid's true surface
-    direction: wp.vec3d  # of the ray, in the world
+    face: int  # for the true surface of a solid, its part
+    movable: int  # index of the movable object; -1 for static geometry
+    round: bool  # whether the hit is on the true surface of a solid
+    direction: wp.vec3d  # of the ray, in the world frame
 
 
 @wp.func
 def pinhole_range(camera: PinholeCamera) -> RayRange:
-    """What planar depth a pinhole measures."""
+    """Return the range of planar depth of a pinhole camera."""
     measured = RayRange()
     measured.near = camera.near
     measured.far = camera.far
@@ -103,7 +103,7 @@ def nearest_instance(
     most_t: float,
     cull: bool,
 ) -> Seen:
-    """What a ray meets first of objects that stay and share a mesh, nearer than anything else is."""
+    """Return the nearest hit among static objects with a shared mesh, up to `most_t` along the ray."""
     seen = nothing()
     nearest = float(most_t)
     towards = wp.quat_rotate(in_world.rotation, ray)
@@ -139,9 +139,9 @@ def meet_object(
     cull: bool,
     seen: Seen,
 ) -> Seen:
-    """What a ray meets of a movable object, or of what stays (-1), if that is nearer than what is seen.
+    """Return the hit of a movable object, or of static geometry (-1), if it is nearer than `seen`; else `seen`.
 
-    `frame` is the camera in the object's frame. Depth is how far along the ray, as the tree has it.
+    `frame` is the camera in the object's frame. Depth is the ray parameter as returned by the mesh query.
     """
     shown = scene.mesh != wp.uint64(0)
     is_round = bool(False)
@@ -154,7 +154,7 @@ def meet_object(
     met = SolidHit()
     if is_round:
         met = solid_hit(scene.movable_solid[movable], size, frame, ray)
-        # Where it is cut open, its triangles stand for it, as from inside.
+        # A solid that the near plane cuts is represented by its triangles, as it is for a camera inside.
         is_round = not met.w * wp.float64(clip) > wp.float64(1.0)
     if is_round:
         if met.w * wp.float64(seen.depth) > wp.float64(1.0):
@@ -166,7 +166,7 @@ def meet_object(
         along = wp.quat_rotate(frame.rotation, ray)
         direction = wp.vec3(along)
         eye = wp.vec3(frame.origin)
-        if worlds.object_sizes and movable >= 0:  # triangles are as they were in the frame divided by these
+        if worlds.object_sizes and movable >= 0:  # dividing by the factors leads to the frame of unscaled triangles
             factors = factors_of(scene, worlds, world, movable)
             direction, eye = wp.vec3(wp.cw_div(along, factors)), wp.vec3(wp.cw_div(frame.origin, factors))
         hit = first_hit(scene, worlds, view, movable, eye, direction, clip, seen.depth, cull)
@@ -189,7 +189,7 @@ def meet_instances(
     cull: bool,
     seen: Seen,
 ) -> Seen:
-    """The same of all objects that stay and share a mesh."""
+    """Return the nearest hit of static objects with a shared mesh if it is nearer than `seen`; else `seen`."""
     if scene.instance_count > 0:
         met = nearest_instance(scene, worlds, view, in_world, ray, clip, seen.depth, cull)
         if met.face >= 0:
@@ -210,9 +210,9 @@ def measure(
     ray: wp.vec3d,
     seen: Seen,
 ) -> Seen:
-    """What a camera makes of what a ray meets: exact depth, and only what is in its range.
+    """Return a hit with exact depth; hits outside of the camera's range become misses.
 
-    `frame` is the camera in the frame of the object that is met.
+    `frame` is the camera in the frame of the hit object.
     """
     if seen.face < 0:
         seen.depth = wp.inf
@@ -245,7 +245,7 @@ def look(
     ray: wp.vec3d,
     cull_backfaces: bool,
 ) -> Seen:
-    """What a camera sees along a ray of its frame: of z = 1 for planar depth, of length 1 for a length."""
+    """Cast one ray of the camera frame: with z = 1 for planar depth, of unit length for range."""
     seen = nothing()
     seen.direction = wp.quat_rotate(in_world.rotation, ray)
 
@@ -254,9 +254,9 @@ def look(
         world = world_of(worlds, view)
         if world < 0:
             return seen
-    # Whole-range queries: what lies beyond `far` is sorted out below, by the exact depth.
+    # Query the whole range: hits beyond `far` are removed below, by exact depth.
     seen.depth = float(FARTHEST)
-    for movable in range(-1, scene.movable_count):  # -1: what stays
+    for movable in range(-1, scene.movable_count):  # -1: static geometry
         frame = in_world
         if movable >= 0:
             frame = seen_from(in_world, worlds.object_poses[world, movable])
@@ -270,7 +270,7 @@ def look(
 
 @wp.func
 def solid_normal(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
-    """Unit normal in the world of the true surface that a ray meets."""
+    """Return the unit normal, in the world frame, of the true surface at a hit."""
     world = world_of(worlds, view)
     place = worlds.object_poses[world, seen.movable]
     kind, size = scene.movable_solid[seen.movable], size_of(scene, worlds, world, seen.movable)
@@ -308,9 +308,9 @@ def write(
     x: int,
     images_out: Images,
 ):
-    """Write to the images that were asked for; the others are None.
+    """Write the requested images; images that were not requested are None.
 
-    `origin` is where the ray starts, and `world_view` the view by which `look` found its world.
+    `origin` is the ray's origin, and `world_view` the view index that `look` used to find the world.
     """
     if images_out.depth:
         images_out.depth[view, y, x] = seen.depth
@@ -349,7 +349,7 @@ def cast_rays(
     # Out:
     images_out: Images,
 ):
-    """Write the asked-for images (one that is None is skipped) of every view."""
+    """Write the requested images (None is skipped) of every view."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -374,7 +374,7 @@ def cast_rays_at(
     # Out:
     images_out: Images,
 ):
-    """The same through any points of the image; all arrays are (view, 1, point). Outside the image nothing is seen."""
+    """Cast rays through any image points; all arrays are (view, 1, point). Points outside the image hit nothing."""
     view, row, point = wp.tid()
     view += window.first_view
     row += window.first_row

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Colours of what images show: base colours of surfaces, with textures, from objects, triangles and seen points."""
+"""Colors of visible surfaces: base colors with textures, from objects, triangles and hit points."""
 
 import warp as wp
 
@@ -16,31 +16,31 @@ FOOTPRINT_NONE, FOOTPRINT_PINHOLE, FOOTPRINT_CONE, FOOTPRINT_PARALLEL = (wp.cons
 
 @wp.struct
 class MaterialLook:
-    """What a material says of its base colour; see `warpvis.scene.materials.Material`."""
+    """The base color of a material; see `warpvis.scene.materials.Material`."""
 
     color: wp.vec4
-    is_linear: bool  # whether colours of it are proportional to light, and multiplied so
-    texture: int  # -1 for none
+    is_linear: bool  # whether its colors are linear light and are multiplied in linear space
+    texture: int  # index of the texture; -1 without
     projection: int
-    repeat: wp.vec2  # how often the texture is repeated
+    repeat: wp.vec2  # repetitions of the texture
     specular: wp.vec3
     shininess: float
     emission: wp.vec3
-    scale: wp.vec3  # of a cube: what coordinates of the object's frame are multiplied by before
+    scale: wp.vec3  # for cube projection: factors applied to coordinates of the object's frame
 
 
 @wp.struct
 class Looks:
-    """What all objects of a scene look like: see `warpvis.scene._looks`."""
+    """The appearance of all objects of a scene; see `warpvis.scene._looks`."""
 
     object_material: wp.array[wp.int32]
-    """(object): its first material."""
+    """(object): its default material."""
     object_column: wp.array[wp.int32]
-    """(object): which movable object's pose it has; -1 of what stays."""
+    """(object): index of the movable object whose pose it follows; -1 for static objects."""
     object_pose: wp.array[wp.transform]
-    """(object): from the frame of its corners to that of the movable object whose pose it has, or to the world."""
+    """(object): transform from the object's frame to that of its movable object, or to the world if static."""
     object_rows: wp.array2d[wp.int32]
-    """(object, 5): its first row of corners, texture coordinates, colours, materials and normals; -1 without."""
+    """(object, 5): first rows in corners, uv, colors, face_material and normals; -1 if it has none."""
     corners: wp.array2d[wp.vec3]
     """(row, corner), in the object's frame [m]."""
     uv: wp.array2d[wp.vec2]
@@ -50,23 +50,23 @@ class Looks:
     materials: wp.array[MaterialLook]
     textures: wp.array[TextureLook]
     texels: wp.array[wp.uint32]
-    """Red in the lowest byte, and opacity in the highest one."""
+    """RGBA bytes; red is the lowest byte."""
     background: wp.vec3
-    """Where nothing is seen, as screens show it, from 0 to 1."""
+    """Color where no surface is visible, in display color space, from 0 to 1."""
 
 
 @wp.struct
 class Footprint:
-    """How large a pixel is where it is seen."""
+    """The size of a pixel on a surface."""
 
     kind: int
     size: wp.vec2
-    """Of a pinhole at a depth of 1, of a cone at a distance of 1, and of parallel rays anywhere [m]."""
+    """Pixel size: at depth 1 for a pinhole, at range 1 for a cone, at any depth for parallel rays [m]."""
 
 
 @wp.struct
 class SeenTriangle:
-    """The triangle that a pixel shows, in its object's frame."""
+    """The visible triangle of a pixel, in its object's frame."""
 
     a: wp.vec3
     ab: wp.vec3
@@ -76,7 +76,7 @@ class SeenTriangle:
 
 @wp.func
 def weights(triangle: SeenTriangle, point: wp.vec3) -> wp.vec3:
-    """How much of each corner is in a point of a triangle's plane."""
+    """Return the barycentric coordinates of a point in a triangle's plane."""
     to = point - triangle.a
     size = wp.dot(triangle.normal, triangle.normal)
     if size == 0.0:
@@ -88,7 +88,7 @@ def weights(triangle: SeenTriangle, point: wp.vec3) -> wp.vec3:
 
 @wp.func
 def seen_triangle(looks: Looks, row: int, factors: wp.vec3) -> SeenTriangle:
-    """The triangle of a row, as large as it is in its world; of row -1, there is none."""
+    """Return the scaled triangle of a row, or a degenerate triangle for row -1."""
     seen = SeenTriangle()
     if row < 0:
         return seen
@@ -101,7 +101,7 @@ def seen_triangle(looks: Looks, row: int, factors: wp.vec3) -> SeenTriangle:
 
 @wp.func
 def cube_place(direction: wp.vec3, side: int) -> wp.vec2:
-    """Where a direction passes a side of a cube: right, left, up, down, front, back (OpenGL 4.6, table 8.19)."""
+    """Project a direction to a cube's side: right, left, up, down, front, back (OpenGL 4.6, table 8.19)."""
     x, y, z = direction[0], direction[1], direction[2]
     s, t, along = float(0.0), float(0.0), float(1.0)
     if side == 0:
@@ -122,7 +122,7 @@ def cube_place(direction: wp.vec3, side: int) -> wp.vec2:
 
 @wp.func
 def cube_side(direction: wp.vec3) -> int:
-    """The side of a cube that a direction passes."""
+    """Return the index of the cube's side that a direction points to."""
     x, y, z = wp.abs(direction[0]), wp.abs(direction[1]), wp.abs(direction[2])
     if x >= y and x >= z:
         return wp.where(direction[0] >= 0.0, 0, 1)
@@ -135,7 +135,7 @@ def cube_side(direction: wp.vec3) -> int:
 def texture_place(
     looks: Looks, material: MaterialLook, uv_row: int, triangle: SeenTriangle, point: wp.vec3, side: int
 ) -> wp.vec3:
-    """Texture coordinates of a point of an object's frame, and the side of a cube, -1 of others."""
+    """Return the texture coordinates of a point of the object's frame, and the cube's side (-1 for no cube)."""
     if material.projection == PROJECTION_CUBE:
         at = cube_place(wp.cw_mul(point, material.scale), side)
         return wp.vec3(at[0], at[1], float(side))
@@ -150,9 +150,9 @@ def texture_place(
 
 @wp.func
 def beside(ray: wp.vec3, step: wp.vec3, depth: float, normal: wp.vec3) -> wp.vec3:
-    """From a point to where the ray of a neighbouring pixel meets its plane."""
+    """Return the offset from a hit to the intersection of a neighboring pixel's ray with the hit's plane."""
     steepness = wp.dot(normal, ray)
-    if wp.abs(steepness) <= 1.0e-4 * wp.length(normal) * wp.length(ray):  # edge-on: as if it were seen so steeply
+    if wp.abs(steepness) <= 1.0e-4 * wp.length(normal) * wp.length(ray):  # limit for surfaces seen edge-on
         steepness = wp.where(steepness < 0.0, -1.0, 1.0) * 1.0e-4 * wp.length(normal) * wp.length(ray)
     return (step - ray * (wp.dot(normal, step) / steepness)) * depth
 
@@ -178,7 +178,7 @@ def textured(
     has_plane: bool,
     seen: wp.vec3,
 ) -> wp.vec4:
-    """The texture's colour at a seen point of the world, averaged over its pixel."""
+    """Return the texture's color at a hit point of the world, filtered over the pixel's footprint."""
     texture = looks.textures[material.texture]
     point = wp.transform_point(wp.transform_inverse(frame), seen)
     eye = wp.transform_point(wp.transform_inverse(frame), wp.transform_get_translation(camera))
@@ -194,7 +194,7 @@ def textured(
         depth = wp.max(wp.length(ray), 1.0e-12)
         ray = ray / depth
     right, down = wp.quat_rotate(turn, wp.vec3(1.0, 0.0, 0.0)), wp.quat_rotate(turn, wp.vec3(0.0, 1.0, 0.0))
-    if footprint.kind == FOOTPRINT_CONE:  # across the ray, whichever way
+    if footprint.kind == FOOTPRINT_CONE:  # any two axes perpendicular to the ray
         right = wp.normalize(wp.cross(ray, wp.where(wp.abs(wp.dot(ray, down)) < 0.9, down, right)))
         down = wp.cross(ray, right)
     normal = wp.where(has_plane, triangle.normal, ray)
@@ -215,7 +215,7 @@ def textured(
 
 @wp.func
 def material_of(looks: Looks, index: int, face: int) -> int:
-    """The material of a triangle, -1 for none, of an object."""
+    """Return the material of an object's triangle, or the object's default material for face -1."""
     rows = looks.object_rows[index, 3]
     if face < 0 or rows < 0:
         return looks.object_material[index]
@@ -224,7 +224,7 @@ def material_of(looks: Looks, index: int, face: int) -> int:
 
 @wp.func
 def frame_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.transform:
-    """From an object's frame to the world of a view."""
+    """Return the transform from an object's frame to the world of a view."""
     column = looks.object_column[index]
     if column < 0:
         return looks.object_pose[index]
@@ -233,7 +233,7 @@ def frame_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.transfor
 
 @wp.func
 def factors_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.vec3:
-    """By which an object's mesh is stretched along the axes of its frame."""
+    """Return the scale factors of an object's mesh along the axes of its frame."""
     column = looks.object_column[index]
     if column < 0 or not worlds.object_sizes:
         return wp.vec3(1.0, 1.0, 1.0)
@@ -243,7 +243,7 @@ def factors_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.vec3:
 
 @wp.struct
 class SurfaceColor:
-    """A surface's own colour, and its texture's, in the colour space of its material."""
+    """A surface's color and its texture's color, in the color space of its material."""
 
     color: wp.vec4
     texel: wp.vec4
@@ -261,7 +261,7 @@ def surface_color(
     index: int,
     face: int,
 ) -> SurfaceColor:
-    """What an object's surface looks like in a point of the world."""
+    """Return the color of an object's surface at a point of the world."""
     frame, factors = frame_of(looks, worlds, view, index), factors_of(looks, worlds, view, index)
     corner_row, uv_row, color_row = int(-1), int(-1), int(-1)
     if face >= 0:
@@ -290,7 +290,7 @@ def surface_color(
 
 @wp.func
 def screen_color(surface: SurfaceColor) -> wp.vec3:
-    """A surface's colour with its texture, as screens show it."""
+    """Return a surface's color times its texture's, in display color space."""
     color = wp.cw_mul(surface.color, surface.texel)
     if surface.is_linear:
         color = to_screen_color(color)
@@ -313,7 +313,7 @@ def shade_base_colors(
     # Out:
     albedo_out: wp.array3d[wp.vec3ub],
 ):
-    """Write base colours without light of what other images say is seen; the background elsewhere."""
+    """Write unlit base colors of visible surfaces, and the background elsewhere."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row

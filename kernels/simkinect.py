@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Noise of a Kinect as Handa's simkinect makes it: jitter, dots that are found by their windows, steps of disparity.
+"""Kinect noise of Handa's simkinect: lateral jitter, window-based detection of dots, quantized disparity.
 
-Disparities are whole numbers of eighths of a pixel throughout, so that sums over windows are exact in any order.
+Disparities are integers in 1/8 px throughout, so that sums over windows are exact in any order.
 """
 
 import warp as wp
@@ -14,32 +14,32 @@ from warpvis.kernels.pinhole import PinholeCamera, Window
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
 LEVELS = wp.constant(8.0)
-"""Parts of a pixel to which disparities are rounded."""
+"""Disparity levels per pixel."""
 MAX_LEVEL = wp.constant(8388608.0)
-"""From so many on a surface is no surface, before sums over a window overflow: 3.4e-5 m by default."""
+"""From this level on a pixel is empty, which prevents overflow of window sums: a depth of 3.4e-5 m by default."""
 REACH = wp.constant(4)
-"""Of a dot's window to all sides [px]."""
+"""Half width of a dot's window, without the center [px]."""
 NEAR_MEAN = wp.constant(0.8)
-"""A disparity is near its window's mean where it differs by less, in eighths, at the window's middle,"""
+"""Largest deviation from the window's mean, in levels, at which a disparity at the window's center is near it."""
 NEAR_MEAN_APART = wp.constant(1.152)
-"""and by less than this times the squared distance from it elsewhere: 0.1 px by weights of 1 / (1.2^2 r^2)."""
+"""The same elsewhere, times the squared distance from the center: 0.1 px by weights of 1 / (1.2^2 r^2)."""
 STEPS_AT_ONE = wp.constant(35130.0)
-"""Steps of disparity of what is one unit away."""
+"""Disparity in steps at a depth of one unit."""
 
 
 @wp.struct
 class SimKinectModel:
-    """The numbers of `warpvis.sensors.SimKinect`."""
+    """The parameters of `warpvis.sensors.SimKinect`."""
 
     disparity_scale: float  # f b [px m]
     shift: float
-    units: float  # in a metre
+    units: float  # per meter
     sigma: float
 
 
 @wp.func
 def depth_or_none(true_depth: wp.array3d[float], view: int, y: int, x: int) -> float:
-    """Depth of a pixel; 0 where there is none, and outside of the image."""
+    """Return the depth of a pixel; 0 if it is not finite or the pixel is outside the image."""
     if y >= true_depth.shape[1] or x >= true_depth.shape[2]:
         return 0.0
     depth = true_depth[view, y, x]
@@ -57,7 +57,7 @@ def shift_to_levels(
     # Out:
     levels_out: wp.array3d[int],
 ):
-    """Write eighths of disparities of depth that is interpolated beside each pixel; 0 where there is none."""
+    """Write disparity in levels from bilinear depth at a shifted position; 0 where there is no depth."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -84,9 +84,9 @@ def keep_dots(
     # Out:
     kept_out: wp.array3d[int],
 ):
-    """Write the eighths of dots that are found: enough light of their window is of dots near its mean; 0 elsewhere.
+    """Write levels at detected dots, whose window receives enough light from dots near its mean; 0 elsewhere.
 
-    Windows leave the image's last row and column out, as simkinect's do.
+    Windows exclude the image's last row and column, as in simkinect.
     """
     view, y, x = wp.tid()
     view += window.first_view
@@ -111,7 +111,7 @@ def keep_dots(
                     share = wp.where(squared > 0, NEAR_MEAN_APART * float(squared), NEAR_MEAN)
                     if float(wp.abs(level * count - total)) < share * float(count):
                         found += dot
-        # More than 1 / 1.2 of the window's light.
+        # More than 1 / 1.2 of the light in the window.
         if 6 * found > 5 * light:
             kept = levels[view, y, x]
     kept_out[view, y, x] = kept
@@ -132,9 +132,9 @@ def fill_from_dots(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write depth of the nearest dot that was found, in steps of disparity, with noise; reasons may be None.
+    """Write the depth of the nearest detected dot, as quantized disparity with noise; reasons may be None.
 
-    `nearest` are columns and rows away, the nearest first, and of equally near ones the first in the image.
+    `nearest` contains column and row offsets by increasing distance; equal distances are in row-major order.
     """
     view, y, x = wp.tid()
     view += window.first_view
@@ -151,7 +151,7 @@ def fill_from_dots(
     if level > 0:
         units = wp.rint(model.disparity_scale / (float(level) / LEVELS) * model.units)
         steps = wp.rint(STEPS_AT_ONE / units + model.sigma * normals[view, y, x] + 0.5)
-        # Beyond the last step is endless depth.
+        # Depth is infinite below the first step of disparity.
         depth = said_depth(camera.near, camera.far, wp.where(steps > 0.0, STEPS_AT_ONE / steps / model.units, wp.inf))
         reason = range_reason(depth)
     elif wp.isfinite(true_depth[view, y, x]):

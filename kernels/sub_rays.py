@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels that see more than one surface, and places within them through which more rays are cast."""
+"""Detection of edge pixels, which see several surfaces, and placement of sub-rays within them."""
 
 import warp as wp
 
@@ -9,9 +9,9 @@ from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_rotat
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
-SIDE = wp.constant(BLOCK_SIDE)  # of the square of a pixel's sub-rays, which are a packet of their own
+SIDE = wp.constant(BLOCK_SIDE)  # of the square of sub-rays of a pixel: the sub-rays of one pixel fill one packet
 SUB_RAYS = wp.constant(BLOCK_SIDE * BLOCK_SIDE)
-TILE_PIXELS = wp.constant(16)  # of the tiles that a map is made of, one beside the other
+TILE_PIXELS = wp.constant(16)  # per tile; tiles are placed side by side in a map of sub-rays
 
 
 @wp.kernel
@@ -37,7 +37,7 @@ def is_edge(
     y: int,
     x: int,
 ) -> bool:
-    """Whether one of eight neighbours is not where the pixel's plane is, by `edge_step` in depth or more."""
+    """Return whether a neighbor (of eight) differs from the pixel's plane by at least `edge_step` in depth."""
     depth = true_depth[view, y, x]
     there = depth < wp.inf
     plane = depth * wp.dot(normal, ray)
@@ -67,7 +67,7 @@ def find_edges(
     # Out:
     edges_out: wp.array3d[wp.int32],
 ):
-    """Write for pixels beside which is another surface their place in the image, row by row, and -1 for others."""
+    """Write the row-major index of each pixel that is at an edge between surfaces, and -1 for other pixels."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -86,7 +86,7 @@ def flag_edges(
     # Out:
     flags_out: wp.array[wp.int32],
 ):
-    """Write 1 for pixels beside which is another surface, as `find_edges` found them, and 0 for others."""
+    """Write 1 for edge pixels, as found by `find_edges`, and 0 for other pixels."""
     pixel = wp.tid()
     flags_out[pixel] = wp.where(edges[pixel] >= 0, 1, 0)
 
@@ -99,9 +99,9 @@ def number_edges(
     edges_out: wp.array2d[wp.int32],
     pixels_out: wp.array2d[wp.int32],
 ):
-    """Give pixels at edges numbers in each view, in their order, by the sums of flags up to each of all views' pixels.
+    """Number the edge pixels of each view in row-major order, from an inclusive scan of flags over all views.
 
-    `edges_out` has their places before, and their numbers then; `pixels_out` is the other way round.
+    `edges_out` contains pixel indices on input and edge numbers on output; `pixels_out` is the inverse mapping.
     """
     view, pixel = wp.tid()
     place = edges_out[view, pixel]
@@ -116,20 +116,20 @@ def number_edges(
 
 @wp.func
 def sub_ray_place(i: int, j: int) -> wp.vec2:
-    """Where in a pixel a sub-ray is: one in each of 16 equal squares, and in each of 16 rows and of 16 columns."""
+    """Return a sub-ray's position in its pixel: one in each of 16 equal squares, each of 16 rows and 16 columns."""
     side = float(SIDE)
     return wp.vec2((float(i) + (float(j) + 0.5) / side) / side, (float(j) + (float(i) + 0.5) / side) / side)
 
 
 @wp.func
 def sub_ray_corner(tile: int, index: int) -> wp.vec2i:
-    """Where in a map the first sub-ray of a tile's pixel is: column and row."""
+    """Return the column and row of the first sub-ray of a pixel of a tile in the map of sub-rays."""
     return wp.vec2i(tile * TILE_PIXELS + index % SIDE * SIDE, index / SIDE * SIDE)
 
 
 @wp.func
 def pixel_of_sub_ray(y: int, x: int) -> int:
-    """Which of the pixels a place of a map is of: the other way round."""
+    """Return the index of the edge pixel that a place in the map belongs to: the inverse of `sub_ray_corner`."""
     return x / TILE_PIXELS * TILE_PIXELS + y / SIDE * SIDE + x % TILE_PIXELS / SIDE
 
 
@@ -143,9 +143,9 @@ def place_sub_rays(
     # Out:
     points_out: wp.array3d[wp.vec2],
 ):
-    """Write places of the image [px] of so many pixels from `first` on, 4 x 4 of each; NaN of a pixel -1.
+    """Write the image coordinates [px] of 4 x 4 sub-rays for each edge pixel from `first` on; NaN for pixel -1.
 
-    A thread is for one place: neighbours write beside each other.
+    Each thread writes one sub-ray, so that adjacent threads write adjacent memory.
     """
     view, y, x = wp.tid()
     view += window.first_view
