@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Numbers that C++ and Python share, written here and nowhere else. scripts/generate_constants.py makes
-// kernels/constants.py of them: every value is spelled out, one a line, for it to read.
+// Constants shared by C++ and Python, defined only here. scripts/generate_constants.py generates kernels/constants.py
+// from this file; it reads one NAME = NUMBER per line.
 
-// Kinds of solids, whose true surface rays meet: `warpvis.scene.solids.SolidKind`.
+// Kinds of solids, whose analytic surface is intersected: `warpvis.scene.solids.SolidKind`.
 enum SolidKind {
     SOLID_NONE = 0,
     SOLID_BALL = 1,
@@ -14,13 +14,13 @@ enum SolidKind {
 
 // Parts of a solid's surface.
 enum SolidPart {
-    PART_SIDE = 0,  // of a cylinder or a capsule; all of a ball
-    PART_UPPER = 1,  // the upper half ball of a capsule; of a cylinder, the flat end that faces the camera
-    PART_LOWER = 2,  // the lower half ball of a capsule
+    PART_SIDE = 0,  // of a cylinder or a capsule; the whole surface of a ball
+    PART_UPPER = 1,  // the upper hemisphere of a capsule; of a cylinder, the flat end that faces the camera
+    PART_LOWER = 2,  // the lower hemisphere of a capsule
     SOLID_PARTS = 3,
 };
 
-// What a pixel or a point shows: `warpvis.Label`.
+// Label of a pixel or a point: `warpvis.Label`.
 enum Label {
     LABEL_EMPTY = 0,
     LABEL_GROUND = 1,
@@ -30,7 +30,7 @@ enum Label {
     LABEL_ROBOT = 5,
 };
 
-// Whether a point can be seen: `warpvis.Visibility`.
+// Visibility of a point: `warpvis.Visibility`.
 enum Visibility {
     POINT_OUT_OF_VIEW = 0,
     POINT_TOO_NEAR = 1,
@@ -40,7 +40,7 @@ enum Visibility {
     POINT_UNKNOWN = 5,
 };
 
-// Why a sensor has no depth of a pixel: `warpvis.sensors.Reason`.
+// Why a sensor reports no depth at a pixel: `warpvis.sensors.Reason`.
 enum Reason {
     REASON_VALID = 0,
     REASON_EMPTY = 1,
@@ -53,32 +53,32 @@ enum Reason {
     REASON_SATURATED = 8,
 };
 
-// What random numbers are for: each purpose has a stream of its own.
+// Random streams, one for each purpose.
 enum RandomStream {
     STREAM_DISPARITY = 1,
     STREAM_DROPOUT = 2,
     STREAM_RANGE = 3,
-    STREAM_ACROSS = 10,  // which column's surface a pixel shows
-    STREAM_DOWN = 11,  // and which row's
+    STREAM_ACROSS = 10,  // column offset of the surface that a pixel shows
+    STREAM_DOWN = 11,  // row offset of that surface
     STREAM_DEPTH = 12,
     STREAM_RECTANGLES = 13,
     STREAM_ADDED = 14,
     STREAM_MULTIPLIED = 15,
     STREAM_LOST = 16,
-    STREAM_PARAMETERS = 17,  // of a view's own sensor
+    STREAM_PARAMETERS = 17,  // sensor parameters drawn for each view
 };
 
 // Counters that the CPU workers of a job share.
 enum JobCounter {
-    COUNTER_NEXT_UNIT = 0,  // of work
-    COUNTER_ENTERED = 1,  // workers
-    COUNTER_FINISHED = 2,  // workers
-    COUNTER_DONE = 3,  // units of work
+    COUNTER_NEXT_UNIT = 0,  // next unit of work
+    COUNTER_ENTERED = 1,  // workers that entered
+    COUNTER_FINISHED = 2,  // workers that finished
+    COUNTER_DONE = 3,  // finished units of work
     JOB_COUNTERS = 4,
 };
 
-// Counters of an object's silhouette in a view. A box is least x and y, and greatest x and y, all as codes that are
-// greater the farther out: coordinates from BOX_MIDDLE up or down, so that 0 stands for an empty box.
+// Counters of an object's silhouette in a view. A box is least x and y, then greatest x and y, encoded as distances
+// outward from BOX_MIDDLE, so that every entry is a maximum and 0 stands for an empty box.
 enum SilhouetteCounter {
     VISIBLE_PIXELS = 0,
     IMAGE_PIXELS = 1,
@@ -91,65 +91,65 @@ enum SilhouetteCounter {
     BOX_MIDDLE = 1 << 24,
 };
 
-// What masks of silhouettes hold.
+// Values in silhouette masks.
 enum MaskValue {
     MASK_HIDDEN = 1,
     MASK_VISIBLE = 2,
 };
 
-// Lengths of rows in memory, in numbers of four bytes.
+// Lengths of rows in memory, in four-byte words.
 enum Layout {
     POSE_WORDS = 7,  // x y z qx qy qz qw
     BOX_WORDS = 6,  // least x y z, greatest x y z
-    SOLID_WORDS = 4,  // factors along x, y and z, and half length before them
+    SOLID_WORDS = 4,  // factors along x, y and z, and the unscaled half length
 };
 
-// A BVH as casters read it: rows of as many numbers as there are lanes.
+// Layout of a BVH: rows with one number per lane.
 enum BvhLayout {
-    CPU_LANES = 16,  // triangles of a leaf and children of a node, one for each SIMD lane
-    CUDA_LANES = 32,  // one for each thread of a warp
+    CPU_LANES = 16,  // triangles of a leaf and children of a node, one per SIMD lane
+    CUDA_LANES = 32,  // one per thread of a warp
     LEAF_ROWS = 9,  // corners: ax ay az bx by bz cx cy cz
-    NODE_ROWS = 10,  // of each child, its box and the cone of its normals
+    NODE_ROWS = 10,  // of each child, its bounding box and the cone of its normals
     NODE_LOW_ROW = 0,
     NODE_HIGH_ROW = 3,
     CONE_AXIS_ROW = 6,
     CONE_CUTOFF_ROW = 9,
 };
 
-// What the builder of a BVH works with, in numbers of four bytes.
+// Records of the BVH builder, in four-byte words.
 enum BvhBuilder {
     ITEM_WORDS = 8,  // a triangle
-    SPLIT_WORDS = 4,  // a node of the binary tree while ranges are split
-    BINARY_WORDS = 6,  // the same while nodes are made of it, and a cost for each lane besides
-    HALVING_DEPTH = 64,  // from here on ranges are halved, so that no input makes a deep tree
+    SPLIT_WORDS = 4,  // a node of the binary tree during splitting
+    BINARY_WORDS = 6,  // a node of the binary tree during collapsing, without its LANES costs
+    HALVING_DEPTH = 64,  // ranges at this depth or deeper are halved, which bounds the depth of the tree
 };
 
-// An image on CPU cores, and the points that are sorted into it.
+// Blocks and tiles of an image on the CPU, and chunks of points that are sorted into it.
 enum CpuImage {
-    BLOCK_SIDE = 4,  // pixels: a block fills a register
+    BLOCK_SIDE = 4,  // pixels: a block fills a SIMD register
     TILE_SIDE = 16,  // pixels: a tile is 4 x 4 blocks
     POINT_CHUNK_BITS = 13,
-    POINT_CHUNK = 1 << 13,  // points that are projected at a time
+    POINT_CHUNK = 1 << 13,  // points projected at a time
 };
 
-// Where nothing is: beyond every coordinate, and nearer, as 1 / z, than any surface.
+// Marks empty entries: beyond every coordinate and, as 1 / z, nearer than any surface.
 constexpr float NOWHERE = 3e38f;
 
-// A box may be anywhere in the image from where its nearest corner is no farther than this part of the sum of its
-// terms.
+// A box is treated as covering the whole image if the depth of its nearest corner is at most this fraction of the sum
+// of the magnitudes of its terms.
 constexpr float BOX_CROSSING_SHARE = 0.02f;
 
-// How much rounding of a box may be wrong, in pixels: a little,
+// Margin of a box in the image for rounding, in pixels: the constant part,
 constexpr float BOX_SLACK = 0.01f;
 
-// and so many times what it may move a corner.
+// and the multiple of `blur`, the distance by which rounding may move a corner.
 constexpr float BOX_SLACK_BLURS = 256.0f;
 
-// From this depth of half a box on, as a part of its middle's, its bounds in the image are worth a look at each corner.
+// A box is projected corner by corner if its depth extent exceeds this fraction of the depth of its center.
 constexpr float DEEP_SHARE = 0.03f;
 
-// How much rounding of other boxes may be wrong, in pixels: a little, but more than of a triangle,
+// The same margin for boxes that are not projected corner by corner: larger than the margin of a triangle,
 constexpr float SMALL_BOX_SLACK = 0.003f;
 
-// and so many times what it may move a corner.
+// and the multiple of `blur`.
 constexpr float SMALL_BOX_SLACK_BLURS = 16.0f;

@@ -1,24 +1,25 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whether a ray meets a triangle, where single precision cannot tell.
+// Exact ray-triangle test, for cases that single precision cannot decide.
 //
-// Of the edge values at a pixel in single precision, those of two triangles that share the edge need not fit, nor those
-// of all that meet at a corner: a ray would slip between them. So where a value is within what rounding may change of
-// it, its sign is that of the corners as they are stored, in double precision; and what is within rounding of that is
-// inside of both triangles.
+// In single precision, the edge functions of two triangles that share an edge may disagree at a pixel, as may those of
+// all triangles that share a corner, so that a ray could slip between them. To be watertight, an edge function whose
+// magnitude is within its rounding error bound is evaluated in double precision from the corners as stored; a value
+// within the error bound of double precision counts as inside both triangles.
 
-// An edge's value may be wrong by this part of the product of how far apart the triangle's corners are and how far
-// away, both in pixels times depth. Of millions of triangles made to be hard, the worst was wrong by 0.81 of it.
+// Relative error bound of an edge function in single precision: a fraction of the product of the extent of the
+// triangle's corners and their distance from the camera, both in pixels times depth. The largest error among millions
+// of adversarial triangles was 0.81 of this bound.
 constexpr float EDGE_DOUBT = 1.5e-7f;
 
-// Pixels within so much of a triangle may be looked at, however small it is.
+// The bound holds for pixels up to this far outside a triangle [px], however small the triangle is.
 constexpr float EDGE_DOUBT_MIN = 0.01f;
 
-// The same of double precision, eight roundings.
+// Relative error bound in double precision: eight roundings.
 constexpr double EXACT_DOUBT = 1e-15;
 
-// One triangle seen from where rays begin, in the frame of its tree.
+// A triangle relative to the ray origin, in the frame of its tree.
 struct ExactCorners {
     double corner[3][3];
 
@@ -40,7 +41,8 @@ struct ExactCorners {
         minus(corner[2], corner[0], ac);
         cross(ab, ac, to);
     }
-    // Negative where the front is seen; 0 where the plane is seen edge-on, as nearly as can be told.
+    // Signed volume of the tetrahedron of the triangle and the ray origin, up to a factor: negative if the ray origin
+    // is on the front side; 0 if the plane is seen edge-on within the rounding error bound.
     inline double volume() const {
         double to[3];
         normal(to);
@@ -54,15 +56,16 @@ struct ExactCorners {
         return size(value) > EXACT_DOUBT * size(ab) * size(ac) * size(corner[0]) ? value : 0.0;
     }
 
-    // Whether a ray meets it, on an edge or a corner too. What is seen edge-on meets nothing: its neighbours do.
+    // Whether a ray hits the triangle, edges and corners included. Edge-on triangles are never hit; the adjacent
+    // triangles cover those pixels.
     inline bool meet(const double* ray) const { return meet(ray, volume()); }
     inline bool meet(const double* ray, double volume) const {
         const double sign = volume < 0 ? -1.0 : 1.0;
         return volume != 0.0 && inside(corner[1], corner[2], ray, sign) && inside(corner[2], corner[0], ray, sign) &&
                inside(corner[0], corner[1], ray, sign);
     }
-    // Whether a ray passes on that side of an edge where the triangle is, or through the edge. The plane through the
-    // edge, from the nearer of its ends: beside that one, rounding of the farther one would be many pixels' worth.
+    // Whether a ray passes on the inner side of an edge, or through the edge. The plane through the edge is computed
+    // from the nearer end: the rounding error of the farther one would amount to many pixels there.
     static inline bool inside(const double* a, const double* b, const double* ray, double sign) {
         double apart[3], plane[3];
         minus(a, b, apart);

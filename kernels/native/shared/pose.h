@@ -1,13 +1,14 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// A camera's or an object's place in the world, in double precision.
+// Pose of a camera or an object in the world, in double precision.
 struct Pose {
     double position[3];
-    double axis[3][3];  // right, down, forward of a camera, or x, y, z of an object, in the world
+    double axis[3][3];  // world axes: right, down, forward of a camera, or x, y, z of an object
 
-    // The axes of a rotation by a quaternion; `two` is 2 divided by its squared length, which normalises it. The CPU
-    // normalises first and gives 2, CUDA gives the quotient: each rounds in its own way, and so it stays.
+    // Axes of a rotation given by a quaternion; `two` is 2 divided by its squared norm, which normalizes it. The CPU
+    // normalizes the quaternion first and passes 2, CUDA passes the quotient: they round differently, and changing
+    // either would change results.
     static inline void axes_of(double x, double y, double z, double w, double two, double (*axis)[3]) {
         axis[0][0] = 1 - two * (y * y + z * z);
         axis[0][1] = two * (x * y + z * w);
@@ -28,7 +29,7 @@ struct Pose {
 #endif
     }
 
-    // From x y z qx qy qz qw, of a quaternion of any length.
+    // Build from x y z qx qy qz qw, with a quaternion of any norm.
     static inline Pose from(const float* row) {
         Pose pose;
         double q[4], squared = 0;
@@ -40,17 +41,17 @@ struct Pose {
         return pose;
     }
 
-    // A direction of the world, along this pose's axes.
+    // Rotate a world direction into this pose's frame.
     inline void turn_into(const double* direction, double* turned) const {
         for (int k = 0; k < 3; ++k)
             turned[k] = axis[k][0] * direction[0] + axis[k][1] * direction[1] + axis[k][2] * direction[2];
     }
-    // A direction of this pose's frame, in the world.
+    // Rotate a direction of this pose's frame into the world.
     inline void turn_out(const double* direction, double* turned) const {
         for (int k = 0; k < 3; ++k)
             turned[k] = axis[0][k] * direction[0] + axis[1][k] * direction[1] + axis[2][k] * direction[2];
     }
-    // A place of the world, in this pose's frame.
+    // Transform a world point into this pose's frame.
     inline void move_into(const double* place, double* moved) const {
         const double from_here[3] = {place[0] - position[0], place[1] - position[1], place[2] - position[2]};
         turn_into(from_here, moved);
@@ -62,9 +63,9 @@ struct Pose {
         for (int i = 0; i < 3; ++i) object.turn_into(axis[i], seen.axis[i]);
         return seen;
     }
-    // Whether it is in a box, least and greatest corner, or farther from it than a margin along no axis.
+    // Whether the position is inside a box (least and greatest corner) or within a margin of it along every axis.
     inline bool inside(const float* box, float margin) const { return inside(box, Stretch::none(), margin); }
-    // The same of a box of what is stretched.
+    // The same for the box of a stretched object.
     inline bool inside(const float* box, const Stretch& stretch, float margin) const {
         bool inside = true;
         for (int k = 0; k < 3; ++k)

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Random numbers that follow from where they are used alone, the same bits on every device.
+// Counter-based random numbers: a function of the seed and the pixel only, bit-identical on every device.
 //
-// Modules that use this are compiled with "fuse_fp" False: each product and each sum is rounded, in the order written.
+// Modules that include this are compiled with "fuse_fp" False: each product and each sum is rounded, in the order
+// written.
 
 // Philox4x32-10: Salmon, Moraes, Dror and Shaw, "Parallel Random Numbers: As Easy as 1, 2, 3", SC 2011.
 constexpr unsigned FIRST_FACTOR = 0xD2511F53u, SECOND_FACTOR = 0xCD9E8D57u;
@@ -13,7 +14,7 @@ constexpr int PHILOX_ROUNDS = 10;
 struct Philox {
     Word word[4];
 
-    // Turn a counter into four random words.
+    // Convert a counter into four random words.
     inline void mix(unsigned first_key, unsigned second_key) {
         for (int round = 0; round < PHILOX_ROUNDS; ++round) {
             const Word first = word[0], third = word[2];
@@ -27,12 +28,13 @@ struct Philox {
     }
 };
 
-// What random words are made into.
+// Distributions of random words.
 struct Random {
-    // Uniform in (0, 1): the middles of 2^23 equal parts, none of which is rounded.
+    // Uniform in (0, 1): the midpoints of 2^23 equal intervals, all exactly representable.
     static inline Real uniform(Word word) { return Numbers::from_whole((word >> 9) * 2u + 1u) * 0x1p-24f; }
 
-    // log2 of normal numbers: of 1 + r from sqrt(1/2) to sqrt(2), a minimax polynomial, wrong by less than 1.2e-6 r.
+    // log2 of a normal (not subnormal) number: its exponent plus a minimax polynomial of log2(1 + r), with 1 + r from
+    // sqrt(1/2) to sqrt(2) and an error below 1.2e-6 r.
     static inline Real log2(Real a) {
         constexpr unsigned ROOT_OF_HALF = 0x3f3504f3u, EXPONENT_BIAS = 127u;
         const Word above = Numbers::bits_of(a) + ((EXPONENT_BIAS << 23) - ROOT_OF_HALF);
@@ -47,12 +49,13 @@ struct Random {
         return exponent + sum * r;
     }
 
-    // Standard normal, by the inverse of its distribution: of x = 2 u - 1 in (-1, 1) it is x times a smooth function of
-    // -log2(1 - x^2), for which a minimax polynomial of a root of that stands, wrong by less than 3e-5 of the result.
-    // The words' ends are 6.3 from the middle.
+    // Standard normal, by the inverse of the cumulative distribution function: for x = 2 u - 1 in (-1, 1), it is x
+    // times a smooth function of t = -log2(1 - x^2), approximated by a minimax polynomial in s = sqrt(t + 5.5) - 3.75
+    // with a relative error below 3e-5. The extreme words map to +-6.3.
     static inline Real normal(Word word) {
         constexpr unsigned MOST = 0x7fffffffu;
-        const Word above = (word ^ ((word >> 31) - 1u)) & MOST;  // how far from the middle, in 2^31 parts
+        // distance from the middle of the range, in units of 2^-31
+        const Word above = (word ^ ((word >> 31) - 1u)) & MOST;
         const Real to_end = (Numbers::from_whole(MOST - above) + 0.5f) * 0x1p-31f;
         const Real to_middle = (Numbers::from_whole(above) + 0.5f) * 0x1p-31f;
         const Real s = Numbers::root(5.5f - log2(to_end * (2.0f - to_end))) - 3.75f;

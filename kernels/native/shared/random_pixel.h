@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// What the random words of pixels follow from, beside y and x.
+// Key of the random words of an image; y and x complete the counter.
 struct RandomKey {
     unsigned seed, view, frame;
 };
 
-// Random words of neighbouring pixels of a row: four of them share a counter. Here, of one.
+// Random words of adjacent pixels of a row: four share a counter. This version returns the word of one pixel.
 struct PixelWords {
     enum { PIXELS = 1 };
     Word block[1];

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// What formulas that are written for one pixel and for sixteen at a time are made of: here, numbers of one pixel.
+// Number types of formulas that are compiled for one pixel and for 16 pixels at a time: this version holds one pixel.
 typedef float Real;
 typedef int Whole;
 typedef unsigned Word;
@@ -9,11 +9,11 @@ typedef unsigned Word;
 struct Numbers {
     enum { PIXELS = 1 };
 
-    // The same number for all pixels.
+    // Broadcast a number to all pixels.
     static inline float real(float a) { return a; }
     static inline int whole(int a) { return a; }
     static inline unsigned high_product(unsigned a, unsigned b) { return (unsigned)((unsigned long long)a * b >> 32); }
-    // Whole numbers below 2^31 are rounded to the nearest of single precision.
+    // Convert an integer below 2^31, rounded to nearest.
     static inline float from_whole(unsigned a) { return (float)(int)a; }
     static inline unsigned bits_of(float a) {
 #if defined(__CUDA_ARCH__)
@@ -54,12 +54,12 @@ struct Numbers {
     static inline float endless() { return of_bits(0x7f800000u); }
     static inline float no_number() { return of_bits(0x7fc00000u); }
 
-    // The numbers of pixels from a place on, of which `count` are in the row.
+    // Load the numbers of pixels from an address on; `count` pixels of the row remain.
     static inline float load(const float* from, int) { return *from; }
-    // The first number for so many pixels, then the second, and so on: of one pixel there is but one.
+    // Repeat each number `times` times: does not apply to a single pixel.
     static inline bool repeats(int) { return false; }
     static inline float repeated(float a, int) { return a; }
-    // Of x y z x y z ..., each of the three.
+    // Load interleaved triples x y z x y z ...
     static inline void load_triples(const float* from, float* triple, int) {
         for (int k = 0; k < 3; ++k) triple[k] = from[k];
     }

@@ -1,15 +1,15 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a sensor that measures by triangulation says of a pixel: `warpvis.sensors.StereoDepth`.
+// Measurement model of a triangulation sensor at a pixel: `warpvis.sensors.StereoDepth`.
 
-// What is known of a pixel.
+// Inputs of the model at a pixel.
 struct StereoPixel {
-    Real depth;  // of the first surface [m], +inf where there is none
-    Real far_depth;  // the same along the other eye's axis [m]
-    Real other_depth;  // what the other eye sees there [m]
-    Real column;  // of the pixel's centre [px]
-    Real support;  // how much about it is of the same surface, from 0 to 1
+    Real depth;  // of the first surface [m], +inf if there is none
+    Real far_depth;  // the same along the optical axis of the other eye [m]
+    Real other_depth;  // depth that the other eye measures there [m]
+    Real column;  // of the pixel's center [px]
+    Real support;  // fraction of the surrounding window that shows the same surface, from 0 to 1
     Real cosine;  // of the angle of incidence
     Real reflectivity;
     Real noise;  // standard normal
@@ -18,21 +18,22 @@ struct StereoPixel {
 
 struct Stereo {
     float disparity_scale;  // focal length times baseline [px m]: disparity is this divided by depth
-    float shift_scale;  // the same of the image, positive where the other eye is on the right
+    float shift_scale;  // the same in pixels of the image, positive if the other eye is on the right
     float first_column, last_column;  // of the other eye's image [px]
     float near, far;  // [m]
     float most_disparity;  // [px]
     float shadow_tolerance;  // [px]
     float least_support;
-    float least_signal, signal_slope;  // where a pixel begins to be found, and how fast that becomes sure
-    float kept;  // of pixels whose signal suffices, the share that is found
+    // signal at which pixels begin to be detected, and slope of the detection probability
+    float least_signal, signal_slope;
+    float kept;  // fraction of pixels with sufficient signal that are detected
     float sigma, locking;  // [px]
-    float levels;  // of a pixel of disparity; 0 where it is not rounded
-    int spacing;  // of the nodes between which noise is interpolated [px]
-    int window;  // how far the window of a pixel reaches [px]
-    float edge_step;  // disparities that differ by so much are of different surfaces [px]
+    float levels;  // subpixel steps per pixel of disparity; 0 disables quantization
+    int spacing;  // of the noise nodes [px]
+    int window;  // reach of a pixel's window [px]
+    float edge_step;  // disparity difference from which two pixels belong to different surfaces [px]
 
-    // sin(2 pi a) by a minimax polynomial that is 0 where the sine is, wrong by less than 4e-7 of it.
+    // sin(2 pi a), by a minimax polynomial with exact zeros and a relative error below 4e-7.
     static inline Real wave(Real a) {
         const Real t = a - Numbers::floor(a + 0.5f), square = t * t;
         Real sum = square * 3.0019321f - 9.507514f;
@@ -46,11 +47,11 @@ struct Stereo {
         const Real found = locked + sigma * noise;
         return levels > 0.0f ? Numbers::floor(found * levels + 0.5f) / levels : found;
     }
-    // Where the disparity is as it was, so is the depth, to the last bit.
+    // If the disparity is unchanged, the depth is unchanged to the last bit.
     inline Real depth_of(Real found, Real depth, Real disparity) const {
         return levels > 0.0f ? disparity_scale / found : depth * (disparity / found);
     }
-    // Something is before the surface as the other eye sees it: its disparity is greater by more than the tolerance.
+    // Whether a surface occludes this one from the other eye: its disparity is greater by more than the tolerance.
     inline Whole hidden(const StereoPixel& pixel) const {
         const float scale = shift_scale < 0.0f ? -shift_scale : shift_scale;
         return scale * (pixel.far_depth - pixel.other_depth) > shadow_tolerance * pixel.far_depth * pixel.other_depth;
@@ -59,7 +60,7 @@ struct Stereo {
         const Real column = pixel.column - shift_scale * nearness;
         return (column < first_column) | (column > last_column);
     }
-    // The share of pixels of a signal that are found.
+    // Fraction of pixels with a given signal that are detected.
     inline Real found_share(Real signal) const {
         const Real share = (signal - least_signal) * signal_slope;
         return share < 1.0f ? share : Numbers::real(1.0f);

@@ -1,37 +1,38 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of pixels through the model of shared/stereo.h: as many at a time as Real holds.
+// The model of shared/stereo.h applied to rows of pixels, as many at a time as Real holds.
 
-// Images of all views, [view][y][x]; null where the model does without. In Python, StereoViews of kernels/stereo.py.
+// Images of all views, [view][y][x]; null if the model does not use them. The Python counterpart is StereoViews of
+// kernels/stereo.py.
 struct StereoImages {
     int height, width;
     const float* depth;  // of the first surface
-    const float* other_depth;  // what the other eye sees there
+    const float* other_depth;  // depth that the other eye measures there
     const float* normals;  // xyz in the world
     const int* segmentation;
     const float* reflectivity;  // [object]
-    const float* nodes;  // of noise, [view][node_rows][node_columns]
+    const float* nodes;  // noise nodes, [view][node_rows][node_columns]
     int node_rows, node_columns;
-    const float* weights;  // of the two nodes beside a pixel, by its place between them
-    const int* column_nodes;  // the node on the left of a column, and the weights of both
+    const float* weights;  // weights of the nodes above and below a pixel, by its offset from the upper one
+    const int* column_nodes;  // [column]: the node on its left, and the weights of the left and the right node
     const float* left_weights;
     const float* right_weights;
-    const float* column_slopes;  // of rays, (x - cx) / fz
+    const float* column_slopes;  // slopes of rays, (x - cx) / fx
     const float* row_slopes;
     float* depth_out;
     unsigned char* reasons_out;
 };
 
-// A view: what its random numbers follow from, and its other eye.
+// A view: the key of its random numbers, and its other eye.
 struct StereoView {
     long long index;
     RandomKey key;
-    float axes[9];  // from the camera's frame to the world's
-    float forward;  // how far the other eye is before the first one, by rounding [m]
+    float axes[9];  // rotation from the camera frame to the world
+    float forward;  // how far the other eye is in front of the first one, due to rounding [m]
 };
 
-// How much of the window of pixels is of their surface.
+// Fraction of the window of each pixel that shows the pixel's surface.
 struct StereoWindow {
     const Stereo& stereo;
     const StereoImages& images;
@@ -43,7 +44,7 @@ struct StereoWindow {
         if (from >= 0 && from + Numbers::PIXELS <= images.width) {
             count(Numbers::load(row + from, Numbers::PIXELS), in_row);
         } else {
-            // Where the row ends, the pixels beside the end are of no surface.
+            // Pixels beyond the end of the row belong to no surface.
             float some[Numbers::PIXELS];
             for (int k = 0; k < Numbers::PIXELS; ++k)
                 some[k] = from + k >= 0 && from + k < images.width ? row[from + k] : Numbers::endless();
@@ -58,7 +59,7 @@ struct StereoWindow {
         const Whole same = stereo.disparity_scale * Numbers::abs(depth - other) < stereo.edge_step * depth * other;
         number = same ? number + 1.0f : number;
     }
-    // How many pixels of the image are in the windows, across and down.
+    // Number of image pixels in the window, horizontally and vertically.
     inline Real of_row(int x) const {
         const Real first = Numbers::columns(x) - (float)stereo.window, last = first + (float)(2 * stereo.window);
         const Real least = Numbers::real(0.0f), most = Numbers::real((float)(images.width - 1));
@@ -69,8 +70,8 @@ struct StereoWindow {
         return (float)((last < most ? last : most) - (first > 0 ? first : 0) + 1);
     }
 
-    // Whether all that these windows hold is of one surface, by the least and the greatest depth: that is most of an
-    // image, and sooner known than counted. What rounding leaves in doubt is counted.
+    // Whether all pixels of the windows belong to one surface, by their least and greatest depth: true in most of an
+    // image, and faster than counting. Uncertain cases, within the rounding error, return false and are counted.
     static inline bool even(const Stereo& stereo, const StereoImages& images, const float* row, int y, int x) {
         const int reach = stereo.window, end = x + Numbers::PIXELS;
         if (Numbers::PIXELS == 1 || x < reach || end + reach > images.width) return false;
@@ -100,7 +101,7 @@ struct StereoWindow {
 };
 
 struct StereoRows {
-    // Between the rays of pixels and the normals of what they meet: the cosine is `along` divided by the root of
+    // Angle between the rays of pixels and the normals of the surfaces: its cosine is `along` divided by the root of
     // `square`.
     struct Incidence {
         Real along, square;
@@ -119,8 +120,8 @@ struct StereoRows {
             return Incidence{Numbers::abs(along), across * across + (down * down + 1.0f)};
         }
         inline Real cosine() const { return along / Numbers::root(square); }
-        // Whether the signal of every pixel that has one is beyond that from which on all are found, by more than
-        // rounding: then there is no need of the cosine, nor of chance.
+        // Whether the signal of every pixel with a surface exceeds full detection by more than the rounding error: then
+        // neither the cosine nor a random number is needed.
         inline bool suffices(const Stereo& stereo, Real depth, Real reflectivity) const {
             if (Numbers::PIXELS == 1 || stereo.kept < 1.0f) return false;
             const float full = (stereo.least_signal + 1.0f / stereo.signal_slope) * 1.0001f;
@@ -136,7 +137,8 @@ struct StereoRows {
         }
         return Numbers::load(found, Numbers::PIXELS);
     }
-    // Noise between nodes, by weights whose squares add up to one. Pixels of a register are between a few of these.
+    // Noise interpolated between nodes, with weights whose squares sum to 1. The pixels of a register lie between a few
+    // adjacent nodes.
     static inline Real smooth_noise(const StereoImages& images, const StereoView& view, int spacing, int y, int x) {
         const int row = y / spacing, column = images.column_nodes[x], count = images.node_columns - column;
         const float* above = images.nodes + (view.index * images.node_rows + row) * images.node_columns + column;
@@ -162,11 +164,11 @@ struct StereoRows {
         return left * Numbers::load(beside[0], Numbers::PIXELS) + right * Numbers::load(beside[1], Numbers::PIXELS);
     }
 
-    // All pixels of a row.
+    // Measure all pixels of a row.
     static inline void measure_row(const Stereo& stereo, const StereoImages& images, const StereoView& view, int y) {
         for (int x = 0; x < images.width; x += PixelWords::PIXELS) measure(stereo, images, view, y, x);
     }
-    // As many pixels from x on as share random words.
+    // Measure the pixels from x on that share random words.
     static inline void measure(const Stereo& stereo, const StereoImages& images, const StereoView& view, int y, int x) {
         PixelWords noise, chance;
         const bool white = stereo.sigma > 0.0f && !images.nodes;
@@ -187,7 +189,7 @@ struct StereoRows {
             say(stereo, images, pixel, place, images.width - x);
         }
     }
-    // Whether nothing is there in all of the pixels of a register, and if so, say that: often it is so in many.
+    // Whether all pixels of a register are empty; if so, write them. This is common in many images.
     static inline bool empty(const StereoImages& images, const StereoView& view, int y, int x) {
         const long long place = (view.index * images.height + y) * images.width + x;
         const Real depth = Numbers::load(images.depth + place, images.width - x);
@@ -197,7 +199,7 @@ struct StereoRows {
             Numbers::store(images.reasons_out + place, Numbers::whole(REASON_EMPTY), Numbers::PIXELS);
         return true;
     }
-    // Find how much light comes back; whether it is by chance that pixels are found.
+    // Compute the light that comes back. Returns whether detection depends on chance.
     static inline bool by_chance(const Stereo& stereo, const StereoImages& images, const StereoView& view,
                                  long long place, int y, int x, StereoPixel& pixel) {
         if (images.segmentation) pixel.reflectivity = reflectivity(images, place, x);
@@ -235,18 +237,18 @@ struct StereoRows {
     }
 };
 
-// The other eye of a view: where it is in the first one's frame [m], and its image.
+// The other eye of a view: its position in the frame of the first one [m], and its image.
 struct OtherImage {
     float place[3];
     float focal[2];
-    float added_columns;  // of its image, on the left of the first one's
+    float added_columns;  // columns of its image to the left of the first one's
     float width, height;
-    float least_depth;  // nearer points are not looked for
+    float least_depth;  // nearer points are not projected
 
     inline void show_row(const StereoImages& images, long long index, int y, float* points) const {
         for (int x = 0; x < images.width; x += PixelWords::PIXELS) show(images, index, y, x, points);
     }
-    // Where the points of pixels from x on are in its image, x y x y ... [px]; NaN where they are not in it.
+    // Project the points of pixels from x on into its image, x y x y ... [px]; NaN if they lie outside.
     inline void show(const StereoImages& images, long long index, int y, int x, float* points) const {
         for (int k = 0; k < PixelWords::PIXELS && x < images.width; k += Numbers::PIXELS, x += Numbers::PIXELS)
             show_some(images, index, y, x, points);
@@ -264,7 +266,7 @@ struct OtherImage {
         const Real none = Numbers::real(Numbers::no_number());
         Numbers::store_pairs(points + at * 2, there ? column : none, there ? inside(row) : none, count);
     }
-    // What rounding puts beyond the upper or the lower edge: rows of both eyes are the same.
+    // Clamp rows that rounding moved beyond the upper or lower edge: both eyes share their rows.
     inline Real inside(Real row) const {
         const Real least = Numbers::real(0.0f), most = Numbers::real(height * 0.99999994f);
         const Real low = row > least ? row : least;

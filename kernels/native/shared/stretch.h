@@ -1,18 +1,19 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// How an object is stretched along its axes, in a world where it is of another size than it was made: its triangles
-// are drawn in a frame divided by these factors, in which they are as they were. Rays keep their parameter there.
+// Stretch of an object along its axes, in a world in which its size differs from the size it was built with. Its
+// triangles are rasterized in a frame divided by these factors, in which their coordinates are unchanged; ray
+// parameters are the same in both frames.
 struct Stretch {
     double factor[3];
 
     static inline Stretch none() { return Stretch{{1.0, 1.0, 1.0}}; }
 
-    // From rows of SOLID_WORDS, as it was made and as it is. Of a mesh, factors are what a row holds.
+    // From rows of SOLID_WORDS, as built and as resized. For a mesh, the row holds the factors.
     static inline Stretch of(int kind, const float* made, const float* now) {
         Stretch stretch;
         for (int k = 0; k < 3; ++k) stretch.factor[k] = kind == SOLID_NONE ? now[k] : (double)now[k] / made[k];
-        // Its triangles reach as far along z as it does: those of a capsule's ends are stretched as its middle is.
+        // The triangles extend as far along z as the solid: those of a capsule's ends are stretched like its middle.
         const double end = kind == SOLID_CAPSULE ? 1.0 : 0.0;
         if (kind == SOLID_CYLINDER || kind == SOLID_CAPSULE) stretch.factor[2] *= (now[3] + end) / (made[3] + end);
         return stretch;
