@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hold what is there: objects and solids, the worlds in which they move, and the trees that casters walk."""
+"""Scenes: objects and solids, their poses in parallel worlds, and the trees that rays traverse."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The box around a scene, of which objects that share a mesh are not made one by one."""
+"""The bounding box of a scene; instances of a shared mesh are transformed in batches."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.scene._object import SceneObject
 from warpvis.scene._object_list import Instances, ObjectList
 
-# So many corners in the world at a time, 24 bytes each, stay in caches.
+# Corners transformed per batch, 24 bytes each: a batch stays in the CPU's caches.
 _MAX_CORNERS = 1 << 16
 
 
 def bounds_of(objects: ObjectList) -> NDArray[np.float32]:
-    """Return the least and greatest corner of some objects' axis-aligned box [m], shape ``(2, 3)``."""
+    """Return the minimum and maximum corner of the objects' axis-aligned box [m], shape ``(2, 3)``."""
     shared: dict[int, tuple[NDArray[np.floating], list[NDArray[np.floating]]]] = {}
     boxes = []
     for first, count, item in objects.runs():
@@ -35,7 +35,7 @@ def bounds_of(objects: ObjectList) -> NDArray[np.float32]:
 def _placed(
     item: SceneObject | Instances, first: int, count: int
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]] | None:
-    """Return a mesh that objects may share, and their poses, shape ``(n, 7)``; None of one that is in the world."""
+    """Return a mesh that may be shared, and its poses, shape ``(n, 7)``; None for a mesh in the world's frame."""
     if isinstance(item, Instances):
         if item.movable:
             return item.mesh.rounded, item.poses(first, count)
@@ -48,7 +48,7 @@ def _placed(
 
 
 def _bounds_at(vertices: NDArray[np.floating], rows: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Return the box around a mesh at many poses."""
+    """Return the axis-aligned box around a mesh at several poses."""
     matrices = poses_to_matrices(rows.astype(np.float64))
     corners = np.ascontiguousarray(vertices.T, dtype=np.float64)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)

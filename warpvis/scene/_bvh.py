@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The BVH: leaves of 16 or 32 triangles and nodes of as many children, for casters that test all at once."""
+"""The wide BVH: leaves of 16 or 32 triangles and nodes of 16 or 32 children, one per SIMD lane or thread of a warp."""
 
 from __future__ import annotations
 
@@ -28,52 +28,52 @@ from warpvis.kernels.constants import (
     SPLIT_WORDS,
 )
 
-# Ranges of fewer triangles are not worth a launch of their own.
+# Smaller ranges are not worth a separate launch.
 _MIN_RANGE = 16384
-# Ranges a thread gets on average, so that they end at about the same time. The tree does not depend on it.
+# Average number of ranges per thread, for load balancing. The tree does not depend on it.
 _RANGES_PER_THREAD = 8
 MAX_PLACES = (2**31 - 1) // LEAF_ROWS
-"""Places for triangles in leaves: Warp's arrays have fewer than 2^31 numbers, and a triangle is nine."""
-# No limit to the number of splits.
+"""Maximum number of leaf slots: a Warp array has fewer than 2^31 elements, and a triangle takes nine."""
+# No limit on the number of splits.
 _ALL = -1
 
 
 @dataclass(frozen=True)
 class Bvh:
-    """Triangles in clusters, and the tree above them, where it was built. Node 0 is the root.
+    """Triangles in leaves, and the tree above them, on the device where it was built. Node 0 is the root.
 
-    Arrays are flat, start at a multiple of 64 bytes on a CPU, and hold `lanes` lanes a row.
+    Arrays are flat; on a CPU they are aligned to 64 bytes. Each row has `lanes` elements.
     """
 
     leaves: wp.array = field(repr=False)
-    """float32, 9 rows a leaf: ax ay az bx by bz cx cy cz. Lanes without a triangle repeat lane 0's first corner."""
+    """float32, 9 rows a leaf: ax ay az bx by bz cx cy cz. Unused lanes repeat the first corner of lane 0."""
     triangles: wp.array = field(repr=False)
-    """int32, one row a leaf: the lane's triangle among the faces, -1 for none."""
+    """int32, one row a leaf: the face index of the lane's triangle, -1 for unused lanes."""
     owners: wp.array = field(repr=False)
-    """int32, one row a leaf: the object that the lane's triangle belongs to; lane 0's for none."""
+    """int32, one row a leaf: the object of the lane's triangle; unused lanes repeat lane 0's."""
     nodes: wp.array = field(repr=False)
     """float32, 10 rows a node: the children's min x y z, max x y z, and their normal cones' axis x y z and cutoff.
 
     All triangles below a child face away from a camera if ``dot(m - camera, axis) >= cutoff * |m - camera| + r``, where
-    m and r are the middle and the half diagonal of the child's box. The cutoff is 2 where the cone says nothing, or a
-    triangle's object is not closed. Without a child, min is 3e38 and max is -3e38.
+    m and r are the center and the half diagonal of the child's box. The cutoff is 2, which never culls, if the cone is
+    too wide or an object below the child is not closed. Unused lanes have min 3e38 and max -3e38.
     """
     children: wp.array = field(repr=False)
-    """int32, one row a node: a node, or a leaf as its one's complement (negative); 0 for none."""
+    """int32, one row a node: a node index, or the bitwise complement of a leaf index (negative); 0 for unused lanes."""
     lanes: int
-    """Triangles of a leaf and children of a node, at most: 16 or 32."""
+    """Maximum number of triangles per leaf and of children per node: 16 or 32."""
     depth: int
-    """Levels of nodes."""
+    """Number of node levels."""
     leaf_count: int
-    """Leaves."""
+    """Number of leaves."""
     node_count: int
-    """Nodes."""
+    """Number of nodes."""
     triangle_count: int
-    """Triangles."""
+    """Number of triangles."""
 
     @property
     def bytes_per_triangle(self) -> float:
-        """Memory of all arrays together, for each triangle."""
+        """Memory of all arrays divided by the number of triangles."""
         arrays = (self.leaves, self.triangles, self.owners, self.nodes, self.children)
         return sum(array.size * 4 for array in arrays) / self.triangle_count
 
@@ -81,7 +81,7 @@ class Bvh:
 class _Nodes(NamedTuple):
     children: wp.array
     leaf_ranges: wp.array
-    """int32, a row of two a leaf: the first of its items, and the first after them."""
+    """int32, two a leaf: its first item, and the end of its items (exclusive)."""
     node_count: int
     leaf_count: int
     depth: int
@@ -97,21 +97,21 @@ def build_bvh(
     most_levels: int | None = None,
     threads: int | None = None,
 ) -> Bvh:
-    """Build the tree by the surface area heuristic, with a leaf's cost the same however few triangles it has.
+    """Build the tree by the surface area heuristic; a leaf's cost does not depend on how many triangles it holds.
 
     Args:
         vertices: Corners, shape ``(n, 3)``.
-        faces: Corner indices of the triangles, shape ``(m, 3)``, m from 1 up.
-        owner: The triangles' objects, shape ``(m,)``.
-        closed: Whether an object's back faces can be left out when it is seen from outside, shape ``(objects,)``.
-        lanes: Triangles of a leaf and children of a node, at most: 16 or 32.
-        most_levels: What the tree's depth does not exceed, whatever the triangles. Where the heuristic would make a
-            deeper tree, triangles are halved in number instead. No limit by default.
-        threads: CPU threads, all cores by default. The tree is the same for any number.
+        faces: Corner indices of the triangles, shape ``(m, 3)``, m at least 1.
+        owner: Object indices of the triangles, shape ``(m,)``.
+        closed: Whether an object's back faces can be culled when it is seen from outside, shape ``(objects,)``.
+        lanes: Maximum number of triangles per leaf and of children per node: 16 or 32.
+        most_levels: Maximum number of node levels. Where the heuristic would exceed it, ranges are split into halves of
+            equal count. No limit by default.
+        threads: CPU threads, all cores by default. The tree does not depend on it.
 
     Raises:
-        ArrayError: `lanes` is not 16 or 32.
-        SceneError: No tree of at most `most_levels` levels holds so many triangles.
+        ArrayError: If `lanes` is not 16 or 32.
+        SceneError: If a tree of `most_levels` levels cannot hold the triangles.
     """
     from warpvis.kernels import bvh
 
@@ -146,7 +146,7 @@ def build_bvh(
 
 
 def check_size(count: int, lanes: int, most_levels: int | None) -> None:
-    """Raise an error unless there can be a tree of so many triangles, lanes and levels."""
+    """Raise an error if no tree can have this number of triangles, lanes and levels."""
     if lanes not in (CPU_LANES, CUDA_LANES):
         raise ArrayError(f"lanes must be {CPU_LANES} or {CUDA_LANES}, got {lanes!r}")
     if count > MAX_PLACES:
@@ -161,7 +161,7 @@ def check_size(count: int, lanes: int, most_levels: int | None) -> None:
 
 
 def check_leaves(leaf_count: int, lanes: int) -> None:
-    """Raise a `SceneError` unless casters can have so many leaves, of all trees together."""
+    """Raise a `SceneError` if all trees together have more leaves than the kernels can index."""
     most = MAX_PLACES // lanes
     if leaf_count > most:
         raise SceneError(
@@ -171,7 +171,7 @@ def check_leaves(leaf_count: int, lanes: int) -> None:
 
 
 def _arrange(items: wp.array, lanes: int, most_levels: int | None, threads: int) -> _Nodes:
-    """Sort the items into leaves, and make the nodes above them."""
+    """Sort the items into leaves, and build the nodes above them."""
     from warpvis.kernels import bvh
 
     count = items.size // ITEM_WORDS
@@ -185,10 +185,10 @@ def _arrange(items: wp.array, lanes: int, most_levels: int | None, threads: int)
 
 
 def _shallow_root(count: int, lanes: int, most_levels: int) -> int:
-    """Compute the depth to begin at, for ranges to be halved so early that the tree has at most `most_levels` levels.
+    """Return the initial depth at which ranges are halved early enough for at most `most_levels` levels of nodes.
 
-    Such nodes as `_collapse` makes evenly hold log2(lanes) levels of the binary tree each. Of all these, halving takes
-    ceil(log2(n)) for n leaves. The heuristic is left the rest.
+    Each node that `_collapse` builds with `evenly` spans log2(lanes) levels of the binary tree. Halving n leaves takes
+    ceil(log2(n)) of these levels; the remaining ones are split by the heuristic.
     """
     leaves = -(-count // lanes)
     left = most_levels * (lanes.bit_length() - 1) - (leaves - 1).bit_length()
@@ -196,21 +196,21 @@ def _shallow_root(count: int, lanes: int, most_levels: int) -> int:
 
 
 class _Range(NamedTuple):
-    """Items to split."""
+    """A range of items to split."""
 
     begin: int
     end: int
     link: int
-    """Where its split is found: twice its parent's, and 1 more on the right."""
+    """Where its split is stored: twice the parent's index, plus 1 for the right child."""
     depth: int
     boxes: wp.array
-    """Holds a box around the items' centres,"""
+    """Contains the bounding box of the items' centers,"""
     slot: int
-    """here; -1 where it has to be looked for."""
+    """at this index; -1 if the box has to be computed."""
 
 
 def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, root_depth: int, threads: int) -> None:
-    """Split the items into a binary tree: large ranges once at a time until there are enough, then all to leaves."""
+    """Split the items into a binary tree: large ranges level by level, then each remaining range down to its leaves."""
     links = splits.numpy().reshape(-1, SPLIT_WORDS)[:, :2]
     count = len(links)
     large = max(_MIN_RANGE, count // (threads * _RANGES_PER_THREAD)) if threads > 1 else count
@@ -237,10 +237,10 @@ def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, roo
 
 
 def _collapse(kernel: wp.Kernel, splits: wp.array, lanes: int, *, evenly: bool) -> _Nodes:
-    """Make nodes of the binary tree's: of the least area, or, `evenly`, of log2(lanes) of its levels or more each."""
+    """Collapse the binary tree to wide nodes: of minimal area, or, if `evenly`, of at least log2(lanes) levels each."""
     count = splits.size // SPLIT_WORDS
-    # As large as for leaves of one triangle: what is not written takes no memory.
-    # In rows, since no axis of an array may be of 2^31 numbers and more.
+    # Sized for leaves of one triangle: untouched pages take no memory.
+    # Two-dimensional, since no axis of a Warp array may have 2^31 elements.
     shapes = ((count, BINARY_WORDS + lanes), (count, lanes), (count, 2), (3,))
     binaries, children, leaf_ranges, counts = (aligned_empty(shape, wp.int32) for shape in shapes)
     _launch(kernel, [lanes, splits, count, int(evenly), binaries, children, leaf_ranges, counts])
@@ -251,7 +251,7 @@ def _collapse(kernel: wp.Kernel, splits: wp.array, lanes: int, *, evenly: bool) 
 
 
 def _launch_parts(kernel: wp.Kernel, count: int, arguments: Callable[[int], KernelArguments], threads: int) -> None:
-    """Launch a kernel over `count` thread indices in parts; `arguments` takes the first of a part."""
+    """Launch a kernel over `count` thread indices in parts; `arguments` is called with the first index of a part."""
     step = max(1024, -(-count // (4 * threads)))
     run_each(lambda first: _launch(kernel, arguments(first), min(step, count - first)), range(0, count, step), threads)
 

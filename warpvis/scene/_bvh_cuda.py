@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The BVH of CUDA, built there: a level at a time, of which the host is told how many ranges there are to split."""
+"""The wide BVH built on CUDA, level by level; the host reads only the number of ranges to split."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from warpvis.kernels.constants import CUDA_LANES, LEAF_ROWS, NODE_ROWS
 from warpvis.scene._bvh import Bvh, check_leaves, check_size
 
 _BINS = 3 * bvh_cuda_ranges.BINS  # of a range
-# Threads that find the box around all items: few wait for others. And of items, how many at least a thread puts into
-# bins, and into how many parts they are divided at most: a GPU's threads are busy, and seldom meet.
+# Threads that reduce the box around all items: few contend for it. Minimum number of items per thread that fills bins,
+# and maximum number of parts: enough threads to occupy a GPU, few atomic collisions.
 _BOUNDING_THREADS = 1 << 14
 _MIN_PART, _MAX_PARTS = 64, 1 << 15
-# Fewer triangles are built into a tree by the CPU before a GPU has begun with all levels.
+# Below this number of triangles, the CPU builds a tree faster than a GPU.
 _MIN_TRIANGLES = 30_000
 
 
 def builds_on(device: wp.Device, triangles: int) -> bool:
-    """Tell whether a device builds a tree of so many triangles itself."""
+    """Return whether a device builds a tree of this number of triangles itself."""
     return not device.is_cpu and triangles >= _MIN_TRIANGLES
 
 
@@ -39,9 +39,9 @@ class DeviceMesh(NamedTuple):
     faces: wp.array
     """Corner indices, int32 of shape ``(m, 3)``."""
     owner: wp.array
-    """The triangles' objects, int32 of shape ``(m,)``."""
+    """Object indices of the triangles, int32 of shape ``(m,)``."""
     closed: wp.array
-    """Whether an object's back faces can be left out, uint8 of shape ``(objects,)``."""
+    """Whether an object's back faces can be culled, uint8 of shape ``(objects,)``."""
 
     @classmethod
     def of(
@@ -52,7 +52,7 @@ class DeviceMesh(NamedTuple):
         closed: NDArray[np.bool_],
         device: wp.Device,
     ) -> DeviceMesh:
-        """Copy arrays of the host, as `warpvis.scene._bvh.build_bvh` takes them."""
+        """Copy host arrays to a device; see `warpvis.scene._bvh.build_bvh`."""
         return cls(
             wp.array(vertices, dtype=wp.vec3, device=device),
             wp.array(faces, dtype=wp.int32, device=device),
@@ -62,16 +62,16 @@ class DeviceMesh(NamedTuple):
 
 
 def build_device_bvh(mesh: DeviceMesh, *, most_levels: int) -> Bvh:
-    """Build a tree of 32 lanes where the mesh is, as `warpvis.scene._bvh.build_bvh` does it on the CPU.
+    """Build a tree of 32 lanes on the mesh's device, as `warpvis.scene._bvh.build_bvh` does on the CPU.
 
-    Nothing is copied to the host but how many ranges and nodes there are in each level.
+    Only the number of ranges and nodes per level is copied to the host.
 
     Args:
-        mesh: The triangles, 1 or more.
-        most_levels: What the tree's depth does not exceed, from 8 up, whatever the triangles.
+        mesh: The triangles, at least 1.
+        most_levels: Maximum number of node levels, at least 8.
 
     Raises:
-        SceneError: There are more triangles than a tree holds.
+        SceneError: If there are more triangles than a tree holds.
     """
     check_size(len(mesh.faces), CUDA_LANES, most_levels)
     items, binary, levels = _Splitter(mesh).split()
@@ -85,7 +85,7 @@ class _Nodes(NamedTuple):
     children: wp.array
     leaf_ranges: wp.array
     levels: list[tuple[int, int]]
-    """The first node of each level, and how many there are."""
+    """The first node and the number of nodes of each level."""
     leaf_count: int
 
     @property
@@ -98,23 +98,24 @@ class _Nodes(NamedTuple):
 
 
 class _Splitter:
-    """Splits the triangles of a mesh into a binary tree, whose leaves are ranges of 32 of them at most.
+    """Splits the triangles of a mesh into a binary tree, whose leaves are ranges of at most 32 triangles.
 
-    Launches are recorded, once for each way between the two arrays of items: to pack one takes longer than many take.
+    Launches are recorded once for each direction between the two item arrays: packing the arguments of a launch takes
+    longer than many launches run.
     """
 
     def __init__(self, mesh: DeviceMesh) -> None:
-        """Make the items, and the root."""
+        """Create the items and the root."""
         self._device, self._count = mesh.vertices.device, len(mesh.faces)
         self._items = [self._new_items()]
         box = self._load(mesh)
-        # While a GPU does that, the rest is made.
+        # The remaining buffers are allocated while the GPU is busy.
         self._items.append(self._new_items())
         self._lefts, self._before = (self._integers(self._count) for _ in range(2))
         self._order = self._integers((3, self._count))
-        # Leaves are filled by three quarters and more; where they are not, there is more room later.
+        # Leaves are usually at least three quarters full; otherwise the buffer grows later.
         self._binary = self._new_binary(self._count // 8 + 64)
-        # As many ranges as there can be that are no leaves, and that are large.
+        # The maximum number of ranges that are not leaves, and of those that are large.
         ranges, large = (self._count // (most + 1) + 1 for most in (CUDA_LANES, bvh_cuda_ranges.SMALL))
         self._flags, self._sums = (self._integers((2, 2 * ranges)) for _ in range(2))
         self._flat = self._flags.flatten(), self._sums.flatten()
@@ -127,7 +128,7 @@ class _Splitter:
         self._record()
 
     def split(self) -> tuple[Any, Any, list[tuple[int, int]]]:
-        """Return the items in the leaves' order, the binary tree, and the first node and the number of each level."""
+        """Return the items in the order of the leaves, the binary tree, and each level's first node and node count."""
         depth = 0
         while any(counts := self._next_level(depth)):
             self._split_level(depth % 2, *counts)
@@ -135,7 +136,7 @@ class _Splitter:
         return self._items[depth % 2], self._binary, [(first, count) for first, count, *_ in self._rows]
 
     def _load(self, mesh: DeviceMesh) -> wp.array:
-        """Fill the first of the arrays of items, and return the box around their centres."""
+        """Fill the first item array, and return the box around the items' centers."""
         words = self._integers((1, bvh_cuda_ranges.BIN_WORDS))
         words.fill_(bvh_cuda_ranges.NOTHING)
         threads = min(self._count, _BOUNDING_THREADS)
@@ -144,9 +145,9 @@ class _Splitter:
         return words
 
     def _record(self) -> None:
-        """Prepare the launches of a level, with threads for as many ranges as there can be: most levels have fewer.
+        """Record the launches of a level with threads for the maximum number of ranges; most levels have fewer.
 
-        They read `Level.depth` when they are made. To say how many threads there are takes as long as to make one.
+        They read `Level.depth` when launched. Setting the number of threads takes as long as a launch.
         """
         kernels, level, binary, bins = bvh_cuda, self._level, self._binary, self._bins
 
@@ -167,7 +168,7 @@ class _Splitter:
             given = items, binary, level
             self._fill.append(record(kernels.fill_bins, parts, *given, length, *bins))
             self._sort.append(record(kernels.sort_small, self._count, *given, self._order))
-            # Where items are moved to, there is room for areas before.
+            # The destination of the items is still unused and serves as scratch for areas.
             areas = wp.array(ptr=moved.low.ptr, dtype=wp.float32, shape=(3, self._count), device=self._device)
             placing = self._order, areas, level.best
             self._place.append(record(kernels.choose_places, (3, ranges), *given, *placing))
@@ -176,23 +177,23 @@ class _Splitter:
             self._part.append(record(kernels.part_small, ranges, moved, level, binary))
 
     def _next_level(self, depth: int) -> tuple[int, int]:
-        """Find the ranges of a level that are split, and return how many large and small ones there are at most."""
+        """Find the ranges of a level that are split, and return the maximum numbers of large and of small ones."""
         self._level.depth = depth
         self._mark.launch()
         wp.utils.array_scan(*self._flat)
         self._rank.launch()
         nodes = 1 << depth
         if nodes * CUDA_LANES < self._count and 4 * nodes <= len(self._binary.begin):
-            # So few leaves cannot hold all items, and there is room, however they are split: nothing needs to be known.
+            # These leaves cannot hold all items, and the buffer suffices for any split: no need to read counts.
             return min(nodes, self._most[0]), min(nodes, self._most[1])
-        # Of all levels so far, below what is above the root; the host waits.
+        # Read the counts of all levels so far, which follow the entry above the root; this synchronizes.
         self._rows = self._level.info.numpy()[1 : depth + 2].tolist()
         first, count, large, ranges, *_ = self._rows[-1]
         self._grow(first + count + 2 * ranges)
         return large, ranges - large
 
     def _split_level(self, way: int, large: int, small: int) -> None:
-        """Split so many large and small ranges at most, and move the items."""
+        """Split at most this number of large and small ranges, and move the items."""
         if large:
             self._clear.set_dim(large * _BINS)
             self._clear.launch()
@@ -210,7 +211,7 @@ class _Splitter:
             self._part[way].launch()
 
     def _grow(self, nodes: int) -> None:
-        """Make room for so many nodes of the binary tree."""
+        """Resize the binary tree to at least this number of nodes."""
         old = self._binary
         if nodes <= len(old.begin):
             return
@@ -244,12 +245,12 @@ class _Splitter:
 
 
 def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _Nodes:
-    """Make nodes of the binary tree's: of the least area, or, `evenly`, of five of its levels or more each.
+    """Collapse the binary tree to wide nodes: of minimal area, or, if `evenly`, of at least five of its levels each.
 
-    The host is told how many there are once a level may be the last.
+    The host reads the number of nodes only once a level may be the last.
     """
     device = binary.begin.device
-    # Of a binary tree's nodes, half and one are leaves; each node has two children or more, but the root of a leaf.
+    # Half of a binary tree's nodes plus one are leaves; each wide node has two or more children, except a root leaf.
     leaves = sum(levels[-1]) // 2 + 1
     children, leaf_ranges = (wp.empty((leaves, n), dtype=wp.int32, device=device) for n in (CUDA_LANES, 2))
     costs, opened = _find_costs(binary, levels, evenly=evenly), _new_opened(leaves, device)
@@ -273,7 +274,7 @@ def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _N
 
 
 def _find_costs(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> wp.array:
-    """Find what the subtrees cost as 1 to 32 parts, from the deepest level up."""
+    """Compute the costs of splitting each subtree into 1 to 32 parts, from the deepest level up."""
     device = binary.begin.device
     costs = wp.empty((sum(levels[-1]), CUDA_LANES), dtype=wp.float32, device=device)
     inputs = [binary, 0, int(evenly), costs]
@@ -286,7 +287,7 @@ def _find_costs(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> 
 
 
 def _new_opened(most: int, device: wp.Device) -> Any:
-    """Make room for levels of so many nodes at most, of which the first is the root."""
+    """Allocate buffers for levels of at most `most` nodes; the first level is the root."""
     opened = node_kernels.Opened()
     info = np.zeros((bvh_cuda_ranges.MAX_DEPTH + 2, node_kernels.OPENED_WORDS), dtype=np.int32)
     info[0, node_kernels.NODES] = 1
@@ -298,14 +299,14 @@ def _new_opened(most: int, device: wp.Device) -> Any:
 
 
 def _shrunk(rows: wp.array, count: int) -> wp.array:
-    """Copy the first rows, so that the others' memory is free again."""
+    """Copy the first rows, so that the memory of the others can be freed."""
     result = wp.empty((count, *rows.shape[1:]), dtype=rows.dtype, device=rows.device)
     wp.copy(result, rows[:count])
     return result
 
 
 def _fill(mesh: DeviceMesh, items: Any, made: _Nodes) -> Bvh:
-    """Write the leaves, and the bounds of all nodes' children, from the deepest up."""
+    """Write the leaves, and the child bounds of all nodes, from the deepest level up."""
     device, lanes = mesh.vertices.device, CUDA_LANES
     check_leaves(made.leaf_count, lanes)
     make = aligned_empty if device.is_cpu else partial(wp.empty, device=device)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Objects of a scene by their names, and how they change: they deform, get other meshes, or are others."""
+"""Named objects of a scene, and how they change: deform, get another mesh, or are replaced."""
 
 from __future__ import annotations
 
@@ -18,47 +18,46 @@ from warpvis.scene._trees import SceneTrees
 
 
 class SceneChanges(SceneTrees):
-    """Objects that have names, and may change."""
+    """Objects that have names and can change."""
 
     def __init__(self, device: wp.Device) -> None:
-        """Begin without objects."""
+        """Create it without objects."""
         super().__init__(device)
         self._index: dict[str, int] = {}
 
     def index(self, name: str) -> int:
-        """Return the index of the object of that name.
+        """Return the index of the object with the given name.
 
         Raises:
-            SceneError: There is none.
+            SceneError: If the scene has no object with this name.
         """
         if not isinstance(name, str) or name not in self._index:
             raise SceneError(f"the scene has no object {name!r}; it has {', '.join(map(repr, self._index)) or 'none'}")
         return self._index[name]
 
     def update_vertices(self, name: str, vertices: ArrayInput) -> None:
-        """Deform a movable object: its vertices are elsewhere from now on, its triangles stay.
+        """Move the vertices of a movable object; its triangles are unchanged.
 
-        The first call for an object gives it a tree of its own, of which no back faces are left out, makes triangles of
-        a round solid, and the scene's trees are built again when it is next rendered. Later calls refit what has been
-        built, on the scene's device, which takes a fraction of the time. A tree keeps the structure of the shape that
-        it was built for: where a mesh is deformed beyond recognition, rendering slows down.
+        The first call for an object gives it a separate tree without back-face culling and replaces a round solid by
+        its triangles; the scene's trees are then rebuilt by the next render. Later calls refit the trees on the scene's
+        device, which takes a fraction of the time. Refitting keeps the structure of the original tree, so rendering
+        slows down if the shape changes a lot.
 
-        Vertices that are on the scene's GPU already are copied there and not read back, so their values are not
-        checked: they have to be finite. After one call and one rendering, such a call waits for nothing and allocates
-        nothing (`wp.Mesh.refit`, for the ``rays`` caster, borrows from Warp's memory pool): with `Renderer.render` it
-        records into a CUDA graph. That is void once trees are built again.
+        Vertices that are on the scene's GPU are copied there and not read back, so their values are not checked: they
+        must be finite. After one call and one render, such a call neither synchronizes nor allocates (except that
+        `wp.Mesh.refit`, for the ``rays`` caster, takes memory from Warp's pool), so it can be captured with
+        `Renderer.render` in a CUDA graph. Rebuilding the trees invalidates the graph.
 
-        `SceneObject.vertices`, `bounds` and `export` give the newest vertices; they are copied from the device when
-        asked for.
+        `SceneObject.vertices`, `bounds` and `export` use the newest vertices; they copy them from the device on access.
 
         Args:
             name: The object's name. It must have been added with ``movable=True``.
-            vertices: Corners in the object's frame [m], as many as before, shape ``(n, 3)``: an array of the host or
-                of the scene's GPU; or `wp.vec3` of shape ``(n,)``. The scale that the object was added with is not
+            vertices: Corners in the object's frame [m], as many as before, shape ``(n, 3)``: a host array or one on
+                the scene's GPU; or `wp.vec3` of shape ``(n,)``. The scale that the object was added with is not
                 applied again.
 
         Raises:
-            SceneError: There is no such object, it is not movable, or the vertices are malformed.
+            SceneError: If there is no such object, it is not movable, or the vertices are malformed.
         """
         from warpvis.scene._refit import DeformingObject, parse_vertices
 
@@ -66,7 +65,7 @@ class SceneChanges(SceneTrees):
         item = self._objects[index]
         if not item.movable:
             raise SceneError(f"object {name!r} is not movable, so its vertices stay; add it with movable=True")
-        if item.points is None:  # nothing can be attached to one that deforms already
+        if item.points is None:  # nothing can be attached to an object that already deforms
             self._require_alone(index, "vertices stay")
         given = parse_vertices(vertices, item, self.device)
         with self._lock:
@@ -82,30 +81,31 @@ class SceneChanges(SceneTrees):
     def update_mesh(
         self, name: str, vertices: ArrayInput, faces: ArrayInput | None = None, *, closed: bool = False
     ) -> None:
-        """Give an object another mesh: cut, filled with holes, made by marching cubes, ...
+        """Replace the mesh of an object, for example after cutting, filling holes or marching cubes.
 
-        Its name, its index, its label and its pose stay. A movable object has a tree of its own, and only that is built
-        again: at once, if the scene was rendered before. All that stays is one tree, which is built again as a whole
-        when it is next rendered. To deform a mesh whose triangles stay, take `update_vertices`, which builds nothing.
+        The object's name, index, label and pose are unchanged. A movable object has a separate tree, and only that is
+        rebuilt: at once, if the scene was rendered before. All static objects share one tree, which the next render
+        rebuilds as a whole. To deform a mesh whose triangles do not change, use `update_vertices`, which builds no
+        tree.
 
-        A movable object's mesh on the scene's GPU is copied there, checked there, and its tree built there: the host is
-        told how many ranges a level of the tree has, and whether the mesh is sound. `SceneObject.mesh_vertices` and
-        `faces` are copied from there when asked for.
+        A mesh on the scene's GPU is copied, checked and built into a tree there if the object is movable: the host
+        reads only the number of ranges per level and whether the mesh is valid. `SceneObject.mesh_vertices` and `faces`
+        are copied from the GPU on access.
 
-        Objects that had the same mesh keep it. A round solid becomes the mesh. CUDA graphs of renderings that were
-        recorded before are void: they read memory that the scene has let go of.
+        Other objects that share the old mesh keep it. A round solid is replaced by the mesh. CUDA graphs of renders
+        captured before are invalid: they read memory that the scene has released.
 
         Args:
-            name: The object's name. What is attached to another object, or another one to, keeps its mesh.
-            vertices: Corners [m], shape ``(n, 3)`` or `wp.vec3` of shape ``(n,)``, in the frame of an object that is
+            name: The object's name. Attached objects, and objects that others are attached to, cannot change meshes.
+            vertices: Corners [m], shape ``(n, 3)`` or `wp.vec3` of shape ``(n,)``, in the object's frame if it is
                 movable, else in the world's. The scale that the object was added with is not applied again.
-            faces: Corner indices of the triangles, shape ``(m, 3)``, int32 on a GPU; those that it has by default.
+            faces: Corner indices of the triangles, shape ``(m, 3)``, int32 on a GPU; the object's faces by default.
             closed: Whether the mesh is known to be closed, with all normals outwards, so that its back faces can be
-                left out where it is seen from outside of its box: rendering is faster then. `add` finds out by
-                itself, which takes longer than building a tree.
+                culled where it is seen from outside of its box, which renders faster. `add` checks this itself, which
+                takes longer than building a tree.
 
         Raises:
-            SceneError: There is no such object, it is of one piece with others, or the mesh is empty or malformed.
+            SceneError: If there is no such object, it is rigidly attached to others, or the mesh is empty or malformed.
         """
         from warpvis.scene._new_mesh import with_mesh
 
@@ -115,9 +115,9 @@ class SceneChanges(SceneTrees):
         self._exchange(index, with_mesh(self._objects[index], vertices, faces, self.device), closed=closed)
 
     def replace_objects(self, objects: Sequence[SceneObject]) -> None:
-        """Make these all objects of the scene, in their order; carriers are indices among them.
+        """Replace all objects of the scene, in this order; parents are indices into `objects`.
 
-        From here on the scene keeps its trees, so that only those of other triangles are built again.
+        From then on the scene caches its trees, so that only trees of new triangles are built.
         """
         from warpvis.scene._kept_trees import KeptTrees
 
@@ -132,7 +132,7 @@ class SceneChanges(SceneTrees):
             self._forget()
 
     def _require_alone(self, index: int, what: str) -> None:
-        """Raise a `SceneError` if an object moves with others, which says what therefore stays."""
+        """Raise a `SceneError`, ending in `what`, if an object is rigidly attached to others."""
         item = self._objects[index]
         others = [self._objects[other].name for other, carrier in self.attached().items() if carrier == index]
         if item.carrier is not None:

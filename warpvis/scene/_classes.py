@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What classes the objects of a scene are of: their names, and which of them are ground."""
+"""The classes of a scene's objects: their names, and which of them are ground."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ class SceneClasses:
     """The classes of a scene."""
 
     def __init__(self, label_names: Mapping[int, str] | None, ground_labels: Iterable[Label | int | str]) -> None:
-        """Check them; see `Scene`."""
+        """Check and store the arguments of `Scene`."""
         self._label_names = LabelNames(label_names)
         self.ground_labels = ground_labels
 
     @property
     def label_names(self) -> LabelNames:
-        """Names of the classes of pixels, by number: those of `Label`, and your own.
+        """Names of the classes of pixels, by number: those of `Label` and user-defined ones.
 
         Add one by ``scene.label_names[40] = "road"``; ``scene.label_names.number("road")`` is the value of its pixels.
         """
@@ -32,9 +32,9 @@ class SceneClasses:
 
     @property
     def ground_labels(self) -> frozenset[int]:
-        """Classes that are ground: robots stand on them, and maps show them where nothing else is.
+        """Classes that are ground: robots stand on them, and maps show them where there is no obstacle.
 
-        `Label.GROUND` alone to begin with. Every other class but those of `Label` is an obstacle.
+        Only `Label.GROUND` by default. All other classes except those of `Label` are obstacles.
         """
         return self._ground_labels
 
@@ -43,13 +43,13 @@ class SceneClasses:
         self._ground_labels = frozenset(self._label_names.numbers(labels, "ground_labels"))
 
     def use_labels(self, rules: LabelRules) -> None:
-        """Take over the classes that rules say."""
+        """Add the class names of label rules, and their ground classes if given."""
         self._label_names.update(rules.label_names)
         if rules.ground_labels is not None:
             self.ground_labels = rules.ground_labels
 
     def _metadata(self, label: int) -> dict[str, int | str | bool]:
-        """Say what a mesh is labelled, so that `load` labels it again; and if that is ground against the rule."""
+        """Return the metadata from which `load` restores a mesh's label, with ``ground`` if not the default."""
         number, word = self._label_names.number(label), self._label_names.word(label)
         ground = number in self._ground_labels
         said: dict[str, int | str | bool] = {} if ground == (number == Label.GROUND) else {"ground": ground}

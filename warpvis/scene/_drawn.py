@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which objects are drawn in frames of their own, each by the tree of its mesh, and which as one mesh in the world."""
+"""Which objects are traversed as instances, in their own frames, and which are merged to one mesh in the world."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from warpvis.scene._object import SceneObject
 from warpvis.scene._object_list import Instances, ObjectList
 from warpvis.scene._shared_mesh import SharedMesh
 
-# Objects that stay are as fast as one mesh, or faster, while the triangles of all of them fit into caches; and one mesh
-# is quickly built. From so many objects of so many triangles on, which one tree saves so many, they share it.
+# Static objects render as fast as one mesh, or faster, while all their triangles fit into caches; and one mesh is built
+# quickly. Objects share a tree if there are at least this many of at least this many triangles, and sharing saves this
+# many triangles in total.
 _MIN_USES = 64
 _MIN_TRIANGLES = 64
 _MIN_SAVED = 1 << 20
-# A GPU has room for more, and is slower where each packet asks for many objects.
+# GPUs have larger caches, and are slower where a packet tests many instances.
 _MIN_SAVED_CUDA = 1 << 23
 
-# Of the largest coordinate: how much wider an instance's box in the world is.
+# Padding of an instance's world box, relative to the largest coordinate.
 _BOX_SLACK = 4e-6
 
 _Run = tuple[int, int, SceneObject | Instances]
@@ -34,16 +35,16 @@ _Run = tuple[int, int, SceneObject | Instances]
 
 @dataclass(eq=False)
 class DrawnMesh:
-    """A mesh in a frame of its own, and who has it."""
+    """A mesh in its own frame, and the objects that use it."""
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.int32]
     members: list[range] = field(default_factory=list)
-    """Positions among what has frames of its own, in parts."""
+    """Ranges of positions among the objects with their own frames."""
     points: wp.array | None = None
-    """The vertices on the device, if they change; only one object has the mesh then."""
+    """The vertices on the device, if they change; the mesh then belongs to one object."""
     owner: NDArray[np.int32] | None = None
-    """The triangles' objects, if they are of several that move together; only these have the mesh then."""
+    """The triangles' objects, if several objects move together; the mesh then belongs to these."""
 
     @property
     def places(self) -> NDArray[np.intp]:
@@ -53,31 +54,31 @@ class DrawnMesh:
 
 @dataclass(eq=False)
 class Drawn:
-    """A scene's objects by how they are drawn."""
+    """A scene's objects, grouped by how they are traversed."""
 
     labels: NDArray[np.uint8]
-    """Of all objects."""
+    """Labels of all objects."""
     static: list[int]
-    """Objects that stay and are of one mesh, in the world's frame."""
+    """Static objects that are merged to one mesh in the world's frame."""
     movable: NDArray[np.int32]
     """Objects that have a pose in every world."""
     movable_poses: NDArray[np.float32]
-    """Theirs as they were added, object to world, ``x y z qx qy qz qw``, shape ``(M, 7)``."""
+    """Initial poses of `movable`, object to world, ``x y z qx qy qz qw``, shape ``(M, 7)``."""
     solid_kinds: NDArray[np.int32]
-    """Theirs, and zeros of instances."""
+    """Solid kinds of `movable`, followed by zeros for `instances`."""
     solid_sizes: NDArray[np.float32]
-    """Theirs, ones of meshes: rows of `SOLID_WORDS`."""
+    """Solid sizes of the same objects, ones for meshes: rows of `SOLID_WORDS`."""
     solid_corners: NDArray[np.float32]
-    """Theirs: how far they reach along each axis [m]."""
+    """Half extents of the same solids along each axis [m]."""
     instances: NDArray[np.int32]
-    """Objects that stay and have frames of their own: they come behind those that are movable."""
+    """Static objects with their own frames; they follow the movable ones."""
     instance_poses: NDArray[np.float32]
-    """Theirs, object to world."""
+    """Poses of `instances`, object to world."""
     meshes: list[DrawnMesh]
-    """The different meshes of both, in the order in which they first come."""
+    """The distinct meshes of `movable` and `instances`, in order of first use."""
 
     def one_object(self) -> NDArray[np.int32]:
-        """List all that have frames of their own; -1 for those of which the triangles know whose they are."""
+        """Return the object of each frame; -1 for meshes of several objects, whose triangles store their owners."""
         objects = np.concatenate([self.movable, self.instances])
         for mesh in self.meshes:
             if mesh.owner is not None:
@@ -85,9 +86,9 @@ class Drawn:
         return objects
 
     def boxes(self) -> NDArray[np.float32]:
-        """Return the least and greatest corner of each that has a frame of its own, shape ``(n, 2, 3)``.
+        """Return the minimum and maximum corner of each object with its own frame, shape ``(n, 2, 3)``.
 
-        They are of its triangles, and of a solid that they stand for.
+        The boxes enclose the triangles, and also the solid that they approximate.
         """
         boxes = np.zeros((len(self.movable) + len(self.instances), 2, 3), dtype=np.float32)
         for mesh in self.meshes:
@@ -98,13 +99,13 @@ class Drawn:
         return boxes
 
     def world_boxes(self) -> NDArray[np.float32]:
-        """Return the instances' boxes in the world, a little wider than rounding can be wrong, shape ``(n, 2, 3)``."""
+        """Return the instances' boxes in the world, padded for rounding errors, shape ``(n, 2, 3)``."""
         boxes = self.boxes()[len(self.movable) :].astype(np.float64)
         matrices = poses_to_matrices(self.instance_poses.astype(np.float64))
         middle, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2
         turned = np.einsum("nij,nj->ni", matrices[:, :3, :3], middle) + matrices[:, :3, 3]
         reach = np.einsum("nij,nj->ni", np.abs(matrices[:, :3, :3]), half)
-        # Rays begin where they do in single precision, and go on so far.
+        # Ray origins and distances have single precision.
         slack = _BOX_SLACK * (np.abs(turned).max(initial=0) + reach.max(initial=0))
         return np.stack([turned - reach - slack, turned + reach + slack], axis=1).astype(np.float32)
 
@@ -112,7 +113,7 @@ class Drawn:
 def flatten(
     vertices: Sequence[NDArray[np.float32]], faces: Sequence[NDArray[np.int32]], indices: Sequence[int]
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
-    """Gather all vertices of some objects, given in one frame, all their faces, and the faces' objects."""
+    """Concatenate the vertices of objects, given in one frame, and their faces; also return the faces' objects."""
     first = np.cumsum([0] + [len(part) for part in vertices])
     moved = [part + start for part, start in zip(faces, first, strict=False)]
     owner = np.repeat(np.array(indices, dtype=np.int32), [len(part) for part in faces])
@@ -121,7 +122,7 @@ def flatten(
 
 
 def draw_plan(objects: Sequence[SceneObject], device: wp.Device) -> Drawn:
-    """Sort objects by how they are drawn on a device; none of those that were added together is made for it."""
+    """Group objects by how they are traversed on a device, without creating the objects of instance batches."""
     listed = objects if isinstance(objects, ObjectList) else ObjectList(objects)
     labels = np.zeros(len(listed), dtype=np.uint8)
     moving: list[_Run] = []
@@ -155,17 +156,17 @@ def draw_plan(objects: Sequence[SceneObject], device: wp.Device) -> Drawn:
 
 
 def instance_indices(objects: ObjectList, device: wp.Device) -> frozenset[int]:
-    """Return which objects stay and have frames of their own on a device."""
+    """Return the static objects that have their own frames on a device."""
     return frozenset(draw_plan(objects, device).instances.tolist())
 
 
 def _mesh_of(item: SceneObject | Instances) -> SharedMesh | None:
-    """Return the mesh that what stays shares with others."""
+    """Return the mesh that a static object shares with others."""
     return item.mesh if isinstance(item, Instances) else item.shared_mesh
 
 
 def _meshes_that_pay(staying: Sequence[_Run], device: wp.Device) -> set[int]:
-    """Find meshes of which objects that stay are better drawn in frames of their own, by their ids."""
+    """Return the ids of shared meshes whose static objects are traversed faster as instances."""
     uses: dict[int, int] = {}
     triangles = {}
     for _, count, item in staying:
@@ -195,7 +196,7 @@ def _poses(runs: Sequence[_Run], total: int) -> NDArray[np.float32]:
 
 
 def _solids(moving: Sequence[_Run], total: int) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
-    """Return kinds, sizes and reach of what has a frame of its own."""
+    """Return kinds, sizes and half extents of the solids of objects with their own frames."""
     kinds, sizes = np.zeros(total, dtype=np.int32), np.ones((total, SOLID_WORDS), dtype=np.float32)
     corners, end = np.zeros((total, 3), dtype=np.float32), 0
     for _, count, item in moving:
@@ -209,11 +210,11 @@ def _solids(moving: Sequence[_Run], total: int) -> tuple[NDArray[np.int32], NDAr
 def _find_meshes(
     objects: ObjectList, pieces: dict[int, list[int]], moving: Sequence[_Run], alike: Sequence[_Run]
 ) -> list[DrawnMesh]:
-    """Find the different meshes among what has frames of its own, in the order in which they first come."""
+    """Find the distinct meshes of the objects with their own frames, in order of first use."""
     from warpvis.scene._refit import check_values
 
     meshes: dict[int | tuple[bytes, bytes], DrawnMesh] = {}
-    of_arrays: dict[tuple[int, int], DrawnMesh] = {}  # the same arrays need not be compared
+    of_arrays: dict[tuple[int, int], DrawnMesh] = {}  # identical arrays need not be compared
     end = 0
     for first, count, item in chain(moving, alike):
         at, end = end, end + count
@@ -229,7 +230,7 @@ def _find_meshes(
                 meshes[first] = DrawnMesh(*flat[:2], [range(at, end)], owner=flat[2])
                 continue
             if item.points is not None:
-                check_values(vertices, item.name)  # those of a GPU have not been: building must not meet a NaN
+                check_values(vertices, item.name)  # GPU vertices are unchecked so far: builders cannot handle NaN
                 meshes[first] = DrawnMesh(vertices, faces, [range(at, end)], item.points)
                 continue
         arrays = id(vertices), id(faces)
@@ -241,6 +242,6 @@ def _find_meshes(
 
 
 def frame_vertices(item: SceneObject) -> NDArray[np.float32]:
-    """Return the corners of a movable object in its frame, or in that of the one that it is attached to."""
+    """Return the corners of a movable object in its frame, or of an attached object in its parent's frame."""
     assert item.mesh_vertices is not None
     return item.mesh_vertices

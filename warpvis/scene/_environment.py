@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is around the objects of a scene: its lights and its background."""
+"""The lights and the background of a scene."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ class SceneEnvironment:
     """The lights and the background of a scene."""
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Create it without lights or background."""
         self._lights: tuple[Light, ...] = ()
         self._background: Background | None = None
 
     @property
     def lights(self) -> tuple[Light, ...]:
-        """Its lights in the world's frame, as its file says or as they were set; none to begin with.
+        """Lights in the world's frame, as loaded from a file or set; none by default.
 
-        They are data: nothing is shaded yet. Of lights that a file has on bodies that move, they are where these are at
-        first.
+        They shade the output ``color``. Lights that a file attaches to moving bodies stay at their initial positions.
         """
         return self._lights
 
@@ -38,7 +37,7 @@ class SceneEnvironment:
 
     @property
     def background(self) -> Background | None:
-        """What is seen where nothing is, as its file says or as it was set; None if nothing says it."""
+        """Background of rays that hit no object, as loaded from a file or set; None if not given."""
         return self._background
 
     @background.setter

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A scene as others have it: trimesh's, and a glTF file."""
+"""Export of a scene to trimesh and to glTF files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class SceneExports(SceneClasses, SceneChanges, SceneEnvironment):
-    """Objects with classes, in a world with lights and a vertical axis, that others can have."""
+    """Objects with classes, in a world with lights and a vertical axis, that can be exported."""
 
     def __init__(
         self,
@@ -29,14 +29,14 @@ class SceneExports(SceneClasses, SceneChanges, SceneEnvironment):
         label_names: Mapping[int, str] | None,
         ground_labels: Iterable[Label | int | str],
     ) -> None:
-        """Begin without objects; see `Scene`."""
+        """Create it without objects; see `Scene`."""
         SceneClasses.__init__(self, label_names, ground_labels)
         SceneChanges.__init__(self, device)
         SceneEnvironment.__init__(self)
         self.up: Literal["z", "y"] = up
 
     def to_trimesh(self) -> trimesh.Scene:
-        """Make a `trimesh.Scene` of the objects in the same frame, with names, and labels in the meshes' metadata.
+        """Return a `trimesh.Scene` of the objects in the same frame, with names, and labels in the meshes' metadata.
 
         Appearances, lights and the background are left out.
         """
@@ -49,14 +49,15 @@ class SceneExports(SceneClasses, SceneChanges, SceneEnvironment):
         return scene
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write the scene as glTF (``.glb``), y up as its specification says; `load` reads it back with its labels.
+        """Write the scene as glTF (``.glb``), y up as specified by the format; `load` reads it back with its labels.
 
-        Every object is a node. Objects that share a mesh share it in the file, and their nodes say where they are, as
-        do those of movable objects; of others, the vertices do. Appearances, lights and the background are left out.
+        Every object is a node. Objects that share a mesh share it in the file. Nodes of these objects and of movable
+        ones have transforms; the vertices of all others are in the world's frame. Appearances, lights and the
+        background are left out.
 
         Raises:
-            FileFormatError: The path does not end in ``.glb``, or cannot be written; or vertices that are on a GPU are
-                not finite, or the file would be larger than 4 GB, which the format cannot be.
+            FileFormatError: If the path does not end in ``.glb`` or cannot be written, if vertices on a GPU are not
+                finite, or if the file would exceed 4 GB, the format's limit.
         """
         from warpvis.io import export_scene
 

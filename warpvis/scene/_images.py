@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Image files of textures, decoded by Pillow."""
+"""Decoding of texture images by Pillow."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 WHITE = np.full((1, 1, 3), 255, dtype=np.uint8)
-"""What stands in for an image that cannot be read: it leaves the material's own colour as it is."""
+"""Replaces an image that cannot be read: the material's base color is unchanged."""
 
 
 def decoded_or_white(source: Path | bytes, name: str) -> NDArray[np.uint8]:
-    """Decode an image file, shape ``(H, W, 3)`` or ``(H, W, 4)``; `WHITE`, and a warning, if it cannot be read."""
+    """Decode an image file, shape ``(H, W, 3)`` or ``(H, W, 4)``; warn and return `WHITE` if it cannot be read."""
     from PIL import Image
 
     if isinstance(source, bytes) and not source:
-        source = Path()  # nothing was found: no file is called so
+        source = Path()  # the image was not found: opening this fails
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's are of sizes that it still reads
+            warnings.simplefilter("ignore")  # Pillow warns of large images that it still reads
             with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
                 return pixels(image)
-    except Exception as error:  # decoders raise what they like
+    except Exception as error:  # decoders may raise any exception
         return _white(error, name)
 
 
 def pixels_or_white(image: Image, name: str) -> NDArray[np.uint8]:
-    """Return the pixels of an image of Pillow, which may decode only now; `WHITE`, and a warning, if it does not."""
+    """Return the pixels of a Pillow image, which may be decoded only now; warn and return `WHITE` if it cannot be."""
     try:
         return pixels(image)
-    except Exception as error:  # decoders raise what they like
+    except Exception as error:  # decoders may raise any exception
         return _white(error, name)
 
 
 def _white(error: Exception, name: str) -> NDArray[np.uint8]:
-    """Warn of an image that does not read."""
+    """Warn of an image that cannot be read, and return `WHITE`."""
     why = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else _reason(error)
     warn_user(
         f"{name}: cannot be read as an image ({why}): white stands in, so the material's own colour shows",
@@ -56,7 +56,7 @@ def _white(error: Exception, name: str) -> NDArray[np.uint8]:
 
 
 def pixels(image: Image) -> NDArray[np.uint8]:
-    """Return the pixels of an image of Pillow, shape ``(H, W, 3)`` or ``(H, W, 4)``; of 16 bits, the upper eight."""
+    """Return the pixels of a Pillow image, shape ``(H, W, 3)`` or ``(H, W, 4)``: the upper 8 bits of 16."""
     if image.mode.startswith("I;16"):
         gray = (np.asarray(image, dtype=np.uint16) >> 8).astype(np.uint8)
         return np.repeat(gray[:, :, None], 3, axis=2)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A tree of instances' boxes, written in the order in which it is walked, for rays that ask one after the other."""
+"""A tree of instances' boxes in depth-first order, for rays that are traced one by one."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from warpvis.scene._bvh import Bvh, build_bvh
 
 
 def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np.ndarray:
-    """Make a tree of boxes in the world, as the steps of a walk that needs no stack: `InstanceStep` of the kernels.
+    """Build a tree of boxes in the world for stackless traversal: `InstanceStep` of the kernels, in depth-first order.
 
-    A step whose box is missed goes on at another, past all that is inside of it; else the next one is on (Smits 1998,
-    "Efficiency issues for ray tracing").
+    If the box of a step is missed, traversal skips to `after`, past its whole subtree; else it goes on with the next
+    step (Smits 1998, "Efficiency issues for ray tracing").
 
     Args:
-        boxes: Least and greatest corner of each instance's box [m], shape ``(n, 2, 3)``.
+        boxes: Minimum and maximum corner of each instance's box [m], shape ``(n, 2, 3)``.
         poses: Their poses, shape ``(n, 7)``.
     """
     from warpvis.kernels.instance_steps import InstanceStep
 
     corners = np.arange(2 * len(boxes), dtype=np.int32).reshape(-1, 2)
-    tree = build_bvh(  # of triangles of which each is a diagonal of its box
+    tree = build_bvh(  # each triangle is a diagonal of a box
         boxes.reshape(-1, 3),
         corners[:, [0, 1, 0]],
         np.zeros(len(boxes), dtype=np.int32),
@@ -43,7 +43,7 @@ def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np
 
 
 def _walk(tree: Bvh, count: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
-    """List a tree's steps: what each one's box is of, one of `count` or a place of a child behind them, and `after`."""
+    """Return each step's box, an instance below `count` or `count` plus a child slot, and each step's `after`."""
     children = tree.children.numpy().reshape(-1, tree.lanes)
     leaves = [leaf[leaf >= 0].tolist() for leaf in tree.triangles.numpy().reshape(-1, tree.lanes)]
     source: list[int] = []

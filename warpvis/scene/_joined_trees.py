@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trees of a scene's meshes, one after the other in the same arrays, as casters read them."""
+"""Concatenation of the trees of a scene's meshes into the arrays that kernels read."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 def join_trees(
     struct: BvhScene, trees: Sequence[Bvh], closed: Sequence[NDArray[np.bool_]], device: wp.Device, *, share: bool
 ) -> None:
-    """Join all trees' arrays; a child is a node, or the complement of a leaf, of the whole arrays.
+    """Concatenate the arrays of all trees, and offset their children: node indices, or complements of leaf indices.
 
     Args:
-        struct: What is to hold them.
-        trees: The trees, of the host or of the device.
-        closed: Of each tree, which of its owners are closed: casters read these owners' complement.
-        device: Where the arrays are to be.
-        share: Whether a single tree may give its own arrays, which are then changed.
+        struct: Receives the arrays.
+        trees: The trees, on the host or the device.
+        closed: For each tree, which of its owners are closed: these are stored as their bitwise complement.
+        device: Device of the arrays.
+        share: Whether a single tree's arrays may be used and changed without a copy.
 
     Raises:
-        SceneError: There are more leaves than casters can have.
+        SceneError: If there are more leaves than the kernels can index.
     """
     check_leaves(sum(tree.leaf_count for tree in trees), trees[0].lanes)
     if not all(tree.leaves.device.is_cpu for tree in trees):
@@ -57,17 +57,17 @@ def join_trees(
 
 
 def first_nodes(trees: Sequence[Bvh]) -> NDArray[np.int64]:
-    """Return the place of each tree's first node in the arrays of all."""
+    """Return the index of each tree's first node in the joined arrays."""
     return np.cumsum([0] + [tree.node_count for tree in trees])[:-1]
 
 
 def first_leaves(trees: Sequence[Bvh]) -> NDArray[np.int64]:
-    """Return the place of each tree's first leaf in the arrays of all."""
+    """Return the index of each tree's first leaf in the joined arrays."""
     return np.cumsum([0] + [tree.leaf_count for tree in trees])[:-1]
 
 
 def move_children(children: wp.array, node: int, leaf: int) -> None:
-    """Make a tree's children those of arrays in which its nodes and leaves are so many places farther on."""
+    """Offset a tree's children for joined arrays in which its nodes begin at `node` and its leaves at `leaf`."""
     if not children.device.is_cpu:
         from warpvis.kernels.bvh_cuda_nodes import join_children
 
@@ -105,13 +105,13 @@ def _join_on_device(
 
 
 def _marked(tree: Bvh, closed: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Mark a tree's owners as casters read them: an object's complement where its back faces can be left out."""
+    """Return a tree's owners, complemented for objects whose back faces can be culled."""
     owners = tree.owners.numpy()
     return np.where(closed[owners], ~owners, owners)
 
 
 def _join(parts: Sequence[np.ndarray], dtype: type, device: wp.Device) -> wp.array:
-    """Join the parts one after the other, on the CPU from a multiple of 64 bytes on."""
+    """Concatenate the parts; on the CPU the result is aligned to 64 bytes."""
     joined = aligned_empty((sum(len(part) for part in parts),), dtype)
     np.concatenate(parts, out=joined.numpy(), casting="same_kind")
     return joined.to(device)

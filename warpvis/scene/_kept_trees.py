@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trees that outlive a build, for scenes of which parts are replaced again and again."""
+"""A cache of trees that outlives a build, for scenes whose objects are replaced repeatedly."""
 
 from __future__ import annotations
 
@@ -18,19 +18,18 @@ _Key = tuple[bytes, ...]
 
 
 class KeptTrees:
-    """The trees of the last build, by what they were made of: the next one makes only those that it does not find."""
+    """The trees of the last build, by their inputs; the next build reuses those with equal inputs."""
 
     def __init__(self, *, keep: bool = True) -> None:
-        """Begin without any.
+        """Create an empty cache.
 
         Args:
-            keep: Whether to keep trees at all: it costs their memory a second time.
+            keep: Whether to cache trees at all: this takes their memory a second time.
         """
         self.keep = keep
         self._last: dict[_Key, Bvh] = {}
         self._now: dict[_Key, Bvh] = {}
-        # Which arrays are known to be closed: of objects, which keep theirs as long as they are. Held here, so that
-        # other arrays cannot come to have their ids.
+        # Which meshes are known to be closed. Holds the arrays, so that their ids cannot be reused.
         self._closed: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, bool]] = {}
         self._closed_now: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, bool]] = {}
 
@@ -43,10 +42,10 @@ class KeptTrees:
         lanes: int,
         device: wp.Device,
     ) -> Bvh:
-        """Return the tree of some triangles, built on a GPU where that is quicker. Nobody may write into kept ones."""
+        """Return the tree of the triangles, built on a GPU where that is faster. Cached trees must not be modified."""
         if not self.keep:
             return build_tree(vertices, faces, owner, closed, lanes, device)
-        # Of the flags only those of the triangles' own objects count.
+        # Only the flags of the triangles' objects matter.
         own = closed[owner]
         key = (vertices.tobytes(), faces.tobytes(), owner.tobytes(), own.tobytes(), bytes([lanes]))
         found = self._last.get(key)
@@ -56,7 +55,7 @@ class KeptTrees:
         return found
 
     def closed(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
-        """Tell whether `provably_closed` says so of an object's mesh."""
+        """Return the cached result of `provably_closed` for an object's mesh."""
         if not self.keep:
             return provably_closed(vertices, faces)
         key = (id(vertices), id(faces))
@@ -65,12 +64,12 @@ class KeptTrees:
         return known[2]
 
     def know_closed(self, item: SceneObject, closed: bool) -> None:
-        """Take it as known whether an object's mesh is closed, which nobody looks for then."""
+        """Store whether an object's mesh is closed, so that it is not checked."""
         vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
         self._closed[id(vertices), id(item.faces)] = (vertices, item.faces, closed)
 
     def finish(self) -> None:
-        """Let go of what this build did not ask for."""
+        """Drop entries that this build did not use."""
         self._last, self._now = self._now, {}
         self._closed, self._closed_now = self._closed_now, {}
 
@@ -83,7 +82,7 @@ def build_tree(
     lanes: int,
     device: wp.Device,
 ) -> Bvh:
-    """Build a tree; on the CPU, unless it is for a GPU and has many triangles."""
+    """Build a tree on the CPU, or on its GPU if it has many triangles."""
     from warpvis.kernels.packets_cuda import LEVELS
 
     if lanes == CUDA_LANES and builds_on(device, len(faces)):

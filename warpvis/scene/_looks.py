@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A scene's appearances on its device: tables that `kernels.shading` reads."""
+"""Device materials of a scene: the tables that `kernels.shading` reads."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ if TYPE_CHECKING:
 
 _PLAIN = Appearance()
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-_SIDES = 6  # of a cube
-_ENDLESS = 3e38  # what single precision holds [m]
+_SIDES = 6  # faces of a cube map
+_ENDLESS = 3e38  # about the largest single-precision number [m]
 _LIGHT_KINDS = ("ambient", "directional", "point", "spot", "headlight")
 """In the order of `kernels.lighting`."""
 
 
 def pack_looks(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> tuple[Looks, bool]:
-    """Put the appearances of all objects on a device; images of textures are decoded.
+    """Copy the appearances of all objects to a device, and decode the images of textures.
 
-    Returns them, and whether they change with objects that deform.
+    Returns the tables, and whether they depend on vertices that deform.
 
     Args:
-        objects: Of a scene.
-        movable: Indices of those that have poses of their own.
-        device: Where the tables are to be.
+        objects: Objects of a scene.
+        movable: Indices of the objects that have a pose in every world.
+        device: Device of the tables.
     """
     packing = _Packing(objects, movable, device)
     return packing.struct(), packing.deforms
 
 
 class _Packing:
-    """Tables that grow object by object; what objects share is in them once."""
+    """Tables that grow object by object; shared data is stored once."""
 
     def __init__(self, objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> None:
         self._device = device
@@ -56,7 +56,7 @@ class _Packing:
         self._texels: list[NDArray[np.uint32]] = []
         self._texel_count = 0
         self._known: dict[Any, Any] = {}
-        self._alive: list[Any] = []  # what `_known` has the ids of
+        self._alive: list[Any] = []  # keeps objects alive whose ids are keys of `_known`
         self._rows: dict[str, list[np.ndarray]] = {
             name: [] for name in ("corners", "uv", "colors", "normals", "face_material")
         }
@@ -128,7 +128,7 @@ class _Packing:
             self._object_rows[index, 2] = self._share("colors", _corner_colors(look, faces), (look, faces))
 
     def _share(self, name: str, rows: np.ndarray, made_of: tuple[Any, ...]) -> int:
-        """Append rows unless the same ones are there; return where they begin."""
+        """Append rows unless `_known` has them already, and return the index of the first."""
         key = (name, *(part if isinstance(part, tuple) else id(part) for part in made_of))
         if key not in self._known:
             self._known[key] = self._row_counts[name]
@@ -177,10 +177,10 @@ class _Packing:
 
 
 def mip_levels(image: NDArray[np.uint8], sides: int = 1) -> list[NDArray[np.uint8]]:
-    """Halve an image until it is one texel, or each of its sides below each other is; the finest level comes first.
+    """Return the mip levels of an image, finest first, down to one texel (or one texel per cube side below each other).
 
-    A texel is the mean of the four that it lies on, rounded, and of a side of odd length the last one is left out, as
-    OpenGL's drivers do.
+    A texel is the rounded mean of the four texels it covers. The last row or column of an odd size is dropped, as
+    OpenGL drivers do.
 
     Returns:
         Arrays of shape ``(h, w, 4)``.
@@ -211,13 +211,13 @@ def _frame_mesh(item: SceneObject) -> tuple[NDArray[np.float32], NDArray[np.int3
 
 
 def _has_own_frame(item: SceneObject, look: Appearance) -> bool:
-    """Whether a look goes by the frame that an object was added in, and its vertices are in another one."""
+    """Return whether shading uses the frame that an object was added in, and its vertices are in another frame."""
     by_frame = look.normals is not None or any(material.projection != "uv" for material in look.materials)
     return item.origin is not None and by_frame
 
 
 def _pose_in_carrier(item: SceneObject, objects: Sequence[SceneObject]) -> NDArray[np.float64] | None:
-    """Return where an object was added, in the world or in the frame of what it is attached to; None at its origin."""
+    """Return the pose an object was added with, in the world or in its parent's frame; None for the identity."""
     if item.origin is None or item.carrier is None:
         return item.origin
     carrier = objects[item.carrier].pose
@@ -227,7 +227,7 @@ def _pose_in_carrier(item: SceneObject, objects: Sequence[SceneObject]) -> NDArr
 
 
 def _in_frame(vertices: NDArray[np.float32], origin: NDArray[np.float64] | None) -> NDArray[np.float32]:
-    """Return vertices of the world in the frame of a pose."""
+    """Transform vertices from the world to the frame of a pose."""
     if origin is None:
         return vertices
     matrix = poses_to_matrices(origin)
@@ -235,19 +235,19 @@ def _in_frame(vertices: NDArray[np.float32], origin: NDArray[np.float64] | None)
 
 
 def _corner_colors(look: Appearance, faces: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Return colours of each corner of each face, from 0 to 1, shape ``(m, 3, 4)``."""
+    """Return the colors of each corner of each face, from 0 to 1, shape ``(m, 3, 4)``."""
     if look.vertex_colors is not None:
         rows = look.vertex_colors[faces]
     else:
-        assert look.face_colors is not None  # or nobody would ask
+        assert look.face_colors is not None  # called only if there are colors
         rows = np.repeat(look.face_colors[:, None], 3, axis=1)
     return (rows.astype(np.float32) / np.float32(255 if rows.dtype == np.uint8 else 1)).astype(np.float32)
 
 
 def _cube_scale(material: Material, item: SceneObject, objects: Sequence[SceneObject]) -> tuple[float, ...]:
-    """Return what coordinates are multiplied by before they are directions in a cube.
+    """Return the factors that turn coordinates into directions of a cube map.
 
-    Unless they are uniform, directions are of an object that is as large along each axis, as MuJoCo has them.
+    Unless `texture_uniform` is set, each axis is normalized by the object's half size, as MuJoCo does.
     """
     if material.texture is None or material.projection != "cube" or material.texture_uniform:
         return 1.0, 1.0, 1.0
@@ -257,7 +257,7 @@ def _cube_scale(material: Material, item: SceneObject, objects: Sequence[SceneOb
 
 
 def pack_lights(lights: Sequence[Light], device: wp.Device) -> Lights:
-    """Put lights on a device. If one of them is of linear colours, all are added up so."""
+    """Copy lights to a device. If one of them has linear colors, all are summed in linear space."""
     from warpvis.kernels.lighting import LightLook, Lights
 
     packed, is_linear = Lights(), any(light.color_space == "linear" for light in lights)
@@ -280,7 +280,7 @@ def pack_lights(lights: Sequence[Light], device: wp.Device) -> Lights:
 
 
 def set_background(looks: Looks, background: Background | None) -> None:
-    """Say what colour there is where nothing is seen; a sky is black."""
+    """Set the color of pixels that see no object; a sky is black."""
     color: tuple[float, ...] = (0.0, 0.0, 0.0)
     if background is not None and not background.sky:
         color = background.color if background.color_space == "srgb" else screen_color(background.color)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes that objects share: one that was added before is neither checked nor kept again."""
+"""A cache of shared meshes: a mesh that was added before is neither checked nor stored again."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from warpvis.errors import SceneError
 from warpvis.scene._object import check_mesh
 from warpvis.scene._shared_mesh import SharedMesh
 
-# Larger meshes are not added many times, and to remember them takes memory.
+# Larger meshes are rarely added many times, and caching them takes memory.
 _MAX_REMEMBERED = 1_000_000
 
 
 class SharedMeshes:
-    """The meshes that a scene was given, as long as the arrays live that hold them."""
+    """The meshes added to a scene, for the lifetime of the arrays they were made from."""
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Create an empty cache."""
         self._known: dict[tuple[int, int], _Known] = {}
 
     def get(self, mesh: MeshLike, factors: NDArray[np.float64], name: str) -> SharedMesh:
-        """Return a mesh's scaled corners and its triangles: the same arrays as when the same mesh came before.
+        """Return a mesh's scaled corners and its triangles: the same arrays if the same mesh was added before.
 
-        trimesh's arrays know whether they were changed. Of others the numbers are compared.
+        trimesh's arrays are compared by hash, other arrays by value.
 
         Raises:
-            SceneError: The mesh is empty or malformed.
+            SceneError: If the mesh is empty or malformed.
         """
         arrays = _arrays(mesh)
         key = (0, 0) if arrays is None else (id(arrays[0]), id(arrays[1]))
@@ -45,24 +45,24 @@ class SharedMeshes:
         vertices, faces = check_mesh(mesh, name)
         shared = SharedMesh(vertices * factors, faces)
         if arrays is not None and len(vertices) <= _MAX_REMEMBERED:
-            # An id may come to be another array's.
+            # The id of a freed array may be reused.
             references = tuple(weakref.ref(array, lambda _: self._known.pop(key, None)) for array in arrays)
             self._known[key] = _Known(references, _hashes(arrays), factors, shared)
         return shared
 
 
 class _Known(NamedTuple):
-    """A mesh, and what it was made of."""
+    """A mesh, and the arrays and factors it was made from."""
 
     arrays: tuple[weakref.ref, ...]
     """Vertices and faces."""
     hashes: tuple[int, int] | None
-    """Theirs, if they have any."""
+    """Hashes of the arrays, if they are hashable."""
     factors: NDArray[np.float64]
     mesh: SharedMesh
 
     def is_of(self, arrays: tuple[np.ndarray, np.ndarray], factors: NDArray[np.float64]) -> bool:
-        """Tell whether these are the arrays, unchanged, and the factors."""
+        """Return whether the arrays are the same and unchanged, and the factors are equal."""
         if self.arrays[0]() is not arrays[0] or self.arrays[1]() is not arrays[1]:
             return False
         if factors is not self.factors and not np.array_equal(factors, self.factors):
@@ -74,10 +74,10 @@ class _Known(NamedTuple):
 
 
 def instance_names(names: str | Sequence[str] | None, indices: range, taken: Mapping[str, int]) -> list[str]:
-    """Name objects by their indices, by what their names begin with, or as they are called.
+    """Return names of objects: given ones, or numbered ones from a prefix or the objects' indices.
 
     Raises:
-        SceneError: A name is taken, or there are more or fewer of them than objects.
+        SceneError: If a name is taken, or the number of names differs from the number of objects.
     """
     if names is None:
         chosen = [f"object_{index}" for index in indices]
@@ -97,7 +97,7 @@ def instance_names(names: str | Sequence[str] | None, indices: range, taken: Map
 
 
 def _arrays(mesh: MeshLike) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the arrays of vertices and faces of a mesh that has some."""
+    """Return the vertex and face arrays of a mesh, or None if it has no NumPy arrays."""
     vertices: object
     faces: object
     if isinstance(mesh, tuple | list):
@@ -110,7 +110,7 @@ def _arrays(mesh: MeshLike) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _hashes(arrays: tuple[np.ndarray, np.ndarray]) -> tuple[int, int] | None:
-    """Return hashes of arrays that know when they are changed, as trimesh's do."""
+    """Return hashes of arrays that track changes, as trimesh's do; None for others."""
     vertices, faces = arrays
     if type(vertices).__hash__ is None or type(faces).__hash__ is None:
         return None
