@@ -1,15 +1,16 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What ray_drawing.h does, for rays that pass beside the eye (`ApartRays`).
+// Counterpart of ray_drawing.h for rays with distinct origins (`ApartRays`).
 //
-// A ray (p, q, 0) + z (u, v, 1) has the moment m = (-q, p, u q - v p) about the eye, and passes an edge from a to b on
-// the side that the sign of (a x b) . (u, v, 1) + (a - b) . m says: two terms, of which the first is that of a ray from
-// the eye. Of a plane whose 1 / z is N . (u, v, 1) there, it is that divided by 1 - N . (p, q, 0) here. Where this is
-// not well above 0 all over a bundle, a ray may see the plane from another side than the eye does: double precision
-// then says all of it, triangle by triangle and ray by ray.
+// A ray (p, q, 0) + z (u, v, 1) has Plücker coordinates with direction d = (u, v, 1) and moment m = (-q, p, u q - v p)
+// about the eye. The edge function of an edge from a to b is their side product (a x b) . d + (a - b) . m: its sign
+// gives the side on which the ray passes, and its first term is the edge function of a ray from the eye. If N . d is 1
+// / z of a plane for a ray from the eye, N . d / (1 - N . (p, q, 0)) is 1 / z for this ray. If that denominator is not
+// well above 0 for the whole bundle, a ray may see the other side of the plane than the eye does: such triangles are
+// tested in double precision, ray by ray.
 
-// Some rays: of a packet, one in all lanes, or a window of a tile.
+// Rays in lanes: of a packet, one ray in all lanes, or a window of a tile.
 struct ApartLanes {
     Floats u, v, p, q, w;
 
@@ -33,7 +34,7 @@ struct ApartLanes {
     inline Floats edge(const Linear& e, const Points& side) const {
         return e.at(u, e.row(v)) + (side.y * p + (side.z * w - side.x * q));
     }
-    // The least of a triangle's edges, of one triangle for all rays, or of each lane's.
+    // Minimum of a triangle's three edge functions: of triangle k for all rays, or of each lane's triangle.
     inline Floats inner(const Triangles& t, int k) const {
         Floats least = edge(Linear::of_lane(t.edge[0], k), lane_of(t.side[0], k));
         for (int e = 1; e < 3; ++e)
@@ -51,9 +52,9 @@ struct ApartLanes {
     }
 };
 
-// A leaf's triangles as the rays of a tile see them.
+// A leaf's triangles relative to the rays of a tile.
 struct ApartLeaf : RayLeaf {
-    Floats one[3], slack[3];  // edges, moved by the middle of moments, and how much those differ from it
+    Floats one[3], slack[3];  // edge functions at the middle of the moments, and the bound of their deviation from it
     unsigned beside;
 
     explicit inline ApartLeaf(const Triangles& of) : RayLeaf(of) {}
@@ -61,7 +62,8 @@ struct ApartLeaf : RayLeaf {
     inline void begin(const Camera& camera, const Image& image, const Visit& visit) {
         const Triangles& t = triangles;
         set(image, visit, 0);
-        // Where the rounding of corners turns the plane of a sliver, single precision is not enough, either.
+        // Rounding of the corners may rotate the plane of a sliver: then single precision does not suffice for inv_z
+        // either.
         const Floats width = t.place[2] - t.place[0], height = t.place[3] - t.place[1];
         const Floats change = Lanes::abs(t.inv_z.u) * width + Lanes::abs(t.inv_z.v) * height;
         inexact = Lanes::bits(t.inexact | (camera.blur * (width + height) * change > 6e-6f * t.min_inv_z * t.area));
@@ -87,7 +89,7 @@ struct ApartLeaf : RayLeaf {
         }
     }
 
-    // Triangles that may be seen in a rectangle of the tile.
+    // Triangles that may be visible in a rectangle of the tile.
     inline unsigned touching(const RayBox& box, float min_inv_z) const {
         const Triangles& t = triangles;
         Ints some = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
@@ -116,7 +118,7 @@ struct ApartLeaf : RayLeaf {
     }
 };
 
-// One ray and one triangle, in double precision.
+// Intersection of one ray and one triangle in double precision.
 struct ApartExactly {
     const Camera& camera;
     const RayTree& tree;
@@ -159,7 +161,7 @@ struct ApartExactly {
 };
 
 struct RayDrawing {
-    // Rays and packets of no more than this are looked at before triangles are.
+    // Up to this many rays and packets are tested before triangles are culled.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
 
     static inline __attribute__((always_inline)) void draw(const Camera& camera, const Image& image,
@@ -187,7 +189,8 @@ struct RayDrawing {
         if (some) draw_some(camera, image, leaf, tile, some, mode);
     }
 
-    // By triangles where there are fewer of them than packets.
+    // Rasterize triangles in a tile: triangle by triangle if there are fewer of them than packets, else packet by
+    // packet.
     static inline __attribute__((always_inline)) void draw_some(const Camera& camera, const Image& image,
                                                                 ApartLeaf& leaf, int tile, unsigned some, Mode mode) {
         const RayTree& tree = *image.tree;
@@ -205,7 +208,7 @@ struct RayDrawing {
             for (; some; some &= some - 1) draw_packets(camera, image, leaf, Lanes::first_lane(some), tile, mode);
     }
 
-    // One triangle, in a tile's packets.
+    // Rasterize one triangle in a tile's packets.
     static inline __attribute__((always_inline)) void draw_packets(const Camera& camera, const Image& image,
                                                                    ApartLeaf& leaf, int k, int tile, Mode mode) {
         const RayTree& tree = *image.tree;
@@ -220,20 +223,19 @@ struct RayDrawing {
         for (; touched; touched &= touched - 1)
             draw_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), mode);
     }
-    // Packets in which no plane's point is behind all that was drawn.
+    // Packets in which the triangle's plane may be nearer than the farthest surface rasterized so far.
     static inline Ints not_hidden(const Camera& camera, const Image& image, ApartLeaf& leaf, int k, int first,
                                   const float* bounds) {
         const ApartRays& apart = image.tree->apart;
         PacketPlanes planes;
         planes.set(camera, leaf.plane(camera, k), bounds);
         const float aside = __builtin_fabsf(planes.u) * apart.most_p + __builtin_fabsf(planes.v) * apart.most_q;
-        // Of no plane that is not beside rays it is more than a half.
+        // `aside` is below 0.5 unless the triangle is in `beside`: see Setup::set_beside.
         const float nearer = 1.0001f / (1.0f - (aside < 0.5f ? aside : 0.5f));
         return Lanes::load(image.block_min + first) <= Lanes::max(planes.nearest, Lanes::all(0.0f)) * nearer;
     }
 
-    // Triangles of so few columns and rows that a register holds all rays that they may touch, wherever those are in
-    // the tile.
+    // Rasterize triangles of so few columns and rows that one register holds all rays that they may touch.
     static inline __attribute__((always_inline)) void draw_small(const Camera& camera, const Image& image,
                                                                  ApartLeaf& leaf, const RayColumns& at, unsigned small,
                                                                  Mode mode) {
@@ -265,7 +267,7 @@ struct RayDrawing {
         return Lanes::max(Lanes::min(inv_z, Lanes::all(t.max_inv_z[k])), Lanes::all(t.min_inv_z[k]));
     }
 
-    // What a triangle shows to one of its rays, given 1 / z in single precision.
+    // Store a triangle at one of its rays, given 1 / z in single precision.
     static inline __attribute__((always_inline)) void put(const Camera& camera, const Image& image,
                                                           const ApartLeaf& leaf, int k, int ray, bool sure, float inv_z,
                                                           Mode mode) {
@@ -276,7 +278,7 @@ struct RayDrawing {
         if (value <= image.tree->apart.most_inv_z[ray]) Raster::put(image, ray, value, Raster::id_of(t, k, mode), mode);
     }
 
-    // Some triangles, in one packet: ray by ray where few rays are there, or fewer than triangles.
+    // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
     static inline __attribute__((always_inline)) void draw_packet(const Camera& camera, const Image& image,
                                                                   ApartLeaf& leaf, int packet, unsigned some,
                                                                   Mode mode) {
@@ -295,7 +297,7 @@ struct RayDrawing {
             for (; some; some &= some - 1) draw_rays(camera, image, leaf, Lanes::first_lane(some), packet, mode);
     }
 
-    // One ray, all triangles.
+    // Rasterize all triangles for one ray.
     static inline __attribute__((always_inline)) void draw_ray(const Camera& camera, const Image& image,
                                                                const ApartLeaf& leaf, int ray, unsigned some,
                                                                Mode mode) {
@@ -312,7 +314,7 @@ struct RayDrawing {
         }
     }
 
-    // One triangle, all rays of a packet.
+    // Rasterize one triangle for all rays of a packet.
     static inline __attribute__((always_inline)) void draw_rays(const Camera& camera, const Image& image,
                                                                 ApartLeaf& leaf, int k, int packet, Mode mode) {
         const RayTree& tree = *image.tree;
@@ -352,6 +354,6 @@ struct RayDrawing {
         return wide(tree.v, packet) + wide(tree.rest_v, packet);
     }
 
-    // Scenes with solids are not drawn so.
+    // Scenes with solids do not use rays with distinct origins.
     static inline void draw_solid(const Solid&, const View&, const Camera&, const Image&, const Visit&, int, Mode) {}
 };

@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// A worker's memory, handed out piece by piece. The same code carves it and, without memory behind it, measures how
-// much is needed: Python asks for that, and has no formula of its own.
+// A worker's memory, allocated piece by piece. Without memory behind it, the same code measures the size needed, so
+// that Python does not duplicate the computation.
 struct Arena {
-    // Every piece begins at a cache line, so that no register's worth straddles two of them.
+    // Every piece begins at a cache line, so that no SIMD register straddles two lines.
     enum { ALIGNMENT = 64 };
 
-    char* base;  // at a multiple of ALIGNMENT; null to measure
-    long long used;  // bytes, with what rounds the last piece up
+    char* base;  // aligned to ALIGNMENT; null to measure
+    long long used;  // bytes, including the padding of the last piece
 
     static inline Arena at(void* memory) { return Arena{(char*)memory, 0}; }
 

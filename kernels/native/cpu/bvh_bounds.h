@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Goes after bvh_split.h.
+// Include after bvh_split.h.
 
-// What a node holds of a child: a box, and a cone that holds all its normals. A cone is an axis and a cutoff, the sine
-// of its half angle and a little more; or NEVER, where it says nothing about which way the triangles face.
+// Bounds that a node stores for a child: its box and a cone that contains all its normals. A cone consists of an axis
+// and a cutoff, the sine of its half angle plus a margin; the cutoff is never() if the cone does not bound the normals.
 struct Bounds {
     static constexpr float never() { return 2.0f; }
-    static constexpr double least_cosine() { return 0.0872; }  // of 85 degrees
+    static constexpr double least_cosine() { return 0.0872; }  // cosine of 85 degrees
     static constexpr double margin() { return 1e-3; }
 
     static float cutoff(double cosine) {
@@ -17,7 +17,7 @@ struct Bounds {
         return result < 1.0 ? (float)result : never();
     }
 
-    // The normalised sum of the vectors, rounded to single precision as it is stored.
+    // Normalized sum of the vectors, rounded to single precision as stored.
     static bool mean_axis(Doubles x, Doubles y, Doubles z, float* axis) {
         double sx = 0.0, sy = 0.0, sz = 0.0;
         for (int k = 0; k < LANES; ++k) sx += x[k], sy += y[k], sz += z[k];
@@ -35,7 +35,8 @@ struct Bounds {
         return result;
     }
 
-    // NODE_ROWS numbers of a leaf. Its normals are computed in double precision: a sliver's may be far off in single.
+    // Compute the NODE_ROWS numbers of a leaf. Normals are computed in double precision: those of slivers are
+    // inaccurate in single precision.
     static void of_leaf(const float* leaf, bool closed, float* bounds) {
         Floats row[LEAF_ROWS];
         __builtin_memcpy(row, leaf, sizeof(row));
@@ -64,7 +65,8 @@ struct Bounds {
         bounds[CONE_CUTOFF_ROW] = cutoff(least(flat ? (Doubles)(1.0) : cosine));
     }
 
-    // The same of a node, from its rows. The angle between the axes and a child's own half angle add up.
+    // Compute the NODE_ROWS numbers of a node from its rows. The half angle of the cone is the largest sum of the angle
+    // between the axes and a child's half angle.
     static void of_node(const float* node, const int* children, float* bounds) {
         Floats row[NODE_ROWS];
         __builtin_memcpy(row, node, sizeof(row));
@@ -91,22 +93,22 @@ struct Bounds {
     }
 };
 
-// The triangles, and what is known of their objects.
+// The triangles and the properties of their objects.
 struct Mesh {
     const float* vertices;
     const int* faces;
-    const int* owner;  // [triangle]: its object
+    const int* owner;  // [triangle]: object index
     const unsigned char* closed;  // [object]
 };
 
-// What leaves hold, as in warpvis/scene/_bvh.py.
+// Contents of leaves, as in warpvis/scene/_bvh.py.
 struct Leaves {
     float* rows;  // [leaf][LEAF_ROWS][lane]
     int* triangles;  // [leaf][lane]
     int* owners;  // [leaf][lane]
     float* bounds;  // [leaf][NODE_ROWS]
 
-    // `range`: of each leaf, its first item and the first after them.
+    // `range` holds the first item of each leaf and the end of its items.
     inline void fill(const Mesh& mesh, const v8* items, const int* range, long long leaf) const {
         const int begin = range[2 * leaf], count = range[2 * leaf + 1] - begin;
         float* to = rows + leaf * LEAF_ROWS * LANES;
@@ -126,10 +128,10 @@ struct Leaves {
         Bounds::of_leaf(to, all_closed, bounds + leaf * NODE_ROWS);
     }
 
-    // The corner opposite to the longest side, which is stored first. Casters compute a triangle's normal from the two
-    // sides that meet there, and its rounding error is proportional to the product of their lengths: the two long sides
-    // of a sliver would give it an error larger than its area. kernels/corners.py chooses the same corner: L1 distances
-    // have no products, which a compiler may round in different ways.
+    // Index of the corner opposite to the longest side, which is stored first. Casters compute a triangle's normal from
+    // the two sides that meet there, and its rounding error is proportional to the product of their lengths: the two
+    // long sides of a sliver would give it an error larger than its area. kernels/corners.py chooses the same corner:
+    // L1 distances have no products, which a compiler may round in different ways.
     static inline int first_corner(const float* vertices, const int* corners) {
         float opposite[3];
         for (int k = 0; k < 3; ++k)
@@ -146,7 +148,7 @@ struct Leaves {
 };
 
 struct Nodes {
-    // From the last node to the first: a node's children come after it.
+    // Compute bounds from the last node to the first: a node's children follow it.
     static void fit(const int* children, const float* leaf_bounds, int count, float* nodes) {
         for (long long node = count - 1; node >= 0; --node) {
             float* rows = nodes + node * NODE_ROWS * LANES;

@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Goes after bvh_split.h.
+// Include after bvh_split.h.
 
-// Makes nodes of LANES children of the binary tree's nodes of two, so that the boxes of all nodes together have the
-// least surface area, and a random ray visits the fewest nodes (Ylitie, Karras and Laine 2017, section 3.1).
+// Collapses the binary tree into nodes of LANES children such that the total surface area of the nodes' boxes, and so
+// the expected number of nodes that a random ray visits, is minimal (Ylitie, Karras and Laine 2017, section 3.1).
 struct Collapser {
     enum {
         MAX_LEVELS = HALVING_DEPTH + 31
-    };  // of the binary tree: from HALVING_DEPTH on, items are halved at most 31 times
+    };  // of the binary tree: below HALVING_DEPTH, ranges are halved at most 31 times
 
-    // A node of the binary tree. cost[i]: the least area of the nodes that its subtree takes as at most i + 1 parts,
-    // each a node or a leaf.
+    // A node of the binary tree. cost[i] is the minimal area of the nodes that its subtree needs if divided into at
+    // most i + 1 parts, each a node or a leaf.
     struct Binary {
         int begin, split, end;
         int child[2];  // -1 for a leaf
@@ -21,7 +21,7 @@ struct Collapser {
 
     static_assert(sizeof(Binary) == (BINARY_WORDS + LANES) * sizeof(int), "Python gets memory for them");
 
-    // A subtree that becomes at most `most` parts.
+    // A subtree that is divided into at most `most` parts.
     struct Part {
         int binary;  // -1 for a leaf
         int begin, end;
@@ -31,20 +31,20 @@ struct Collapser {
     struct Pending {
         int binary;
         int level;
-        long long slot;  // of `children`, to name the node in
+        long long slot;  // of `children`, to store the node's index in
     };
 
     static float cost(const Binary* tree, int binary, int most) {
         return binary < 0 ? 0.0f : tree[binary].cost[most - 1];
     }
 
-    // All nodes of the binary tree; children come after their parent.
+    // List the nodes of the binary tree, parents before children; returns their number.
     static int list(const Split* splits, int item_count, Binary* tree) {
         struct Item {
             int parent, side, split, begin, end;
             float area;
         };
-        Item stack[MAX_LEVELS + 1];  // one sibling a level, and the last level's second
+        Item stack[MAX_LEVELS + 1];  // one sibling per level, and both on the last level
         int waiting = 0, count = 0;
         stack[waiting++] = Item{-1, 0, splits[0].child[0], 0, item_count, 0.0f};
         while (waiting > 0) {
@@ -62,7 +62,7 @@ struct Collapser {
         return count;
     }
 
-    // The left child's share of `most` parts.
+    // Number of the `most` parts that the left child gets at the least cost.
     static int share(const Binary* tree, const Binary& node, int most, float& least) {
         int best = 1;
         least = __builtin_inff();
@@ -77,7 +77,7 @@ struct Collapser {
         for (int binary = count - 1; binary >= 0; --binary) {
             Binary& node = tree[binary];
             share(tree, node, LANES, node.cost[0]);
-            node.cost[0] += node.area + 1e-30f;  // fewest nodes where nothing has an area
+            node.cost[0] += node.area + 1e-30f;  // minimizes the number of nodes if all areas are 0
             for (int most = 2; most <= LANES; ++most) {
                 float open;
                 share(tree, node, most, open);
@@ -86,15 +86,15 @@ struct Collapser {
         }
     }
 
-    // Costs that make `share` part evenly, but for leaves, which take one part each. So of a subtree with 2^j parts or
-    // more, either half is a leaf or has 2^(j - 1) parts or more: a node holds log2(LANES) levels of the binary tree or
-    // more, whatever its shape.
+    // Set costs that make `share` divide the parts evenly, except that a leaf takes one part. Then each half of a
+    // subtree with 2^j parts or more is a leaf or gets 2^(j - 1) parts or more: a node spans at least log2(LANES)
+    // levels of the binary tree, whatever its shape.
     static void share_evenly(Binary* tree, int count) {
         for (int binary = 0; binary < count; ++binary)
             for (int most = 1; most <= LANES; ++most) tree[binary].cost[most - 1] = 1.0f / most;
     }
 
-    // The children of a node, in the items' order.
+    // Find the children of a node, in the order of the items; returns their number.
     static int open(const Binary* tree, int binary, Part* children) {
         Part stack[2 * LANES];
         int waiting = 0, count = 0;
@@ -121,8 +121,8 @@ struct Collapser {
         stack[waiting++] = Part{node.child[0], node.begin, node.split, left};
     }
 
-    // counts: nodes, leaves, levels. Nodes come before the nodes below them. `evenly` bounds the levels instead of
-    // minimising the area.
+    // `counts` receives the numbers of nodes, leaves and levels. Nodes precede their descendants. `evenly` bounds the
+    // number of levels instead of minimizing the area.
     static void collapse(const Split* splits, int item_count, bool evenly, Binary* tree, int* children,
                          int* leaf_ranges, int* counts) {
         const int binaries = list(splits, item_count, tree);
@@ -130,7 +130,7 @@ struct Collapser {
             share_evenly(tree, binaries);
         else
             find_costs(tree, binaries);
-        Pending stack[LANES * MAX_LEVELS];  // a node's levels are no more than the binary tree's
+        Pending stack[LANES * MAX_LEVELS];  // a wide tree has no more levels than the binary tree
         int waiting = 0, nodes = 0, leaves = 0, levels = 0;
         stack[waiting++] = Pending{binaries > 0 ? 0 : -1, 1, -1};
         while (waiting > 0) {

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The builder of the BVH: leaves of LANES triangles, nodes of LANES children. kernels/bvh.py puts that constant, 16 or
-// 32, before this text.
+// Builder of the BVH: leaves of LANES triangles, nodes of LANES children. kernels/bvh.py defines LANES, 16 or 32,
+// before this text.
 //
 // Warp pastes this text into the body of a function, without the standard library: hence local structs of static
 // functions, and constants as enums. kernels/bvh.py holds the kernels that call them, in this order: Items::load and
@@ -14,20 +14,21 @@ typedef int i4 __attribute__((ext_vector_type(4)));
 typedef float Floats __attribute__((ext_vector_type(LANES)));
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 typedef int Ints __attribute__((ext_vector_type(LANES)));
-typedef decltype((Doubles)(0.0) < (Doubles)(0.0)) Truths;  // of Doubles
+typedef decltype((Doubles)(0.0) < (Doubles)(0.0)) Truths;  // mask of a comparison of Doubles
 
 enum {
-    BINS = 16,  // of one axis, where a range is too large to sort
+    BINS = 16,  // bins per axis, for ranges that are too large to sort
     SMALL = 4 * LANES,  // ranges of at most this many items are sorted
-    STEPS = (1 << 30) / SMALL,  // of one axis, to sort by: a step and an item's place fit 30 bits
+    // quantization steps of an axis when sorting: a step and an item's index fit into 30 bits
+    STEPS = (1 << 30) / SMALL,
 };
 
-// An AABB is its lower corner and its negated upper corner, so that the union of two is one minimum. Lanes 3 and 7 are
-// free; an item is a triangle's box with the triangle's index there, as two floats that hold 16 bits each.
+// An AABB is stored as its lower corner and its negated upper corner, so that the union of two is one minimum. Lanes 3
+// and 7 are free; an item is a triangle's box with the triangle's index there, as two floats that hold 16 bits each.
 struct Aabb {
     static v8 empty() { return (v8)(NOWHERE); }
 
-    // One instruction, where __builtin_elementwise_min takes care of NaNs, which there are none of.
+    // A single instruction, unlike __builtin_elementwise_min, which also handles NaN; no coordinate is NaN.
     static v8 unite(v8 a, v8 b) { return a < b ? a : b; }
 
     static v8 intersect(v8 a, v8 b) { return a > b ? a : b; }
@@ -43,7 +44,7 @@ struct Aabb {
         return box;
     }
 
-    // Twice the centre: lower plus upper corner.
+    // Twice the center: lower plus upper corner.
     static v4 centre(v8 item) { return item.lo - item.hi; }
 
     static v8 of_point(v4 p) { return __builtin_shufflevector(p, -p, 0, 1, 2, 3, 4, 5, 6, 7); }
@@ -58,7 +59,7 @@ struct Aabb {
 static_assert(sizeof(v8) == ITEM_WORDS * sizeof(float), "Python gets memory for items");
 
 struct Items {
-    // A float holds whole numbers of 24 bits: the index is kept in two halves.
+    // A float holds integers of 24 bits, so the index is split into two halves.
     enum { HALF_BITS = 16, LOW_HALF = (1 << HALF_BITS) - 1 };
 
     static int triangle(v8 item) { return ((int)item.s7 << HALF_BITS) | (int)item.s3; }
@@ -75,11 +76,11 @@ struct Items {
     }
 };
 
-// The binary tree. A node's items are a range; the position where it is split names it, for no other node is split
-// there. So threads that work on disjoint ranges write disjoint splits. Slot 0 is above the root: its child[0] is the
-// root's split.
+// The binary tree. A node's items are a range; the node is identified by the position at which its range is split,
+// where no other range is split. Threads that work on disjoint ranges therefore write disjoint splits. Slot 0 is above
+// the root: its child[0] is the root's split.
 struct Split {
-    int child[2];  // the children's splits, 0 where the child is a leaf
+    int child[2];  // the children's splits, 0 if the child is a leaf
     float area[2];  // half the surface area of the children's boxes
 };
 
@@ -91,8 +92,8 @@ struct Choice {
 };
 
 struct Splitter {
-    // The cost of a child in the surface area heuristic, in leaves: a leaf costs the same however few triangles it has.
-    // Where boxes have no area, the fewest leaves are best.
+    // Cost of a child in the surface area heuristic, in leaves: a leaf costs the same however few triangles it has. If
+    // boxes have no area, the fewest leaves are best.
     static float cost(float area, int count, float per_item) {
         return (area + 1e-30f) * ((float)((count + LANES - 1) / LANES) * per_item);
     }
@@ -155,8 +156,8 @@ struct Splitter {
         }
     };
 
-    // Moves the items left of the bin to the front. Without a branch: every item is swapped with the first that
-    // belongs to the right, and that border moves on if the item was one of the left's.
+    // Move the items left of the bin to the front, without branches: every item is swapped with the first item of the
+    // right part, and the border advances if the swapped item belongs to the left part.
     static void partition(v8* items, int begin, int end, Grid grid, Choice choice) {
         const int axis = choice.axis;
         const float origin = grid.origin[axis], scale = grid.scale[axis], bound = (float)choice.bin;
@@ -171,8 +172,8 @@ struct Splitter {
         }
     }
 
-    // The items' order along an axis. The keys differ, for they end in the items' places: so an item's rank is the
-    // number of smaller keys, which takes no branch.
+    // Sort the items along an axis. Keys are unique because they end in the items' indices, so an item's rank is the
+    // number of smaller keys, which needs no branch.
     static void sort(const v8* items, int count, int axis, float low, float high, int* order) {
         Ints key[SMALL / LANES], rank[SMALL / LANES];
         const int blocks = (count + LANES - 1) / LANES;
@@ -190,7 +191,7 @@ struct Splitter {
         for (int i = 0; i < count; ++i) order[((const int*)rank)[i]] = i;
     }
 
-    // Splits a small range where it is cheapest of all places along the three axes; sorts the items along that axis.
+    // Split a small range at the cheapest position along any of the three axes; sorts the items along that axis.
     static Choice split_sorted(v8* items, int count) {
         const v8 centres = Aabb::of_centres(items, 0, count);
         const float per_item = 1.0f / count;
@@ -219,7 +220,7 @@ struct Splitter {
         return best;
     }
 
-    // Splits after a whole number of leaves, near the middle.
+    // Split after a whole number of leaves, near the middle.
     static Choice halve(const v8* items, int begin, int end) {
         const int half = ((end - begin) / 2 + LANES - 1) / LANES * LANES, middle = begin + half;
         return Choice{0,
@@ -234,13 +235,13 @@ struct Splitter {
         int begin, end;
         int link;  // 2 * split + side of the parent
         int depth;
-        v8 centres;  // a box around them
+        v8 centres;  // their bounding box
 
         int count() const { return end - begin; }
     };
 
-    // A range's split, and boxes around the centres of its parts: they are in the range's, on one side of the bin, and
-    // in the box of the part's items.
+    // Split a range. `centres` receives bounding boxes of the centers of its parts: the intersection of the range's
+    // box, one side of the bin, and the box of the part's items.
     static Choice split(v8* items, const Range& range, v8* centres) {
         centres[0] = centres[1] = range.centres;
         if (range.depth >= HALVING_DEPTH) return halve(items, range.begin, range.end);
@@ -250,7 +251,7 @@ struct Splitter {
         bins.fill(items, range.begin, range.end, grid);
         Choice best = {0, 0, 0, __builtin_inff(), 0.0f, 0.0f};
         for (int axis = 0; axis < 3; ++axis) bins.choose(axis, range.count(), best);
-        if (best.left_count == 0) return halve(items, range.begin, range.end);  // all centres coincide
+        if (best.left_count == 0) return halve(items, range.begin, range.end);  // all centers coincide
         partition(items, range.begin, range.end, grid, best);
         for (int side = 0; side < 2; ++side) {
             v8 box = Aabb::empty();
@@ -261,9 +262,9 @@ struct Splitter {
         return best;
     }
 
-    // Splits a range, its parts and so on until all are leaves, or just `most_splits` times. The smaller part comes
-    // first, so that the parts that wait are at most as many as the count has bits. `centres` are those of the parts
-    // of the last split.
+    // Split a range and its parts recursively until all are leaves, or `most_splits` times. The smaller part is
+    // processed first, so that the stack never holds more ranges than `count` has bits. `centres` receives the boxes of
+    // the parts of the last split.
     static void split_all(v8* items, Split* splits, const Range& whole, int most_splits, v8* centres) {
         Range stack[8 * sizeof(whole.end)];
         int waiting = 0;

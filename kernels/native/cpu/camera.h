@@ -1,32 +1,33 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cameras in the frame of what is drawn.
+// Cameras in the frame of the geometry that they see.
 //
-// Space is the camera's, with x and y scaled by the focal lengths: the ray of a pixel is (u, v, 1), where u and v are
-// its distances in pixels from the principal point. All that is needed is then linear in u and v: on which side of a
-// triangle's edge the ray passes, and inv_z = 1 / z of the triangle's plane.
+// Coordinates are the camera's, with x and y scaled by the focal lengths: the ray of a pixel is (u, v, 1), where u and
+// v are its distances in pixels from the principal point. The edge functions of a triangle, whose signs give the side
+// on which the ray passes, and inv_z = 1 / z of the triangle's plane are then linear in u and v.
 //
-// The same expressions in the same order give the value of an edge at a pixel wherever it is needed, and where rounding
-// leaves its sign in doubt, double precision decides (shared/edges.h): no ray slips between triangles.
+// An edge function is evaluated by the same expressions in the same order wherever it is needed, and if rounding leaves
+// its sign uncertain, it is evaluated in double precision (shared/edges.h): no ray slips between triangles.
 
-// By so much more an edge's value may be wrong where rays' u and v are rounded too.
+// Factor of the error bound of edge functions if u and v of the rays are rounded too.
 constexpr float ROUNDED_RAY_DOUBTS = 1.5f;
 
-// The images to make, in units of strips.
+// The images to render, in units of strips.
 struct Job {
     int views, height, width;
-    int strips;  // of a view
-    const int* strip_rows;  // where they begin, and where the last one ends; multiples of TILE_SIDE, but for that
-    int most_rows;  // of a strip
+    int strips;  // per view
+    // first row of each strip, and the end of the last one; multiples of TILE_SIDE except for that end
+    const int* strip_rows;
+    int most_rows;  // of any strip
     double focal[2], center[2];
     float near, far;
-    // Surfaces of more than this 1 / z are not there, and how far from the camera that may be in the image. Where near
-    // ones hide what is behind: endless, and 0.
+    // Surfaces with a greater 1 / z are clipped, and the distance from the camera up to which the image may contain
+    // clipped ones. If surfaces nearer than `near` still occlude, these are infinity and 0.
     float most_inv_z, clip_reach;
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
-    int points;  // of a view, where rays go through points instead of pixels, or 0
+    int points;  // per view, if rays pass through points instead of pixel centers; else 0
     const float* at;  // [view][point]: x and y in pixels
 
     inline Pose pose_of(int view) const { return Pose::from(poses + (long long)view * POSE_WORDS); }
@@ -35,23 +36,26 @@ struct Job {
 typedef float Row[3];
 typedef double ExactRow[3];
 
-// Where the camera is in the frame of a tree, the world's or an object's, and how that turns into its space.
+// A camera in the frame of a tree, the world's or an object's, and the transformation from that frame into camera
+// space.
 struct Camera {
     float origin[3];
     float to_camera[3][3];  // rows: x scaled by fx, y scaled by fy, z
     double exact_origin[3];
-    double exact_to_camera[3][3];  // rows: x and y divided by the focal lengths, z: a ray is their sum by u, v and 1
-    float rest[3];  // what rounding took from the origin, in camera space: 0 in the world's frame
+    // rows: x and y divided by the focal lengths, z; a ray is their linear combination with coefficients u, v and 1
+    double exact_to_camera[3][3];
+    float rest[3];  // rounding error of the origin, in camera space: 0 in the world frame
     float first_u, first_v;  // u and v of pixel (0, 0) of the view
     double exact_first_u, exact_first_v;
-    float extent;  // pixels to the image's farthest side from the principal point, or the focal length if that is more
+    // pixels from the principal point to the farthest side of the image, or the focal length if that is greater
+    float extent;
     float per_extent;  // 1 / that
-    float edge_doubt;  // what rounding may change of an edge's value: see Setup::doubt_of
+    float edge_doubt;  // relative error bound of edge functions: see Setup::leaf
     float far;
-    float blur;  // how far rounding may move a corner, in pixels
-    bool skip_back_faces;  // of objects that are closed, since the camera is outside them all
-    bool cull_back_faces;  // of all objects, because the caller wants it
-    const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if all that is drawn may be
+    float blur;  // distance by which rounding may move a corner, in pixels
+    bool skip_back_faces;  // of closed objects, because the camera is outside all of them
+    bool cull_back_faces;  // of all objects, because the caller requested it
+    const unsigned char* excluded;  // [object]: not 0 for excluded objects; null if no object is excluded
 
     static inline Camera of(const Pose& pose, const Job& job) {
         Camera camera;
@@ -85,7 +89,7 @@ struct Camera {
         return camera;
     }
 
-    // In the frame of an object that is stretched, divided by the factors.
+    // In the frame of a stretched object, divided by the factors.
     static inline Camera of(const Pose& pose, const Stretch& stretch, const Job& job) {
         Pose there = pose;
         for (int k = 0; k < 3; ++k) {
@@ -93,13 +97,13 @@ struct Camera {
             for (int i = 0; i < 3; ++i) there.axis[i][k] *= stretch.factor[k];
         }
         Camera camera = of(there, job);
-        // Places are multiplied on their way into the camera's space, rays divided on theirs out of it.
+        // Points are multiplied by the factors on the way into camera space, rays divided by them on the way out.
         for (int k = 0; k < 3; ++k)
             for (int i = 0; i < 3; ++i) camera.exact_to_camera[i][k] /= stretch.factor[k] * stretch.factor[k];
         return camera;
     }
 
-    // How far the image reaches from the principal point, in pixels.
+    // Distance from the principal point to the farthest side of the image, in pixels.
     static inline double reach_of(const Job& job) {
         const double size[2] = {(double)job.width, (double)job.height};
         double most = 0.0;
@@ -110,10 +114,10 @@ struct Camera {
         return most;
     }
 
-    // Of a pixel of the view.
+    // u and v of a pixel of the view.
     inline double exact_u(int x) const { return x + exact_first_u; }
     inline double exact_v(int y) const { return y + exact_first_v; }
-    // The ray through a place of the image, in the frame of the tree.
+    // The ray through an image point, in the frame of the tree.
     inline void ray_at(double u, double v, double* ray) const {
         const ExactRow* m = exact_to_camera;
         for (int k = 0; k < 3; ++k) ray[k] = u * m[0][k] + (v * m[1][k] + m[2][k]);
@@ -122,7 +126,7 @@ struct Camera {
     inline Points relative(Floats x, Floats y, Floats z) const {
         return Points{x - origin[0], y - origin[1], z - origin[2]};
     }
-    // Into camera space, from places relative to the rounded origin.
+    // Transform points relative to the rounded origin into camera space.
     inline Points turn(Points p) const {
         const Row* m = to_camera;
         return Points{m[0][0] * p.x + (m[0][1] * p.y + (m[0][2] * p.z - rest[0])),
@@ -131,9 +135,9 @@ struct Camera {
     }
 };
 
-// What an image shows: a point relative to the rounded origin is inside where all planes give more than `least`.
+// The view frustum: a point relative to the rounded origin is inside if every plane evaluates to more than `least`.
 struct Frustum {
-    enum { PLANES = 5 };  // the camera's, left, right, top, bottom
+    enum { PLANES = 5 };  // plane of the camera, left, right, top, bottom
 
     float plane[PLANES][3], least[PLANES];
 
@@ -162,7 +166,7 @@ struct Frustum {
     }
 };
 
-// The world's axes as the camera's rays need them: a ray is forward + u * right + v * down.
+// Basis of the camera's rays in the world: a ray is forward + u * right + v * down.
 struct Rays {
     float right[3], down[3], forward[3];
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of pixels as kernels/corruptions.py corrupts them.
+// The corruptions of kernels/corruptions.py applied to rows of pixels.
 
 struct Corruption {
     float added, multiplied, dropout;
@@ -9,7 +9,7 @@ struct Corruption {
     const int* rectangles;  // of the view: left, top, right and bottom of each
     int rectangle_count;
 
-    // Random words of as many pixels as share them; those that would change nothing are not drawn.
+    // Random words of the pixels that share counters; those of disabled corruptions are not drawn.
     struct Words {
         PixelWords lost, multiplied, added;
     };

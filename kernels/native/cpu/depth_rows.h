@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of depth images to world points and labels, sixteen pixels at a time: kernels/classify.py and ray_points.py.
+// Rows of depth images to world points and labels, 16 pixels at a time: see kernels/classify.py and
+// kernels/ray_points.py.
 
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
-// Depth that is measured [m].
+// Range of valid depth [m].
 struct DepthRange {
     float near, far;
 
@@ -14,12 +15,13 @@ struct DepthRange {
     }
 };
 
-// World directions of the pixels of a row, of depth 1.
+// World directions of the pixels of a row, scaled to depth 1.
 struct RowDirections {
     double axis[3][3];  // of the camera, in the world
-    double first[3];  // of a pinhole: the direction at column 0, and its change per column
+    double first[3];  // of a pinhole camera: the direction at column 0, and its change per column
     double step[3];
-    const double* rays;  // of a ray table: x y z of each pixel in the camera frame, NaN for none; null of a pinhole
+    // of a ray table: x y z of each pixel in the camera frame, NaN if it has no ray; null for a pinhole camera
+    const double* rays;
 
     static inline RowDirections of_pinhole(const Pose& pose, const double* focal, const double* center, int y) {
         RowDirections row = of_table(pose, nullptr);
@@ -47,7 +49,7 @@ struct RowDirections {
     }
 };
 
-// A row of a depth image in the world.
+// A row of a depth image and its camera in the world.
 struct DepthRow {
     int width;
     const float* depth;
@@ -65,7 +67,7 @@ struct DepthRow {
         return Points{coordinate(0, x, depth), coordinate(1, x, depth), coordinate(2, x, depth)};
     }
 
-    // Write world points, NaN where no depth was measured.
+    // Write world points, NaN if a pixel has no valid depth.
     inline void back_project(float* points_out) const {
         for (int x = 0; x < width; x += LANES) {
             const Floats seen = load(x);
@@ -78,7 +80,7 @@ struct DepthRow {
     }
 };
 
-// What the points of a row are, as `case_of` has them.
+// Classification of the points of a row, as in `case_of`.
 struct RowCases {
     int up;
     float height, tolerance;  // of the ground [m]
@@ -87,7 +89,7 @@ struct RowCases {
     const float* sizes;
     const unsigned char* sphere_labels;
 
-    // The spheres that points are deepest in, or -1, and their labels in place of those given.
+    // Find the spheres that contain the points most deeply, -1 if none does, and replace the labels of those points.
     inline Ints find_spheres(const Points& points, Ints* labels) const {
         Ints spheres = Lanes::all_ints(-1);
         Floats least_ratio = Lanes::all(1.0f);
@@ -104,7 +106,7 @@ struct RowCases {
         return spheres;
     }
 
-    // Write labels, and spheres if they are wanted.
+    // Write labels, and spheres if requested.
     inline void classify(const DepthRow& row, unsigned char* labels_out, int* spheres_out) const {
         for (int x = 0; x < row.width; x += LANES) {
             const Floats depth = row.load(x), heights = row.coordinate(up, x, depth);

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of pixels through the model of kernels/time_of_flight.py, and the edges of kernels/sub_rays.py.
+// The model of kernels/time_of_flight.py and the edge detection of kernels/sub_rays.py, applied to rows of pixels.
 
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
@@ -27,12 +27,12 @@ struct Wide {
     }
 };
 
-// Rays of a row of a view's pixels, and what is seen along them.
+// Rays of a row of a view's pixels, and the surfaces that they hit.
 struct FlightRow {
     int height, width, y;
     double focal[2], center[2];
-    float axes[9];  // from the camera's frame to the world's
-    const float* depth;  // of the view, as all below
+    float axes[9];  // rotation from the camera frame to the world
+    const float* depth;  // of the view, like all arrays below
     const float* normals;
     const int* segmentation;  // or null
     const float* reflectivity;  // [object]
@@ -43,7 +43,7 @@ struct FlightRow {
     inline Doubles across(int x) const { return (Wide::of(Numbers::columns(x)) + 0.5 - center[0]) / focal[0]; }
     inline double down() const { return ((double)y + 0.5 - center[1]) / focal[1]; }
     inline void normal(int x, Floats* n) const { Numbers::load_triples(normals + 3 * place(x), n, width - x); }
-    // The product of rays, in single precision, and of normals, both in the world.
+    // Dot product of rays, in single precision, and normals, both in the world.
     inline Floats along(Floats across, float down, const Floats* n) const {
         Floats ray[3];
         for (int k = 0; k < 3; ++k) ray[k] = axes[3 * k] * across + axes[3 * k + 1] * down + axes[3 * k + 2] * 1.0f;
@@ -59,10 +59,11 @@ struct FlightRow {
     }
 };
 
-// What comes back of pixels: range [m], light of its phase, all light, and the first if it were met straight.
+// Light that returns to pixels: range [m], light in phase with it, all light, and the light that the first surface
+// would return at normal incidence.
 struct FlightLight {
     Floats range, signal, all, straight;
-    Doubles length;  // of rays whose z is 1
+    Doubles length;  // of rays with z = 1
     Doubles depth;
 
     static inline FlightLight of(const FlightRow& row, int x) {
@@ -86,7 +87,7 @@ struct FlightLight {
         if (row.slots) light.mix(row, x);
         return light;
     }
-    // Pixels at edges see what their sub-rays do.
+    // Pixels at edges combine the light of their sub-rays.
     inline void mix(const FlightRow& row, int x) {
         for (int k = 0; k < LANES && x + k < row.width; ++k) {
             const int slot = row.slots[row.place(x) + k];
@@ -121,13 +122,13 @@ struct Flight {
     inline Floats noise_of(const FlightLight& light, Floats normal) const {
         return noise_scale * Numbers::root(light.all + background) / light.signal * normal;
     }
-    // What is added to ranges [m].
+    // Error of ranges [m].
     inline Doubles error(Doubles far, Floats noise) const {
         Doubles found = offset + wiggle * Wide::sine(4.0 * (far * turns) + wiggle_turns);
         if (noise_scale > 0.0f) found = found + Wide::of(noise);
         return found - Wide::floor((far + found) / unambiguous) * unambiguous;
     }
-    // Why no range follows from what comes back.
+    // Reason why the light yields no range, if any.
     inline Ints judge(const FlightLight& light) const {
         const Ints straight = (light.straight > 0.0f) & (light.straight >= least_signal);
         const Ints enough = (light.signal > 0.0f) & (light.signal >= least_signal);
@@ -151,7 +152,7 @@ struct Flight {
     }
 };
 
-// Pixels beside which is another surface, as `is_edge` of kernels/sub_rays.py has them.
+// Pixels adjacent to another surface, as `is_edge` of kernels/sub_rays.py.
 struct FlightEdges {
     const FlightRow& row;
     float edge_step;
@@ -187,7 +188,7 @@ struct FlightEdges {
         }
         return edge;
     }
-    // Depth of pixels from a column on, and which of them are in the image.
+    // Depth of pixels from a column on, and a mask of those inside the image.
     inline Floats beside(int x, int y, Ints& in) const {
         const float* depths = row.depth + (long long)y * row.width;
         const Ints column = Lanes::index() + x;

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A worker's z-buffer: the greatest 1 / z of every pixel of a view, or of a strip of it, in blocks of 4 x 4 pixels, one
-// to a register, in tiles of 4 x 4 blocks. Instead of pixels' centres, rays may go through points anywhere: then blocks
-// are cells, which hold the points inside them in packets of as many as there are lanes.
+// A worker's hierarchical z-buffer: the greatest 1 / z of every pixel of a view, or of a strip of it, in blocks of 4 x
+// 4 pixels, one per SIMD register, in tiles of 4 x 4 blocks. If rays pass through arbitrary points instead of pixel
+// centers, blocks are cells that hold the points inside them in packets of LANES points.
 
 enum {
     BLOCK_SHIFT = 2,
@@ -11,24 +11,24 @@ enum {
     BLOCK_PIXELS = BLOCK_SIDE * BLOCK_SIDE,
     TILE_PIXELS = TILE_SIDE * TILE_SIDE,
     TILE_BLOCKS = TILE_PIXELS / BLOCK_PIXELS,
-    BLOCKS_ACROSS = TILE_SIDE / BLOCK_SIDE,  // a tile
+    BLOCKS_ACROSS = TILE_SIDE / BLOCK_SIDE,  // of a tile
 };
 static_assert(BLOCK_SIDE == 1 << BLOCK_SHIFT && TILE_SIDE == 1 << TILE_SHIFT, "Python knows the sides");
 static_assert(BLOCK_PIXELS == LANES && TILE_BLOCKS == LANES,
               "a register holds a block, and a number for each of a tile");
 
-// What is kept of a pixel besides how near it is.
+// What the z-buffer stores of a pixel in addition to 1 / z.
 enum Mode {
-    MODE_DEPTH,  // nothing: that is faster
-    MODE_OBJECTS,  // the object that is seen
-    MODE_TRIANGLES,  // the triangle, which tells the object, the normal and the face
+    MODE_DEPTH,  // nothing, which is faster
+    MODE_OBJECTS,  // index of the visible object
+    MODE_TRIANGLES,  // number of the visible triangle, which determines the object, the normal and the face
 };
 
-// Where the pixels and blocks of an image are.
+// Memory layout of the pixels and blocks of an image.
 struct Grid {
     static inline int tiles(int pixels) { return (pixels + TILE_SIDE - 1) >> TILE_SHIFT; }
 
-    // The index of a pixel is the sum of a part for its column and a part for its row.
+    // The index of a pixel is the sum of a term for its column and a term for its row.
     static inline int column_part(int x) {
         return (x >> TILE_SHIFT) * TILE_PIXELS + ((x >> BLOCK_SHIFT) & (BLOCKS_ACROSS - 1)) * BLOCK_PIXELS +
                (x & (BLOCK_SIDE - 1));
@@ -38,13 +38,13 @@ struct Grid {
                ((y >> BLOCK_SHIFT) & (BLOCKS_ACROSS - 1)) * BLOCKS_ACROSS * BLOCK_PIXELS +
                (y & (BLOCK_SIDE - 1)) * BLOCK_SIDE;
     }
-    // Where the pixels of a block are in it.
+    // Column and row of each pixel of a block.
     static inline Ints column() { return Lanes::index() & (BLOCK_SIDE - 1); }
     static inline Ints row() { return Lanes::index() >> BLOCK_SHIFT; }
-    // The same as floats: whole numbers, of which sums are exact, in whatever order.
+    // The same as floats: integers, whose sums are exact in any order.
     static inline Floats column_floats() { return Floats{0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3}; }
     static inline Floats row_floats() { return Floats{0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3}; }
-    // Where the blocks of a tile are in it, in pixels.
+    // Position of each block of a tile, in pixels.
     static inline Ints block_x() { return column() * (int)BLOCK_SIDE; }
     static inline Ints block_y() { return row() * (int)BLOCK_SIDE; }
 };
@@ -60,40 +60,42 @@ struct Image {
     float center_x, center_y;  // the principal point, in pixels of the strip
     int* empty;  // whether inv_z is zero everywhere
     float* inv_z;  // [tile][block][pixel]: greatest 1 / z so far
-    int* id;  // the same for the triangle or object that it belongs to; null if nobody asks
-    int* first_packet;  // [block]: first of the packets of points in it, and one more; null for pixels
-    int* point_index;  // [packet][lane]: which point, -1 for none
+    int* id;  // the triangle or object there; null if not requested
+    // [block]: index of its first packet of points, and the end of the last one; null if rays pass through pixel
+    // centers
+    int* first_packet;
+    int* point_index;  // [packet][lane]: index of the point, -1 for an empty lane
     float* point_u;  // [packet][lane]
     float* point_v;
-    float* rows;  // four rows of inv_z on their way out
+    float* rows;  // four rows of inv_z being written out
     int* id_rows;
-    float* block_min;  // [tile][block]: least inv_z of a block, as far as it is known
-    float* tile_min;  // [tile]
+    float* block_min;  // [tile][block]: lower bound of inv_z in a block, exact unless it is stale
+    float* tile_min;  // [tile]: the same for a tile
     unsigned char* block_stale;
     unsigned char* tile_stale;
-    float most_inv_z;  // of what is drawn: what is nearer is not there
+    float most_inv_z;  // nearer surfaces are clipped
     const ExactOcclusion*
-        occlusion;  // of points whose lanes begin with the greatest inv_z that does not hide them, or null
-    const RayTree* tree;  // whose packets the blocks are, where rays are of a table
+        occlusion;  // for points whose lanes start with the greatest inv_z that does not occlude them, or null
+    const RayTree* tree;  // the tree whose packets are the blocks, if rays are from a ray table
 
     static inline int column_part(int x) { return Grid::column_part(x); }
     inline int row_part(int y) const { return Grid::row_part(y, tiles_x); }
     inline int tiles() const { return tiles_x * tiles_y; }
 
-    // The first and the last pixel whose centres may be between two places, in pixels from the first centre; for points
-    // anywhere, all that may be touched.
+    // First and last pixel whose center may lie between two coordinates, in pixels from the first center; for arbitrary
+    // points, all pixels that may be touched.
     inline Floats first_pixel(Floats from) const {
         return __builtin_elementwise_ceil(first_packet ? __builtin_elementwise_floor(from + 0.5f) : from);
     }
     inline Floats last_pixel(Floats to) const { return __builtin_elementwise_floor(first_packet ? to + 0.5f : to); }
 
-    // The index of the block in a column and a row of blocks.
+    // Index of the block at a column and a row of blocks.
     inline int block_at(int bx, int by) const {
         return ((by >> BLOCK_SHIFT) * tiles_x + (bx >> BLOCK_SHIFT)) * TILE_BLOCKS +
                (by & (BLOCKS_ACROSS - 1)) * BLOCKS_ACROSS + (bx & (BLOCKS_ACROSS - 1));
     }
 
-    // The rectangle of a view that it holds; a view's principal point is in double precision.
+    // Set the rectangle of the view that this image covers; the principal point of a view is in double precision.
     inline void set_size(int view_width, int rows, int at_row, int of_view) {
         width = view_width;
         height = rows;
@@ -106,7 +108,7 @@ struct Image {
         center_x = (float)center[0];
         center_y = (float)(center[1] - first_row);
     }
-    // What is known of blocks and tiles, for so many tiles.
+    // Allocate the arrays of blocks and tiles.
     inline void take_blocks(Arena& arena, long long count) {
         block_min = arena.floats(count * TILE_BLOCKS);
         tile_min = arena.floats(count);
@@ -141,10 +143,10 @@ struct Image {
         return tile_min[tile];
     }
 
-    // A rectangle of more blocks than this is judged by whole tiles.
+    // Rectangles of more blocks than this are tested tile by tile.
     enum { MAX_BLOCKS = 32 };
 
-    // Whether everything in a rectangle of pixels is nearer than inv_z.
+    // Whether a rectangle is occluded: all its pixels are nearer than `nearest_inv_z`.
     inline bool hides(int x0, int y0, int x1, int y1, float nearest_inv_z) const {
         const int bx0 = x0 >> BLOCK_SHIFT, bx1 = x1 >> BLOCK_SHIFT, by0 = y0 >> BLOCK_SHIFT, by1 = y1 >> BLOCK_SHIFT;
         if ((bx1 - bx0 + 1) * (by1 - by0 + 1) > MAX_BLOCKS)
@@ -161,17 +163,17 @@ struct Image {
         return true;
     }
 
-    // Nothing seen yet, as far as blocks and tiles know.
+    // Clear the upper levels of the hierarchical z-buffer.
     inline void clear_blocks() const {
         __builtin_memset(block_min, 0, tiles() * TILE_BLOCKS * sizeof(float));
         __builtin_memset(tile_min, 0, tiles() * sizeof(float));
         __builtin_memset(block_stale, 0, tiles() * TILE_BLOCKS);
         __builtin_memset(tile_stale, 0, tiles());
     }
-    // Nothing seen yet.
+    // Clear the z-buffer.
     inline void begin() const {
         clear_blocks();
-        // Writing an image out leaves it empty, but for what was put outside of it.
+        // Writing out an image clears it, except for the pixels outside the image that hide_outside() set.
         if (!*empty)
             for (int block = 0; block < tiles() * TILE_BLOCKS; ++block)
                 Lanes::store(inv_z + block * BLOCK_PIXELS, Lanes::all(0.0f));
@@ -179,7 +181,7 @@ struct Image {
         if (!*empty) hide_outside();
     }
 
-    // What lies outside the image counts as infinitely near, so that it hides and never shows.
+    // Pixels outside the image are set to be infinitely near, so that they occlude everything and are never written.
     inline void hide_outside() const {
         for (int y = 0; y < tiles_y * TILE_SIDE; ++y)
             for (int x = y < height ? width : 0; x < tiles_x * TILE_SIDE; ++x) {
@@ -190,7 +192,7 @@ struct Image {
     }
 };
 
-// A node, a leaf or an object to visit: where it is in the image, and how near it may be.
+// A node, leaf or object to visit: its rectangle in the image, and an upper bound of its 1 / z.
 struct Visit {
     int child;
     float nearest_inv_z;
