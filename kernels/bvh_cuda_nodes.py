@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The BVH's builder, for CUDA: nodes of the binary tree's, as ``native/cpu/bvh_collapse.h`` makes them, and what leaves
-and nodes hold; see `warpvis.kernels.bvh_cuda`. Leaves and nodes have `CUDA_LANES` lanes.
+"""The BVH builder for CUDA: wide nodes from the binary tree, as in ``native/cpu/bvh_collapse.h``, and the contents of
+leaves and nodes; see `warpvis.kernels.bvh_cuda`. Leaves and nodes have `CUDA_LANES` lanes.
 """
 
 import warp as wp
@@ -19,32 +19,32 @@ from warpvis.kernels.corners import first_corner
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-# Where a row of `Opened.info` has a level's first node, how many it has, and the first leaf among their children.
+# Columns of `Opened.info`: a level's first node, its number of nodes, and the first leaf among their children.
 FIRST_NODE, NODES, FIRST_LEAF = 0, 1, 2
 OPENED_WORDS = 3
 
 _WAITING = wp.constant(2 * CUDA_LANES)
 _NEVER = wp.constant(2.0)
-_MIN_COSINE = wp.constant(wp.float64(0.0872))  # of 85 degrees
+_MIN_COSINE = wp.constant(wp.float64(0.0872))  # cos(85 degrees)
 _MARGIN = wp.constant(wp.float64(1e-3))
 
 
 @wp.struct
 class Opened:
-    """The nodes of a level, while their children are found. All but their numbers is there for one level at a time."""
+    """The nodes of a level while their children are determined; all arrays except `info` hold one level at a time."""
 
     depth: int
-    most: int  # nodes that the level has, or more
-    info: wp.array2d[wp.int32]  # first nodes and so on, see above: a row a level
-    nodes: wp.array2d[wp.int32]  # of the binary tree, which they are made of: one row for this level, one for the next
-    parts: wp.array2d[wp.int32]  # of the binary tree, which their children are made of; -1 for none
-    counts: wp.array[wp.int32]  # nodes among the children of each, then leaves among them: twice `most`
-    sums: wp.array[wp.int32]  # of these, including each
+    most: int  # upper limit of the level's number of nodes
+    info: wp.array2d[wp.int32]  # one row per level; see `FIRST_NODE`
+    nodes: wp.array2d[wp.int32]  # their binary nodes: one row for this level, one for the next
+    parts: wp.array2d[wp.int32]  # binary nodes of their children; -1 for none
+    counts: wp.array[wp.int32]  # inner nodes among the children of each, then leaves among them: twice `most`
+    sums: wp.array[wp.int32]  # inclusive scan of `counts`
 
 
 @wp.func
 def cost_of(binary: Binary, costs: wp.array2d[float], node: int, most: int) -> float:
-    """The least area of the nodes that a subtree takes as at most so many parts, each a node or a leaf."""
+    """Return the minimal node area of a subtree that is divided into at most `most` parts, each a node or a leaf."""
     if binary.child[node] < 0:
         return 0.0
     return costs[node, most - 1]
@@ -52,7 +52,7 @@ def cost_of(binary: Binary, costs: wp.array2d[float], node: int, most: int) -> f
 
 @wp.func
 def share_of_left(binary: Binary, costs: wp.array2d[float], node: int, most: int) -> int:
-    """The left child's share of at most so many parts, where they cost least."""
+    """Return how many of at most `most` parts the left child gets in the division of least cost."""
     left = binary.child[node]
     best, least = int(1), float(NOWHERE)
     for share in range(1, most):
@@ -78,9 +78,10 @@ def find_costs(
     # Out:
     costs_out: wp.array2d[float],
 ):
-    """Find what a node's subtree costs as at most 1, 2, ... parts, from its children's costs: a thread a number.
+    """Compute the cost of dividing a node's subtree into at most 1, 2, ... parts from its children's costs.
 
-    `evenly`: costs that part it so evenly that a node holds five levels of the binary tree or more.
+    One thread computes one number. If `evenly` is not 0, costs are such that both children get equal shares, so that a
+    wide node covers at least five levels of the binary tree.
     """
     index, fewer = wp.tid()
     node, most = first + index, fewer + 1
@@ -104,7 +105,7 @@ def open_nodes(
     # Out:
     opened_out: Opened,
 ):
-    """Find the children of a node that is made of a binary one, in the items' order; count its nodes and leaves."""
+    """Find the children of a wide node from its binary node, in item order; count its inner nodes and leaves."""
     index = wp.tid()
     if index >= opened_out.info[opened_out.depth, NODES]:
         opened_out.counts[index] = 0
@@ -150,7 +151,7 @@ def name_children(
     children_out: wp.array2d[wp.int32],
     leaf_ranges_out: wp.array2d[wp.int32],
 ):
-    """Number the children of a node of one level, by sums of their counts; one thread says what the next level has."""
+    """Number the children of a level's nodes by scans of their counts; thread 0 writes the next level's `info`."""
     index = wp.tid()
     depth, most = opened_out.depth, opened_out.most
     first, count = opened_out.info[depth, FIRST_NODE], opened_out.info[depth, NODES]
@@ -192,7 +193,7 @@ def fill_leaves(
     triangles_out: wp.array2d[wp.int32],
     owners_out: wp.array2d[wp.int32],
 ):
-    """Write the corners and the owner of each triangle; a corner and the owner of lane 0's in unused lanes."""
+    """Write the corners and the owner of each triangle; unused lanes repeat a corner and the owner of lane 0."""
     leaf, lane = wp.tid()
     begin = leaf_ranges[leaf, 0]
     is_used = lane < leaf_ranges[leaf, 1] - begin
@@ -218,7 +219,7 @@ def corner_of(leaves: wp.array3d[float], leaf: int, corner: int, lane: int) -> w
 
 @wp.func
 def unit_normal(leaves: wp.array3d[float], leaf: int, lane: int) -> wp.vec3d:
-    """In double precision: a sliver's may be far off in single. Zero where a triangle has no area."""
+    """Return the unit normal, zero for degenerate triangles. Single precision is inaccurate for slivers."""
     a = corner_of(leaves, leaf, 0, lane)
     normal = wp.cross(corner_of(leaves, leaf, 1, lane) - a, corner_of(leaves, leaf, 2, lane) - a)
     squared = wp.dot(normal, normal)
@@ -229,7 +230,7 @@ def unit_normal(leaves: wp.array3d[float], leaf: int, lane: int) -> wp.vec3d:
 
 @wp.func
 def cutoff_of(cosine: wp.float64) -> float:
-    """The sine of a cone's half angle and a little more; `_NEVER` where it says nothing."""
+    """Return the sine of a cone's half angle plus a margin; `_NEVER` if the cone is too wide to cull."""
     if not (cosine > _MIN_COSINE):
         return _NEVER
     sine = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) + _MARGIN
@@ -238,7 +239,7 @@ def cutoff_of(cosine: wp.float64) -> float:
 
 @wp.func
 def rounded_axis(total: wp.vec3d) -> wp.vec3:
-    """The direction of a sum of vectors as it is stored; zero if it has none."""
+    """Return the direction of a sum of vectors in single precision; zero if the sum is too small."""
     length = wp.length(total)
     if not (length > wp.float64(1.0e-6)):
         return wp.vec3()
@@ -277,7 +278,7 @@ def fit_leaves(
     # Out:
     nodes_out: wp.array3d[float],
 ):
-    """Write a leaf's box and the cone of its normals into the lane that it is of a node."""
+    """Write each leaf's box and normal cone into its lane of its parent node."""
     node, lane = wp.tid()
     child = children[node, lane]
     low, high, axis, cutoff = wp.vec3(NOWHERE), wp.vec3(-NOWHERE), wp.vec3(), float(_NEVER)
@@ -313,7 +314,7 @@ def fit_nodes(
     # Out:
     nodes_out: wp.array3d[float],
 ):
-    """Write the box and the cone of a node below into the lane that it is of one of a level."""
+    """Write the box and normal cone of each child node into its lane, for the nodes of one level."""
     index, lane = wp.tid()
     node = first + index
     child = children[node, lane]
@@ -334,7 +335,7 @@ def fit_nodes(
         least, one = wp.float64(1.0), wp.float64(1.0)
         for k in range(CUDA_LANES):
             if children[child, k] != 0:
-                # The angle between the axes and a child's own half angle add up.
+                # A cone contains a child's cone if it covers the angle between the axes plus the child's half angle.
                 between = wp.min(wp.dot(exact(row_vector(nodes_out, child, CONE_AXIS_ROW, k)), exact(axis)), one)
                 sine = wp.float64(nodes_out[child, CONE_CUTOFF_ROW, k])
                 cosine = wp.sqrt(wp.max(one - sine * sine, wp.float64(0.0)))
@@ -352,7 +353,7 @@ def join_children(
     # Out:
     children_out: wp.array[wp.int32],
 ):
-    """Make a tree's children nodes and leaves of arrays that begin with other trees' nodes and leaves."""
+    """Offset a tree's child indices to arrays in which nodes and leaves of other trees come first."""
     slot = wp.tid()
     child = children_out[slot]
     if child > 0:
@@ -368,7 +369,7 @@ def mark_owners(
     # Out:
     owners_out: wp.array[wp.int32],
 ):
-    """Mark owners as casters read them: an object's complement where its back faces can be left out."""
+    """Replace owners by their complement if the object is closed, so that casters may cull its back faces."""
     slot = wp.tid()
     owner = owners_out[slot]
     if closed[owner] != wp.uint8(0):

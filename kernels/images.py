@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The images that casters write, which travel together."""
+"""The images that casters write."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class Images:
-    """What is seen of every view, ``[view, y, x]``; None where nobody asks."""
+    """Rendered images of all views, ``[view, y, x]``; None if not requested."""
 
     depth: wp.array3d[float]
     points: wp.array3d[wp.vec3]
@@ -27,7 +27,7 @@ NATIVE_IMAGES = """
 const Images out = {images.depth.data, (float*)images.points.data, (float*)images.normals.data, images.labels.data,
                     images.segmentation.data, images.faces.data, scene.object_label.data, scene.slot_face.data};
 """
-"""The struct of ``native/shared/images.h`` of `Images` named ``images`` and of a scene named ``scene``."""
+"""C++ that defines the `Images` of ``native/shared/images.h`` from `Images` ``images`` and a scene ``scene``."""
 
 
 @wp.kernel
@@ -39,7 +39,7 @@ def fill_depth(
     # Out:
     depth_out: wp.array3d[float],
 ):
-    """Write finite numbers where depth says that something is too near, and where there is none for other reasons."""
+    """Replace -inf in depth images by `too_near`, and other values that are not finite by `empty`."""
     view, y, x = wp.tid()
     view, y = view + window.first_view, y + window.first_row
     depth = depth_out[view, y, x]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether points are inside of closed objects."""
+"""Tests whether points are inside closed objects."""
 
 import warp as wp
 
@@ -24,7 +24,7 @@ def find_inside(
     # Out:
     inside_out: wp.array[wp.uint8],
 ):
-    """Whether a point is inside of the triangles of closed objects, which face outwards."""
+    """Write whether each point is inside the triangles of closed objects, whose normals face outward."""
     _one, row, column = wp.tid()
     index = point_index(window, row, column)
     if index >= points.shape[0]:

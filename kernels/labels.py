@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Labels on maps: which are ground, and which of several that fall on one cell it shows."""
+"""Labels of map cells: which labels are ground, and their precedence where several fall on one cell."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ FIRST_ABOVE = wp.constant(LABEL_OBJECT)
 LAST_ABOVE = wp.constant(LABEL_ROBOT)
 
 GroundLabels = wp.types.vector(length=8, dtype=wp.uint32)
-"""A bit for each of the 256 labels: whether it is ground."""
+"""A bitmask over the 256 labels: 1 for ground."""
 
 
 @wp.func
@@ -22,8 +22,8 @@ def is_ground(ground: GroundLabels, label: wp.uint8) -> bool:
 
 @wp.func
 def precedence(ground: GroundLabels, label: wp.uint8) -> int:
-    """Order in which labels cover each other: nothing, ground, obstacles and classes of users' own, then objects,
-    humans and robots; of one kind, the greater number. Its last 8 bits are the label.
+    """Return the order in which labels cover each other: empty, ground, obstacles and user-defined classes, then
+    objects, humans and robots; within a kind, the greater number wins. The last 8 bits are the label.
     """
     number = int(label)
     if label == EMPTY or is_ground(ground, label):

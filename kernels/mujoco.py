@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo's arrays as poses of objects and cameras, and objects as geoms: nothing of it goes through the host."""
+"""Conversion of MuJoCo's arrays on the device: poses of geoms and cameras, sizes, visibility, and geom ids."""
 
 import warp as wp
 
@@ -17,7 +17,7 @@ def geom_transforms(
     # Out:
     poses_out: wp.array2d[wp.transform],
 ):
-    """Geom to world of some geoms in some worlds."""
+    """Write geom-to-world transforms of selected geoms in selected worlds."""
     row, column = wp.tid()
     world, geom = worlds[row], geoms[column]
     rotation = wp.normalize(wp.quat_from_matrix(geom_xmat[world, geom]))
@@ -34,9 +34,9 @@ def camera_transforms(
     # Out:
     poses_out: wp.array2d[wp.transform],
 ):
-    """Camera to world of some cameras in some worlds: MuJoCo's look along -z, y up; OpenCV's along z, y down.
+    """Write camera-to-world transforms of selected cameras in selected worlds; camera -1 is skipped.
 
-    Camera -1 is none.
+    MuJoCo's cameras look along -z with y up; OpenCV's look along z with y down.
     """
     row, column = wp.tid()
     camera, world = cameras[row], worlds[column]
@@ -58,7 +58,7 @@ def viewer_transforms(
     # Out:
     poses_out: wp.array2d[wp.transform],
 ):
-    """Camera to world of a viewer's cameras, which are -1 among `cameras`: about a body's centre of mass, if any."""
+    """Write camera-to-world transforms of a viewer's cameras (-1 in `cameras`), relative to a body's center of mass."""
     row, column = wp.tid()
     if cameras[row] >= 0:
         return
@@ -68,7 +68,7 @@ def viewer_transforms(
     poses_out[row, column] = wp.transform(position, wp.transform_get_rotation(poses[row]))
 
 
-# Of mujoco.mjtGeom.
+# Values of mujoco.mjtGeom.
 SPHERE, CAPSULE, ELLIPSOID, CYLINDER = wp.constant(2), wp.constant(3), wp.constant(4), wp.constant(5)
 
 
@@ -84,9 +84,9 @@ def geom_sizes(
     # Out:
     sizes_out: wp.array2d[wp.vec4],
 ):
-    """Sizes of all that moves in some worlds, as `warpvis.kernels.worlds.Worlds` has them, of geoms' sizes.
+    """Write `warpvis.kernels.worlds.Worlds.object_sizes` in selected worlds from geom sizes.
 
-    What is no resizable geom, -1 among `geoms`, and what is of the model's own size there, is as it was made.
+    Objects that are not resizable geoms (-1 in `geoms`) and geoms that have the model's size keep their original size.
     """
     row, column = wp.tid()
     geom = geoms[column]
@@ -117,10 +117,10 @@ def hidden_objects(
     # Out:
     hidden_out: wp.array2d[wp.uint8],
 ):
-    """Whether every view does not show an object, as its geom has no opacity in the view's world.
+    """Write whether an object is hidden in each view because its geom is fully transparent in the view's world.
 
-    Views are of all worlds and the first camera, then of all worlds and the second. A geom has its material's colour
-    unless it has one of its own (`setMaterial` in src/engine/engine_vis_visualize.c).
+    Views are ordered by camera, then by world. A geom has the color of its material unless it defines its own
+    (`setMaterial` in src/engine/engine_vis_visualize.c).
     """
     view, column = wp.tid()
     world, geom = worlds[view % worlds.shape[0]], geoms[column]
@@ -144,7 +144,7 @@ def geoms_of_objects(
     # Out:
     geoms_out: wp.array[wp.int32],
 ):
-    """The geom of every pixel's object; -1 where there is none."""
+    """Write the geom of every pixel's object; -1 without an object."""
     pixel = wp.tid()
     index = objects[pixel]
     if index < 0:

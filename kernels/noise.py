@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What models of noisy depth share: numbers of a pixel, angles, and depth as a sensor of a range says it."""
+"""Functions shared by noise models of depth: random numbers of a pixel, angles, and range limits."""
 
 import warp as wp
 
@@ -12,20 +12,20 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "
 
 @wp.func
 def draw_uniform(seed: wp.uint32, stream: int, draw: wp.vec2ui, y: int, x: int) -> float:
-    """A uniform number of a pixel, in (0, 1)."""
+    """Return a pixel's uniform random number in (0, 1)."""
     return to_uniform(random_word(seed, wp.uint32(stream), draw[0], draw[1], y, x))
 
 
 @wp.func
 def draw_normal(seed: wp.uint32, stream: int, draw: wp.vec2ui, y: int, x: int) -> float:
-    """A standard normal number of a pixel."""
+    """Return a pixel's standard normal random number."""
     return to_normal(random_word(seed, wp.uint32(stream), draw[0], draw[1], y, x))
 
 
 @wp.func
 def angle_of(cosine: float) -> float:
-    """The angle of a cosine from 0 to 1, to 2e-8 before rounding, the same on every device: Abramowitz and Stegun,
-    "Handbook of Mathematical Functions", 4.4.46.
+    """Return the angle of a cosine in [0, 1], with an error below 2e-8 before rounding, the same on every device:
+    Abramowitz and Stegun, "Handbook of Mathematical Functions", 4.4.46.
     """
     x = wp.clamp(cosine, 0.0, 1.0)
     total = float(-0.0012624911)
@@ -41,7 +41,7 @@ def angle_of(cosine: float) -> float:
 
 @wp.func
 def said_depth(near: float, far: float, depth: float) -> float:
-    """What was measured, as REP 117 has it: -inf nearer than near, also where noise made it 0; +inf beyond far."""
+    """Return depth in the convention of REP 117: -inf below near or if noise made it 0, +inf beyond far."""
     if depth > far:
         return wp.inf
     if depth < near or not depth > 0.0:
@@ -51,11 +51,11 @@ def said_depth(near: float, far: float, depth: float) -> float:
 
 @wp.func
 def range_reason(said: float) -> int:
-    """Whether that is a depth."""
+    """Return `REASON_VALID` for finite depth, and `REASON_RANGE` otherwise."""
     return wp.where(wp.isfinite(said), REASON_VALID, REASON_RANGE)
 
 
 @wp.func
 def clean_reason(true_depth: float, said: float) -> int:
-    """The same of what has no noise."""
+    """Return the reason for a depth without noise: `REASON_EMPTY` if the true depth is not finite."""
     return wp.where(wp.isfinite(true_depth), range_reason(said), REASON_EMPTY)

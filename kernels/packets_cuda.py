@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CUDA: a warp takes a block of pixels down a BVH of 32 lanes.
+"""The ``packets`` caster on CUDA: a warp traverses a BVH of 32 lanes for a block of pixels.
 
-The C++ is in ``kernels/native/cuda/``. There is a kernel for every size of packet, with and without what tells objects
-apart, with and without objects that move, or that are of other sizes than they were made, and with and without a near
-plane that cuts.
+The C++ is in ``kernels/native/cuda/``. Kernels are specialized by packet size, by whether they output object ids, by
+whether objects move or are resized, and by whether the near plane clips.
 """
 
 import warp as wp
@@ -19,16 +18,16 @@ from warpvis.kernels.worlds import Worlds
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 LEVELS = 8
-"""Levels of nodes that a tree may have at most."""
+"""Maximum depth of a tree, in levels of nodes."""
 
 CACHED_NUMBERS = 1 << 24
-"""Of larger trees, packets ask for leaves before they read them: 64 MB are more than many a GPU caches."""
+"""Trees with more numbers prefetch leaves: 64 MB exceed the cache of many GPUs."""
 
 TILE_BITS = 5
-"""Of the pixels a side of the tiles of `FoundObjects`."""
+"""Log2 of the side of a tile of `FoundObjects` [px]."""
 
 MAX_TILES = 4
-"""In how many tiles an object may be that is sorted into each."""
+"""Maximum number of tiles of an object that is sorted by tiles."""
 
 _SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/stretch.h", "shared/pose.h", "shared/edges.h")
 
@@ -47,16 +46,16 @@ _HEADERS = (
 
 @wp.struct
 class FoundObjects:
-    """Movable objects that views may see; see ``native/cuda/scene.h``."""
+    """Movable objects that may be visible in each view; see ``native/cuda/scene.h``."""
 
     entries: wp.array2d[wp.vec4i]
-    """(view, movable object): `FoundObjects::Entry`; None where packets look at all movable objects."""
+    """(view, movable object): `FoundObjects::Entry`; None if packets test all movable objects."""
     counts: wp.array2d[wp.int32]
-    """(view, 2): how many were found, in few tiles and in many."""
+    """(view, 2): number of objects found in few tiles, and in many."""
     tile_counts: wp.array[wp.int32]
-    """(tile of a view): how many of the former are in it and not yet in `order`."""
+    """(tile of a view): number of objects found in few tiles that are in it and not yet in `order`."""
     tile_ends: wp.array[wp.int32]
-    """(tile of a view): where in `order` its objects end."""
+    """(tile of a view): end of its objects in `order`."""
     order: wp.array[wp.int32]
     """Entries, sorted by tiles."""
     tiles_y: int
@@ -95,7 +94,7 @@ const Scene all = {
      found.counts.data + 2 * view, found.tile_counts.data, found.tile_ends.data, found.order.data, found.tiles_x,
      view * found.tiles_y * found.tiles_x}};
 """
-"""The struct ``Scene`` of a view, of a kernel's scene, worlds and found objects."""
+"""C++ that defines the `Scene` of a view from a kernel's scene, worlds and found objects."""
 
 VIEW = """
 const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
@@ -134,10 +133,10 @@ def headers(
     points: int = 0,
     origins: bool = False,
 ) -> str:
-    """Return the C++ of packets, as `make_packet_function` describes them.
+    """Return the C++ of packets; see `make_packet_function`.
 
-    Or of those whose rays are of a table, and may begin apart from each other, or of packets of so many points, of the
-    image or of a table.
+    If `ray_table`, rays are read from a ray bundle, and have distinct origins if `origins`. If `points` is positive,
+    packets consist of that many points of the image or of the bundle.
     """
     head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
     head += (
@@ -164,19 +163,19 @@ def headers(
 
 
 def packet_width(side: int) -> int:
-    """Return how wide packets of a height of 1, 2, 4, 8, 16 or 32 pixels are: as high, or up to 4 twice that."""
+    """Return the width of packets of a height of 1, 2, 4, 8, 16 or 32 pixels: the height, or twice that, up to 4."""
     return max(side, min(2 * side, 4))
 
 
 def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Function:
-    """Make the native function of a kernel: what each thread of a warp calls.
+    """Make the native function of a kernel, which every thread of a warp calls.
 
     Args:
-        side: Of packets, see `packet_width`.
-        with_id: Whether normals, labels or objects may be asked for.
+        side: Packet height; see `packet_width`.
+        with_id: Whether normals, labels or objects may be requested.
         movable: Whether the scene may have movable objects.
-        clip: Whether what is nearer than the camera's `near` is not there.
-        resized: Whether movable objects are of the sizes that `Worlds.object_sizes` has; it must have some then.
+        clip: Whether surfaces nearer than the camera's `near` are invisible.
+        resized: Whether movable objects have the sizes of `Worlds.object_sizes`, which must not be None then.
     """
 
     @wp.func_native(headers(side, with_id, movable, clip, resized) + CAST)
@@ -197,10 +196,10 @@ def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, re
 
 
 def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Kernel:
-    """Make a kernel for packets of a side; see `make_packet_function`."""
+    """Make a kernel for packets of a height; see `make_packet_function`."""
     cast_packet = make_packet_function(side, with_id, movable, clip, resized)
 
-    # More registers than these leave too few warps on a multiprocessor, fewer spill too much.
+    # More registers reduce occupancy too much; fewer cause too many spills.
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
     def cast_packets_cuda(
         # Scene:
@@ -215,10 +214,10 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
         # Out:
         images_out: Images,
     ):
-        """Write the asked-for images (one that is None is skipped); 32 threads a packet.
+        """Write the requested images (None is skipped); 32 threads per packet.
 
-        Rows of packets of all views follow each other. Where the horizon is they take longest, in all views alike: the
-        last ones of a launch are of the bottom, and end together.
+        Rows of packets of all views are interleaved. Packets at the horizon take longest, in all views alike; the last
+        packets of a launch are from the bottom rows, which finish together.
         """
         packet_y, view, packet_x, _ = wp.tid()
         cast_packet(
@@ -238,7 +237,7 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
 
 
 def make_find_kernel(resized: bool) -> wp.Kernel:
-    """Make the kernel that finds the movable objects that each view may see."""
+    """Make the kernel that finds the movable objects that may be visible in each view."""
 
     @wp.func_native(headers(32, False, True, False, resized) + FIND_OBJECT)
     def find_object(
@@ -263,7 +262,7 @@ def make_find_kernel(resized: bool) -> wp.Kernel:
         # Out:
         found_out: FoundObjects,
     ):
-        """Note what a view may see: a lane an object, a warp's lanes of one view. Counts are 0 before."""
+        """Find the objects that a view may see: one object per lane, one view per warp. Counts must be 0 before."""
         view, group, lane = wp.tid()
         find_object(scene, camera, camera_to_world, worlds, found_out, view, group * CUDA_LANES + lane)
 
@@ -275,7 +274,7 @@ def sort_into_tiles(
     # Out:
     found_out: FoundObjects,
 ):
-    """Fill `order` by entries, counts and ends: an object a thread. Of what is counted nothing is left then."""
+    """Fill `order` from entries, counts and ends: one object per thread. The counts are 0 afterwards."""
     view, i = wp.tid()
     if i >= found_out.counts[view, 0]:
         return

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses that already live on the device: matrices to transforms, and other camera frames to OpenCV's."""
+"""Conversion of poses on the device: matrices to transforms, and other camera frames to OpenCV's."""
 
 import warp as wp
 
@@ -15,7 +15,7 @@ def poses_from_matrices(
     # Out:
     poses_out: wp.array[wp.transform],
 ):
-    """Camera-to-world matrices of the given camera frame as transforms of the OpenCV frame."""
+    """Convert camera-to-world matrices of the given camera frame to transforms of the OpenCV frame."""
     view = wp.tid()
     matrix = matrices_in[view]
     rotation = wp.mat33(
@@ -35,7 +35,7 @@ def poses_to_opencv(
     # Out:
     poses_out: wp.array[wp.transform],
 ):
-    """Camera-to-world transforms of the given camera frame as transforms of the OpenCV frame."""
+    """Convert camera-to-world transforms of the given camera frame to the OpenCV frame."""
     view = wp.tid()
     pose = poses_in[view]
     rotation = wp.normalize(wp.transform_get_rotation(pose) * opencv_to_given)
@@ -49,7 +49,7 @@ def quaternions_to_xyzw(
     # Out:
     rows_out: wp.array2d[float],
 ):
-    """Rows ``x y z qw qx qy qz`` as rows ``x y z qx qy qz qw``."""
+    """Convert rows ``x y z qw qx qy qz`` to rows ``x y z qx qy qz qw``."""
     row = wp.tid()
     for k in range(3):
         rows_out[row, k] = rows_in[row, k]

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How much of each object is seen: its silhouette, as if it were alone, compared with what an image shows.
+"""Visible fraction of each object: its unoccluded silhouette compared with the rendered image.
 
-Silhouettes are counted on a canvas that is larger than the image, so that what is cut off at the image's border counts
-as unseen: BOP's toolkit does that (``bop_toolkit_lib/visibility.py``, ``scripts/calc_gt_info.py``). Some threads take
-an object in a view, and share out the rectangle of the canvas that its box may cover.
+Silhouettes are counted on a canvas larger than the image, so that parts cut off at the image's border count as not
+visible, as in BOP's toolkit (``bop_toolkit_lib/visibility.py``, ``scripts/calc_gt_info.py``). Several threads share the
+pixels of the canvas that an object's box may cover in a view.
 """
 
 import warp as wp
@@ -41,37 +41,37 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class Canvas:
-    """Where silhouettes count, in pixels from the image's first one: ends are not in it."""
+    """The rectangle in which silhouettes are counted, in pixels from the image's first one; ends are exclusive."""
 
     x0: int
     y0: int
     x1: int
     y1: int
     seen_only: int
-    """Whether what is beyond the image counts only for objects that are visible in it."""
+    """Whether pixels outside the image are counted only for objects that are visible in it."""
     beyond_only: int
-    """Whether what is in the image has been counted, so that only the rest is."""
+    """Whether to count only pixels outside the image, because those inside have been counted."""
 
 
 @wp.struct
 class Chosen:
-    """Objects whose silhouettes count, and the boxes of all objects in their own frames."""
+    """Objects whose silhouettes are counted, and the boxes of all objects in their own frames."""
 
     index: wp.array[wp.int32]
     boxes: wp.array2d[wp.vec3]
-    """(object, 2): least and greatest corner [m]."""
+    """(object, 2): lower and upper corner [m]."""
 
 
 @wp.struct
 class Comparison:
-    """What silhouettes are compared with: images of all objects together, of the depth range from 0 to infinity."""
+    """Images of the complete scene that silhouettes are compared with, rendered with a depth range from 0 to inf."""
 
     segmentation: wp.array3d[wp.int32]
-    """(view, y, x): object that is seen, -1 for none."""
+    """(view, y, x): the visible object, or -1."""
     depth: wp.array3d[float]
     """(view, y, x) [m]; None where `delta` is 0."""
     delta: float
-    """How far along its ray an object's surface may lie behind what is seen, and still count as visible [m]."""
+    """Tolerance: an object's surface counts as visible up to this far behind the visible one along its ray [m]."""
 
 
 @wp.kernel
@@ -83,7 +83,7 @@ def spread_poses(
     # Out:
     poses_out: wp.array2d[wp.transform],
 ):
-    """Every object's pose in every world, by the column that it has among the movable ones, -1 if it stays at rest."""
+    """Write every object's pose in every world from the poses of movable objects; column -1 is a static object."""
     world, index = wp.tid()
     pose = at_rest[0, index]
     if columns[index] >= 0:
@@ -102,9 +102,9 @@ def meet_alone(
     ray: wp.vec3d,
     is_planar: bool,
 ) -> float:
-    """Depth at which a ray meets an object, whatever else there is; +inf if it does not.
+    """Return the depth at which a ray hits an object, ignoring all others; +inf for a miss.
 
-    Depth is along the camera's axis if it `is_planar`, otherwise along the ray.
+    Depth is planar if `is_planar`; otherwise it is the distance along the ray.
     """
     if is_round:
         met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
@@ -125,7 +125,7 @@ def meet_alone(
 
 @wp.func
 def is_met_from_outside(scene: TriangleScene, index: int, frame: CameraFrame, is_round: bool, ray: wp.vec3d) -> bool:
-    """Whether a ray meets an object in whose box the camera is not, which is known sooner than where."""
+    """Return whether a ray hits an object whose box does not contain the camera: faster than finding the depth."""
     if is_round:
         met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
         return met.w > wp.float64(0.0)
@@ -135,7 +135,7 @@ def is_met_from_outside(scene: TriangleScene, index: int, frame: CameraFrame, is
 
 @wp.func
 def is_beside(point: wp.vec3d, low: wp.vec3, high: wp.vec3) -> bool:
-    """Whether a point is not in a box."""
+    """Return whether a point is outside a box."""
     for axis in range(3):
         if point[axis] < wp.float64(low[axis]) or point[axis] > wp.float64(high[axis]):
             return True
@@ -144,7 +144,7 @@ def is_beside(point: wp.vec3d, low: wp.vec3, high: wp.vec3) -> bool:
 
 @wp.func
 def touched(camera: PinholeCamera, frame: CameraFrame, canvas: Canvas, low: wp.vec3, high: wp.vec3) -> Canvas:
-    """What a box of an object's frame may cover of the canvas: all where it reaches behind the camera."""
+    """Return the part of the canvas that a box may cover: all of it if the box extends behind the camera."""
     none = wp.float64(0.0)
     x0, y0 = wp.float64(canvas.x1), wp.float64(canvas.y1)
     x1, y1 = wp.float64(canvas.x0), wp.float64(canvas.y0)
@@ -188,7 +188,7 @@ def high_code(coordinate: int) -> int:
 
 @wp.struct
 class Found:
-    """What one thread found of an object in a view."""
+    """Counts of one thread for an object in a view."""
 
     visible: int
     image: int
@@ -206,7 +206,7 @@ def grown(box: wp.vec4i, x: int, y: int) -> wp.vec4i:
 
 @wp.func
 def count_silhouette(found: Found, x: int, y: int) -> Found:
-    """Count a pixel of an object's silhouette, in the image or beyond."""
+    """Count a pixel of an object's silhouette, inside or outside the image."""
     more = found
     more.silhouette += 1
     more.silhouette_box = grown(found.silhouette_box, x, y)
@@ -215,13 +215,13 @@ def count_silhouette(found: Found, x: int, y: int) -> Found:
 
 @wp.struct
 class Target:
-    """An object that is looked for in a view, and the range in which it counts as seen [m]."""
+    """An object in a view, and the depth range in which it can be visible [m]."""
 
     view: int
     place: int
-    """Which of the chosen objects it is."""
+    """Index among the chosen objects."""
     index: int
-    """Which of the scene's."""
+    """Index among the scene's objects."""
     near: float
     far: float
 
@@ -238,9 +238,9 @@ def count_pixel(
     hidden_by: wp.array3d[wp.int32],
     masks: wp.array4d[wp.uint8],
 ) -> Found:
-    """Count a pixel of an object's silhouette that is in the image: as visible, out of range, or hidden by another.
+    """Count a silhouette pixel inside the image: as visible, out of range, or hidden by another object.
 
-    `depth` is the object's there [m], and `length` that of the pixel's ray of depth 1.
+    `depth` is the depth of the object [m], and `length` the length of the pixel's ray of depth 1.
     """
     more = found
     more.image += 1
@@ -312,8 +312,8 @@ def measure_silhouettes(
 ):
     """Count the pixels of chosen objects in every view, ``(counter, view, chosen)``; counters start at 0.
 
-    The scene is one in which every object moves by itself. So many `threads` share out an object in a view.
-    `masks_out`, if anybody asks for it, becomes 1 where a silhouette is in the image, and 2 where it is visible.
+    All objects of the scene must be movable and detached. `threads` threads share an object in a view. `masks_out`, if
+    not None, is set to `MASK_HIDDEN` or `MASK_VISIBLE` where the silhouette is in the image.
     """
     view, place, first = wp.tid()
     view += window.first_view
@@ -360,7 +360,7 @@ def measure_silhouettes(
 
 @wp.func
 def box_of(counts: wp.array3d[wp.int32], view: int, place: int, first: int) -> wp.vec4i:
-    """x, y, width and height of a box, -1 each where nothing is in it."""
+    """Return x, y, width and height of a box, or -1 for each if it is empty."""
     if counts[first, view, place] == 0:
         return wp.vec4i(-1, -1, -1, -1)
     x, y = BOX_MIDDLE - counts[first, view, place], BOX_MIDDLE - counts[first + 1, view, place]
@@ -370,7 +370,7 @@ def box_of(counts: wp.array3d[wp.int32], view: int, place: int, first: int) -> w
 
 @wp.func
 def reason(visible: int, hidden: int, near: int, far: int, outside: int, min_pixels: int) -> wp.uint8:
-    """Why an object is not seen, by what keeps most of its pixels in the image from being seen."""
+    """Return an object's visibility status: the most frequent reason why its pixels in the image are not visible."""
     if visible >= min_pixels and visible > 0:
         return VISIBLE
     most = wp.max(hidden, wp.max(near, far))
@@ -381,7 +381,7 @@ def reason(visible: int, hidden: int, near: int, far: int, outside: int, min_pix
             return TOO_NEAR
         return TOO_FAR
     if visible > 0 and outside == 0:
-        return TOO_FAR  # it is all there, of too few pixels
+        return TOO_FAR  # completely visible, but in fewer than `min_pixels` pixels
     return OUT_OF_VIEW
 
 
@@ -398,7 +398,7 @@ def judge_silhouettes(
     visible_box_out: wp.array2d[wp.vec4i],
     silhouette_box_out: wp.array2d[wp.vec4i],
 ):
-    """What the counters of an object in a view say of it."""
+    """Derive visible fraction, status, main occluder and boxes from the counters of an object in a view."""
     view, place = wp.tid()
     visible, inside = counts[VISIBLE_PIXELS, view, place], counts[IMAGE_PIXELS, view, place]
     whole = counts[SILHOUETTE_PIXELS, view, place]

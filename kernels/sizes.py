@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How large movable objects are in every world."""
+"""Sizes of movable objects in every world."""
 
 import warp as wp
 
@@ -15,7 +15,7 @@ def scale_sizes(
     # Out:
     sizes_out: wp.array2d[wp.vec4],
 ):
-    """Sizes as `warpvis.kernels.worlds.Worlds` has them, of factors along objects' axes, of all worlds or for all."""
+    """Write `warpvis.kernels.worlds.Worlds.object_sizes` from scale factors per world, or for all worlds if one row."""
     world, movable = wp.tid()
     size, scale = made[movable], scales[world % scales.shape[0], movable]
     sizes_out[world, movable] = wp.vec4(size[0] * scale[0], size[1] * scale[1], size[2] * scale[2], size[3])

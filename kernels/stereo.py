@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth by triangulation: what the other eye sees of each point, and what a matcher makes of it.
+"""Stereo depth by triangulation: the view of the other eye, and the disparity of a matcher.
 
-The other eye, a second imager or a projector, has the first one's axes and stands on its x axis. Its place is rounded
-to single precision as all poses are; what that moves it by is taken into account, in double precision.
+The other eye, a second imager or a projector, has the same axes as the first one and lies on its x axis. Its position
+is rounded to single precision, as all poses are; the resulting offset is taken into account in double precision.
 """
 
 import warp as wp
@@ -17,7 +17,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "
 
 @wp.struct
 class StereoModel:
-    """What `Stereo` of ``native/shared/stereo.h`` holds, and what is looked up for it."""
+    """Parameters of `Stereo` of ``native/shared/stereo.h``, and of its inputs."""
 
     disparity_scale: float
     shift_scale: float
@@ -35,33 +35,33 @@ class StereoModel:
     locking: float
     levels: float
     seed: wp.uint32
-    spacing: int  # of the nodes between which noise is interpolated [px]
-    window: int  # how far the window of a pixel reaches [px]
-    edge_step: float  # disparities that differ by so much are of different surfaces [px]
+    spacing: int  # distance of the nodes between which noise is interpolated [px]
+    window: int  # half width of a pixel's matching window [px]
+    edge_step: float  # smallest difference in disparity between two surfaces [px]
 
 
 @wp.struct
 class StereoViews:
-    """What is read of every view; None where the model does not need it."""
+    """Inputs of all views; None if the model does not use them."""
 
     true_depth: wp.array3d[float]
     other_depth: wp.array3d[float]  # None without shadows
     normals: wp.array3d[wp.vec3]
     segmentation: wp.array3d[wp.int32]
     reflectivity: wp.array[float]  # of objects
-    nodes: wp.array3d[float]  # None if every pixel is one
-    weights: wp.array[wp.vec2]  # of the two nodes beside a pixel, by its place between them
-    column_nodes: wp.array[wp.int32]  # the node on the left of a column, and the weights of both
+    nodes: wp.array3d[float]  # None if every pixel is a node
+    weights: wp.array[wp.vec2]  # of the two nodes around a pixel, by its position between them
+    column_nodes: wp.array[wp.int32]  # the node to the left of each column, and the weights of both nodes
     left_weights: wp.array[float]
     right_weights: wp.array[float]
-    column_slopes: wp.array[float]  # of rays: x of the camera frame where z is 1, of each column
-    row_slopes: wp.array[float]  # and y, of each row
+    column_slopes: wp.array[float]  # x of the camera-frame ray with z = 1, for each column
+    row_slopes: wp.array[float]  # y of that ray, for each row
     draws: wp.array[wp.vec2ui]
 
 
 @wp.struct
 class OtherEye:
-    """Where the other eye of a view is in the first one's frame [m], and the first one's axes in the world."""
+    """The position of a view's other eye in the frame of the first one [m], and the axes of both in the world."""
 
     place: wp.vec3d
     axes: wp.mat33
@@ -77,7 +77,7 @@ def place_other_eyes(
     pose_out: wp.array[wp.transform],
     eye_out: wp.array[OtherEye],
 ):
-    """Write poses of the other eyes, `baseline` [m] along x, as single precision has them, and what follows."""
+    """Write poses of the other eyes, `baseline` [m] along x, and their actual offset after rounding."""
     view = wp.tid()
     pose = camera_to_world[view]
     rotation = pose_rotation(pose)
@@ -147,7 +147,7 @@ def measure_stereo(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write what the sensor says of every pixel, and why it says nothing; reasons may be None."""
+    """Write the measured depth of every pixel, and the reason for missing depth; reasons may be None."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -181,9 +181,9 @@ def place_in_other_eyes(
     # Out:
     points_out: wp.array3d[wp.vec2],
 ):
-    """Write where every pixel's point is in the other eye's image [px], which begins `added_columns` further left.
+    """Project every pixel's point into the other eye's image [px], which is extended by `added_columns` on the left.
 
-    NaN where there is no point, where it is nearer than `least_depth`, or not in that image.
+    The result is NaN if there is no point, if it is nearer than `least_depth`, or if it is outside that image.
     """
     view, y, x = wp.tid()
     view += window.first_view

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth by the phase of modulated light: what comes back of a pixel, and what a sensor makes of its phase.
+"""Time-of-flight depth from the phase of modulated light: the return of each pixel, and the measured range.
 
-Phases are in turns, and are computed in double precision by polynomials, so that devices agree.
+Phases are in cycles, computed in double precision by polynomials, so that all devices agree.
 """
 
 import warp as wp
@@ -24,25 +24,25 @@ from warpvis.kernels.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, sub_ray_corner
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
 NOISE_STREAM = wp.constant(wp.uint32(STREAM_RANGE))
-WIGGLES = wp.constant(wp.float64(4.0))  # of a turn of the phase: as many as there are samples of it
+WIGGLES = wp.constant(wp.float64(4.0))  # periods of the wiggling error per phase cycle: the number of phase samples
 
 
 @wp.struct
 class FlightModel:
-    """A sensor's numbers. Light is counted in what a white surface at 1 m returns that is seen straight."""
+    """Parameters of a sensor. The unit of light is the return of a white surface at 1 m at normal incidence."""
 
-    frequencies: int  # how many there are
-    turns: wp.vec3d  # of their phases in a metre, most first; 0 for those that there are not
-    unambiguous: wp.float64  # range at which all phases are as they were at 0 [m]
-    laps: int  # turns of the first in that
-    noise_scale: float  # deviation of the range where all that comes back is a light of 1 [m]
+    frequencies: int  # number of modulation frequencies
+    turns: wp.vec3d  # phase cycles per meter of range, in descending order; 0 for unused frequencies
+    unambiguous: wp.float64  # range at which all phases repeat [m]
+    laps: int  # cycles of the first frequency in the unambiguous range
+    noise_scale: float  # standard deviation of the range if light and amplitude are 1, without background [m]
     background: float
     least_signal: float
     most_signal: float
     least_coherence: float
     offset: wp.float64  # [m]
     wiggle: wp.float64  # [m]
-    wiggle_turns: wp.float64  # where in its period it begins
+    wiggle_turns: wp.float64  # phase of the wiggling error at range 0 [cycles]
     near: float
     far: float
     seed: wp.uint32
@@ -50,20 +50,20 @@ class FlightModel:
 
 @wp.struct
 class FlightViews:
-    """What is read of every view; None where the model does not need it."""
+    """Inputs of all views; None if the model does not use them."""
 
     true_depth: wp.array3d[float]
     normals: wp.array3d[wp.vec3]
     segmentation: wp.array3d[wp.int32]
     reflectivity: wp.array[float]  # of objects
     draws: wp.array[wp.vec2ui]
-    slots: wp.array3d[wp.int32]  # of pixels that sub-rays were cast for, -1 of others; None without
-    mixes: wp.array2d[wp.vec4]  # what `mix_sub_rays` wrote
+    slots: wp.array3d[wp.int32]  # number of an edge pixel with sub-rays, -1 for other pixels; None without sub-rays
+    mixes: wp.array2d[wp.vec4]  # the output of `mix_sub_rays`
 
 
 @wp.func
 def sine(turns: wp.float64) -> wp.float64:
-    """sin(2 pi turns), by a polynomial that is wrong by less than 1e-13."""
+    """Return sin(2 pi turns) by a polynomial with an error below 1e-13."""
     half = wp.float64(0.5)
     t = turns - wp.floor(turns + half)
     if t > wp.float64(0.25):
@@ -87,7 +87,7 @@ def cosine(turns: wp.float64) -> wp.float64:
 
 @wp.func
 def angle(x: wp.float64, y: wp.float64) -> wp.float64:
-    """The angle of a phasor from 0 to below 1 [turns], by a polynomial that is wrong by less than 2e-12."""
+    """Return the angle of a phasor in [0, 1) [cycles] by a polynomial with an error below 2e-12."""
     zero = wp.float64(0.0)
     least, most = wp.min(wp.abs(x), wp.abs(y)), wp.max(wp.abs(x), wp.abs(y))
     if most == zero:
@@ -120,7 +120,7 @@ def angle(x: wp.float64, y: wp.float64) -> wp.float64:
 def light_of(
     ray: wp.vec3d, axes: wp.mat33, depth: float, normal: wp.vec3, segmentation: int, shares: wp.array[float]
 ) -> wp.vec3d:
-    """What comes back along a ray: its range [m], the light, and what that would be if it met the surface straight."""
+    """Return a ray's range [m], returned light, and returned light if incidence were normal."""
     length = wp.sqrt(wp.dot(ray, ray))
     far = wp.float64(depth) * length
     share = wp.float64(1.0)
@@ -133,7 +133,7 @@ def light_of(
 
 @wp.func
 def unwrap(model: FlightModel, phases: wp.vec3d) -> wp.float64:
-    """The range whose phases are nearest to those of all frequencies, exactly of the first one's."""
+    """Return the range that fits the phases of all frequencies best, and the phase of the first one exactly."""
     best, least = wp.float64(0.0), wp.float64(wp.inf)
     for lap in range(model.laps):
         found = (phases[0] + wp.float64(lap)) / model.turns[0]
@@ -165,10 +165,10 @@ def mix_sub_rays(
     # Out:
     mixes_out: wp.array2d[wp.vec4],
 ):
-    """Write what the sums of pixels' phasors say: range [m], amplitude, all light, amplitude if seen straight.
+    """Write the sum of each edge pixel's phasors: range [m], amplitude, total light, amplitude at normal incidence.
 
-    The range is +inf where nothing comes back, and NaN where too much of the light is of other ranges. Nothing is
-    written where there is no pixel.
+    The range is +inf without returned light, and NaN if coherence is too low because the light is of several ranges.
+    Nothing is written for pixel -1.
     """
     view, tile, index = wp.tid()
     view += window.first_view
@@ -212,7 +212,7 @@ def mix_sub_rays(
 
 @wp.func
 def judge_light(model: FlightModel, found: wp.vec4) -> int:
-    """Why no range follows from what comes back."""
+    """Return the reason why returned light yields no range, or `REASON_VALID`."""
     if found[0] == wp.inf:
         return REASON_EMPTY
     if wp.isnan(found[0]):
@@ -226,7 +226,7 @@ def judge_light(model: FlightModel, found: wp.vec4) -> int:
 
 @wp.func
 def measured_error(model: FlightModel, found: wp.vec4, far: wp.float64, noise: float) -> wp.float64:
-    """What is added to a range [m]: offset, wiggling, noise, and then whole unambiguous ranges."""
+    """Return the error of a range [m]: offset, wiggling and noise, minus whole unambiguous ranges on overflow."""
     error = model.offset + model.wiggle * sine(WIGGLES * (far * model.turns[0]) + model.wiggle_turns)
     if model.noise_scale > 0.0:
         deviation = model.noise_scale * wp.sqrt(found[2] + model.background) / found[1]
@@ -247,7 +247,7 @@ def measure_time_of_flight(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write what the sensor says of every pixel, and why it says nothing; reasons may be None."""
+    """Write the measured depth of every pixel, and the reason for missing depth; reasons may be None."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -280,7 +280,7 @@ def measure_time_of_flight(
             number = given.draws[view]
             noise = to_normal(random_word(model.seed, NOISE_STREAM, number[0], number[1], y, x))
         said = float(depth + measured_error(model, found, depth * length, noise) / length)
-        if wp.isnan(said):  # noise beyond all numbers
+        if wp.isnan(said):  # the noise overflowed
             reason = REASON_DROPOUT
         elif said < model.near:
             said, reason = -wp.inf, REASON_RANGE

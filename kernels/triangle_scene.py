@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A scene as rays know it: Warp's meshes, what each triangle belongs to, and what a ray meets of one mesh or solid.
+"""The scene of ray casters: Warp meshes, the objects of their triangles, and hits of one mesh or solid.
 
-A mesh may be in the frame of an object that moves, or of an instance; a camera is moved into it. Corners are read in
-double precision, because single precision loses up to a millimetre where a large triangle is seen at a grazing angle.
+Meshes of movable objects and instances are in their own frame, and the camera is transformed into it. Corners are
+converted to double precision, because single precision is off by up to 1 mm where a large triangle is seen at a
+grazing angle.
 """
 
 import warp as wp
@@ -16,39 +17,39 @@ from warpvis.kernels.worlds import Worlds, is_excluded
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 CLOSE = wp.constant(1.0e-3)
-"""Hits nearer than this may be of a triangle in whose plane the camera is [m]."""
+"""Hits nearer than this are tested for triangles that are edge-on to the camera [m]."""
 
 PASSING = wp.constant(1.0e-6)
-"""How far behind what a ray passes it goes on: of its depth, or of 1 m."""
+"""Step past a skipped hit, as a fraction of its depth or of 1 m, whichever is greater."""
 
 FLOAT_STEPS = wp.constant(2.4e-7)
-"""How much four roundings to single precision may change of a number."""
+"""Relative error of four roundings to single precision."""
 
 
 @wp.struct
 class TriangleScene:
-    """Triangles in the world frame and what each belongs to, the meshes of movable objects, and all labels."""
+    """Triangles in the world frame and their objects, the meshes of movable objects, and the labels of all objects."""
 
-    mesh: wp.uint64  # 0 if nothing stays
-    triangle_object: wp.array[wp.int32]  # of what stays, then of each mesh that is of several objects
-    triangle_face: wp.array[wp.int32]  # beside the former: in its object's own mesh; None until asked for
+    mesh: wp.uint64  # 0 without static geometry
+    triangle_object: wp.array[wp.int32]  # of static triangles, then of each mesh that contains several objects
+    triangle_face: wp.array[wp.int32]  # like triangle_object: face index in the object's mesh; None until needed
     movable_mesh: wp.array[wp.uint64]
-    movable_object: wp.array[wp.int32]  # -1 where it is of several
-    movable_first_face: wp.array[wp.int32]  # where its triangles' objects begin, if it is of several
+    movable_object: wp.array[wp.int32]  # -1 if the mesh contains several objects
+    movable_first_face: wp.array[wp.int32]  # offset in triangle_object if the mesh contains several objects
     movable_count: int
     movable_solid: wp.array[wp.int32]  # a `warpvis.scene.solids.SolidKind`
-    movable_size: wp.array[wp.vec4]  # of a solid: factors along x, y and z [m], and half length before them
+    movable_size: wp.array[wp.vec4]  # of a solid: factors along x, y and z [m], and half length before scaling
     object_label: wp.array[wp.uint8]
-    instance_count: int  # of steps through what stays and shares a mesh: those come behind the movable
+    instance_count: int  # of static instances; their meshes come after those of movable objects
     instances: wp.uint64  # address of the first `InstanceStep`: an array would be copied for each ray
 
 
 @wp.struct
 class Hit:
-    """Where a ray meets a mesh."""
+    """The hit of a ray on a mesh."""
 
     result: bool
-    t: float  # along the ray, in lengths of its direction
+    t: float  # distance along the ray in units of the length of its direction
     face: int
 
 
@@ -59,7 +60,7 @@ def steps_of(scene: TriangleScene) -> wp.array[InstanceStep]:
 
 @wp.func
 def place_in(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.transform:
-    """Where an object with a frame of its own is in a world: what stays has one place."""
+    """Return the pose of a movable object or an instance in a world; instances have one pose in all worlds."""
     if movable >= scene.movable_count:
         return steps_of(scene)[movable - scene.movable_count].pose
     return worlds.object_poses[world, movable]
@@ -67,7 +68,7 @@ def place_in(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> 
 
 @wp.func
 def size_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.vec4:
-    """A movable object's size in a world: of a solid its own, of a mesh factors."""
+    """Return a movable object's size in a world: for a solid its dimensions, for a mesh its scale factors."""
     if worlds.object_sizes:
         return worlds.object_sizes[world, movable]
     return scene.movable_size[movable]
@@ -75,7 +76,7 @@ def size_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> w
 
 @wp.func
 def factors_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.vec3d:
-    """Factors by which an object's triangles are stretched along its axes; ones for what stays (-1)."""
+    """Return the scale factors of an object's triangles along its axes; ones for static geometry (-1)."""
     one = wp.float64(1.0)
     if movable < 0 or movable >= scene.movable_count or not worlds.object_sizes:
         return wp.vec3d(one, one, one)
@@ -85,7 +86,7 @@ def factors_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -
 
 @wp.func
 def mesh_of(scene: TriangleScene, movable: int) -> wp.uint64:
-    """A movable object's mesh, or that of what stays (-1)."""
+    """Return a movable object's mesh, or the mesh of static geometry (-1)."""
     if movable < 0:
         return scene.mesh
     return scene.movable_mesh[movable]
@@ -93,7 +94,7 @@ def mesh_of(scene: TriangleScene, movable: int) -> wp.uint64:
 
 @wp.func
 def object_of(scene: TriangleScene, movable: int, face: int) -> int:
-    """Whose a triangle is: of a movable object's mesh, or of what stays (-1)."""
+    """Return the object of a triangle of a movable object's mesh, or of static geometry (-1)."""
     if movable < 0:
         return scene.triangle_object[face]
     if scene.movable_object[movable] >= 0:
@@ -103,9 +104,9 @@ def object_of(scene: TriangleScene, movable: int, face: int) -> int:
 
 @wp.func
 def face_of(scene: TriangleScene, movable: int, face: int) -> int:
-    """A triangle's index in its object's own mesh, of a movable object's mesh or of what stays (-1).
+    """Return a triangle's index in the mesh of its object, given its index in a movable or the static (-1) mesh.
 
-    It is -1 of a solid, and of no triangle (-1).
+    The result is -1 for solids and for face -1.
     """
     if face < 0:
         return -1
@@ -125,16 +126,16 @@ def corner(mesh: wp.uint64, triangle: int, k: int) -> wp.vec3d:
 
 @wp.func
 def stretched_corner(mesh: wp.uint64, triangle: int, k: int, factors: wp.vec3d) -> wp.vec3d:
-    """A corner of an object that is stretched along its axes."""
+    """Return a corner of an object that is scaled along its axes."""
     return wp.cw_mul(corner(mesh, triangle, k), factors)
 
 
 @wp.func
 def plane_depth(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, forward: wp.vec3d) -> wp.float64:
-    """Depth at which a ray from the origin, of depth 1 along `forward`, meets a triangle that it is known to hit.
+    """Return the depth along `forward` where a ray from the origin, of depth 1, hits a triangle's plane.
 
-    A point of a triangle is nowhere nearer than its nearest corner or farther than its farthest: the bound keeps the
-    quotient sane where the triangle is seen edge-on.
+    The ray is known to hit the triangle, so depth is clamped to the range of the corners' depths, which bounds the
+    quotient for triangles seen edge-on.
     """
     normal = wp.cross(b - a, c - a)
     za, zb, zc = wp.dot(a, forward), wp.dot(b, forward), wp.dot(c, forward)
@@ -148,7 +149,7 @@ def plane_depth(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, forw
 
 @wp.func
 def normal_of(mesh: wp.uint64, face: int, factors: wp.vec3d, direction: wp.vec3d) -> wp.vec3d:
-    """Unit normal of a triangle of what is stretched, against the direction from which it is seen."""
+    """Return the unit normal of a scaled triangle, opposed to the viewing direction."""
     a = stretched_corner(mesh, face, 0, factors)
     facing = wp.cross(stretched_corner(mesh, face, 1, factors) - a, stretched_corner(mesh, face, 2, factors) - a)
     if wp.dot(facing, direction) > wp.float64(0.0):
@@ -158,7 +159,7 @@ def normal_of(mesh: wp.uint64, face: int, factors: wp.vec3d, direction: wp.vec3d
 
 @wp.struct
 class CameraFrame:
-    """A camera in the frame of a mesh: the world's, or that of an object that moves."""
+    """A camera in the frame of a mesh: the world or an object's frame."""
 
     origin: wp.vec3d
     rotation: wp.quatd
@@ -174,7 +175,7 @@ def camera_frame(pose: wp.transform) -> CameraFrame:
 
 @wp.func
 def seen_from(camera: CameraFrame, place: wp.transform) -> CameraFrame:
-    """The same camera in the frame of an object at a place."""
+    """Transform a camera into the frame of an object."""
     turned_back = wp.quat_inverse(pose_rotation(place))
     frame = CameraFrame()
     frame.origin = wp.quat_rotate(turned_back, camera.origin - pose_origin(place))
@@ -184,7 +185,7 @@ def seen_from(camera: CameraFrame, place: wp.transform) -> CameraFrame:
 
 @wp.func
 def is_edge_on(mesh: wp.uint64, face: int, eye: wp.vec3) -> bool:
-    """Whether a place is in the plane of a triangle: from there it covers nothing."""
+    """Return whether a point is in the plane of a triangle, which covers nothing when seen from there."""
     a = corner(mesh, face, 0) - wp.vec3d(eye)
     b = corner(mesh, face, 1) - wp.vec3d(eye)
     c = corner(mesh, face, 2) - wp.vec3d(eye)
@@ -203,8 +204,8 @@ def passes(
     direction: wp.vec3,
     cull: bool,
 ) -> bool:
-    """Whether a ray goes on through a triangle: one in whose plane the camera is, a culled back face, or part of what
-    the view must not see.
+    """Return whether a ray ignores a hit: the camera is in the triangle's plane, the triangle is a culled back face,
+    or its object is excluded in the view.
     """
     if t < CLOSE and is_edge_on(mesh_of(scene, movable), face, eye):
         return True
@@ -215,9 +216,9 @@ def passes(
 
 @wp.func
 def meets(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d) -> bool:
-    """Whether a ray from the origin meets a triangle, on its edges too, by either side.
+    """Return whether a ray from the origin hits a triangle from either side, edges included (watertight).
 
-    Of an edge that two triangles share, both have the same number but for its sign: no ray passes between them.
+    Triangles that share an edge compute the same edge function for it, except for its sign.
     """
     zero = wp.float64(0.0)
     u, v, w = wp.dot(direction, wp.cross(b, c)), wp.dot(direction, wp.cross(c, a)), wp.dot(direction, wp.cross(a, b))
@@ -237,7 +238,7 @@ def beside_passed(
     most_t: float,
     cull: bool,
 ) -> Hit:
-    """The first hit that counts in a range that is next to nothing: among what coincides with what a ray passes."""
+    """Return the first valid hit in the narrow range around a skipped one, among triangles that coincide with it."""
     mesh = mesh_of(scene, movable)
     found = Hit()
     found.t = most_t
@@ -272,9 +273,9 @@ def first_hit(
     most_t: float,
     cull: bool,
 ) -> Hit:
-    """The first hit that counts: past every other the ray goes on from just behind it. Its t is the depth.
+    """Return the first valid hit; its t is the depth. The ray continues just behind every hit that it ignores.
 
-    What coincides with what is passed would be skipped by that, so that it is looked for first.
+    That step would also skip triangles that coincide with an ignored one, so they are tested separately.
     """
     mesh = mesh_of(scene, movable)
     passed = float(least_t)
@@ -307,12 +308,12 @@ def first_hit(
 
 @wp.func
 def shows_solid(kind: int, size: wp.vec4, origin: wp.vec3d) -> bool:
-    """Whether a camera at a place of an object's frame sees its true surface: a solid, from outside."""
+    """Return whether a camera sees an object's true surface, which it does for solids from outside."""
     return kind != 0 and is_outside(kind, wp.float64(size[3]), to_shape(origin, size))
 
 
 @wp.func
 def solid_hit(kind: int, size: wp.vec4, frame: CameraFrame, ray: wp.vec3d) -> SolidHit:
-    """Where a ray meets a solid's surface."""
+    """Intersect a ray with a solid's surface."""
     direction = to_shape(wp.quat_rotate(frame.rotation, ray), size)
     return meet_solid(kind, wp.float64(size[3]), to_shape(frame.origin, size), direction)

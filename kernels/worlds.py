@@ -1,28 +1,29 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where movable objects are, and how large, for every view."""
+"""Poses and sizes of movable objects in every world, and the world of every view."""
 
 import warp as wp
 
 
 @wp.struct
 class Worlds:
-    """Arrangements of the movable objects, which of them each view is of, and what it must not see."""
+    """Arrangements of the movable objects, the world of each view, and the objects that it excludes."""
 
     object_poses: wp.array2d[wp.transform]
     """(world, movable object): object to world."""
     world: wp.array[wp.int32]
-    """(view): its world; None for world 0, or if there are several, for each view its own."""
+    """(view): index of its world; None if every view shows world 0 or, with several worlds, view i shows world i."""
     object_sizes: wp.array2d[wp.vec4]
-    """(world, movable object), as many as poses: of a solid, factors along x, y and z [m], and half length before them;
-    of a mesh, factors by which it is stretched along them. None where all are as they were made."""
+    """(world, movable object), with as many worlds as `object_poses`: for a solid, factors along x, y and z [m], and
+    half length before scaling; for a mesh, scale factors along its axes. None if all objects have their original size.
+    """
     excluded: wp.array2d[wp.uint8]
-    """(view or 1, object): not 0 for objects that the view does not see; None for none."""
+    """(view or 1, object): nonzero if the object is invisible in the view; None if there are no exclusions."""
 
 
 @wp.func
 def world_of(worlds: Worlds, view: int) -> int:
-    """The world of a view, -1 if there is none of that number."""
+    """Return the world of a view, or -1 if its index is out of range."""
     world = view
     if worlds.world:
         world = worlds.world[view]
@@ -35,7 +36,7 @@ def world_of(worlds: Worlds, view: int) -> int:
 
 @wp.func
 def is_excluded(worlds: Worlds, view: int, index: int) -> bool:
-    """Whether a view must not see an object."""
+    """Return whether a view excludes an object."""
     if not worlds.excluded:
         return False
     return worlds.excluded[wp.min(view, worlds.excluded.shape[0] - 1), index] != wp.uint8(0)
