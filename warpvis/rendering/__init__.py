@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Turn poses into images: depth, points, normals, labels, segmentation and faces, by two casters on CPU and CUDA.
+"""Rendering of depth, points, normals, labels, segmentation, faces and colors, on CPU cores and CUDA.
 
-`packets` is the fast caster, `rays` the reference. A `WideCamera` makes cylindrical and spherical images, and
-an `OrthographicCamera` images without perspective.
+`packets` is the fast caster, `rays` the reference. A `WideCamera` renders cylindrical and spherical images, and an
+`OrthographicCamera` renders images without perspective.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is seen along rays of their own for every view, for our own modules."""
+"""Rendering along rays that differ between views, for other modules of this package."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ def render_along(
     outputs: Sequence[str],
     threads: int,
 ) -> Views:
-    """Render what is seen along rays of the camera frame; both sides of surfaces are seen.
+    """Render along rays of the camera frame; surfaces are two-sided.
 
     Args:
-        scene: What is seen.
-        camera: Its range counts, and what depth is.
-        poses: As of `warpvis.core.poses.parse_poses`.
-        worlds: As of `warpvis.scene.worlds.parse_worlds`.
-        rays: N of depth 1 for every view, shape ``(V, N)`` vec3d; nothing is seen where one is NaN.
-        outputs: Images to make.
+        scene: The scene to render.
+        camera: The camera; defines the depth range and whether depth is planar or a length.
+        poses: Camera poses from `warpvis.core.poses.parse_poses`.
+        worlds: Worlds from `warpvis.scene.worlds.parse_worlds`.
+        rays: N rays of depth 1 per view, shape ``(V, N)`` vec3d; a NaN ray hits nothing.
+        outputs: Images to render.
         threads: CPU threads.
 
     Returns:

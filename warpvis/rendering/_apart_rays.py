@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays that begin beside each other: when packets take them, and on CPU cores where they pass the plane of an eye.
+"""Packets of rays with distinct origins: when they can be used, and their preparation for CPU cores.
 
-All in double precision, once for a table. What is made of it is in ``kernels/native/cpu/apart_drawing.h``.
+Computed in double precision, once per ray table; used by ``kernels/native/cpu/apart_drawing.h``.
 """
 
 from __future__ import annotations
@@ -24,42 +24,42 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 MAX_APART = 0.1
-"""Origins within so much of each other, along each axis, are close [m]."""
-_ROUNDED = 1e-6  # of what single precision holds
+"""Maximum extent of the origins along each axis for which packets are used [m]."""
+_ROUNDED = 1e-6  # relative rounding error bound of single precision
 _GROUP = CPU_LANES * CPU_LANES
 
 
 @dataclass(frozen=True)
 class PreparedApartRays:
-    """Rays of a table that begin beside each other, for packets."""
+    """Rays of a table with distinct origins, prepared for packets."""
 
     rays: PreparedRays
     struct: ApartRays
     begin: NDArray[np.float64]
-    """Of each bundle, the greatest z at which one of its rays begins."""
+    """Greatest z of a ray origin in each bundle [m]."""
 
 
 def takes_packets(scene: Scene, camera: RayCamera, worlds: Worlds, clip_near: bool) -> bool:
-    """Whether packets see a scene as rays do that begin where a camera says.
+    """Return whether packets can cast rays with a camera's ray origins.
 
-    They do not where these begin far from each other, solids have a surface of their own, worlds have sizes, or what is
-    near is cut away.
+    They cannot if the origins are far apart, the scene has movable analytic solids, worlds scale objects, or near
+    surfaces are cut away.
     """
     if clip_near or worlds.object_sizes or scene.bvh().has_solids:
         return False
     origins = camera.origins
-    assert origins is not None  # or it would be another caster's
+    assert origins is not None  # cameras without origins use another caster
     return camera.prepared("close origins", lambda: are_close(camera.rays, origins))
 
 
 def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
-    """Whether rays begin so close to each other that packets of them share what they see."""
+    """Return whether ray origins are so close to each other that packets of rays are coherent."""
     known = np.isfinite(rays).all(axis=-1)
     return not known.any() or bool(np.ptp(origins[known], axis=0).max() <= MAX_APART)
 
 
 def prepare_apart(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> PreparedApartRays:
-    """Prepare rays of the camera frame, shape (H, W, 3), as `prepare_rays`, and where each begins."""
+    """Prepare rays of the camera frame, shape (H, W, 3), as `prepare_rays` does, and their origins, shape (H, W, 3)."""
     from warpvis.kernels.apart_packets import ApartRays
 
     prepared = prepare_rays(rays)
@@ -106,13 +106,13 @@ def prepare_apart(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> Pr
 
 
 def _columns(given: object) -> NDArray[np.int64]:
-    """Columns that the packets of each tile have; 0 of tiles without a fit."""
+    """Return the number of columns of each tile's packets; 0 for tiles without a fit."""
     fit = given.fit.numpy()  # type: ignore[attr-defined]
     return np.where(fit[:, 9] > 0, 2 ** fit[:, 8].astype(np.int64), 0)
 
 
 def _ranges(exact: list[NDArray], passing: NDArray, there: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Middles of p, q and u q - v p in each tile, and how far they are from there: words of an ``ApartRays``."""
+    """Return each tile's ranges of p, q and u q - v p: three centers, then three half widths, as in ``ApartRays``."""
     (u, v), (p, q) = exact, passing
     values = np.stack([p, q, u * q - v * p]).reshape(3, -1, _GROUP)
     there = there.reshape(-1, _GROUP)
@@ -121,7 +121,7 @@ def _ranges(exact: list[NDArray], passing: NDArray, there: NDArray[np.bool_]) ->
     high = np.where(some, np.where(there, values, -np.inf).max(axis=-1), 0)
     middle = ((low + high) / 2).astype(np.float32).astype(np.float64)
     half = np.maximum(high - middle, middle - low)
-    # What single precision makes of u q - v p is as wrong as its terms are.
+    # The rounding error of u q - v p in single precision is relative to its terms.
     terms = np.abs(u * q).reshape(-1, _GROUP) + np.abs(v * p).reshape(-1, _GROUP)
     size = np.stack([np.abs(values[0]), np.abs(values[1]), terms]).max(axis=-1)
     return np.concatenate([middle, half + _ROUNDED * size]).T.astype(np.float32)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Warn of the likely reason why cameras see nothing; only of results in the host's memory, so nothing is waited for."""
+"""Warnings with the likely reason why cameras see nothing, for results in host memory only: GPUs are not waited for."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from warpvis.rendering._views import Views
 from warpvis.scene import Scene, too_large_for
 from warpvis.scene.closed import holds
 
-# Of images, about so many pixels are looked at first.
+# Approximate number of pixels per image that are checked first.
 _PIXELS = 256
 
-# So many times as far as the camera's `near` is across an object inside of which it is blind.
+# Maximum smallest extent of an object that may enclose a camera, in multiples of the camera's `near`.
 _MAX_NEARS = 4.0
 
-# Of cameras that see nothing, so many are looked for inside of objects.
+# Maximum number of cameras without a valid depth that are tested for being inside objects.
 _MAX_EYES = 8
 
 
 def find_blind(views: Views) -> tuple[bool, NDArray[np.intp]]:
-    """Find whether no pixel of any view has a depth, and the views that are mostly nearer than the camera's `near`."""
+    """Return whether no pixel of any view has a depth, and the views where most pixels are too near (-inf)."""
     none = np.empty(0, dtype=np.intp)
     if views.depth is None or not views.depth.device.is_cpu or not views.depth.size:
         return False, none
@@ -37,12 +37,12 @@ def find_blind(views: Views) -> tuple[bool, NDArray[np.intp]]:
 
 
 def warn_of_units(scene: Scene, far: float, seen: NDArray[np.bool_]) -> None:
-    """Warn if a scene of which nothing is seen is in millimetres.
+    """Warn if an invisible scene appears to be in millimeters.
 
     Args:
         scene: The scene.
-        far: The camera's greatest depth [m].
-        seen: Which objects are not excluded, shape ``(objects,)``.
+        far: The camera's maximum depth [m].
+        seen: Mask of the objects that are not excluded, shape ``(objects,)``.
     """
     if not seen.any() or math.isinf(far):
         return
@@ -60,16 +60,16 @@ def warn_of_units(scene: Scene, far: float, seen: NDArray[np.bool_]) -> None:
 def warn_of_eyes_inside(
     scene: Scene, near: float, poses: NDArray[np.float32], views: NDArray[np.intp], seen: NDArray[np.bool_]
 ) -> None:
-    """Warn if cameras are inside of closed objects whose surface is nearer than `near` to them on two sides.
+    """Warn if cameras are inside small closed objects, with an extent of at most a few times `near`.
 
-    Rooms are larger: a camera before a wall of one may be in a closed mesh as it should.
+    Large closed objects are ignored: a camera inside the closed mesh of a room is valid.
 
     Args:
         scene: The scene.
-        near: The cameras' least depth [m].
+        near: The cameras' minimum depth [m].
         poses: The cameras' poses, shape ``(V, 7)``.
-        views: Which of them see too little.
-        seen: Which objects are where they were added, and not excluded, shape ``(objects,)``.
+        views: Indices of the views that see too little.
+        seen: Mask of the objects that are at their initial poses and not excluded, shape ``(objects,)``.
     """
     eyes = poses[views[:_MAX_EYES], :3]
     if not len(eyes):
@@ -89,7 +89,7 @@ def warn_of_eyes_inside(
 
 
 def seen_objects(scene: Scene, excluded: wp.array | None) -> NDArray[np.bool_]:
-    """Return which objects are excluded from no view, shape ``(objects,)``."""
+    """Return a mask of the objects that are not excluded from any view, shape ``(objects,)``."""
     if excluded is None or not excluded.size:
         return np.ones(len(scene), dtype=bool)
     return ~excluded.numpy().astype(bool).any(axis=0)

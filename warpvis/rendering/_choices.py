@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a renderer may be told: outputs, casters, what becomes of near surfaces and of pixels without depth."""
+"""Options of a renderer: outputs, casters, and the treatment of near surfaces and of pixels without depth."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from warpvis.rendering._views import ALL_OUTPUTS, SENSOR_OUTPUTS, check_outputs
 from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster
 
 Caster = Literal["auto", "packets", "rays"]
-"""How rays are cast: in packets, one by one, or by whichever of the two is faster."""
+"""Method of casting rays: in packets, one by one, or the faster of the two."""
 Fill = Literal["inf", "far"] | float
-"""What depth is where nothing is seen: infinite, the camera's `far`, or a number."""
+"""Depth of pixels without a surface: infinite, the camera's `far`, or a number."""
 NearPlane = Literal["occlude", "clip"]
-"""Whether what is nearer than `near` hides what is behind it, as in a real sensor, or is cut away."""
+"""Whether surfaces nearer than `near` hide surfaces behind them, as for a real sensor, or are cut away."""
 
-_MAX_FLOAT = 3.4e38  # what single precision holds
+_MAX_FLOAT = 3.4e38  # about the largest float32
 
 
 DEFAULT_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation")
 
 
 def check_asked(outputs: object, sensor: object) -> tuple[str, ...]:
-    """Take names of outputs of a renderer, with a sensor or None.
+    """Return the names of a renderer's outputs without duplicates; `sensor` is its sensor or None.
 
     Raises:
-        ArrayError: There is none, an unknown one, or one of a sensor where there is none.
+        ArrayError: If there is no output, an unknown one, or an output of sensors without a sensor.
     """
     names = check_outputs(outputs, ALL_OUTPUTS)
     alone = [name for name in names if name in SENSOR_OUTPUTS]
@@ -50,10 +50,10 @@ def check_asked(outputs: object, sensor: object) -> tuple[str, ...]:
 
 
 def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "rays"]:
-    """Return the caster of a camera that a name stands for.
+    """Resolve the name of a caster for a camera.
 
     Raises:
-        CameraError: It casts no such rays.
+        CameraError: If the caster does not support the camera.
     """
     check_choice(caster, "caster", ("auto", "packets", "rays"))
     if isinstance(camera, OrthographicCamera):
@@ -66,7 +66,7 @@ def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "r
 def caster_class(
     caster: Literal["packets", "rays"], camera: RenderCamera, device: wp.Device
 ) -> Callable[..., RaysCaster | CpuRemapCaster | CpuTablePacketsCaster]:
-    """Return the class of a caster of a camera on a device."""
+    """Return the class of the caster for a camera and a device."""
     if isinstance(camera, OrthographicCamera):
         return OrthographicCaster
     if isinstance(camera, RayCamera):
@@ -81,10 +81,10 @@ def caster_class(
 
 
 def fill_numbers(fill: Fill, camera: RenderCamera) -> tuple[float, float] | None:
-    """Return the depth of empty pixels and of those that are too near; None for the infinities.
+    """Return the depths of empty pixels and of pixels that are too near; None for the infinities.
 
     Raises:
-        ArrayError: `fill` is not what it has to be.
+        ArrayError: If `fill` is invalid.
     """
     fill = check_fill(fill)
     if isinstance(fill, str):
@@ -98,7 +98,7 @@ def check_fill(fill: Fill) -> Fill:
     """Return `fill` if it is ``"inf"``, ``"far"`` or a number.
 
     Raises:
-        ArrayError: It is neither.
+        ArrayError: If `fill` is neither.
     """
     if isinstance(fill, str):
         check_choice(fill, "fill", ("inf", "far"))
@@ -107,10 +107,10 @@ def check_fill(fill: Fill) -> Fill:
 
 
 def check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:
-    """Return the most bytes of images that a call holds on a GPU; half of its memory by default.
+    """Return the maximum size of the images that a call holds on a GPU [bytes]; half of its memory by default.
 
     Raises:
-        ArrayError: It is no number of bytes.
+        ArrayError: If `device_bytes` is not a whole number of bytes.
     """
     if device_bytes is None:
         return 0 if device.is_cpu else device.total_memory // 2

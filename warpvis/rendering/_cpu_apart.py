@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CPU cores for rays that begin close beside each other: lidars whose beams leave apart."""
+"""The ``packets`` caster on CPU cores for rays with distinct, close origins, such as those of many lidars."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 
 class CpuApartPacketsCaster(CpuTablePacketsCaster):
-    """Neighbouring rays walk a BVH together where `takes_packets` says that they can; others go one by one."""
+    """Cast neighboring rays in packets where `takes_packets` allows it, and single rays otherwise."""
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what it is, without the rays as kernels take them: copies find or prepare them."""
+        """Return the state without the prepared rays, which copies prepare again or take from the camera's cache."""
         return {name: value for name, value in super().__getstate__().items() if name != "_apart"}
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
-        self._scene.bvh(faces=wants_faces(images))  # before others ask for trees without them
+        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
+        self._scene.bvh(faces=wants_faces(images))  # first, since `takes_packets` builds trees without faces
         if takes_packets(self._scene, self._camera, worlds, self._clip_near):
             super().cast(poses, worlds, images)
         else:
@@ -40,7 +40,7 @@ class CpuApartPacketsCaster(CpuTablePacketsCaster):
 
     @property
     def _origins(self) -> NDArray[np.float64]:
-        assert self._camera.origins is not None  # or it would be another caster's
+        assert self._camera.origins is not None  # cameras without origins use another caster
         return self._camera.origins
 
     @cached_property

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CPU cores: what a call needs is prepared once, and the work is split over threads."""
+"""The ``packets`` caster on CPU cores: launches are packed once, and the work is split over threads."""
 
 from __future__ import annotations
 
@@ -29,29 +29,30 @@ if TYPE_CHECKING:
     from warpvis.kernels.table_packets import TableJob
     from warpvis.kernels.worlds import Worlds
 
-# A strip is a thread's part of the rows that are left, divided by this.
+# A strip's number of rows is a thread's share of the remaining rows, divided by this.
 _SHARES_PER_THREAD = 2
 TILE = TILE_SIDE
 
-# What a ray takes one thread [ns], until calls have shown it.
+# Initial estimate of the time per ray on one thread [ns].
 _FIRST_COST = 6.0
-# Less work [ns] is done before another thread has woken up; more than that surely is not.
+# Calls with less work than the first [ns] use one thread, since waking another one takes longer; calls with more work
+# than the second always use several.
 _MIN_SHARED, _SURELY_SHARED = 8e4, 5e5
-# So few rays are one thread's, and nobody looks how long they take.
+# Calls with at most this many rays use one thread and are not timed.
 FEW_RAYS = 256
-# In between, one of so many calls is made in the way that was slower, to see whether it still is.
+# Between the two, one in this many calls uses the slower of one and several threads, to update its time.
 _CALLS_BETWEEN_LOOKS = 16
-# To wake a thread takes the caller so long [ns].
+# Time that the caller takes to wake one thread [ns].
 _WAKING = 5e3
-# So many kinds of calls have memory that waits for the next one: as many threads as were tried last, and others.
+# Maximum number of kinds of calls with cached workspaces; the number of threads is part of the kind.
 MAX_KINDS = 3
 
 
 class Workspace:
-    """What one call at a time works with: a launch that is packed once, and the memory that it reads then.
+    """A packed launch and the memory that it reads, for one call at a time.
 
-    To pack a launch takes longer than many an image. Here a call writes addresses, and keeps none: what the caller
-    drops does not live on.
+    Packing a launch can take longer than rendering a small image. A call only writes addresses into the packed launch,
+    without keeping the arrays alive.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class Workspace:
         job: PacketJob | TableJob | RemapJob,
         workers: int,
     ) -> None:
-        """Prepare for calls like a job on so many threads; `call` is the kernel's struct of a call, and its type."""
+        """Pack a launch for calls like `job` on `workers` threads; `call` is the kernel's call struct and its type."""
         from warpvis.kernels.images import Images
 
         self.counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
@@ -77,19 +78,19 @@ class Workspace:
         self._memory.scene = memory_of(scene)
         arrays = _array_of_one(self._call, call_type), _array_of_one(self._images.struct, Images)
         self.launch = pack_launch(kernel, [*arrays])
-        self.launch.launch()  # without memory, it says how much it needs
+        self.launch.launch()  # without scratch memory, it only writes the size that it needs to `scratch_bytes`
         self._workers = workers
         self.job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
 
     def fill(self, scene: BvhScene, poses: NDArray[np.float32], worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write down what a call is about, which has to keep it alive."""
+        """Write the addresses of a call's arguments, which the caller must keep alive, and copy its poses."""
         self._memory.scene, self._memory.worlds = memory_of(scene), memory_of(worlds)
         self.pose_rows[:] = poses
         self.counter.fill(0)
         self._images.fill(images)
 
     def run(self) -> None:
-        """Cast."""
+        """Cast the rays of the call."""
         workers = self._workers
         if workers == 1:
             self.launch.launch()
@@ -98,26 +99,26 @@ class Workspace:
 
 
 def _array_of_one(struct: Any, dtype: Any) -> wp.array:
-    """View a struct, which has to be kept, as an array: a launch then reads what the struct holds at the time."""
+    """Return a view of a struct as an array: a launch reads the struct's current contents. Does not keep it alive."""
     return wp.array(ptr=ctypes.addressof(memory_of(struct)), dtype=dtype, shape=(1,), device="cpu")
 
 
 class RayCosts:
-    """How long rays take alone and shared, as calls show it, and so how many threads a call is worth.
+    """Measured times per ray on one and on several threads, and the number of threads that they imply for a call.
 
-    Images do not depend on it.
+    Images do not depend on the number of threads.
     """
 
     def __init__(self, threads: int) -> None:
-        """Know nothing yet; use at most so many threads."""
+        """Start with default estimates and a maximum number of threads."""
         self._threads = threads
-        # Of a ray [ns], the less of the last two times: what takes long once may have been interrupted.
+        # Times per ray [ns]: the minimum of the last two calls, since a single slow call may have been preempted.
         self._alone = self._last_alone = _FIRST_COST
         self._shared = self._last_shared = 0.0
         self._calls = 0
 
     def threads_for(self, rays: int) -> int:
-        """Choose a number of threads: one, a power of two, or all."""
+        """Return the number of threads for a call: one, a power of two, or all."""
         work = rays * self._alone
         if self._threads == 1 or work < _MIN_SHARED:
             return 1
@@ -126,46 +127,46 @@ class RayCosts:
             looks = self._calls % _CALLS_BETWEEN_LOOKS == 0
             if looks == (self._shared < self._alone):
                 return 1
-        # Who wakes n threads, one after the other, has then an nth of the work to do: that is least where n is the root
-        # of their ratio.
+        # Waking n threads takes n * _WAKING, and the work then takes work / n: the sum is minimal at
+        # n = sqrt(work / _WAKING).
         best = math.isqrt(int(work / _WAKING))
         return min(self._threads, max(2, 1 << (best - 1).bit_length()))
 
     def note(self, rays: int, threads: int, nanoseconds: int) -> None:
-        """Take note of what a call took."""
+        """Record the duration of a call."""
         cost = nanoseconds / rays
         if threads == 1:
             self._alone, self._last_alone = min(cost, self._last_alone), cost
             return
         self._shared, self._last_shared = min(cost, self._last_shared), cost
-        # One thread would not have taken longer than all of them together.
+        # One thread would take at most the total time of all threads.
         together = cost * threads
         self._alone = together if rays * self._alone >= _SURELY_SHARED else min(together, self._alone)
 
 
 class CpuPacketsCaster:
-    """All pixels of a view, or of a strip of it, walk a BVH together; on CPU cores."""
+    """Cast all pixels of a view, or of a strip of it, as one packet through a BVH."""
 
     def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
-        """Prepare to cast."""
+        """Set up the caster."""
         self._scene = scene
         self._camera = camera
         self._cull_backfaces = cull_backfaces
         self._clip_near = clip_near
         self._threads = threads
-        self._costs = RayCosts(threads), RayCosts(threads)  # of pixels, and of points
+        self._costs = RayCosts(threads), RayCosts(threads)  # for pixels and for image points
         self._idle = Idle[Workspace](MAX_KINDS)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
-        """Check poses, and return them as this caster takes them."""
+        """Check poses and return them in this caster's format."""
         return host_poses(poses, convention=convention)
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
         self._run(poses, worlds, None, images)
 
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Cast through image points, shape ``(V, Y, X)`` vec2, as are the images'."""
+        """Cast through image points, vec2 of shape ``(V, Y, X)``, which is also the images' shape."""
         views, height, width = pixels.shape
         if not pixels.size:
             return
@@ -210,7 +211,7 @@ class CpuPacketsCaster:
 
         camera, job = self._camera, PacketJob()
         job.views, job.height, job.width = views, camera.height, camera.width
-        # Every strip looks at all points of its view: no more of them than threads have to share.
+        # Every strip reads all points of its view: use no more strips than threads can share.
         strip_rows = split_rows(views, camera.height, workers, equal=bool(points))
         job.strips, job.most_rows = len(strip_rows) - 1, int(np.diff(strip_rows).max())
         job.strip_rows = wp.array(strip_rows, dtype=wp.int32, device="cpu")
@@ -225,11 +226,11 @@ class CpuPacketsCaster:
 
 
 def split_rows(views: int, height: int, threads: int, *, equal: bool = False) -> NDArray[np.int32]:
-    """Say where the strips of a view begin, multiples of 16, and where the last one ends.
+    """Return the first row of each strip of a view, multiples of 16, followed by the height.
 
-    With views for all threads, a view is one strip. Else each strip is a share of the rows that are left, so that the
-    last ones are small and threads end at about the same time (guided self-scheduling: Polychronopoulos and Kuck 1987);
-    or `equal`: one for each thread that a view has.
+    With enough views for all threads, a view is one strip. Otherwise each strip is a share of the remaining rows, so
+    that the last strips are small and threads finish at about the same time (guided self-scheduling: Polychronopoulos
+    and Kuck 1987). With `equal`, strips have equal heights, one per thread of a view.
     """
     if equal:
         tiles = -(-height // TILE)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Packets on CPU cores through the places of maps: images whose pixels show any points of the camera's image."""
+"""The ``packets`` caster on CPU cores for maps: images whose pixels show arbitrary points of the camera's image."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
     from warpvis.kernels.worlds import Worlds
 
-# Pixels of trees' images are so much finer than the camera's: their bounds are to a pixel.
+# Pixels of the trees' images are finer than the camera's by this factor, since bounds in the trees are whole pixels.
 _FINENESS, _MAX_FOCAL = 32.0, 2.0**15
-# Neighbours of a map are taken as such if blocks of 4 x 4 are no larger than this on average [px], width and height
-# together; so many blocks are looked at.
+# A map is cast in packets if its blocks of 4 x 4 points have at most this width plus height on average [px], measured
+# on at most this many blocks.
 _MAX_APART, _LOOKED_AT = 24.0, 64
 
 
 class CpuRemapCaster(CpuPacketsCaster):
-    """The same, where neighbours of a map walk a BVH together: a tree over them is made anew for each view."""
+    """Cast coherent maps in packets too, with a tree over their points that is built for each view."""
 
     def __init__(self, scene: Scene, camera: Camera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
-        """Prepare to cast."""
+        """Set up the caster."""
         super().__init__(scene, camera, cull_backfaces=cull_backfaces, clip_near=clip_near, threads=threads)
         self._map_costs = RayCosts(threads)
         self._idle_maps = Idle[Workspace](MAX_KINDS)
 
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Cast through image points, shape ``(V, Y, X)`` vec2, as are the images'; lists of them have one row."""
+        """Cast through image points, vec2 of shape ``(V, Y, X)``, which is also the images' shape; Y is 1 for lists."""
         if pixels.shape[1] > 1 and are_neighbours(pixels):
             self._cast_map(poses, worlds, pixels, images)
         else:
@@ -66,7 +66,7 @@ class CpuRemapCaster(CpuPacketsCaster):
         job = RemapJob()
         job.views, job.rows, job.columns = shape
         job.camera = self._camera.device_struct(clip_near=self._clip_near)
-        # A power of two times finer: then places are found without double precision.
+        # The factor is a power of two, so that single precision suffices to convert coordinates.
         finer = min(_FINENESS, max(1.0, _MAX_FOCAL / self._camera.fx))
         job.tree_focal = self._camera.fx * 2.0 ** math.floor(math.log2(finer))
         job.cull_backfaces = int(self._cull_backfaces)
@@ -75,7 +75,7 @@ class CpuRemapCaster(CpuPacketsCaster):
 
 
 def are_neighbours(pixels: wp.array) -> bool:
-    """Tell whether neighbours of a map, shape ``(V, Y, X)`` vec2, lie close together in the image, by some blocks."""
+    """Return whether a sample of blocks of a map, vec2 of shape ``(V, Y, X)``, is coherent in the image."""
     views, rows, columns = pixels.shape
     across, down = columns // BLOCK_SIDE, rows // BLOCK_SIDE
     blocks = views * across * down

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CPU cores for rays of a table: lenses, panoramas, lidars."""
+"""The ``packets`` caster on CPU cores for ray tables: lenses, panoramas, lidars."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 
 class CpuTablePacketsCaster:
-    """Neighbouring rays of a table walk a BVH together, through the pinholes that they are split over."""
+    """Cast packets of neighboring rays of a table, which is split over several pinhole images."""
 
     def __init__(self, scene: Scene, camera: RayCamera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
-        """Prepare to cast."""
+        """Set up the caster."""
         self._scene = scene
         self._camera = camera
         self._cull_backfaces = cull_backfaces
@@ -46,15 +46,15 @@ class CpuTablePacketsCaster:
         )
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what it is, without the rays as kernels take them: copies find or prepare them."""
+        """Return the state without the prepared rays, which copies prepare again or take from the camera's cache."""
         return {name: value for name, value in self.__dict__.items() if name != "_rays"}
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
-        """Check poses, and return them as this caster takes them."""
+        """Check poses and return them in this caster's format."""
         return host_poses(poses, convention=convention, axes=self._camera.axes)
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
         views = len(poses)
         if views == 0:
             return
@@ -76,7 +76,7 @@ class CpuTablePacketsCaster:
         self._idle.give_back(kind, space)
 
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Cast through image points, shape ``(V, 1, N)`` vec2, as are the images', which no table is prepared for."""
+        """Cast single rays through image points, vec2 of shape ``(V, 1, N)``, which is also the images' shape."""
         self._single_rays.cast_at(poses, worlds, pixels, images)
 
     @cached_property

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CUDA: one warp takes a block of pixels of a view down the BVH."""
+"""The ``packets`` caster on CUDA: one warp traverses the BVH for a block of pixels of a view."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ if TYPE_CHECKING:
     from warpvis.kernels.pinhole import PinholeCamera
     from warpvis.kernels.worlds import Worlds
 
-# Heights of packets, from how many on a multiprocessor on they are faster than the next, and the least height: where
-# all stays, and where objects move, which every packet looks for.
+# By whether the scene has movable objects, which every packet tests: pairs of a packet height and the number of packets
+# per multiprocessor from which it is faster than the next smaller height; and the minimum height.
 _FEWEST_PACKETS = {False: (((16, 24), (8, 32), (4, 24), (2, 8)), 1), True: (((16, 24), (8, 16)), 4)}
-# So many kinds of calls have a launch that waits for the next one.
+# Maximum number of kinds of calls with a cached launch.
 _MAX_KINDS = 4
 
 _Kind = tuple[int, bool, bool, bool, bool, int]
-"""What `_kernel` makes a kernel of, and views."""
+"""Arguments of `_kernel`, followed by the number of views."""
 
 
 class _PackedLaunch:
-    """A launch that is packed once, which takes longer than a GPU takes for many an image.
+    """A packed launch: packing can take longer than a GPU takes to render an image.
 
-    CUDA reads these structs when it is launched. A call writes addresses into them, and keeps none: what the caller
-    drops does not live on.
+    CUDA reads the structs when the launch is submitted. A call only writes addresses into them, without keeping the
+    arrays alive.
     """
 
     def __init__(self, kind: _Kind, camera: PinholeCamera, packets: tuple[int, int], cull: bool, device: wp.Device):
-        """Pack a launch of so many rows and columns of packets."""
+        """Pack a launch; `packets` is the number of rows and columns of packets."""
         from warpvis.kernels.packets import BvhScene
         from warpvis.kernels.packets_cuda import FoundObjects
         from warpvis.kernels.worlds import Worlds
@@ -51,7 +51,7 @@ class _PackedLaunch:
         views = kind[-1]
         self._images = ImageSlots()
         scene, worlds, found = BvhScene(), Worlds(), FoundObjects()
-        poses = wp.array(ptr=1, dtype=wp.transform, shape=(views,), device=device)  # not yet any
+        poses = wp.array(ptr=1, dtype=wp.transform, shape=(views,), device=device)  # placeholder address
         self._poses, self._scene, self._worlds = memory_of(poses), _Assigned(scene), _Assigned(worlds)
         self._found = _Assigned(found)
         inputs = [scene, camera, poses, worlds, found, cull, self._images.struct]
@@ -66,7 +66,7 @@ class _PackedLaunch:
         found: FoundObjects,
         images: list[wp.array | None],
     ) -> None:
-        """Launch it on the device's current stream."""
+        """Launch on the device's current stream."""
         self._scene.memory.struct, self._worlds.memory.struct = memory_of(scene), memory_of(worlds)
         self._found.memory.struct = memory_of(found)
         self._poses.data = poses.ptr
@@ -75,7 +75,7 @@ class _PackedLaunch:
 
 
 class _Assigned:
-    """A struct of Warp's to which another one of its kind can be assigned: ctypes does that to fields only."""
+    """Wrap a Warp struct so that another one of its type can be assigned to it: ctypes assigns only to fields."""
 
     def __init__(self, struct: Any) -> None:
         self._owner = struct
@@ -85,17 +85,17 @@ class _Assigned:
 
 
 class CudaPacketsCaster(RaysCaster):
-    """A warp a packet of pixels, or of points of the image; few points are cast as rays."""
+    """Cast packets of pixels or image points, one warp per packet; few image points are cast as single rays."""
 
     _camera: Camera
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        """Prepare to cast, as `RaysCaster` does."""
+        """Set up the caster; the arguments are those of `RaysCaster`."""
         super().__init__(*arguments, **options)
         self._idle = Idle[_PackedLaunch](_MAX_KINDS)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
         views, device = len(poses), self._scene.device
         if views == 0:
             return
@@ -113,7 +113,7 @@ class CudaPacketsCaster(RaysCaster):
         self._idle.give_back(kind, packed)
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Cast through image points, shape ``(V, Y, X)`` vec2, as are the images'; lists of them have one row."""
+        """Cast through image points, vec2 of shape ``(V, Y, X)``, which is also the images' shape; Y is 1 for lists."""
         if not takes_packets(pixels.shape[1] * pixels.shape[2]):
             super().cast_at(poses, worlds, pixels, images)
             return
@@ -156,18 +156,18 @@ def packet_side(
     *,
     moving: bool = False,
 ) -> int:
-    """Choose the height of packets in pixels: as much as leaves enough packets for all multiprocessors.
+    """Return the height of packets [px]: the largest that leaves enough packets for all multiprocessors.
 
-    Images do not depend on it. The larger a packet, the fewer of them set up the same triangle; the smaller, the sooner
-    the last one is done. See docs/internals/gpu.md for the measurements.
+    Images do not depend on it. With larger packets, fewer packets set up the same triangle; with smaller packets, the
+    last one finishes sooner. See docs/internals/gpu.md for the measurements.
 
     Args:
-        views: Images to make.
-        width: Their width [px].
-        height: Their height [px].
-        processors: Multiprocessors of the GPU.
-        large_packets: From how many a multiprocessor on packets of 32x32 are the fastest.
-        moving: Whether packets look for objects with frames of their own.
+        views: Number of images.
+        width: Width of an image [px].
+        height: Height of an image [px].
+        processors: Number of multiprocessors of the GPU.
+        large_packets: Number of packets per multiprocessor from which packets of 32x32 are fastest.
+        moving: Whether the scene has movable objects, which packets must test.
     """
     from warpvis.kernels.packets_cuda import packet_width
 

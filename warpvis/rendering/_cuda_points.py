@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CUDA for points of the image: which packets there are, and what is in them."""
+"""The ``packets`` caster on CUDA for image points: sorting of the points into packets, and the launch."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
     from warpvis.kernels.point_order import PointLists
     from warpvis.kernels.worlds import Worlds
 
-# Of fewer points a view, single rays take less time. It does not depend on the number of views, and so neither do the
-# last digits of a view.
+# With fewer points per view, single rays are faster. The limit is independent of the number of views, so that the
+# last digits of a view's results are too.
 _FEWEST_POINTS = 1 << 15
-# Points of a packet, from how many of these on a multiprocessor on.
+# Pairs of the number of points in a packet and the number of such packets per multiprocessor from which it is used.
 _PACKETS = ((256, 24), (64, 0))
-# So many points are sorted at a time: 4 bytes each, and half as much or less for cells.
+# Maximum number of points sorted at a time: 4 bytes each, plus at most half as much for cells.
 _MAX_POINTS = 1 << 26
-# Blocks of points in rows may be so many times as long as those of pixels would be.
+# Maximum size of blocks of points in rows, relative to that of evenly spaced points.
 _MAX_STRETCH = 2.5
-# Of blocks of points in rows, one of so many is measured.
+# One in this many blocks of points in rows is measured.
 _MEASURED_STEP = 4
-# Points of a cell, at most, if they are everywhere alike.
+# Maximum number of points in a cell for uniformly distributed points.
 _POINTS_PER_CELL = 8
-_MAX_BITS = 12  # of columns of cells
+_MAX_BITS = 12  # of a cell's column index
 
 
 def takes_packets(count: int) -> bool:
-    """Tell whether so many points of a view are cast in packets."""
+    """Return whether a view with `count` points is cast in packets."""
     return _FEWEST_POINTS <= count <= _MAX_POINTS
 
 
@@ -53,16 +53,16 @@ def cast_point_packets(
     pixels: wp.array,
     images: list[wp.array | None],
 ) -> None:
-    """Cast through points of the image in packets.
+    """Cast through image points in packets.
 
     Args:
-        scene: The trees.
-        camera: Of all views.
-        options: Whether back faces are left out, and whether what is nearer than the camera's `near` is not there.
+        scene: The acceleration structures.
+        camera: The camera of all views.
+        options: Whether back faces are culled, and whether surfaces nearer than the camera's `near` are cut away.
         poses: Camera to world, shape ``(V,)``, transforms on the device.
-        worlds: Where objects are, and how large.
-        pixels: Points [px], shape ``(V, Y, X)`` vec2, contiguous, on the device; of lists, Y is 1.
-        images: Depth, points, normals, labels, segmentation and faces of this shape; None is not made.
+        worlds: Poses and scales of objects.
+        pixels: Points [px], vec2 of shape ``(V, Y, X)``, contiguous, on the device; Y is 1 for lists.
+        images: Depth, points, normals, labels, segmentation and faces of this shape; images that are None are skipped.
     """
     views = len(pixels)
     step = max(1, _MAX_POINTS // (pixels.shape[1] * pixels.shape[2]))
@@ -105,12 +105,12 @@ def _cast(
 
 
 def points_of_packet(points: int, processors: int) -> int:
-    """Choose how many points a packet has: as many as leaves enough packets for all multiprocessors."""
+    """Return the number of points in a packet: the largest that leaves enough packets for all multiprocessors."""
     return next(size for size, fewest in _PACKETS if points >= size * fewest * processors)
 
 
 def packet_count(lists: PointLists, size: int) -> int:
-    """Return how many packets of so many points each view has, whether its points are sorted or not."""
+    """Return the number of packets of `size` points per view, enough for points in rows and for sorted points."""
     count = lists.at.shape[1]
     side = math.isqrt(size)
     rows = count // max(1, lists.columns)
@@ -119,14 +119,14 @@ def packet_count(lists: PointLists, size: int) -> int:
 
 
 def list_points(pixels: wp.array, camera: Camera) -> PointLists:
-    """Find out of each view whether its points are in rows, as an image's pixels are, and sort them if they are not.
+    """Check for each view whether its points are in rows, like the pixels of an image, and sort them otherwise.
 
     Args:
-        pixels: Points [px], shape ``(V, Y, X)`` vec2, contiguous. Lists, whose Y is 1, may be rows too.
-        camera: Of all views.
+        pixels: Points [px], vec2 of shape ``(V, Y, X)``, contiguous. Lists, with Y = 1, may contain rows too.
+        camera: The camera of all views.
 
     Returns:
-        What packets read, on the same device.
+        The point lists that packets read, on the same device.
     """
     from warpvis.kernels.point_order import OUTSIDE_CELLS, PointLists, count_points, sort_points
 
@@ -147,7 +147,7 @@ def list_points(pixels: wp.array, camera: Camera) -> PointLists:
 
 
 def guess_columns(count: int, camera: Camera) -> int:
-    """Return how many points would be in a row if they were spaced alike in columns and rows; 0 if that cannot be."""
+    """Return the number of points per row for equal spacing in both directions; 0 if it does not divide `count`."""
     columns = round(math.sqrt(count * camera.width / camera.height))
     return columns if columns > 0 and count % columns == 0 else 0
 
@@ -163,7 +163,10 @@ def _threads(views: int, count: int) -> tuple[int, int]:
 
 
 def _measure(pixels: wp.array, columns: int, camera: Camera) -> wp.array:
-    """Add up by how much points in rows are farther apart than they may be, shape ``(V,)``: 1 if they are in none."""
+    """Sum up by how much blocks of points in rows exceed the allowed size, shape ``(V,)``; 1 without rows.
+
+    Points are sorted where the sum is positive.
+    """
     from warpvis.kernels.point_order import BLOCK_COLUMNS, BLOCK_ROWS, measure_blocks
 
     (views, count), device = pixels.shape, pixels.device

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CUDA for rays of a table: lenses, panoramas, lidars."""
+"""The ``packets`` caster on CUDA for ray tables: lenses, panoramas, lidars."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 
 MAX_ASIDE = 2.0
-"""Where most packets' rays pass farther than that beside their eye, one by one they are faster [px m]."""
+"""Maximum median distance at which the rays of a packet pass its eye [px m]; beyond it, single rays are faster."""
 
 
 class CudaTablePacketsCaster(RayTableCaster):
-    """A warp a packet of neighbouring rays; points of the image are cast as rays.
+    """Cast packets of neighboring rays, one warp per packet; image points are cast as single rays.
 
-    Where rays begin apart from each other, they are cast one by one unless `takes_packets` says otherwise.
+    Rays with distinct origins are cast in packets where `takes_packets` allows it, and as single rays otherwise.
     """
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
         if len(poses) == 0:
             return
         scene, prepared = self._scene.bvh(faces=wants_faces(images)).struct, self._prepared

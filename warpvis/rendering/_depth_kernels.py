@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Launch kernels that read depth images: of rows of pixels on the CPU, of single pixels on CUDA."""
+"""Launches of kernels that read depth images: a thread processes a row of pixels on the CPU, a pixel on CUDA."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from warpvis.rendering.casters import ray_table
 if TYPE_CHECKING:
     from warpvis.kernels.pinhole import Window
 
-# Rows take about 0.5 ns a pixel, and as much again for each sphere; to wake a thread takes 50 to 100 us.
+# A row takes about 0.5 ns per pixel, plus as much for each sphere; waking a thread takes 50 to 100 us.
 _MIN_PIXELS = 2**17
 
 
 def launch_back_project(
     camera: ImageCamera, poses: wp.array, depth: wp.array, points: wp.array, threads: int | None
 ) -> None:
-    """Write the world points of depth images that a camera took."""
+    """Write the world points of a camera's depth images."""
     if depth.device.is_cpu:
         from warpvis.kernels.depth_rows import back_project_ray_rows as of_rays, back_project_rows as of_pinhole
     else:
@@ -42,7 +42,7 @@ def launch_classify(
     threads: int | None,
     sphere_count: int,
 ) -> None:
-    """Write the labels of depth images; `arguments` are those of `warpvis.kernels.classify.classify_depth`."""
+    """Write the labels of depth images; `arguments` are the last ones of `warpvis.kernels.classify.classify_depth`."""
     if depth.device.is_cpu:
         from warpvis.kernels.depth_rows import classify_depth_rows as of_pinhole, classify_ray_rows as of_rays
     else:
@@ -54,7 +54,7 @@ def launch_classify(
 def launch_label_objects(
     object_labels: wp.array, depth: wp.array, objects: wp.array, reach: float, labels: wp.array, threads: int | None
 ) -> None:
-    """Write the labels of the objects that pixels show."""
+    """Write the labels of the objects that are visible at pixels."""
     if depth.device.is_cpu:
         from warpvis.kernels.depth_rows import label_objects_rows as kernel
     else:
@@ -75,7 +75,7 @@ def _launch_camera(
     threads: int | None,
     least_pixels: int,
 ) -> None:
-    """Launch the kernel of pinholes or of ray tables."""
+    """Launch the kernel for pinhole cameras or the one for ray tables."""
     of_pinhole, of_rays = kernels
     struct = camera.device_struct()
     rays = [ray_table(camera, depth.device)] if isinstance(camera, RayCamera) else []

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What models of depth cameras derive from: they read clean images, and write what the device would have said."""
+"""Base class of depth camera models, which compute a device's measurements from exact images."""
 
 from __future__ import annotations
 
@@ -29,71 +29,71 @@ TakesLens: TypeAlias = Literal["no", "z", "any"]
 
 @dataclass(frozen=True)
 class Exposure:
-    """The views of one call (or of a part of it, on a GPU): what a model reads, and what it writes."""
+    """Inputs and outputs of a model for the views of one call, or of a part of it on a GPU."""
 
     scene: Scene
-    """What is seen."""
+    """The scene."""
     camera: Camera
-    """The camera, with the depth range that it and the device have in common. Of models with `takes_lens` it may be a
-    `LensCamera`, of which only `image_range` is to be asked for."""
+    """The camera, with the depth range shared by it and the device. For models with `takes_lens`, it may be a
+    `LensCamera`, of which only `image_range` may be used."""
     clip_near: float
-    """What is nearer is not there [m]: the camera's near with ``near_plane="clip"``, else 0."""
+    """Distance within which surfaces are cut away [m]: the camera's near with ``near_plane="clip"``, otherwise 0."""
     poses: wp.array
-    """Camera to world, OpenCV's axes, ``(V,)`` transform."""
+    """Camera to world, OpenCV axes, ``(V,)`` transform."""
     worlds: Worlds
     """The world of each view."""
     draws: wp.array
-    """What a view's random numbers follow from: its number and its frame, ``(V,)`` vec2ui."""
+    """Keys of each view's random numbers: its number and its frame, ``(V,)`` vec2ui."""
     numbers: NDArray[np.uint32]
-    """The same in the host's memory, ``(V, 2)``."""
+    """The same keys in host memory, ``(V, 2)``."""
     seed: int
-    """And the seed, below 2^32."""
+    """Seed of the random numbers, below 2^32."""
     threads: int
     """CPU threads to use."""
     true_depth: wp.array
-    """Planar depth of the first surface, however near or far it is, ``(V, H, W)``; +inf where there is none."""
+    """Planar depth of the first surface at any distance, ``(V, H, W)``; +inf without a surface."""
     normals: wp.array | None
-    """Its unit normals in the world frame, towards the camera, if the model needs them."""
+    """Unit normals of the first surface in the world frame, towards the camera, if the model needs them."""
     segmentation: wp.array | None
-    """Its object, -1 where there is none, if the model needs that."""
+    """Objects of the first surface, -1 without one, if the model needs them."""
     depth_out: wp.array
-    """Where to write what the sensor says, ``(V, H, W)``."""
+    """Output for the measured depth, ``(V, H, W)``."""
     reasons_out: wp.array | None
-    """Where to write a `warpvis.sensors.Reason` for every pixel, ``(V, H, W)`` uint8; None if nobody asks."""
+    """Output for a `warpvis.sensors.Reason` per pixel, ``(V, H, W)`` uint8; None if not requested."""
     room: Callable[[str, tuple[int, ...], type], wp.array]
-    """Memory to work in: `room(name, shape, dtype)` returns an array, the same one in the next call of the kind."""
+    """Scratch memory: `room(name, shape, dtype)` returns an array, which later calls of the same kind reuse."""
     cast: Callable[[Worlds, Camera, wp.array, wp.array, tuple[str, ...]], dict[str, wp.array]]
-    """What `cast_images_at` calls, of any worlds."""
+    """Implementation of `cast_images_at` for given worlds."""
 
     @property
     def image_range(self) -> PinholeCamera:
-        """The image's size and the range of depth as kernels take them, of a pinhole or a lens."""
+        """Image size and depth range of a pinhole or a lens in the format of kernels."""
         width, height = self.camera.width, self.camera.height
         range_ = {"near": self.camera.near, "far": self.camera.far}
         return Camera(width, height, 1.0, 1.0, width / 2, height / 2, **range_).device_struct()
 
     def cast_at(self, camera: Camera, poses: wp.array, points: wp.array) -> wp.array:
-        """Cast through image points of another camera of the same worlds.
+        """Cast through image points of another camera in the same worlds.
 
         Args:
             camera: The camera.
-            poses: Where it is in each of V views, as `poses`.
-            points: Its image points, ``(V, Y, X)`` vec2 [px], of which neighbours are best close together.
+            poses: Its pose in each of V views, in the format of `Exposure.poses`.
+            points: Its image points [px], ``(V, Y, X)`` vec2; faster if neighbors in the array are close in the image.
 
         Returns:
-            The depth that is seen there, ``(V, Y, X)``; +inf where a point is NaN or outside of the image. The array is
-            the model's until its `measure` returns, or casts again.
+            Depth at the points, ``(V, Y, X)``; +inf where a point is NaN or outside the image. The array is valid until
+            `measure` returns or casts again.
         """
         return self.cast_images_at(camera, poses, points, ("depth",))["depth"]
 
     def cast_images_at(
         self, camera: Camera, poses: wp.array, points: wp.array, names: tuple[str, ...]
     ) -> dict[str, wp.array]:
-        """Do the same of several images, by their names: of ``"depth"``, ``"normals"`` and ``"segmentation"``."""
+        """Cast as `cast_at` does and return several images by name: ``"depth"``, ``"normals"``, ``"segmentation"``."""
         return self.cast(self.worlds, camera, poses, points, names)
 
     def measure_some(self, views: NDArray[np.integer], sensor: DepthSensor) -> None:
-        """Have a sensor measure some of the views, by their places among these, in ascending order."""
+        """Let a sensor measure a subset of the views, given by ascending indices."""
         first, last = int(views[0]), int(views[-1])
         if last - first == len(views) - 1:
             sensor.measure(self._part(slice(first, last + 1), sensor.needs))
@@ -105,7 +105,7 @@ class Exposure:
                 put_rows(image, views, made)
 
     def _part(self, views: slice | NDArray[np.integer], needs: Collection[str]) -> Exposure:
-        """Return some of the views, of consecutive ones the same memory, and of images those that are needed."""
+        """Return a subset of the views with the images in `needs`; a slice shares memory, indices are copied."""
 
         def some(array: wp.array | None) -> wp.array | None:
             return None if array is None else take_rows(array, views)
@@ -125,45 +125,45 @@ class Exposure:
 
 
 class DepthSensor(ABC):
-    """A model of a depth camera: what ``sensor=`` takes, of `Renderer` and wherever else depth is rendered.
+    """Base class of depth camera models, for the argument `sensor` of `Renderer` and other functions that render depth.
 
-    A model of one's own is a frozen dataclass of numbers, whose `measure` launches kernels. Nothing else is asked of
-    it: `needs` and `bytes_per_pixel` say what it reads and how much room it takes, and `check` refuses cameras and
-    scenes that it is no model of.
+    A custom model is a frozen dataclass of numbers that implements `measure` by launching kernels. It may override
+    `needs` and `bytes_per_pixel` to request additional images and declare its memory use, and `check` to reject cameras
+    and scenes that it does not support.
     """
 
     native_camera: Camera | None = None
-    """The camera that the device has: what `camera` returns. Depth keeps to its range through any other camera."""
+    """The device's own camera, returned by `camera`. Its depth range also limits depth through other cameras."""
 
     def camera(self) -> Camera:
-        """Return the camera of the device: its image size, focal length and range.
+        """Return the device's camera: its image size, focal length and range.
 
         Raises:
-            CameraError: The sensor was made without one.
+            CameraError: If the sensor has no `native_camera`.
         """
         if self.native_camera is None:
             raise CameraError("this sensor has no camera of its own: give native_camera, or take a profile of a device")
         return self.native_camera
 
     takes_lens: ClassVar[TakesLens] = "no"
-    """Whether the model is one of cameras with lenses, too: where depth is along the axis, or of any. It must then look
-    at depth alone, pixel by pixel, and at nothing of the camera but `Exposure.image_range`."""
+    """Supported lenses: ``"no"``, ``"z"`` for lenses with depth along the axis, or ``"any"``. Models that support
+    lenses must process depth pixel by pixel, and read only `Exposure.image_range` of the camera."""
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
-        """Which images of the first surface `measure` reads beside its depth."""
+        """Images of the first surface that `measure` reads in addition to its depth."""
         return ()
 
     @property
     def bytes_per_pixel(self) -> int:
-        """How much room `measure` takes for a pixel, beside the images that it reads and writes."""
+        """Memory that `measure` uses per pixel, in addition to the images that it reads and writes [bytes]."""
         return 0
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera with the range of depth that it and the device have in common.
+        """Return the camera, with its depth range restricted to the device's.
 
         Raises:
-            WarpvisError: If the sensor is not a model of such a camera, or there is no such range.
+            WarpvisError: If the sensor does not support the camera, or the ranges do not overlap.
         """
         if isinstance(camera, Camera):
             return self._in_range(camera)
@@ -187,11 +187,11 @@ class DepthSensor(ABC):
 
     @abstractmethod
     def measure(self, exposure: Exposure) -> None:
-        """Write the sensor's depth and reasons, by kernels on the scene's device.
+        """Write the sensor's depth and reasons with kernels on the scene's device.
 
-        Depth is within the camera's range or, as in REP 117, +inf where nothing is or it is too far, -inf where it is
-        too near; NaN where it was lost for another reason. Random numbers are those of
-        `warpvis.kernels.random_numbers`, and nothing depends on how views are split.
+        Depth must be within the camera's range or, as in REP 117, +inf where there is no surface or it is too far, and
+        -inf where it is too near; NaN where it was lost for another reason. Random numbers must come from
+        `warpvis.kernels.random_numbers`, and results must not depend on how views are split into calls.
         """
 
 
@@ -199,7 +199,7 @@ def require_sensor(sensor: object) -> DepthSensor:
     """Return `sensor` if it is a model of a depth camera.
 
     Raises:
-        ArrayError: It is none.
+        ArrayError: If `sensor` is not a `DepthSensor`.
     """
     if not isinstance(sensor, DepthSensor):
         raise ArrayError(f"sensor must be a model of warpvis.sensors, such as StereoDepth, got {sensor!r}")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where movable objects are in the images, found on a GPU before packets are drawn."""
+"""Culling of movable objects on a GPU: sorting them into image tiles before packets are cast."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from warpvis.rendering._orthographic import AnyCamera
 
 MANY_OBJECTS = 256
-"""With fewer, packets look at all of them themselves, a lane each."""
+"""Number of movable objects from which they are sorted into tiles; with fewer, each packet tests all of them."""
 
-# So many objects of views take 2 GB: beyond, packets look at all of them.
+# Maximum number of views times objects, which takes 2 GB; beyond it, each packet tests all objects.
 _MOST = 1 << 26
-# Columns and rows of pixels are noted in 16 bits.
+# Columns and rows of pixels are stored in 16 bits.
 _WIDEST = 0xFFFF
 _BLOCK = 128
 
@@ -31,18 +31,18 @@ _BLOCK = 128
 def find_objects(
     scene: BvhScene, camera: AnyCamera, clip_near: bool, poses: wp.array, worlds: Worlds, device: wp.Device
 ) -> FoundObjects:
-    """Find the objects with frames of their own that each view may see, and sort them into tiles of its image.
+    """Find the movable objects that may be visible in each view, and sort them into tiles of its image.
 
     Args:
-        scene: The trees.
-        camera: Of all views.
-        clip_near: Whether what is nearer than its `near` is not there.
+        scene: The acceleration structures.
+        camera: The camera of all views.
+        clip_near: Whether surfaces nearer than the camera's `near` are cut away.
         poses: Camera to world, shape ``(V,)``, transforms on the device.
-        worlds: Where objects are, and how large.
+        worlds: Poses and scales of objects.
         device: A GPU.
 
     Returns:
-        What packets ask; without arrays where that would take too much memory.
+        The objects of each tile; without arrays, as from `nothing_found`, if they would take too much memory.
     """
     from warpvis.kernels.packets_cuda import MAX_TILES, TILE_BITS, FoundObjects, sort_into_tiles
 
@@ -69,7 +69,7 @@ def find_objects(
 
 @cache
 def nothing_found() -> FoundObjects:
-    """Return what makes packets look at all objects themselves."""
+    """Return an empty struct, which makes packets test all objects."""
     from warpvis.kernels.packets_cuda import FoundObjects
 
     return FoundObjects()

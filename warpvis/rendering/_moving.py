@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors and objects that move within a frame: every ray is cast by itself, from where the sensor is at its time."""
+"""Sensors and objects that move within a frame: single rays are cast from the sensor's pose at each ray's time."""
 
 from __future__ import annotations
 
@@ -39,29 +39,29 @@ class MovingPoses:
     objects: MotionStruct | None
     views: int
     own_worlds: bool
-    """Whether each view has a world of its own, without `world_index`."""
+    """Whether each view has a separate world, without `world_index`."""
 
     def __len__(self) -> int:
-        """Count the views."""
+        """Return the number of views."""
         return self.views
 
     def __getitem__(self, part: slice) -> MovingPoses:
-        """Return those of some of the views."""
+        """Return the motions of a slice of the views."""
         views = len(range(*part.indices(self.views)))
         objects = _sliced(self.objects, part) if self.objects is not None and self.own_worlds else self.objects
         return replace(self, sensor=_sliced(self.sensor, part), objects=objects, views=views)
 
 
 class MovingCaster:
-    """One thread a ray, one query of Warp's mesh a thread, as `warpvis.rendering.casters.RaysCaster`."""
+    """Cast with one thread per ray and one query of Warp's mesh per thread, like `RaysCaster`."""
 
     def __init__(
         self, scene: Scene, camera: RenderCamera, *, cull_backfaces: bool, clip_near: bool, threads: int
     ) -> None:
-        """Prepare to cast.
+        """Set up the caster.
 
         Raises:
-            CameraError: Rays of the camera are not cast from one place.
+            CameraError: If the camera is orthographic.
         """
         if isinstance(camera, OrthographicCamera):
             raise CameraError(
@@ -74,7 +74,7 @@ class MovingCaster:
         self._threads = threads
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what it is, without what is on a device."""
+        """Return the state without device arrays."""
         return {name: value for name, value in self.__dict__.items() if name not in ("_rays", "_origins", "_times")}
 
     def parse(
@@ -86,10 +86,10 @@ class MovingCaster:
         exclude: Excluded,
         object_scales: ObjectScales,
     ) -> tuple[MovingPoses, Worlds]:
-        """Check what a call of `Renderer.render` is given, of which something moves.
+        """Check the arguments of a call of `Renderer.render` with at least one `Motion`.
 
         Raises:
-            WarpvisError: An argument is not what it has to be.
+            WarpvisError: If an argument is invalid.
         """
         sensor, views = parse_sensor(self._camera, camera_to_world, convention, self._scene.device)
         if not isinstance(object_poses, Motion):
@@ -102,7 +102,7 @@ class MovingCaster:
         return MovingPoses(sensor, objects, views, world_index is None and objects.legs.shape[1] > 1), worlds
 
     def cast(self, poses: MovingPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all views; None is not made."""
+        """Write depth, points, normals, labels, segmentation and faces of all views; skip images that are None."""
         from warpvis.kernels.moving_objects import cast_at_moving_objects
         from warpvis.kernels.moving_rays import cast_moving_rays
 
@@ -166,12 +166,12 @@ class MovingCaster:
 def parse_sensor(
     camera: RenderCamera, poses: PoseLike | Motion, convention: Convention | None, device: wp.Device
 ) -> tuple[MotionStruct, int]:
-    """Return where a sensor is, as kernels take it, and of how many views.
+    """Return the motion of a sensor in the format of kernels, and the number of views.
 
     Raises:
-        PoseError: The poses are malformed.
-        ArrayError: Rays are cast at times of which the motion says nothing, or it is of another number of views.
-        CameraError: Rays have no times, and it moves.
+        PoseError: If the poses are malformed.
+        ArrayError: If the motion does not cover the times of all rays, or `starts` does not match the number of views.
+        CameraError: If the sensor moves and the camera's rays have no times.
     """
     axes = camera.axes if isinstance(camera, RayCamera) else "opencv"
     given = axes if convention is None else check_convention(convention)
@@ -242,12 +242,12 @@ def _shape_of(camera: RenderCamera) -> tuple[int, ...]:
 def _struct_of(
     poses: wp.array, motion: Motion | None = None, turn: Callable[[np.ndarray], np.ndarray] = np.asarray
 ) -> MotionStruct:
-    """Make what kernels take of poses on a device, shape ``(T, rows, columns)``, and of how they move.
+    """Return the kernels' struct of poses on a device, shape ``(T, rows, columns)``, and their motion.
 
     Args:
         poses: The poses.
-        motion: Says when they are, or which twist moves them; None if they stay.
-        turn: Brings velocities into the frame of the poses.
+        motion: Motion with the times or the twist of the poses; None if they are constant.
+        turn: Function that rotates velocities into the frame of the poses.
     """
     from warpvis.kernels.motions import Leg, Motion as MotionStruct, begin_legs
 
@@ -266,7 +266,7 @@ def _struct_of(
 
 
 def _sliced(struct: MotionStruct, part: slice) -> MotionStruct:
-    """Return the motion of some of the views, or of their worlds; one of all views is for each part, too."""
+    """Return the motion of a slice of the views, or of their worlds; values shared by all views are kept."""
     from warpvis.kernels.motions import Motion as MotionStruct
 
     some = MotionStruct()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras whose rays are parallel, as of plans and engineering drawings."""
+"""Orthographic cameras, whose rays are parallel, as for plans and engineering drawings."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OrthographicCamera:
-    """A camera of parallel rays, with OpenCV axes: x right, y down, z forward, which is where all rays go.
+    """A camera of parallel rays with OpenCV axes: x right, y down, z forward, the direction of all rays.
 
     Pixel ``(x, y)`` covers the square from ``(x, y)`` to ``(x + 1, y + 1)``. The camera-frame point ``(X, Y, Z)`` is
-    seen at ``(fx X + cx, fy Y + cy)``, and its depth is Z. What lies behind the camera's plane is not seen.
+    projected to ``(fx X + cx, fy Y + cy)``, and its depth is Z. Surfaces behind the camera's plane are not visible.
 
-    `Renderer` and `render` take it, and cast it ray by ray.
+    `Renderer` and `render` accept it, and cast it ray by ray.
     """
 
     width: int
@@ -32,17 +32,17 @@ class OrthographicCamera:
     height: int
     """Image height [px]."""
     fx: float
-    """Pixels a metre, across the image [px/m]."""
+    """Horizontal scale [px/m]."""
     fy: float
-    """Pixels a metre, down the image [px/m]."""
+    """Vertical scale [px/m]."""
     cx: float
-    """Where the camera's axis meets the image, from its left edge [px]."""
+    """Horizontal position of the camera's axis in the image, from the left edge [px]."""
     cy: float
-    """Where the camera's axis meets the image, from its top edge [px]."""
+    """Vertical position of the camera's axis in the image, from the top edge [px]."""
     near: float = 0.0
-    """Least depth [m]; what is nearer reads -inf and still occludes."""
+    """Minimum depth [m]; nearer surfaces have depth -inf and still occlude."""
     far: float = math.inf
-    """Greatest depth [m]; what is farther reads +inf."""
+    """Maximum depth [m]; farther surfaces have depth +inf."""
 
     def __post_init__(self) -> None:
         check_numbers(self, "pixels a metre must be more than 0")
@@ -58,18 +58,18 @@ class OrthographicCamera:
         near: float = 0.0,
         far: float = math.inf,
     ) -> OrthographicCamera:
-        """Make a camera of square pixels whose axis meets the image in its middle.
+        """Create a camera with square pixels whose axis is at the center of the image.
 
         Args:
             width: Image width [px].
             height: Image height [px].
-            across: How much of the world the image's width shows [m]. Give this or `down`.
-            down: How much its height shows [m], which is ``fovy`` of MuJoCo's orthographic cameras.
-            near: Least depth [m].
-            far: Greatest depth [m].
+            across: Width of the visible region [m]. Give either this or `down`.
+            down: Height of the visible region [m], as ``fovy`` of MuJoCo's orthographic cameras.
+            near: Minimum depth [m].
+            far: Maximum depth [m].
 
         Raises:
-            CameraError: The extent is missing, given twice, or not above 0.
+            CameraError: If neither or both of `across` and `down` are given, or the given one is not greater than 0.
         """
         width, height = check_size(width, "width"), check_size(height, "height")
         given = [(size, name, extent) for size, name, extent in ((width, "across", across), (height, "down", down))]
@@ -83,10 +83,10 @@ class OrthographicCamera:
         return cls(width, height, scale, scale, width / 2, height / 2, near, far)
 
     def device_struct(self, *, clip_near: bool = False) -> PinholeCamera:
-        """Return the camera as `warpvis.kernels.orthographic` takes it.
+        """Return the camera in the format of `warpvis.kernels.orthographic`.
 
         Args:
-            clip_near: Whether what is nearer than `near` is not there, instead of hiding what is behind it.
+            clip_near: Whether surfaces nearer than `near` are cut away instead of occluding.
         """
         from warpvis.kernels.pinhole import PinholeCamera
 
@@ -99,6 +99,6 @@ class OrthographicCamera:
 
 
 AnyCamera: TypeAlias = Camera | OrthographicCamera
-"""A camera whose pixels are on a plane."""
+"""A camera with a planar image."""
 RenderCamera: TypeAlias = AnyCamera | RayCamera
-"""What `Renderer` takes."""
+"""A camera that `Renderer` accepts."""

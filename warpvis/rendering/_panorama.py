@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images wider than a pinhole's, up to all around: cylindrical and spherical (fisheye) projections."""
+"""Wide-angle images, up to 360 degrees: cylindrical and spherical (fisheye) projections."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ from warpvis.scene import Scene, require_scene
 
 Projection = Literal["cylindrical", "spherical"]
 
-# Two pi as files write it with four decimals.
+# Two pi, rounded to four decimals as in files.
 _WIDEST = 6.2832
-# A scene keeps the rays of so many images of `render_wide`, of so many rays each: 30 MB.
+# A scene caches the prepared rays of this many images of `render_wide`, with at most this many rays each: 30 MB.
 _MAX_KEPT, _MAX_KEPT_RAYS = 2, 2**20
 
 
 @dataclass(frozen=True)
 class WideCamera(RayCamera):
-    """A camera that a pinhole is too narrow for: one ray through every pixel's centre, in equal steps of angle.
+    """A wide-angle camera with one ray through the center of every pixel, in equal steps of angle.
 
-    `Renderer` and `render` take it. With u to the right and v downwards from the image's middle, both from -1/2 to 1/2
-    from border to border:
+    `Renderer` and `render` accept it. With u to the right and v downwards from the image's center, both from -1/2 to
+    1/2 from border to border:
 
     * ``"cylindrical"``: the ray's azimuth is ``u * hfov`` to the right, its elevation ``v * hfov * height / width``
-      downwards. Columns are meridians and rows are parallels, all as far apart (equirectangular).
-    * ``"spherical"``: an equidistant fisheye. The ray is ``hfov * sqrt(u^2 + v^2)`` away from the camera's axis,
-      towards the pixel. The middles of all four borders are ``hfov / 2`` away from it, so that an image that is not
-      square is stretched; its corners are beyond.
+      downwards. Columns are equally spaced meridians and rows are equally spaced parallels (equirectangular).
+    * ``"spherical"``: an equidistant fisheye. The angle between the ray and the camera's axis is
+      ``hfov * sqrt(u^2 + v^2)``. It is ``hfov / 2`` at the centers of all four borders, so that an image that is not
+      square is stretched, and larger at the corners.
 
-    Where a pixel is more than pi away from the axis, or more than pi / 2 above or below the horizon, the formulas hold
-    all the same: its ray goes over the pole. These are the projections of Webots' cameras (its shader
+    The formulas also apply to pixels with an angle of more than pi to the axis, or more than pi / 2 above or below the
+    horizon: their rays go over the pole. These are the projections of Webots cameras (its shader
     ``merge_spherical.frag``).
 
-    Depth is the ray's *length* from the camera to what it meets [m].
+    Depth is the *length* of the ray from the camera to the surface [m].
     """
 
     width: int
@@ -61,9 +61,9 @@ class WideCamera(RayCamera):
     projection: Projection = "cylindrical"
     """``"cylindrical"`` or ``"spherical"``."""
     near: float = 0.0
-    """Least length of a ray that is measured [m]; what is nearer reads -inf and still occludes."""
+    """Minimum length of a ray [m]; nearer surfaces have depth -inf and still occlude."""
     far: float = math.inf
-    """Greatest length of a ray that is measured [m]; what is farther reads +inf."""
+    """Maximum length of a ray [m]; farther surfaces have depth +inf."""
 
     kind = "range"
     taken_by = "wv.render takes it, and what is seen has points and labels of its own"
@@ -84,14 +84,14 @@ class WideCamera(RayCamera):
 
     @property
     def rays(self) -> NDArray[np.float64]:
-        """Unit vectors through all pixels' centres, shape ``(height, width, 3)``."""
+        """Unit vectors through the centers of all pixels, shape ``(height, width, 3)``."""
         return self._directions(np.arange(self.width) + 0.5, (np.arange(self.height) + 0.5)[:, None])
 
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return unit vectors through points of the image [px], shape ``(..., 2)``; NaN outside of it.
+        """Return unit vectors through image points [px], shape ``(..., 2)``; NaN outside the image.
 
         Raises:
-            WarpvisError: `pixels` are no numbers of this shape.
+            WarpvisError: If `pixels` is not a numeric array of this shape.
         """
         given = as_numpy(pixels, name="pixels").astype(np.float64)
         if given.shape[-1:] != (2,):
@@ -104,7 +104,7 @@ class WideCamera(RayCamera):
         u, v = x / self.width - 0.5, y / self.height - 0.5
         if self.projection == "spherical":
             away = self.hfov * np.hypot(u, v)
-            scale = self.hfov * np.sinc(away / math.pi)  # the sine over the distance from the middle
+            scale = self.hfov * np.sinc(away / math.pi)  # sin(away) / hypot(u, v)
             parts = scale * u, scale * v, np.cos(away)
         else:
             azimuth, down = u * self.hfov, v * (self.hfov * self.height / self.width)
@@ -132,23 +132,23 @@ def render_wide(
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> Views:
-    """Render views that a pinhole is too narrow for, as a `WideCamera` says.
+    """Render wide-angle views with the projections of `WideCamera`.
 
-    Rays are sorted for packets at the first call, on CPU cores; the scene keeps what was sorted for the images that
-    were rendered last, if they are of up to a million pixels. Larger ones are cast ray by ray: to render them again and
-    again, keep a `WideCamera` and use `render` or `Renderer`.
+    The first call sorts the rays for packets on CPU cores; the scene caches the sorted rays of the two images rendered
+    last, if they have at most 2^20 pixels. Larger images are cast ray by ray: to render them repeatedly, create a
+    `WideCamera` and use `render` or `Renderer`.
 
     Args:
-        scene: What is seen.
+        scene: The scene to render.
         width: Image width [px].
         height: Image height [px].
         hfov: Horizontal field of view [rad], up to 2 pi.
         camera_to_world: Poses, as for `Renderer.render`.
         projection: ``"cylindrical"`` or ``"spherical"``.
-        near: Least length of a ray that is measured [m].
-        far: Greatest length of a ray that is measured [m].
-        outputs: The images to make, as for `Renderer`.
-        cull_backfaces: See through triangles from behind, as for `Renderer`.
+        near: Minimum length of a ray [m].
+        far: Maximum length of a ray [m].
+        outputs: The images to render, as for `Renderer`.
+        cull_backfaces: Whether to ignore triangles seen from behind, as for `Renderer`.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
@@ -157,11 +157,11 @@ def render_wide(
         threads: CPU threads to use; all cores of this process by default.
 
     Returns:
-        The images, indexed ``[view, y, x]``, on the scene's device. Depth is the ray's *length* from the camera to what
-        it meets [m]: +inf where that is nothing or lies beyond `far`, -inf where it is nearer than `near` (REP 117).
+        The images, indexed ``[view, y, x]``, on the scene's device. Depth is the *length* of the ray from the camera to
+        the surface [m]: +inf without a surface within `far`, -inf where it is nearer than `near` (REP 117).
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     require_scene(scene)
     camera = WideCamera(width, height, hfov, projection, near, far)
@@ -185,7 +185,7 @@ def render_wide(
 
 
 def _share(scene: Scene, camera: WideCamera) -> None:
-    """Have a camera find what was prepared for one of the same image, whatever its range."""
+    """Share prepared rays between cameras with the same image and any range."""
     image = (camera.width, camera.height, camera.hfov, camera.projection)
     camera.prepare_in(scene.kept_rays.setdefault(image, Kept()))
     for old in list(scene.kept_rays)[:-_MAX_KEPT]:

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays of a table as packets walk them on CPU cores: split over pinholes, and sorted into packets of neighbours.
+"""Preparation of ray tables for packets on CPU cores: rays are split over pinholes and sorted into coherent packets.
 
-All in double precision, once for a table. What is made of it is in ``kernels/native/cpu/ray_tree.h``.
+Computed in double precision, once per ray table; used by ``kernels/native/cpu/ray_tree.h``.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ if TYPE_CHECKING:
 
 _LANES = CPU_LANES
 _GROUP = _LANES * _LANES
-# A bundle has so many groups at most: as many bytes as stay in a core's cache, and a few units of work an image.
+# Maximum number of groups in a bundle, so that a bundle fits a core's cache and an image has a few units of work.
 _MAX_GROUPS = 10
-# One pinhole is enough up to this tangent.
+# Maximum tangent of the field of view of a single pinhole.
 _WIDEST = 1.6
-# Pixels of a bundle's image between neighbouring rays: places are known to that, and bounds to a bit more.
+# Pixels of a bundle's image between neighboring rays: the resolution of positions and, nearly, of bounds.
 _FINENESS = 32.0
 _MIN_FOCAL, _MAX_FOCAL = 64.0, 2.0**15
 _MARGIN = 1e-3  # of bounds [px]
-# Neighbours in the table are neighbours in the image if their packets are not this much longer than sorted ones.
+# Maximum length of packets of neighbors in the table, relative to square packets; beyond it, rays are sorted.
 _MAX_STRETCH = 2.0
 _BLOCKS = ((4, 4), (2, 8), (1, 16))
-_ACROSS = TILE_SIDE // BLOCK_SIDE  # packets of a tile
-# Tiles of fewer rays are not fitted, nor those whose columns run along their rows, or whose rays are so many columns or
-# rows from where the fit has them.
+_ACROSS = TILE_SIDE // BLOCK_SIDE  # packets per row or column of a tile
+# Tiles are fitted if they have at least this many rays, if the sine of the angle between their columns and rows is not
+# too small, and if rays are at most this many columns or rows from their fitted position.
 _MIN_FITTED, _MIN_TURN, _MAX_ASIDE = 16, 0.05, 0.75
-# What single precision may add to that, and what it may change of a place, as a part of it.
+# Error bounds of single precision: of fitted columns and rows, absolute, and of positions, relative.
 _FIT_MARGIN, _ROUNDED = 1e-3, 5e-7
 _FIT_WORDS = 10  # of a ``RayFit``
 
-# Of the pinhole that looks along each axis, and the other way: what is right, down and forward there. The complement
-# of an axis is the other way.
+# Axes right, down and forward of the pinhole along each axis, by axis and whether it faces the negative direction. The
+# bitwise complement of an axis is the negative axis.
 _FACES: dict[tuple[int, bool], tuple[int, int, int]] = {
     (0, False): (~2, 1, 0),
     (0, True): (2, 1, ~0),
@@ -57,18 +57,18 @@ _FACES: dict[tuple[int, bool], tuple[int, int, int]] = {
 
 @dataclass(frozen=True)
 class SplitRays:
-    """Rays of a table through pinholes along axes, each through one."""
+    """Rays of a table, each assigned to one of several pinholes along the axes."""
 
     axes: list[tuple[int, int, int]]
-    """Of each pinhole: what is right, down and forward."""
+    """Right, down and forward axis of each pinhole."""
     face: NDArray[np.int8]
-    """Which pinhole, -1 for none, shape (H, W)."""
+    """Index of each ray's pinhole, -1 for none, shape (H, W)."""
     places: NDArray[np.float64]
-    """Where in its image, from the principal point [px], shape (H * W, 2)."""
+    """Position of each ray in its pinhole's image, from the principal point [px], shape (H * W, 2)."""
     forward: NDArray[np.float64]
-    """How far ahead in it rays reach, shape (H * W)."""
+    """Component of each ray along its pinhole's axis, shape (H * W)."""
     focal: float
-    """Of all [px]."""
+    """Focal length of all pinholes [px]."""
 
 
 @dataclass(frozen=True)

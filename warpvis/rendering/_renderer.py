@@ -83,9 +83,10 @@ class Renderer:
 
         Args:
             scene: The scene to render. Objects that are added to it later are rendered too.
-            camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera` or
-                `warpvis.sensors.Rays`, which are cast ray by ray where the rays have distinct origins, or a
-                `warpvis.rendering.OrthographicCamera`, which is always cast ray by ray.
+            camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera`, a
+                `warpvis.sensors.Rays` or a `warpvis.rendering.OrthographicCamera`. Rays with distinct origins are cast
+                in packets of rays that pass near a common eye if the origins are within 0.1 m of each other, and ray by
+                ray otherwise. An `OrthographicCamera` is always cast ray by ray.
             outputs: The images to render: ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
                 ``"faces"``, ``"color"``, ``"albedo"``; with a sensor, also ``"reasons"`` and ``"true_depth"``.
             caster: ``"packets"``, for speed; ``"rays"``, the reference; ``"auto"`` uses packets, which are faster in
