@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of pixels through the models of kernels/kinect_noise.py.
+// The models of kernels/kinect_noise.py applied to rows of pixels.
 
 struct Khoshelham {
     float step, sigma;
@@ -19,7 +19,7 @@ struct Khoshelham {
         const Floats depth = row.exact(x), scaled = step * depth;
         const Floats found = rounds ? Numbers::floor(1.0f / scaled + noise + 0.5f) : 1.0f + scaled * noise;
         const Floats unit = rounds ? Lanes::all(1.0f / step) : depth;
-        // Beyond the last step is endless depth.
+        // Beyond the last quantization step, depth is infinite.
         const Floats said = range.said(found > 0.0f ? unit / found : Lanes::all(Numbers::endless()));
         const Ints there = SensorRange::finite(depth);
         row.say(x, there ? said : depth, there ? SensorRange::reason(said) : Lanes::all_ints(REASON_EMPTY));
@@ -28,7 +28,7 @@ struct Khoshelham {
 
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
-// The camera of a view, and what it sees.
+// The camera of a view, and its images.
 struct NguyenView {
     double focal[2], center[2];
     double rotation[4];  // x y z w
@@ -40,7 +40,7 @@ struct NguyenView {
     static inline Doubles wide(Floats a) { return __builtin_convertvector(a, Doubles); }
     static inline Floats narrow(Doubles a) { return __builtin_convertvector(a, Floats); }
 
-    // Angles between normals and the axis; as `angle_of` of kernels/noise.py.
+    // Angles between normals and the optical axis, as `angle_of` of kernels/noise.py.
     inline Floats angle(const Floats* normal) const {
         const Doubles along =
             wide(normal[0]) * forward[0] + wide(normal[1]) * forward[1] + wide(normal[2]) * forward[2];
@@ -58,7 +58,7 @@ struct NguyenView {
         return (__builtin_convertvector(column, Doubles) + 0.5 - center[0]) / focal[0];
     }
     inline Doubles down(Ints row) const { return (__builtin_convertvector(row, Doubles) + 0.5 - center[1]) / focal[1]; }
-    // Normals in the camera's frame, as Warp's quat_rotate_inv rounds them.
+    // Rotate normals into the camera frame, rounded as by Warp's quat_rotate_inv.
     inline void turn(const Floats* normal, Doubles* turned) const {
         const double *q = rotation, w = rotation[3], c = 2.0 * w * w - 1.0;
         const Doubles n[3] = {wide(normal[0]), wide(normal[1]), wide(normal[2])};
@@ -69,7 +69,7 @@ struct NguyenView {
     }
 };
 
-// Pixels whose surfaces others show.
+// The pixels whose surfaces are shown by LANES pixels of a row, displaced by lateral noise.
 struct Shown {
     Ints row, column;
     Floats depth;
@@ -86,7 +86,8 @@ struct Shown {
         depth = Lanes::load(seen);
         for (int c = 0; c < 3; ++c) normal[c] = Lanes::load(normals[c]);
     }
-    // Depth where rays of a row's pixels meet the planes of these; their depth if they do not, or show themselves.
+    // Depth at which the rays of a row's pixels meet the planes of these surfaces; the surface's own depth if they do
+    // not meet, or if a pixel shows its own surface.
     inline Floats met(const NguyenView& view, Ints column_of_ray, int y) const {
         Doubles n[3];
         view.turn(normal, n);
@@ -114,7 +115,7 @@ struct Nguyen {
         const Floats more = sigma + grazing_axial / Numbers::root(depth) * (steep * steep);
         return angle >= grazing_angle ? more : sigma;
     }
-    // Where pixels' centres are moved to along one axis.
+    // Displaced pixel centers along one axis, clamped to the image.
     static inline Ints jittered(Floats at, Floats moved, int size) {
         const Floats place = Numbers::floor(at + 0.5f + moved);
         const Floats last = Lanes::all((float)(size - 1));

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// SIMD lanes: Clang's vector types, which it maps to AVX-512, AVX2, SSE or NEON registers alike.
-// Comparisons give integer lanes, -1 where true and 0 where false, and `mask ? a : b` selects lane by lane.
+// SIMD lanes: Clang's vector types, which it maps to AVX-512, AVX2, SSE or NEON registers alike. Comparisons give
+// integer lanes, -1 if true and 0 if false, and `mask ? a : b` selects lane by lane.
 
 enum { LANES = CPU_LANES };
 static_assert(LANES == 16, "shuffles below are written for as many");
@@ -30,12 +30,12 @@ struct Lanes {
     static inline void store(float* to, Floats value) { __builtin_memcpy(to, &value, sizeof value); }
     static inline void store(int* to, Ints value) { __builtin_memcpy(to, &value, sizeof value); }
 
-    // As selections, these are one instruction each; the builtins take three, to be right about NaN.
+    // As selections, these compile to one instruction each; the builtins take three, to handle NaN.
     static inline Floats min(Floats a, Floats b) { return a < b ? a : b; }
     static inline Floats max(Floats a, Floats b) { return a > b ? a : b; }
     static inline Floats min(Floats a, Floats b, Floats c) { return min(a, min(b, c)); }
     static inline Floats max(Floats a, Floats b, Floats c) { return max(a, max(b, c)); }
-    // The least of all lanes, by halves. The builtin is slower, to be right about NaN.
+    // Minimum of all lanes, by halving. The builtin is slower because it handles NaN.
     static inline float min_of(Floats a) {
         a = min(a, __builtin_shufflevector(a, a, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7));
         a = min(a, __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3));
@@ -43,7 +43,7 @@ struct Lanes {
         return a[0] < a[1] ? a[0] : a[1];
     }
     static inline Floats abs(Floats a) { return __builtin_elementwise_abs(a); }
-    // One bit for every true lane, so that a loop can visit just those.
+    // One bit for every true lane, so that a loop can visit only those.
     static inline unsigned bits(Ints mask) {
         typedef bool Bools __attribute__((ext_vector_type(LANES)));
         const Bools narrow = __builtin_convertvector(mask, Bools);
@@ -65,7 +65,7 @@ struct Points {
     static inline Points cross(Points a, Points b) {
         return Points{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
     }
-    // As memory has them, x0 y0 z0 x1 y1 z1 ...: first x and y are put in place, then z between them.
+    // Interleave as in memory, x0 y0 z0 x1 y1 z1 ...: x and y are put in place first, then z between them.
     static inline void interleave(const Points& p, Floats* rows) {
         const Floats a = __builtin_shufflevector(p.x, p.y, 0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5);
         const Floats b = __builtin_shufflevector(p.x, p.y, 21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26);

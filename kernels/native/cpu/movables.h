@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The objects of a view's world that it may see. Each has a bvh in its own frame, into which the camera is moved:
-// neither rigid motion nor stretching changes depths or where things are in the image, and neither rebuilds anything.
+// The objects with separate frames that a view may see. Each has a BVH in its own frame, into which the camera is
+// transformed: neither rigid motion nor stretching changes depth or image coordinates, and neither requires a rebuild.
 
-// Objects' boxes in camera space, one in each lane: their centres, and half of each of their edges.
+// Bounding boxes of objects in camera space, one per lane: their centers, and half of each edge.
 struct OrientedBoxes {
     Points center, half[3];
 
-    // A column of as many rows as there are lanes; the last one again where there are fewer.
+    // A column of LANES rows; beyond `last`, that row is repeated.
     static inline Doubles column(const float* rows, int stride, int last) {
         float value[LANES];
         for (int k = 0; k < LANES; ++k) value[k] = rows[(k < last ? k : last) * stride];
@@ -16,7 +16,8 @@ struct OrientedBoxes {
     }
     static inline Floats narrow(Doubles value) { return __builtin_convertvector(value, Floats); }
 
-    // As `Pose::axes_of`, of an object in each lane, for quaternions of any length: a function's body has no templates.
+    // As `Pose::axes_of`, with one object per lane and quaternions of any norm: the body of a function cannot contain
+    // templates.
     static inline void axes(const float* row, int last, Doubles (*axis)[3]) {
         const Doubles x = column(row + 3, POSE_WORDS, last), y = column(row + 4, POSE_WORDS, last),
                       z = column(row + 5, POSE_WORDS, last), w = column(row + 6, POSE_WORDS, last);
@@ -32,7 +33,7 @@ struct OrientedBoxes {
         axis[2][2] = 1.0 - s * (x * x + y * y);
     }
 
-    // How the objects from `first` on are stretched, one in each lane.
+    // Stretch factors of the objects from `first` on, one per lane.
     static inline void factors(const View& view, int first, int last, Doubles* factor) {
         const Movables& movables = view.scene.movables;
         double value[3][LANES];
@@ -43,8 +44,8 @@ struct OrientedBoxes {
         __builtin_memcpy(factor, value, sizeof value);
     }
 
-    // Centres in double precision: an object may be far from the origin of its frame, which may be far from the
-    // world's.
+    // Centers are computed in double precision: an object may be far from the origin of its frame, which may be far
+    // from the world's.
     static inline OrientedBoxes of(int first, int last, const View& view) {
         const float* box = view.scene.movables.boxes + (long long)first * BOX_WORDS;
         const float* row = view.scene.movables.poses_from(first, view.world);
@@ -61,7 +62,7 @@ struct OrientedBoxes {
             for (int k = 0; k < 3; ++k) center[k] += axis[i][k] * (0.5 * (low + high));
             const Floats size = narrow(0.5 * (high - low));
             const Points edge = {narrow(axis[i][0]) * size, narrow(axis[i][1]) * size, narrow(axis[i][2]) * size};
-            moved.half[i] = view.camera.turn(edge);  // in the world's frame nothing is left of the origin
+            moved.half[i] = view.camera.turn(edge);  // in the world frame, the rounding error of the origin is 0
         }
         const ExactRow* m = view.pose.axis;
         moved.center.x = narrow((m[0][0] * center[0] + m[0][1] * center[1] + m[0][2] * center[2]) * focal[0]);
@@ -70,14 +71,14 @@ struct OrientedBoxes {
         return moved;
     }
 
-    // Whether the boxes reach to the inner side of a plane through the camera.
+    // Whether the boxes reach the inner side of a plane through the camera.
     inline Ints reach(float x, float y, float z, float aside = 0.0f) const {
         Floats farthest = x * center.x + (y * center.y + z * center.z);
         for (int i = 0; i < 3; ++i) farthest += Lanes::abs(x * half[i].x + (y * half[i].y + z * half[i].z));
         return farthest >= Lanes::all(-aside);
     }
 
-    // Where they are in the image.
+    // Bounds of the boxes in the image.
     inline ScreenBounds bounds(float far, float blur, const Image& image, Ints shown) const {
         const float center_x = image.center_x, center_y = image.center_y;
         const float p = RAY_ORIGINS ? image.tree->apart.most_p : 0.0f,
@@ -96,21 +97,22 @@ struct OrientedBoxes {
     }
 };
 
-// Movable objects that a view may see, as visits of which the child is the object.
+// Visits of the movable objects that a view may see; their child is the object.
 struct Queue {
     Visit* visits;
-    int* order;  // the nearest first
+    int* order;  // front to back
     int count;
 
-    // A little nearer than the boxes of the trees inside: corners of these come of longer sums.
+    // Factor that makes these boxes slightly nearer than those of the trees: their corners are longer sums, with larger
+    // rounding errors.
     static constexpr float nearer() { return 1.0001f; }
 
-    // Objects from `first` on, as many as there are lanes.
+    // Bounds of the objects from `first` on, one per lane.
     static inline ScreenBounds bounds(const View& view, const Image& image, int first, Ints wanted) {
         const OrientedBoxes boxes = OrientedBoxes::of(first, view.scene.movables.end_of(first) - 1 - first, view);
         return boxes.bounds(view.camera.far, view.camera.blur, image, wanted);
     }
-    // One object; false if it is not in the image.
+    // Find the bounds of one object; returns false if it is not in the image.
     static inline bool find(const View& view, const Image& image, int movable, Visit& found) {
         const ScreenBounds all = bounds(view, image, movable, Lanes::index() == Lanes::all_ints(0));
         if (!Lanes::any(all.shown)) return false;
@@ -137,13 +139,13 @@ struct Queue {
         }
     }
 
-    // By eighths of powers of two, which is near enough: the order changes the time, not the image.
+    // Depth bins of eighths of powers of two. The order affects the time, not the image.
     enum {
-        FRACTION_BITS = 23,  // of a float
+        FRACTION_BITS = 23,  // of a float's mantissa
         BIN_BITS = FRACTION_BITS - 3,
         BIN_OF_ONE = 127 << 3,
         BINS = 256,
-        NEARER_BINS = 64,  // than 1 m
+        NEARER_BINS = 64,  // for depths below 1 m
     };
     static inline int bin_of(float inv_z) {
         int bits;

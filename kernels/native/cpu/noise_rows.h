@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of pixels through models of noisy depth, sixteen at a time: what the models share, as in kernels/noise.py.
+// Common parts of the models of depth noise in kernels/noise.py, for rows of pixels, 16 at a time.
 
 // A row of a view's image.
 struct NoiseRow {
@@ -18,18 +18,18 @@ struct NoiseRow {
     }
 };
 
-// Of a sensor [m].
+// Range of a sensor [m].
 struct SensorRange {
     float near, far;
 
     static inline Ints finite(Floats depth) { return Lanes::abs(depth) < Numbers::endless(); }
-    // What was measured, as REP 117 has it.
+    // The reported depth according to REP 117: inf beyond the range, -inf before it.
     inline Floats said(Floats depth) const {
         const Floats endless = Lanes::all(Numbers::endless());
         const Ints too_near = (depth < near) | ~(depth > 0.0f);
         return depth > far ? endless : (too_near ? -endless : depth);
     }
-    // Whether that is a depth.
+    // Reason of a reported depth: valid if it is finite.
     static inline Ints reason(Floats said) {
         return finite(said) ? Lanes::all_ints(REASON_VALID) : Lanes::all_ints(REASON_RANGE);
     }

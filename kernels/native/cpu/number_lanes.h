@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// What formulas for one pixel and for sixteen at a time are made of, as in shared/scalar.h: here, of sixteen.
+// Number types of formulas that are compiled for one pixel and for 16 pixels at a time, as in shared/scalar.h: this
+// version holds 16 pixels.
 typedef Floats Real;
 typedef Ints Whole;
 typedef unsigned Word __attribute__((ext_vector_type(LANES)));
@@ -15,7 +16,7 @@ struct Numbers {
         typedef unsigned long long Longs __attribute__((ext_vector_type(LANES)));
         return __builtin_convertvector((__builtin_convertvector(a, Longs) * (unsigned long long)b) >> 32, Word);
     }
-    // Whole numbers below 2^31 are rounded to the nearest of single precision.
+    // Convert integers below 2^31, rounded to nearest.
     static inline Floats from_whole(Word a) { return __builtin_convertvector((Ints)a, Floats); }
     static inline Word bits_of(Floats a) { return (Word)a; }
     static inline Floats of_bits(Word bits) { return (Floats)bits; }
@@ -28,14 +29,14 @@ struct Numbers {
     static inline float endless() { return __builtin_inff(); }
     static inline float no_number() { return __builtin_nanf(""); }
 
-    // The numbers of pixels from a place on, of which `count` are in the row.
+    // Load the numbers of pixels from an address on; `count` pixels of the row remain.
     static inline Floats load(const float* from, int count) {
         if (count >= LANES) return Lanes::load(from);
         Floats value = Lanes::all(0.0f);
         __builtin_memcpy(&value, from, count * sizeof(float));
         return value;
     }
-    // The first number for so many pixels, then the second, and so on.
+    // Repeat each number `times` times.
     static inline bool repeats(int times) { return times == 2 || times == 4 || times == 8; }
     static inline Floats repeated(Floats a, int times) {
         if (times == 2) return __builtin_shufflevector(a, a, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7);
@@ -48,7 +49,7 @@ struct Numbers {
         __builtin_memcpy(&bytes, from, count < LANES ? count : LANES);
         return __builtin_convertvector(bytes, Ints);
     }
-    // Of x y z x y z ..., each of the three.
+    // Load interleaved triples x y z x y z ...
     static inline void load_triples(const float* from, Floats* triple, int count) {
         float some[3 * LANES] = {};
         if (count < LANES) {

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From inv_z and id of every pixel to depth, points, normals, labels, segmentation and faces, each written once.
+// Conversion of inv_z and id of every pixel to depth, points, normals, labels, segmentation and faces.
 
-// Rows of as many pixels as there are lanes on their way out; only `count` of them where the image ends.
+// Stores of LANES pixels of a row, or of `count` at the end of a row.
 struct Write {
-    // Past the caches, where a whole line of one is written: what is rendered is not read again here.
+    // Whole cache lines are stored with non-temporal hints, which bypass the caches: this code does not read the images
+    // again.
     static inline bool aligned(const void* to) { return ((unsigned long long)to & (Arena::ALIGNMENT - 1)) == 0; }
     static inline void stream(float* to, Floats value) {
         if (aligned(to))
@@ -45,7 +46,7 @@ struct Write {
         for (int k = 0; k < 3; ++k) stream(to + k * LANES, rows[k]);
     }
 
-    // Values of four bytes each, side by side as far as their pixels are.
+    // Store values of four bytes; runs of `run` lanes are contiguous in memory.
     static inline void put(float* to, const int* place, int run, Floats value) {
         float lanes[LANES];
         Lanes::store(lanes, value);
@@ -75,7 +76,7 @@ struct Write {
     }
 };
 
-// Blocks that lie side by side, a tile across, to rows of pixels.
+// Conversion of horizontally adjacent blocks of a tile to rows of pixels.
 struct Blocks {
     static inline void transpose(const float* blocks, Floats* rows) {
         const Floats a = Lanes::load(blocks), b = Lanes::load(blocks + BLOCK_PIXELS);
@@ -89,11 +90,11 @@ struct Blocks {
         rows[2] = __builtin_shufflevector(ab23, cd23, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23);
         rows[3] = __builtin_shufflevector(ab23, cd23, 8, 9, 10, 11, 12, 13, 14, 15, 24, 25, 26, 27, 28, 29, 30, 31);
     }
-    // Integers ride along as floats: nothing is computed with them.
+    // Integers are passed as floats: no arithmetic is done with them.
     static inline void transpose(const int* blocks, Ints* rows) { transpose((const float*)blocks, (Floats*)rows); }
 };
 
-// Normals of triangles that were looked up last: neighbouring pixels, and rows, mostly show the same ones.
+// Cache of triangle normals: adjacent pixels and rows mostly show the same triangles.
 struct NormalCache {
     enum { ENTRIES = 512 };
     int id[ENTRIES];
@@ -107,7 +108,7 @@ struct NormalCache {
     }
 };
 
-// Writes images of a view, of what its z-buffer holds.
+// Writes the images of a view from its z-buffer.
 struct Writer {
     Lookup lookup;
     const Camera& camera;
@@ -117,9 +118,9 @@ struct Writer {
     const Images& out;
     long long view;
     Mode mode;
-    NormalCache* known = nullptr;  // of this view, empty to begin with
+    NormalCache* known = nullptr;  // of this view, initially empty
 
-    // Normals of what a row of pixels shows, from u and v of the first one on.
+    // Normals at a row of pixels, given u and v of the first one.
     inline Points normals(Ints ids, Ints seen, double u, double v) {
         if (!lookup.moving) return triangle_normals(ids, Lanes::bits(seen));
         const Doubles column = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
@@ -130,7 +131,7 @@ struct Writer {
         return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
     }
 
-    // Normals of the triangles that it shows, each looked up once: neighbours mostly share one.
+    // Normals of the triangles at a row of pixels, each looked up once: adjacent pixels mostly share a triangle.
     inline Points triangle_normals(Ints ids, unsigned seen) {
         const Floats none = Lanes::all(__builtin_nanf(""));
         Points n = {none, none, none};
@@ -151,7 +152,7 @@ struct Writer {
         return n;
     }
 
-    // Triangles in their objects' own meshes, -1 where nothing is seen, and of solids.
+    // Indices of triangles in their objects' own meshes, -1 if nothing is visible, and for solids.
     inline Ints faces(Ints ids, Ints seen) {
         int of[LANES];
         Lanes::store(of, ids);
@@ -166,7 +167,7 @@ struct Writer {
         return slot < 0 ? -1 : out.slot_face[slot];
     }
 
-    // Objects of a row's pixels, -1 where nothing is seen; `id` holds triangles or already objects.
+    // Objects at a row of pixels, -1 if nothing is visible; `id` holds triangles or objects, depending on the mode.
     inline Ints objects(Ints id, Ints seen) {
         if (mode != MODE_TRIANGLES) return seen ? id : Lanes::all_ints(-1);
         int of[LANES];
@@ -178,7 +179,7 @@ struct Writer {
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);
     }
 
-    // Neighbours mostly show one object.
+    // Adjacent pixels mostly show the same object.
     static inline void labels(unsigned char* to, const unsigned char* object_label, Ints objects, int count) {
         int object[LANES], previous = -1;
         unsigned char label = LABEL_EMPTY;
@@ -190,7 +191,7 @@ struct Writer {
         }
     }
 
-    // What of a row's pixels is in range.
+    // Depth of a row of pixels, and a mask of those in range.
     struct Range {
         Floats z, depth;
         Ints seen;
@@ -201,15 +202,15 @@ struct Writer {
             const Ints seen = far_enough & (z <= Lanes::all(far)) & (inv_z > Lanes::all(0.0f));
             return Range{z, seen ? z : (far_enough ? infinity : -infinity), seen};
         }
-        // Points of rays that begin at the origin; NaN where nothing is in range.
+        // Points on rays from the origin; NaN if nothing is in range.
         inline Points along(const Points& ray, const float* origin) const {
             const Floats reach = seen ? z : Lanes::all(__builtin_nanf(""));
             return Points{reach * ray.x + origin[0], reach * ray.y + origin[1], reach * ray.z + origin[2]};
         }
     };
 
-    // Write as many pixels of a row as there are lanes, once, to each image that was asked for: some need an id, and
-    // the mode says whether some need a triangle's.
+    // Write LANES pixels of a row to each requested image. Some images need an id, and in MODE_TRIANGLES some need a
+    // triangle's id.
     inline void row(int x, int y, Floats inv_z, Ints id) {
         const int count = count_from(x, image.width);
         const long long at = (view * job.height + image.first_row + y) * job.width + x;
@@ -232,8 +233,8 @@ struct Writer {
         if (out.labels) labels(out.labels + at, out.object_label, object, count);
     }
 
-    // Rows of pixels, out of a row of blocks, which are left empty. They wait in memory that stays in cache, so that
-    // the images are written from beginning to end: as many places at a time as a block has rows are twice as slow.
+    // Write rows of pixels from rows of blocks, and clear the blocks. Rows are buffered in memory that stays in cache,
+    // so that the images are written sequentially: writing BLOCK_SIDE rows at a time takes twice as long.
     inline void strip() {
         const int stride = image.tiles_x * TILE_SIDE;
         for (int y = 0; y < image.height; y += BLOCK_SIDE) {
@@ -250,8 +251,8 @@ struct Writer {
                 }
         }
     }
-    // A row where nothing is asked for that needs an id. Stores may change all that is in memory, as far as the
-    // compiler knows: loops of their own keep what they need in registers.
+    // Write a row if no requested image needs an id. To the compiler, stores may alias any memory: separate loops keep
+    // their parameters in registers.
     inline void plain_row(int y, const float* row_inv_z) const {
         const long long first = (view * job.height + image.first_row + y) * job.width;
         if (out.depth) depth_row(out.depth + first, row_inv_z, image.width, job.near, job.far);
@@ -274,7 +275,7 @@ struct Writer {
     }
     static inline int count_from(int x, int width) { return width - x < LANES ? width - x : LANES; }
 
-    // The blocks from a pixel on, a tile across.
+    // Unpack the blocks from a pixel on, across a tile.
     inline void unpack(int x, int y, int stride) {
         const int first = Image::column_part(x) + image.row_part(y);
         Floats inv_z[BLOCK_SIDE];

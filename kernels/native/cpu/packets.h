@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Views and strips of views: what a worker takes from the work.
+// Rendering of views and strips of views, the units of work.
 
-// What a walk works with: movable objects as the view has them, and the nodes that wait.
+// Memory of a traversal: the movable objects as the view sees them, and the stack of nodes.
 struct Traversal {
-    Frame* frames;  // [movable], of those that are drawn
+    Frame* frames;  // [movable], of those that are rendered
     Visit* visits;  // [movable]
     int* order;  // [movable]
     Visit* stack;
@@ -21,8 +21,8 @@ struct Traversal {
 };
 static_assert(alignof(Frame) <= Arena::ALIGNMENT, "pieces of an arena are aligned to no more");
 
-// A worker's memory for strips of a job. Everything has its place there whatever the height of a strip, so that what
-// one leaves empty is empty for the next.
+// A worker's memory for strips of a job. The layout does not depend on the height of a strip, so that a z-buffer that
+// one strip leaves cleared is clear for the next.
 struct StripMemory {
     Image image;
     Traversal traversal;
@@ -80,7 +80,7 @@ struct Packets {
             image.begin();
         const View view = View::of(scene, job, scene.movables.of_view(index), job.pose_of(index));
         if (view.world.exists) draw(view, image, memory.traversal, mode);
-        // Two copies of the code again: one that knows that no triangle belongs to a movable object, and is faster.
+        // Two instantiations again: the one without movable objects, where `moving` is a constant, is faster.
         const bool moving = scene.movables.count > 0 && mode == MODE_TRIANGLES;
         if (moving)
             write(view, image, out, index, Lookup::of(scene, memory.traversal.frames, view.pose.position, true),
@@ -104,8 +104,8 @@ struct Packets {
         writer.strip();
     }
 
-    // What stays where it is, then what moves: where much is hidden, that is much faster than the other way round, and
-    // elsewhere as fast.
+    // Rasterize static geometry, then movable objects: much faster than the reverse order if much is occluded, and
+    // otherwise as fast.
     static inline void draw(const View& view, const Image& image, const Traversal& traversal, Mode mode) {
         const Bvh& bvh = view.scene.bvh;
         const Movables& movables = view.scene.movables;
@@ -126,7 +126,7 @@ struct Packets {
                                     const Visit& visit, Mode mode) {
         const Movables& movables = view.scene.movables;
         const int movable = visit.child;
-        // Only normals are asked for once all is drawn: else one object's frame takes the place of another's.
+        // After rasterization, only normals need the frames; otherwise all objects share one entry.
         Frame& frame = traversal.frames[mode == MODE_TRIANGLES ? movable : 0];
         const Camera camera = movable_camera(view, movable, frame);
         const Solid& solid = frame.solid;
@@ -146,13 +146,14 @@ struct Packets {
     static inline Camera static_camera(const View& view) {
         Camera camera = view.camera;
         camera.skip_back_faces = view.scene.outside_all(view.world, view.pose, view.job.clip_reach);
-        // Where that means all back faces, it need not be looked up whose they are.
+        // If all static objects are closed, this covers all back faces, without a lookup of their owners.
         camera.cull_back_faces |= camera.skip_back_faces && view.scene.bvh.all_closed;
         if (view.scene.movables.excludes_static(view.world)) camera.excluded = view.world.excluded;
         return camera;
     }
 
-    // The camera in the frame of an object, which is kept; of its triangles' if those are drawn.
+    // The camera in the frame of an object, divided by its stretch factors if its triangles are rasterized; `frame`
+    // receives the object's frame.
     static inline Camera movable_camera(const View& view, int movable, Frame& frame) {
         const Movables& movables = view.scene.movables;
         const Pose object = Pose::from(movables.poses_from(movable, view.world));
@@ -183,10 +184,10 @@ struct Packets {
         for (int next; (next = Workers::take(counter)) < units;) unit(scene, job, out, memory, next, mode);
     }
 
-    // Take units of work, strips of views, until none are left; other threads take from the same counter.
+    // Take units of work, strips of views, until none remain; other threads take from the same counter.
     static inline void run(const Scene& scene, const Job& job, const Images& out, const StripMemory& memory,
                            int* counter) {
-        // Copies of the code for each mode: those that know that nobody asks for triangles, or for objects, are faster.
+        // One instantiation for each mode: those without triangles, or without objects, are faster.
         if (out.of_triangles())
             work(scene, job, out, memory, counter, MODE_TRIANGLES);
         else if (out.segmentation || out.labels || job.points)

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One pixel and one triangle: which of two is seen, and what double precision decides.
+// Depth test of one pixel and one triangle, and evaluation in double precision.
 
 struct Pixels {
     static inline int id_of(const Triangles& triangles, int lane, Mode mode) {
@@ -10,7 +10,7 @@ struct Pixels {
         return Bvh::object_of(triangles.owners[lane]);
     }
 
-    // Of two surfaces at one depth, that of the lesser id is seen, whichever comes first.
+    // Of two surfaces at the same depth, the one with the lower id is visible, whichever is rasterized first.
     static inline __attribute__((always_inline)) void put(const Image& image, int pixel, float inv_z, int id,
                                                           Mode mode) {
         float& old = image.inv_z[pixel];
@@ -25,7 +25,7 @@ struct Pixels {
         image.touch((unsigned)pixel / BLOCK_PIXELS);
     }
 
-    // 1 / z by the plane in double precision, no nearer or farther than the corners are.
+    // 1 / z of the plane in double precision, clamped to the depth range of the corners.
     static inline float exact_inv_z(const Camera& camera, const float* corners, int k, float least, float most,
                                     double u, double v) {
         const ExactPlane plane = ExactPlane::of(camera, corners, k);
@@ -36,13 +36,13 @@ struct Pixels {
         return exact_inv_z(camera, t.corners, k, t.min_inv_z[k], t.max_inv_z[k], u, v);
     }
 
-    // Pixels where an edge's value leaves in doubt whether the triangle covers them are passed over at first, and drawn
-    // when the rest of it is, by code of their own: what is kept in registers in between would cost more than they.
+    // Pixels where an edge function leaves coverage uncertain are skipped at first, and rasterized after the rest of
+    // the triangle by separate code: keeping its values in registers in between would cost more than these pixels do.
     static inline bool covers(const Camera& camera, const Image& image, const float* corners, int k, int x, int y) {
         const double v = camera.exact_v(y + image.first_row);
         return Exactly::covers(camera, corners, k, camera.exact_u(x), v);
     }
-    // A triangle's numbers on their way there: a copy, so that the others can stay in registers.
+    // A copy of a triangle's values for that code, so that the originals can stay in registers.
     struct Unsure {
         float edge[3][3], plane[3];
         float min_inv_z, max_inv_z, doubt;

@@ -1,41 +1,40 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The first half of what points.h does: points are projected, chunk by chunk, and sorted into the bins of their rows of
-// tiles.
+// First pass of points.h: points are projected, chunk by chunk, and binned by rows of tiles.
 
 // A point in view and in range.
 struct ProjectedPoint {
     float u, v, inv_z;
-    unsigned key;  // which of its chunk's points it is, and above that its cell in a row of tiles
+    unsigned key;  // index in its chunk, and in the higher bits its cell in a row of tiles
 };
 static_assert(sizeof(ProjectedPoint) * LANES == 4 * sizeof(Floats), "they are turned into packets by whole registers");
 
 struct PointJob {
     const float* place;  // [point]: x y z in the world
-    int count;  // points, of every view
-    int batch;  // of them that are worked on at a time
+    int count;  // points in total, the same for every view
+    int batch;  // points that are processed at a time
     int strip_tiles;  // rows of tiles in a strip
-    bool views_are_units;  // whether a unit of work is a view, not a part of one
-    bool with_id;  // whether it is kept what hides a point
-    double width, height;  // of the image, in the job's pixels, which need not be the camera's
-    float tolerance;  // how far behind a surface a point still counts as seen [m]
+    bool views_are_units;  // whether a unit of work is a whole view
+    bool with_id;  // whether the occluder of a point is stored
+    double width, height;  // of the image, in pixels of the job, which may differ from the camera's pixels
+    float tolerance;  // distance behind a surface up to which a point counts as visible [m]
     unsigned char* status;  // [view][point]
     int* occluders;  // [view][point], or null
 
     inline int batches() const { return (int)(((long long)count + batch - 1) / batch); }
-    inline int chunks() const { return (batch + POINT_CHUNK - 1) / POINT_CHUNK; }  // of a batch
+    inline int chunks() const { return (batch + POINT_CHUNK - 1) / POINT_CHUNK; }  // per batch
     inline int strips(int tiles_y) const { return (tiles_y + strip_tiles - 1) / strip_tiles; }
 };
 
-// A view's points while they are worked on, in bins: chunks, and in these rows of tiles. Then packets of them.
+// Points of a view during processing: first in bins, by chunk and by row of tiles, then in packets.
 struct PointBins {
     int rows;  // of tiles in the image
-    int* ends;  // [chunk][row]: where its points end
-    ProjectedPoint* points;  // [chunk][point], by rows
-    int* point_index;  // [lane] of packets, and so the others
+    int* ends;  // [chunk][row]: end of the row's points
+    ProjectedPoint* points;  // [chunk][point], sorted by row
+    int* point_index;  // [packet][lane], like the arrays below
     float *u, *v, *inv_z;
-    int* id;  // what hides a point; null if nobody asks
+    int* id;  // occluder of a point; null if not requested
 
     static inline PointBins carve(Arena& arena, const PointJob& points, int tiles_x, int tiles_y) {
         const long long chunks = points.chunks();
@@ -57,7 +56,7 @@ struct PointBins {
     inline int end_of(int chunk, int row) const { return ends[(long long)chunk * rows + row]; }
     inline ProjectedPoint* of_chunk(int chunk) const { return points + (long long)chunk * POINT_CHUNK; }
 
-    // Points in some rows.
+    // Number of points in a range of rows.
     inline int count(int chunks, int first, int end) const {
         int sum = 0;
         for (int chunk = 0; chunk < chunks; ++chunk) sum += end_of(chunk, end - 1) - begin_of(chunk, first);
@@ -67,7 +66,7 @@ struct PointBins {
 
 // A worker's memory for chunks and strips of points.
 struct PointMemory {
-    ProjectedPoint* placed;  // of a chunk or of a row of tiles; whole registers are read of the last ones
+    ProjectedPoint* placed;  // of a chunk or of a row of tiles, padded: whole registers are read at the end
     int* cell_ends;  // [cell of a row of tiles]
     Image image;
     Traversal traversal;
@@ -88,7 +87,7 @@ struct PointMemory {
     }
 };
 
-// What all units of work share.
+// Inputs and bins that all units of work share.
 struct PointWork {
     const Scene& scene;
     const Job& job;
@@ -96,17 +95,17 @@ struct PointWork {
     const PointBins& bins;
 };
 
-// A point of a view in each lane.
+// Projections of LANES points into a view.
 struct Projection {
     Floats u, v, inv_z;
-    Ints column, row;  // of pixels
-    Ints status;  // visible as far as is known
+    Ints column, row;  // pixel coordinates
+    Ints status;  // POINT_VISIBLE unless out of view or out of range
 
     typedef float HalfFloats __attribute__((ext_vector_type(LANES / 2)));
     typedef int HalfInts __attribute__((ext_vector_type(LANES / 2)));
     typedef double HalfDoubles __attribute__((ext_vector_type(LANES / 2)));
 
-    // Half of them: for all in double precision there are too few registers.
+    // Half of the lanes: in double precision, there are too few registers for all.
     struct Half {
         HalfFloats u, v, inv_z, depth;
         HalfInts column, row, in_view;
@@ -119,7 +118,7 @@ struct Projection {
             const HalfDoubles ahead = m[2][0] * x + (m[2][1] * y + m[2][2] * z), inv_z = 1.0 / ahead;
             const HalfDoubles right = (m[0][0] * x + (m[0][1] * y + m[0][2] * z)) * job.focal[0];
             const HalfDoubles down = (m[1][0] * x + (m[1][1] * y + m[1][2] * z)) * job.focal[1];
-            // Not by the quotients, whose rounding would decide for points on a border.
+            // Compare products, not quotients, whose rounding would decide for points on the border of the image.
             const HalfDoubles left = right + job.center[0] * ahead, top = down + job.center[1] * ahead;
             const auto in_view = (ahead > none) & (left >= none) & (left < points.width * ahead) & (top >= none) &
                                  (top < points.height * ahead);
@@ -137,7 +136,7 @@ struct Projection {
         static inline HalfFloats narrow(HalfDoubles value) { return __builtin_convertvector(value, HalfFloats); }
     };
 
-    // The number of a point's cell in a row of tiles.
+    // Index of a point's cell in a row of tiles.
     inline Ints cell_of_row() const {
         const Ints bx = (column >> BLOCK_SHIFT) & (BLOCKS_ACROSS - 1), by = (row >> BLOCK_SHIFT) & (BLOCKS_ACROSS - 1);
         return (column >> TILE_SHIFT) * (int)TILE_BLOCKS + by * (int)BLOCKS_ACROSS + bx;
@@ -163,7 +162,7 @@ struct Projection {
     }
 };
 
-// The first half of the work: a chunk of points is projected, and sorted by rows of tiles.
+// First pass: a chunk of points is projected and sorted by rows of tiles.
 struct PointChunk {
     int view;
     int number;  // of the chunk in its batch
@@ -188,7 +187,8 @@ struct PointChunk {
         for (int i = 0; i < found; ++i) sorted[place[row_of[i]]++] = loose[i];
     }
 
-    // Say what points are that cannot be hidden, and put down the others and their rows; returns how many.
+    // Write the status of points that are out of view or out of range, and append the others and their rows; returns
+    // their number.
     inline int project(const PointWork& work, ProjectedPoint* loose, unsigned short* row_of) const {
         const PointJob& points = work.points;
         const Pose pose = work.job.pose_of(view);
@@ -215,7 +215,7 @@ struct PointChunk {
         return found;
     }
 
-    // From how many there are of each kind to where the first one of each belongs.
+    // Convert the count of each kind into the index of its first item (exclusive prefix sum).
     static inline void sum_up(int* counts, int kinds) {
         for (int k = 0, sum = 0; k < kinds; ++k) {
             const int count = counts[k];
@@ -224,7 +224,7 @@ struct PointChunk {
         }
     }
 
-    // A point in each lane, or as many as there are.
+    // Load a point into each lane, or `count` points.
     static inline Points load(const float* from, int count) {
         float last[3 * LANES] = {};
         if (count < LANES) {

@@ -1,16 +1,16 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Points of the world: where they are in a view's image, and whether anything is in the way of them.
+// Visibility of world points: their projections into a view, and whether a surface occludes them.
 //
-// First, chunk by chunk, points are projected. Those out of view or out of range are done with; the others are sorted
-// by the rows of tiles that they are in. Then, strip by strip, they are sorted into the cells of a sparse image, in
-// which each lane begins with the greatest inv_z that does not hide its point, as if that had been drawn already: the
-// walk passes over what lies behind all points of a cell, and a lane that anything is nearer than is settled.
+// First, points are projected chunk by chunk. Points out of view or out of range are finished; the others are sorted by
+// rows of tiles. Then, strip by strip, they are sorted into the cells of a sparse image, in which each lane starts with
+// the greatest inv_z that does not occlude its point, as if a surface had been rasterized there: the traversal skips
+// geometry behind all points of a cell, and the first nearer surface settles a lane.
 
-// The second half: a strip of the image is drawn.
+// Second pass: a strip of the image is rasterized.
 struct PointStrip {
-    // Its packets lie behind those that strips before it have at most.
+    // The packets of a strip are stored after the greatest possible number of packets of the strips before it.
     static inline Image image_of(const PointWork& work, int strip, const PointMemory& memory,
                                  const ExactOcclusion& occlusion) {
         const PointJob& points = work.points;
@@ -35,7 +35,7 @@ struct PointStrip {
         return image;
     }
 
-    // Sort a strip's points into cells, and turn them into packets, a row of tiles at a time.
+    // Sort a strip's points into cells and convert them to packets, one row of tiles at a time.
     static inline void place(const PointWork& work, const Image& image, const PointMemory& memory) {
         const int cells = image.tiles_x * TILE_BLOCKS;
         const int* ends = memory.cell_ends;
@@ -56,7 +56,7 @@ struct PointStrip {
         __builtin_memset(image.tile_stale, 1, image.tiles());
     }
 
-    // The points of a row of tiles by cells, and where those of each cell end: count, sum up, place.
+    // Sort the points of a row of tiles by cell (counting sort); `cell_ends` receives the end of each cell.
     static inline void sort(const PointWork& work, int row, int cells, const PointMemory& memory) {
         const PointBins& bins = work.bins;
         const int chunks = work.points.chunks();
@@ -74,13 +74,13 @@ struct PointStrip {
             for (int i = bins.begin_of(chunk, row); i < end; ++i) {
                 ProjectedPoint point = points[i];
                 ProjectedPoint& to = memory.placed[ends[point.key >> POINT_CHUNK_BITS]++];
-                point.key = first + (point.key & (POINT_CHUNK - 1));  // from here on, in the batch
+                point.key = first + (point.key & (POINT_CHUNK - 1));  // from here on, the index in the batch
                 to = point;
             }
         }
     }
 
-    // A point to each lane, or as many as there are. A lane without a point hides, and never shows.
+    // Load a point into each lane, or `count` points. An empty lane occludes everything and is never written.
     static inline Floats pack(const PointWork& work, const Image& image, int packet, const ProjectedPoint* points,
                               int count) {
         const float* from = (const float*)points;
@@ -103,18 +103,18 @@ struct PointStrip {
         return least;
     }
 
-    // The greatest inv_z of a surface that does not hide the point whose inv_z is given. Where the ray of z = 1 has the
-    // length s, what is nearer by the tolerance t along it is at z - t / s, and its inv_z (w for short) is
-    // w + w * w t / (s - w t): a sum that loses no digits.
+    // Greatest inv_z of a surface that does not occlude the point with the given inv_z, w. If the ray with z = 1 has
+    // length s, a surface nearer by the tolerance t along the ray is at z - t / s, so its inv_z is w + w * w t / (s - w
+    // t): a sum without cancellation.
     static inline Floats limit(const Job& job, float tolerance, Floats u, Floats v, Floats inv_z) {
-        const Floats most = Lanes::all(2e38f);  // less than of a lane that is settled
+        const Floats most = Lanes::all(2e38f);  // less than the value of a settled lane
         const Floats x = u * (float)(1.0 / job.focal[0]), y = v * (float)(1.0 / job.focal[1]),
                      nearer = tolerance * inv_z;
         const Floats left = __builtin_elementwise_sqrt(x * x + (y * y + 1.0f)) - nearer;
         return left > Lanes::all(0.0f) ? Lanes::min(inv_z + inv_z * (nearer / left), most) : most;
     }
 
-    // What is hidden: all others count as visible already.
+    // Write the status of occluded points: all others are already marked as visible.
     static inline void write(const Image& image, const PointJob& points, long long at) {
         const int packets = image.first_packet[image.tiles() * TILE_BLOCKS];
         for (int first = 0; first < packets * LANES; first += LANES) {
@@ -145,8 +145,9 @@ struct PointStrip {
     }
 };
 
-// Units of work. Of a view's batch of points there are first all chunks, then all strips, which wait for the chunks, as
-// the next batch's chunks do for the strips: whoever took those is at work on them.
+// Units of work. For each batch of points of a view there are first all chunks, then all strips. Strips wait for the
+// chunks of their batch, and chunks for the strips of the previous batch; units are taken in order, so a worker is
+// already processing those.
 struct PointPackets {
     const PointWork& work;
     const PointMemory& memory;
@@ -159,7 +160,7 @@ struct PointPackets {
         return PointPackets{work, memory, chunks, strips, batches, parts, work.job.views * batches * parts};
     }
 
-    // Units that have to be done before one can begin.
+    // Number of units that must be done before a unit can begin.
     inline int before(int unit) const {
         if (work.points.views_are_units) return 0;
         return unit / parts * parts + (unit % parts < chunks ? 0 : chunks);
@@ -182,8 +183,8 @@ struct PointPackets {
         }
     }
 
-    // Take units of work as `Packets::run` does. Where the next one has to wait for long, return: then the counter
-    // shows that there is work left, and the caller sleeps before it comes again.
+    // Take units of work as `Packets::run` does. If the next one would have to wait long, return: the counter then
+    // shows that work remains, and the caller sleeps before it calls again.
     inline void run(int* counter) const {
         int next = __atomic_load_n(counter + COUNTER_NEXT_UNIT, __ATOMIC_RELAXED);
         while (next < units) {

@@ -1,13 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// What the random words of pixels follow from, beside y and x.
+// Key of the random words of an image; y and x complete the counter.
 struct RandomKey {
     unsigned seed, view, frame;
 };
 
-// Random words of neighbouring pixels of a row, as in shared/random_pixel.h: of four times sixteen, from a multiple of
-// four on.
+// Random words of adjacent pixels of a row, as in shared/random_pixel.h: 4 x 16 pixels from a multiple of four on.
 struct PixelWords {
     enum { WORDS = 4, PIXELS = WORDS * LANES };
     Word block[WORDS];
@@ -22,14 +21,14 @@ struct PixelWords {
         return PixelWords{{pairs_of_lower(low[0], low[1]), pairs_of_upper(low[0], low[1]),
                            pairs_of_lower(high[0], high[1]), pairs_of_upper(high[0], high[1])}};
     }
-    // One of a, one of b, and so on: of their first halves, and of their second ones.
+    // Interleave the first halves of a and b, or the second halves.
     static inline Word lower(Word a, Word b) {
         return __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
     }
     static inline Word upper(Word a, Word b) {
         return __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
     }
-    // Two of a, two of b.
+    // Interleave pairs of a and b.
     static inline Word pairs_of_lower(Word a, Word b) {
         return __builtin_shufflevector(a, b, 0, 1, 16, 17, 2, 3, 18, 19, 4, 5, 20, 21, 6, 7, 22, 23);
     }

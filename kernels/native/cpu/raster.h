@@ -1,26 +1,27 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From a leaf's triangles to pixels: small ones a pixel of each at a time, large ones block by block, slivers by
-// rows.
+// Rasterization of a leaf's triangles: small ones one pixel of each at a time, large ones block by block, slivers row
+// by row.
 
-// The least part of a plane's slope that inv_z may be in a block where it comes of sums in single precision.
+// Least ratio of inv_z in a block to the slope of the plane for which sums in single precision suffice.
 constexpr float STEEPEST = 0.1f;
 
 struct Raster : Pixels {
-    using Pixels::draw_unsure, Pixels::in_doubt;  // there are some of other triangles here
+    using Pixels::draw_unsure, Pixels::in_doubt;  // overloaded below
 
-    // What takes a mode is always inlined, so that there is a copy for each that walks know.
-    // Triangles of at most this many pixels a side are drawn together, a lane each.
+    // Functions with a mode are always inlined, so that each mode of the traversal has its own instantiation.
+    //
+    // Triangles of at most this many pixels per side are rasterized together, one per lane.
     enum { SMALL_SIDE = 6 };
-    // Triangles that touch at most this many blocks are drawn block by block without looking at tiles first.
+    // Triangles that touch at most this many blocks are rasterized block by block, without a test of tiles.
     enum { MAX_BLOCKS = 20 };
-    // Larger ones that cover less than a pixel of so many rows are drawn row by row.
+    // Larger triangles that cover less than one pixel per this number of rows are rasterized row by row.
     enum { ROWS_OF_PIXEL = 2 };
 
     static inline __attribute__((always_inline)) void draw(const Camera& camera, const Image& image,
                                                            const Triangles& triangles, Mode mode) {
-        // By their size in the whole view: how a triangle is drawn must not depend on where a strip cuts it.
+        // By size in the whole view: the method must not depend on where a strip cuts a triangle.
         const Ints small = triangles.shown & (triangles.x1 - triangles.x0 < Lanes::all_ints(SMALL_SIDE)) &
                            (triangles.view_y1 - triangles.view_y0 < Lanes::all_ints(SMALL_SIDE));
         Ints inexact = triangles.inexact;
@@ -41,7 +42,8 @@ struct Raster : Pixels {
             draw_large(camera, image, triangles, Lanes::first_lane(left), mode);
     }
 
-    // Where the rounding of corners turns the plane of a sliver, single precision is not enough, either.
+    // Rounding of the corners may rotate the plane of a sliver: then single precision does not suffice for inv_z
+    // either.
     static inline Ints turns(const Camera& camera, const Triangles& t) {
         const Floats width = __builtin_convertvector(t.x1 - t.x0, Floats);
         const Floats height = __builtin_convertvector(t.view_y1 - t.view_y0, Floats);
@@ -49,11 +51,11 @@ struct Raster : Pixels {
         return camera.blur * (width + height) * change > 6e-6f * t.min_inv_z * t.area;
     }
 
-    // Lane k looks at the pixel (x, y) of its own triangle's bounds; all lanes step through x and y together.
+    // Each lane tests a pixel (x, y) of its own triangle's bounds; all lanes step through x and y together.
     static inline __attribute__((always_inline)) void draw_small(const Camera& camera, const Image& image,
                                                                  const Triangles& t, Ints small, Ints inexact,
                                                                  Mode mode) {
-        Floats closest = t.doubt + t.doubt;  // that an edge comes to a pixel
+        Floats closest = t.doubt + t.doubt;  // least magnitude of the edge functions at a pixel
         const Ints last_x = small ? t.x1 : Lanes::all_ints(-1), last_y = small ? t.y1 : Lanes::all_ints(-1);
         const unsigned rounded = Lanes::bits(inexact);
         const int steps_x = __builtin_reduce_max(small ? t.x1 - t.x0 : Lanes::all_ints(0));
@@ -95,7 +97,7 @@ struct Raster : Pixels {
         }
     }
 
-    // A triangle of a few blocks.
+    // Rasterize a triangle of a few blocks.
     static inline __attribute__((always_inline)) void draw_medium(const Camera& camera, const Image& image,
                                                                   const Triangles& t, int k, Mode mode) {
         const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
@@ -103,7 +105,7 @@ struct Raster : Pixels {
         const Linear plane = Linear::of_lane(t.inv_z, k);
         const Floats min_inv_z = Lanes::all(t.min_inv_z[k]), max_inv_z = Lanes::all(t.max_inv_z[k]);
         const Floats doubt = Lanes::all(t.doubt[k]);
-        Floats closest = Lanes::all(NOWHERE);  // that an edge comes to a pixel
+        Floats closest = Lanes::all(NOWHERE);  // least magnitude of the edge functions at a pixel
         const int id = id_of(t, k, mode);
         const int bx0 = t.x0[k] >> BLOCK_SHIFT, bx1 = t.x1[k] >> BLOCK_SHIFT, by0 = t.y0[k] >> BLOCK_SHIFT,
                   by1 = t.y1[k] >> BLOCK_SHIFT;
@@ -123,7 +125,7 @@ struct Raster : Pixels {
             draw_unsure(camera, image, Unsure::of(t, k, false, mode), mode);
     }
 
-    // Keep the nearer surface in each pixel of a block, or in each point of a packet in it.
+    // Depth test of each pixel of a block, or of each point of a packet in a cell.
     static inline __attribute__((always_inline)) void blend(const Image& image, int packet, int block, Ints inside,
                                                             Floats inv_z, int id, Mode mode) {
         float* at = image.inv_z + packet * LANES;
@@ -144,7 +146,7 @@ struct Raster : Pixels {
         image.touch(block);
     }
 
-    // A sliver, by a row of pixels in each lane: most of them it passes between two pixels' centres.
+    // Rasterize a sliver, one row of pixels per lane: in most rows it passes between two pixel centers.
     static inline __attribute__((always_inline)) void draw_thin(const Camera& camera, const Image& image,
                                                                 const Triangles& t, int k, Mode mode) {
         const Ints lane = Lanes::index();
@@ -175,12 +177,12 @@ struct Raster : Pixels {
         }
     }
 
-    // Rows from `left` to `right`, between v0 and v1 in the image, without what lies beyond an edge by more than
-    // rounding can be wrong.
+    // Shrink the interval from `left` to `right` of each row, between v0 and v1 in the image, by the part that lies
+    // outside an edge by more than the rounding error bound.
     static inline void narrow(const Camera& camera, const Linear& edge, float doubt, Floats v0, Floats v1, Floats& left,
                               Floats& right) {
         const float by = -1.0f / edge.u[0];
-        if (!(__builtin_fabsf(by) < 1e30f)) return;  // it runs along the rows
+        if (!(__builtin_fabsf(by) < 1e30f)) return;  // parallel to the rows
         const Floats x0 = edge.row(v0) * by - camera.first_u, x1 = edge.row(v1) * by - camera.first_u;
         const Floats size = Lanes::abs(edge.v) * Lanes::max(Lanes::abs(v0), Lanes::abs(v1)) + Lanes::abs(edge.one);
         const Floats slack = 0.01f + __builtin_fabsf(by) * (4e-7f * size + doubt);
@@ -190,16 +192,16 @@ struct Raster : Pixels {
             right = Lanes::min(right, Lanes::max(x0, x1) + slack);
     }
 
-    // A triangle of many pixels, in scalars, for as many pixels or blocks at a time as there are lanes.
+    // Scalar values of a large triangle, which is tested with LANES pixels or blocks at a time.
     struct Large {
         Linear edge[3];
         float doubt;
         const float* corners;
         int lane;
         ExactPlane plane;
-        Floats slope;  // inv_z in a block, less inv_z at its first pixel
+        Floats slope;  // inv_z at each pixel of a block minus inv_z at its first pixel
         float min_inv_z, max_inv_z;
-        float least_inv_z;  // that single precision tells well enough from its neighbours in a block
+        float least_inv_z;  // least inv_z for which single precision resolves adjacent pixels of a block
         int id;
         int x0, x1, y0, y1;
 
@@ -232,7 +234,8 @@ struct Raster : Pixels {
         }
     }
 
-    // What of a row of tiles in each lane is between a triangle's edges; all of it where there is too little to gain.
+    // Find the tiles between a triangle's edges, one row of tiles per lane; all tiles of the row if there is little to
+    // gain.
     static inline void touched_tiles(const Camera& camera, const Image& image, const Large& t, int first, int* from,
                                      int* to) {
         const int tx0 = t.x0 >> TILE_SHIFT, tx1 = t.x1 >> TILE_SHIFT;
@@ -244,7 +247,7 @@ struct Raster : Pixels {
             Floats left = Lanes::all((float)(tx0 * TILE_SIDE)), right = Lanes::all((float)(tx1 * TILE_SIDE) + last);
             for (const Linear& edge : t.edge) narrow(camera, edge, t.doubt, top, top + last, left, right);
             const Ints some = left <= right;
-            const Floats nowhere = Lanes::all((float)TILE_SIDE), none = Lanes::all(0.0f);  // begins after it ends
+            const Floats nowhere = Lanes::all((float)TILE_SIDE), none = Lanes::all(0.0f);  // an empty range
             begin = __builtin_convertvector(some ? left : nowhere, Ints) >> TILE_SHIFT;
             end = __builtin_convertvector(some ? Lanes::max(right, none) : none, Ints) >> TILE_SHIFT;
         }
@@ -252,15 +255,15 @@ struct Raster : Pixels {
         Lanes::store(to, end);
     }
 
-    // A block of a tile that a large triangle touches.
+    // A block of a tile, touched by a large triangle.
     struct TouchedBlock {
         int index, x, y;
         float inv_z;  // at its first pixel
         bool covered;
     };
 
-    // An edge's value is greatest, and least, at corners of a block: rounding does not change the order, so that the
-    // test of the corner pixel never contradicts that of another pixel.
+    // The extremes of an edge function are at corners of a block. Rounding is monotonic, so the test of a corner pixel
+    // never contradicts that of another pixel.
     static inline __attribute__((always_inline)) void draw_tile(const Camera& camera, const Image& image,
                                                                 const Large& t, int tx, int ty, Mode mode) {
         const int last = BLOCK_SIDE - 1;
@@ -281,7 +284,7 @@ struct Raster : Pixels {
         }
         if (!Lanes::any(touched)) return;
 
-        // The nearest the plane gets in a block, and a little nearer.
+        // Upper bound of the plane's inv_z in each block, with a margin for rounding.
         const int tile = ty * image.tiles_x + tx;
         const float pu = (float)t.plane.u, pv = (float)t.plane.v;
         const double base =
@@ -304,12 +307,12 @@ struct Raster : Pixels {
             const int b = Lanes::first_lane(unsure);
             const double at_block = base + t.plane.u * block_x[b] + t.plane.v * block_y[b];
             const TouchedBlock block = {tile * TILE_BLOCKS + b, x[b], y[b], (float)at_block, false};
-            const Large copy = t;  // the other one can stay in registers
+            const Large copy = t;  // so that the original can stay in registers
             draw_unsure(camera, image, copy, block, mode);
         }
     }
 
-    // What a block's pixels are, of a triangle: 1 / z, and how far within its edges.
+    // 1 / z of a triangle at a block's pixels, and the minimum of its edge functions.
     static inline Floats inv_z_in(const Large& t, const TouchedBlock& block) {
         return Lanes::max(Lanes::min(t.slope + block.inv_z, Lanes::all(t.max_inv_z)), Lanes::all(t.min_inv_z));
     }
@@ -320,14 +323,14 @@ struct Raster : Pixels {
         return Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v)));
     }
 
-    // Those that single precision leaves in doubt: whether they are covered, or how near the plane is.
+    // Pixels where single precision cannot decide coverage, or cannot resolve inv_z.
     static inline Ints in_doubt(const Large& t, Floats inner, Floats inv_z) {
         Ints unsure = in_doubt(inner, t.doubt);
         if (t.least_inv_z > t.min_inv_z) unsure |= (inner > Lanes::all(t.doubt)) & (inv_z < Lanes::all(t.least_inv_z));
         return unsure;
     }
 
-    // Whether it has pixels that are in doubt, and are not drawn.
+    // Rasterize a block except for uncertain pixels; returns whether there are any.
     static inline __attribute__((always_inline)) bool draw_block(const Camera& camera, const Image& image,
                                                                  const Large& t, const TouchedBlock& block, Mode mode) {
         const Floats inv_z = inv_z_in(t, block);

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// From a leaf's triangles, or a solid, to the rays of a `RayTree`. What is drawn does not depend on the way there: it
-// is the same sum wherever a triangle and a ray meet, for many rays of one triangle or many triangles of one ray.
+// Rasterization of a leaf's triangles, or of a solid, to the rays of a `RayTree`. The result does not depend on the
+// method: a triangle and a ray are intersected by the same sums, whether for many rays of one triangle or many
+// triangles of one ray.
 
 struct RayDrawing {
-    // Rays and packets of no more than this are looked at before triangles are.
+    // Up to this many rays and packets are tested before triangles are culled.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
 
     static inline __attribute__((always_inline)) void draw(const Camera& camera, const Image& image,
@@ -31,7 +32,8 @@ struct RayDrawing {
         if (some) draw_some(camera, image, leaf, tile, some, mode);
     }
 
-    // By triangles where there are fewer of them than packets.
+    // Rasterize triangles in a tile: triangle by triangle if there are fewer of them than packets, else packet by
+    // packet.
     static inline __attribute__((always_inline)) void draw_some(const Camera& camera, const Image& image, RayLeaf& leaf,
                                                                 int tile, unsigned some, Mode mode) {
         const RayTree& tree = *image.tree;
@@ -49,7 +51,7 @@ struct RayDrawing {
             for (; some; some &= some - 1) draw_packets(camera, image, leaf, Lanes::first_lane(some), tile, mode);
     }
 
-    // One triangle, in a tile's packets.
+    // Rasterize one triangle in a tile's packets.
     static inline __attribute__((always_inline)) void draw_packets(const Camera& camera, const Image& image,
                                                                    RayLeaf& leaf, int k, int tile, Mode mode) {
         const RayTree& tree = *image.tree;
@@ -83,8 +85,7 @@ struct RayDrawing {
         }
     }
 
-    // Triangles of so few columns and rows that a register holds all rays that they may touch, wherever those are in
-    // the tile.
+    // Rasterize triangles of so few columns and rows that one register holds all rays that they may touch.
     static inline __attribute__((always_inline)) void draw_small(const Camera& camera, const Image& image,
                                                                  RayLeaf& leaf, const RayColumns& at, Mode mode) {
         const RayTree& tree = *image.tree;
@@ -116,7 +117,7 @@ struct RayDrawing {
             }
         }
     }
-    // What a triangle shows to one of its rays, given 1 / z in single precision.
+    // Store a triangle at one of its rays, given 1 / z in single precision.
     static inline __attribute__((always_inline)) void put(const Camera& camera, const Image& image, RayLeaf& leaf,
                                                           int k, int ray, float inv_z, Mode mode) {
         const float value = ((leaf.inexact >> k) & 1) ? exact_inv_z(camera, image, leaf, k, ray) : inv_z;
@@ -124,7 +125,7 @@ struct RayDrawing {
             Raster::put(image, ray, value, Raster::id_of(leaf.triangles, k, mode), mode);
     }
 
-    // Some triangles, in one packet: ray by ray where few rays are there, or fewer than triangles.
+    // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
     static inline __attribute__((always_inline)) void draw_packet(const Camera& camera, const Image& image,
                                                                   RayLeaf& leaf, int packet, unsigned some, Mode mode) {
         const RayTree& tree = *image.tree;
@@ -143,7 +144,7 @@ struct RayDrawing {
                 draw_rays(camera, image, leaf, Lanes::first_lane(some), packet, false, nullptr, mode);
     }
 
-    // One ray, all triangles.
+    // Rasterize all triangles for one ray.
     static inline __attribute__((always_inline)) void draw_ray(const Camera& camera, const Image& image, RayLeaf& leaf,
                                                                int ray, unsigned some, Mode mode) {
         const RayTree& tree = *image.tree;
@@ -164,7 +165,7 @@ struct RayDrawing {
         return tree.scale ? tree.most_inv_z * tree.scale[ray] : tree.most_inv_z;
     }
 
-    // One triangle, all rays of a packet.
+    // Rasterize one triangle for all rays of a packet.
     static inline __attribute__((always_inline)) void draw_rays(const Camera& camera, const Image& image, RayLeaf& leaf,
                                                                 int k, int packet, bool covered,
                                                                 const PacketPlane* known, Mode mode) {
@@ -199,7 +200,7 @@ struct RayDrawing {
         return tree.scale ? tree.most_inv_z * Lanes::load(tree.scale + packet * LANES) : Lanes::all(tree.most_inv_z);
     }
 
-    // Places of a packet's rays as they are, and of one ray.
+    // Unrounded u and v of a packet's rays, and 1 / z at them.
     static inline Doubles exact_u(const RayTree& tree, int packet) { return exact(tree.u, tree.rest_u, packet); }
     static inline Doubles exact_v(const RayTree& tree, int packet) { return exact(tree.v, tree.rest_v, packet); }
     static inline Doubles exact(const float* value, const float* rest, int packet) {
@@ -224,7 +225,7 @@ struct RayDrawing {
         return inv_z < least ? least : inv_z > most ? most : inv_z;
     }
 
-    // What an edge's value leaves in doubt.
+    // Decide coverage in double precision if an edge function leaves it uncertain.
     static __attribute__((noinline, cold)) bool covers(const Camera& camera, const Image& image, const Triangles& t,
                                                        int k, int ray) {
         const RayTree& tree = *image.tree;
@@ -241,7 +242,7 @@ struct RayDrawing {
         return inside;
     }
 
-    // A solid, whose true surface rays meet.
+    // Render the analytic surface of a solid.
     static __attribute__((noinline)) void draw_solid(const Solid& solid, const View& view, const Camera& camera,
                                                      const Image& image, const Visit& visit, int id, Mode mode) {
         const SolidSetup setup = SolidSetup::of(solid, camera, image, view.job.center);

@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is known of a leaf's triangles before they meet the rays of a tile, or of its packets.
+// Bounds of a leaf's triangles, for tests against the rays of a tile or of its packets.
 
-// A leaf's triangles, and the rectangles they are in.
+// A leaf's triangles and their bounding rectangles.
 struct RayLeaf {
     const Triangles& triangles;
-    RayBox box;  // of all that are shown
-    float nearest;  // of them all
-    float bounds[RayTree::BOUND_ROWS][LANES];  // of each: least u and v, greatest u and v
-    float least_size;  // of them all, the shortest that is the longer side of one's rectangle
-    unsigned inexact;  // lanes where single precision is not enough for inv_z
-    unsigned known;  // lanes whose planes are here
+    RayBox box;  // of all shown triangles
+    float nearest;  // greatest inv_z of all
+    float bounds[RayTree::BOUND_ROWS][LANES];  // of each triangle: least u and v, greatest u and v
+    float least_size;  // least over all triangles of the longer side of their rectangles
+    unsigned inexact;  // lanes in which single precision does not suffice for inv_z
+    unsigned known;  // lanes whose planes have been computed
     ExactPlane planes[LANES];
 
     explicit inline RayLeaf(const Triangles& of) : triangles(of) {}
@@ -31,7 +31,7 @@ struct RayLeaf {
     }
     inline RayBox box_of(int k) const { return RayTree::box_of(bounds[0], k); }
 
-    // Triangles that may be seen in a rectangle: an edge's value is greatest at one of its corners.
+    // Triangles that may be visible in a rectangle: an edge function is greatest at one of its corners.
     inline unsigned touching(const RayBox& box, float min_inv_z) const {
         const Triangles& t = triangles;
         Ints some = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
@@ -53,11 +53,11 @@ struct RayLeaf {
     }
 };
 
-// The least part of what a plane changes across the image that inv_z may be where single precision is enough: rounding
-// of rays' places, by up to 3e-8 of the image, is then less than 1e-6 of it.
+// Least ratio of inv_z to its change across the image for which single precision suffices: rounding of the rays' u and
+// v, by up to 3e-8 of the image, then changes inv_z by less than 1e-6 of it.
 constexpr float STEEPEST_PACKET = 0.03f;
 
-// A plane where a packet is: its double precision is in the value at the packet's middle.
+// A plane expanded about the middle of a packet: its value there is computed in double precision.
 struct PacketPlane {
     float base, u, v, middle_u, middle_v;
     bool steep;
@@ -77,11 +77,11 @@ struct PacketPlane {
     inline float at(float at_u, float at_v) const { return u * (at_u - middle_u) + (v * (at_v - middle_v) + base); }
 };
 
-// The same of all packets of a tile.
+// The same for all packets of a tile.
 struct PacketPlanes {
     float u, v, base[LANES], middle_u[LANES], middle_v[LANES];
     unsigned steep;
-    Floats nearest;  // no packet's ray sees it nearer
+    Floats nearest;  // upper bound of inv_z in each packet
 
     inline void set(const Camera& camera, const ExactPlane& plane, const float* bounds) {
         const Floats u0 = Lanes::load(bounds), v0 = Lanes::load(bounds + LANES), u1 = Lanes::load(bounds + 2 * LANES),
@@ -104,10 +104,10 @@ struct PacketPlanes {
     }
 };
 
-// Of a tile's packets, those that a triangle touches, and those that it covers: bits.
+// The packets of a tile that a triangle touches and those that it covers, as bit masks.
 struct TouchedPackets {
     unsigned touched, covered;
-    Floats nearest;  // no ray sees it nearer, if single precision is enough for its plane
+    Floats nearest;  // upper bound of inv_z in each packet, if single precision suffices for the plane
 
     static inline TouchedPackets of(const Triangles& t, int k, const float* bounds) {
         Ints touched = Lanes::all_ints(-1), covered = touched;
@@ -126,15 +126,15 @@ struct TouchedPackets {
     }
 };
 
-// Which columns and rows of a tile a leaf's triangles may touch.
+// Columns and rows of a tile that a leaf's triangles may touch.
 struct RayColumns {
-    // Triangles of at most this many columns and rows touch no rays but those of one window of a tile.
+    // Triangles of at most this many columns and rows touch only the rays of one window of a tile.
     enum { SMALL_SIDE = 4 };
 
     int first_ray;  // of the tile
     const RayFit& fit;
     Ints first_column, last_column, first_row, last_row;
-    unsigned small, larger;  // lanes that may touch any rays: few, and others
+    unsigned small, larger;  // lanes of triangles that may touch few rays, and of those that may touch more
 
     inline RayColumns(const Image& image, const RayLeaf& leaf, int tile)
         : first_ray(tile * (LANES * LANES)), fit(image.tree->fit[tile]) {
@@ -162,7 +162,7 @@ struct RayColumns {
         last = __builtin_convertvector(some ? to : none, Ints);
         return some;
     }
-    // Where windows begin: they end in the tile.
+    // First column or row of each window, such that the window ends inside the tile.
     static inline void begin(Ints first, int last, int* to) {
         const Ints most = Lanes::all_ints(last - (SMALL_SIDE - 1));
         Lanes::store(to, first < most ? first : most);

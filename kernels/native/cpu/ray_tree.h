@@ -1,34 +1,34 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rays of a table, which do not change from view to view: a tree over them is prepared once (warpvis/rendering/
-// _ray_bundles.py). Packets of neighbouring rays, as many as there are lanes, are the children of tiles, tiles those of
-// groups, and groups those of a bundle, which is drawn as an image of its own: bounds of all children of one are a
-// register each. An image's blocks are packets here, and its tiles are these tiles.
+// Rays of a ray table, which are the same for every view: a tree over them is built once
+// (warpvis/rendering/_ray_bundles.py). Packets of LANES adjacent rays are the children of tiles, tiles those of groups,
+// and groups those of a bundle, which is rendered as a separate image: the bounds of all children of one parent fill
+// one register per coordinate. The blocks of the image are these packets, and its tiles are these tiles.
 
-// A rectangle of the image: u and v.
+// A rectangle in the image, in u and v.
 struct RayBox {
     float u0, v0, u1, v1;
 
-    // All of the pixels from one to another.
+    // The rectangle that covers the pixels from (x0, y0) to (x1, y1).
     static inline RayBox of_pixels(const Image& image, int x0, int y0, int x1, int y1) {
         const float left = image.center_x, top = image.center_y;
         return RayBox{(float)x0 - left, (float)y0 - top, (float)(x1 + 1) - left, (float)(y1 + 1) - top};
     }
 };
 
-// Which column and row of a tile a place is in, where those are the table's and nearly evenly apart: a linear function
-// of u and v, to within a known distance.
+// Column and row of a ray in a tile as a linear function of u and v with a known error, for tiles whose rays are those
+// of the table in nearly even spacing.
 struct RayFit {
     float u, v;  // of column 0 and row 0
-    float column_u, column_v, row_u, row_v;  // columns and rows that u and v from there are
-    float off_column, off_row;  // rays are no farther from where that has them
-    float shift;  // a packet has 1 << shift columns; 0 where a tile is none such
-    float spacing;  // the most that a step along a column or a row is, in u or v
+    float column_u, column_v, row_u, row_v;  // derivatives of the column and the row
+    float off_column, off_row;  // greatest deviation of the rays from the linear function
+    float shift;  // a packet has 1 << shift columns; 0 if the tile has no fit
+    float spacing;  // greatest step along a column or a row, in u or v
 
     inline int last_column() const { return (PACKETS_ACROSS << (int)shift) - 1; }
     inline int last_row() const { return (PACKETS_ACROSS << (LANE_SHIFT - (int)shift)) - 1; }
-    // Which of a tile's rays is in a column and a row.
+    // Index of the ray at a column and a row of a tile.
     inline int slot(int column, int row) const {
         const int x = (int)shift, y = LANE_SHIFT - x;
         return ((column >> x) + (row >> y) * PACKETS_ACROSS) * LANES + (column & ((1 << x) - 1)) +
@@ -36,16 +36,16 @@ struct RayFit {
     }
     enum { LANE_SHIFT = 4, PACKETS_ACROSS = 4, WORDS = 10 };
 };
-// Where rays pass the plane of the eye, z = 0, if that is not the eye itself: a ray is (p, q, 0) + z (u, v, 1), with p
-// and q as x and y are scaled, and begins at a z of its own, from 0 up.
+// Intersections of rays with the plane of the eye, z = 0, if rays have distinct origins: a ray is (p, q, 0) + z (u, v,
+// 1), with p and q scaled like x and y, and begins at its own z, which is at least 0.
 struct ApartRays {
     const float *p, *q;  // [packet][lane]
-    const float* begin;  // the same: z where a ray begins
-    const float* most_inv_z;  // and 1 / that
+    const float* begin;  // [packet][lane]: z at which a ray begins
+    const float* most_inv_z;  // [packet][lane]: 1 / begin
     const float *row_p, *row_q;  // [tile][row][column], of tiles that have a fit
-    const float* range;  // [tile][RANGE_WORDS]: the middles of p, q and u q - v p, then how far they are from there
-    float most_p, most_q;  // of a bundle, either way
-    float reach;  // no ray begins farther from the eye [m]
+    const float* range;  // [tile][RANGE_WORDS]: middles of p, q and u q - v p, then the greatest distances from these
+    float most_p, most_q;  // greatest magnitudes in a bundle
+    float reach;  // greatest distance of a ray's origin from the eye [m]
     enum { RANGE_WORDS = 6 };
 };
 
@@ -53,23 +53,23 @@ static_assert(LANES == 1 << RayFit::LANE_SHIFT && sizeof(RayFit) == RayFit::WORD
               "Python writes the words of one");
 
 struct RayTree {
-    enum { BOUND_ROWS = 4, GROUP_PACKETS = LANES * LANES };  // of children: least u and v, greatest u and v
+    enum { BOUND_ROWS = 4, GROUP_PACKETS = LANES * LANES };  // rows of a node's bounds: least u and v, greatest u and v
 
     const float* group_bounds;  // [BOUND_ROWS][group]
     const float* tile_bounds;  // [group][BOUND_ROWS][tile]
     const float* packet_bounds;  // [tile][BOUND_ROWS][packet]
     const float *u, *v;  // [packet][lane]
-    const float *rest_u, *rest_v;  // what rounding took from u and v
+    const float *rest_u, *rest_v;  // rounding errors of u and v
     const float *row_u, *row_v;  // [tile][row][column], of tiles that have a fit
-    const float* scale;  // a ray's depth where z is 1; null if that is 1
-    const int* place;  // of the pixel in the image; -1 for lanes without a ray
-    const int* run;  // [packet]: as many lanes' pixels as this are side by side
-    const int* corner;  // [tile]: first pixel where a tile is one of the image, packets being its blocks; else -1
+    const float* scale;  // [packet][lane]: depth of a ray at z = 1; null if it is 1 for all
+    const int* place;  // [packet][lane]: index of the pixel in the image, -1 for lanes without a ray
+    const int* run;  // [packet]: number of consecutive lanes whose pixels are contiguous in the image
+    const int* corner;  // [tile]: first pixel, if a tile is a tile of the image and its packets are the blocks; else -1
     const RayFit* fit;  // [tile]
-    float most_inv_z;  // in terms of depth: nearer than that, nothing is there
-    ApartRays apart;  // where RAY_ORIGINS
+    float most_inv_z;  // in terms of depth: nearer surfaces are clipped
+    ApartRays apart;  // if RAY_ORIGINS
 
-    // Four by four rays of rows so long.
+    // Load 4 x 4 rays from rows of `width` rays.
     static inline Floats window(const float* first, int width) {
         typedef float Four __attribute__((ext_vector_type(4)));
         typedef float Eight __attribute__((ext_vector_type(8)));
@@ -80,20 +80,20 @@ struct RayTree {
         return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     }
 
-    // Which of as many bounds overlap a rectangle; of a child that is not there, they are the wrong way round.
+    // Which of LANES bounds overlap a rectangle; the bounds of a missing child are inverted.
     static inline Ints overlap(const float* bounds, const RayBox& box) {
         return (Lanes::load(bounds) <= Lanes::all(box.u1)) & (Lanes::load(bounds + LANES) <= Lanes::all(box.v1)) &
                (Lanes::load(bounds + 2 * LANES) >= Lanes::all(box.u0)) &
                (Lanes::load(bounds + 3 * LANES) >= Lanes::all(box.v0));
     }
-    // One child's.
+    // The bounds of one child.
     static inline RayBox box_of(const float* bounds, int child) {
         return RayBox{bounds[child], bounds[LANES + child], bounds[2 * LANES + child], bounds[3 * LANES + child]};
     }
     inline const float* bounds_of_tiles(int group) const { return tile_bounds + group * (BOUND_ROWS * LANES); }
     inline const float* bounds_of_packets(int tile) const { return packet_bounds + tile * (BOUND_ROWS * LANES); }
 
-    // Groups, tiles of a group and packets of a tile, as bits, that overlap a rectangle and may show a surface.
+    // Bit masks of groups, tiles of a group and packets of a tile that overlap a rectangle and may show a surface.
     inline unsigned groups_in(const RayBox& box) const { return Lanes::bits(overlap(group_bounds, box)); }
     inline unsigned tiles_in(const Image& image, int group, const RayBox& box, float inv_z) const {
         const Ints open = Lanes::load(image.tile_min + group * LANES) <= Lanes::all(inv_z);
@@ -110,7 +110,8 @@ struct RayTree {
                            (at_v <= Lanes::all(box.v1)));
     }
 
-    // What has been drawn since a packet was looked at only hides more: it is looked at again where that may matter.
+    // Recompute stale bounds of a tile. Rasterization only increases inv_z, so stale bounds are conservative: they are
+    // refreshed where that may pay off.
     static inline void refresh(const Image& image, int tile) {
         if (!image.tile_stale[tile]) return;
         typedef unsigned char Flags __attribute__((ext_vector_type(LANES)));
@@ -126,7 +127,7 @@ struct RayTree {
         image.tile_stale[tile] = 0;
     }
 
-    // Whether no ray in a rectangle of pixels can show what is no nearer than this.
+    // Whether a rectangle is occluded: all its rays hit surfaces nearer than the visit.
     inline bool hides(const Image& image, const Visit& visit) const {
         const RayBox box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
         const float inv_z = visit.nearest_inv_z;
@@ -142,7 +143,7 @@ struct RayTree {
         return true;
     }
 
-    // Nothing seen yet; lanes without a ray hide, and never show.
+    // Clear the z-buffer; lanes without a ray occlude everything and are never written.
     inline void begin(const Image& image, int groups) const {
         const int packets = groups * GROUP_PACKETS;
         for (int tile = 0; tile < groups * LANES; ++tile) {
@@ -159,7 +160,7 @@ struct RayTree {
     }
 };
 
-// Whether a visit is not worth it.
+// Whether a visit is occluded.
 struct Hidden {
     static inline bool is(const Image& image, const Visit& visit) {
         if (RAY_TABLE) return image.tree->hides(image, visit);

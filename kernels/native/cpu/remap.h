@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Images of the places of maps, in units of trees: each is drawn as a bundle of a table's rays is (table.h).
+// Rendering of images at the places of a map, in units of trees: each is rendered like a bundle of a ray table
+// (table.h).
 
 // A worker's memory.
 struct RemapMemory {
@@ -19,7 +20,7 @@ struct RemapMemory {
 };
 
 struct RemapPackets {
-    // A rectangle of places as an image through a pinhole.
+    // A pinhole job for a rectangle of places.
     static inline Job job_of(const RemapJob& remap, const RayBox& box) {
         const int x0 = (int)__builtin_floorf(box.u0) - 1, y0 = (int)__builtin_floorf(box.v0) - 1;
         Job job = Job();
@@ -36,7 +37,7 @@ struct RemapPackets {
         job.cull_back_faces = remap.cull_back_faces;
         return job;
     }
-    // What is needed of a table to write images.
+    // The members of a table job that writing images needs.
     static inline TableJob table_of(const RemapJob& remap) {
         TableJob table = TableJob();
         table.views = remap.views;
@@ -89,7 +90,7 @@ struct RemapPackets {
         for (int next; (next = Workers::take(counter)) < units;) unit(scene, remap, out, memory, next, mode);
     }
 
-    // Take units of work, parts of views, until none are left, as `Packets::run` does.
+    // Take units of work, parts of views, until none remain, as `Packets::run` does.
     static inline void run(const Scene& scene, const RemapJob& remap, const Images& out, const RemapMemory& memory,
                            int* counter) {
         if (out.of_triangles())

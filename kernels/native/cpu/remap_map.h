@@ -1,27 +1,26 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Maps, and what is asked of them.
+// Maps, and the parts of them that are rendered.
 
-// Images of other places than the pixels' centres: for each of their pixels, a map says which place of the camera's
-// image it shows.
+// Images at arbitrary places: a map contains, for each output pixel, the place in the camera's image that it shows.
 struct RemapJob {
     int views, rows, columns;  // of the map
-    int width, height;  // of the camera's image, outside of which nothing is seen
+    int width, height;  // of the camera's image; nothing is visible outside
     double focal[2], center[2];
-    double tree_focal;  // of both axes, in places of trees, which are finer than pixels
+    double tree_focal;  // of both axes, in units of tree places, which are finer than pixels
     float near, far, most_inv_z, clip_reach;
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
     const float* at;  // [view][row][column]: x and y [px]
 
-    // A group's side, and the groups of a tree, in which rays stay in a core's cache.
+    // Side of a group in pixels, and the number of groups of a tree: its rays stay in a core's cache.
     enum { GROUP_SIDE = BLOCKS_ACROSS * TILE_SIDE, MAX_GROUPS = 10 };
 
     static inline int parts(int count, int size) { return (count + size - 1) / size; }
     inline int groups_across() const { return parts(columns, GROUP_SIDE); }
     inline int groups_down() const { return parts(rows, GROUP_SIDE); }
-    // Of a tree: as many as there are side by side, and rows of them.
+    // Groups of a tree, horizontally and vertically.
     inline int across() const { return groups_across() < MAX_GROUPS ? groups_across() : (int)MAX_GROUPS; }
     inline int down() const {
         const int most = MAX_GROUPS / across();
@@ -31,7 +30,7 @@ struct RemapJob {
     inline int trees() const { return trees_across() * parts(groups_down(), down()); }
 };
 
-// The part of a map that a tree is over, in pixels of it.
+// The first pixel of the map that a tree covers.
 struct RemapPart {
     int first_column, first_row;
 
@@ -41,12 +40,12 @@ struct RemapPart {
     }
 };
 
-// A tile of it.
+// A tile of the map.
 struct MapTile {
     long long view;
     int index;  // in the tree
     int column, row;  // of its first pixel
-    bool there, whole;  // whether any of it is in the map, and all
+    bool there, whole;  // whether any of it is inside the map, and all of it
 
     static inline MapTile of(const RemapJob& job, const RemapPart& part, long long view, int index) {
         const int group = index / LANES, tile = index % LANES;
@@ -60,7 +59,7 @@ struct MapTile {
                        column < job.columns && row < job.rows,
                        column + TILE_SIDE <= job.columns && row + TILE_SIDE <= job.rows};
     }
-    // Where its blocks begin.
+    // First column and row of a block.
     inline int block_column(int block) const { return column + block % BLOCKS_ACROSS * BLOCK_SIDE; }
     inline int block_row(int block) const { return row + block / BLOCKS_ACROSS * BLOCK_SIDE; }
 };
@@ -69,7 +68,8 @@ struct MapTile {
 struct MapBlock {
     Floats x, y;
 
-    // Of a tile. Of one that is not whole, `place` is where to write which pixels they are, -1 beyond the map's end.
+    // Load a block of a tile. For a partial tile, `place` receives the index of each pixel, -1 beyond the end of the
+    // map.
     static inline MapBlock of(const RemapJob& job, const MapTile& tile, int block, int* place) {
         const int column = tile.block_column(block), row = tile.block_row(block);
         const long long first = (tile.view * job.rows + row) * job.columns + column;
@@ -88,11 +88,11 @@ struct MapBlock {
                 pairs[2 * k + c] = place[k] < 0 ? __builtin_nanf("") : from[offset(job, k) * 2 + c];
         return rows(pairs, 2 * BLOCK_SIDE);
     }
-    // Of a block's pixel from its first.
+    // Offset of a pixel from the first one of its block.
     static inline long long offset(const RemapJob& job, int k) {
         return (long long)(k / BLOCK_SIDE) * job.columns + k % BLOCK_SIDE;
     }
-    // Of rows of x y x y ..., so many numbers apart.
+    // Load rows of x y x y ..., `apart` numbers from each other.
     static inline MapBlock rows(const float* from, long long apart) {
         typedef float Eight __attribute__((ext_vector_type(8)));
         Eight r[BLOCK_SIDE];
@@ -102,7 +102,7 @@ struct MapBlock {
         return MapBlock{__builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30),
                         __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31)};
     }
-    // Which of them are places of the image; what is no number is none.
+    // Which places are inside the image; NaN is not.
     inline Ints inside(const RemapJob& job) const {
         const Floats none = Lanes::all(0.0f);
         return (x >= none) & (x < Lanes::all((float)job.width)) & (y >= none) & (y < Lanes::all((float)job.height));

@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A `RayTree` over the places of a map, made anew for each view: packets are blocks of 4 x 4 pixels of the map, tiles
-// are 16 x 16 of them, and groups 64 x 64, so that neighbours in the map are walked together wherever they are.
+// A `RayTree` over the places of a map, rebuilt for each view: packets are blocks of 4 x 4 pixels of the map, tiles are
+// 16 x 16 pixels and groups 64 x 64, so that neighbors in the map are traversed together, wherever they are in the
+// image.
 
-// Least lanes of many registers at once.
+// Minima of several registers at once.
 struct LeastLanes {
-    // Of sixteen registers, which are lost.
+    // Lane k of the result is the minimum of r[k]; overwrites the 16 registers.
     static inline Floats of(Floats* r) {
         for (int i = 0; i < 8; ++i)
             r[i] = Lanes::min(
@@ -26,17 +27,18 @@ struct LeastLanes {
     }
 };
 
-// Bounds lie so far from places [of the tree's pixels], as those of prepared tables.
+// Margin of bounds around places [pixels of the tree], as in prepared tables.
 constexpr float TREE_MARGIN = 1e-3f;
 
-// Places of sixteen pixels along an axis, from the principal point and in the tree's pixels, and what rounding took.
+// Places of 16 pixels along an axis, relative to the principal point and in pixels of the tree, and their rounding
+// errors.
 struct TreePlaces {
     Floats rounded, rest;
 };
 
 struct TreeAxis {
     double center, scale;
-    float near_center, center_rest, power;  // the same, where the scale is a power of two; else power is 0
+    float near_center, center_rest, power;  // the same if the scale is a power of two; else power is 0
 
     static inline TreeAxis of(const RemapJob& job, int axis) {
         const double center = job.center[axis], scale = job.tree_focal / job.focal[axis];
@@ -48,7 +50,7 @@ struct TreeAxis {
     }
     inline TreePlaces of(Floats at) const {
         if (power > 0.0f) {
-            // What the difference of two numbers loses to rounding (Knuth's TwoSum).
+            // Rounding error of the difference of two numbers (Knuth's TwoSum).
             const Floats place = at - near_center, back = place - at;
             const Floats lost = (at - (place - back)) - (near_center + back);
             return TreePlaces{place * power, (lost - center_rest) * power};
@@ -59,13 +61,13 @@ struct TreeAxis {
     }
 };
 
-// What a tree is made of, in a worker's memory.
+// The arrays of a tree, in a worker's memory.
 struct RemapTree {
     float *group_bounds, *tile_bounds, *packet_bounds;
     float *u, *v, *rest_u, *rest_v;
     int *place, *run, *corner;
-    RayFit* fit;  // of no tile is one made
-    int* outside;  // [packet]: lanes that see nothing, as bits
+    RayFit* fit;  // all zero: no tile has a fit
+    int* outside;  // [packet]: bit mask of lanes outside the image
 
     static inline RemapTree carve(Arena& arena, int groups) {
         const long long tiles = (long long)groups * LANES, packets = tiles * LANES, rays = packets * LANES;
@@ -90,7 +92,7 @@ struct RemapTree {
                        nullptr,      place,       run,           corner, fit, most_inv_z, {}};
     }
 
-    // The places of a part of a map; the rectangle that they are in, the wrong way round if there are none.
+    // Set the places of a part of a map; returns their bounding rectangle, inverted if there are none.
     inline RayBox set(const RemapJob& job, const RemapPart& part, long long view, const Image& image) const {
         const int groups = job.across() * job.down();
         for (int k = 0; k < RayTree::BOUND_ROWS * LANES; ++k) group_bounds[k] = nowhere(k / LANES);
@@ -111,7 +113,7 @@ struct RemapTree {
     }
     inline float* bounds_of_packets(int tile) const { return packet_bounds + tile * (RayTree::BOUND_ROWS * LANES); }
     static inline float nowhere(int row) { return row < 2 ? NOWHERE : -NOWHERE; }
-    // A child's bounds, of rows of its own children; null for one that is not there.
+    // Set a child's bounds from the rows of its own children; null for a missing child.
     static inline void put_bounds(float* to, int child, const float* rows) {
         for (int row = 0; row < RayTree::BOUND_ROWS; ++row) {
             const float sign = row < 2 ? 1.0f : -1.0f;
@@ -142,7 +144,7 @@ struct RemapTree {
             Lanes::store(v + packet * LANES, at_v.rounded);
             Lanes::store(rest_u + packet * LANES, at_u.rest);
             Lanes::store(rest_v + packet * LANES, at_v.rest);
-            // What sees nothing hides, and never shows.
+            // Places outside the image occlude everything and are never written.
             start[block] = inside ? none : Lanes::all(NOWHERE);
             Lanes::store(image.inv_z + packet * LANES, start[block]);
             low_u[block] = inside ? at_u.rounded : Lanes::all(NOWHERE);
@@ -159,7 +161,8 @@ struct RemapTree {
         Lanes::store(image.block_min + tile.index * LANES, least);
         image.tile_min[tile.index] = Lanes::min_of(least);
     }
-    // Once all is drawn, what sees nothing shows that; packets of nothing else are written too.
+    // After rasterization, clear the places outside the image, and mark packets that consist only of those to be
+    // written.
     inline void show_outside(const Image& image, int tile) const {
         float* bounds = bounds_of_packets(tile);
         for (int child = 0; child < LANES; ++child) {
