@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Objects that get another mesh: what `Scene.update_mesh` puts in their place."""
+"""Replacement of an object's mesh, for `Scene.update_mesh`."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from warpvis.scene._shared_mesh import placed_at
 
 
 class MeshOnDevice(SceneObject):
-    """A movable object whose mesh is on the scene's GPU; the host is told of it when it asks."""
+    """A movable object whose mesh is on the scene's GPU; it is copied to the host on access."""
 
     def __init__(self, item: SceneObject, mesh: DeviceMesh) -> None:
-        """Make the same object with another mesh."""
+        """Create a copy of `item` with another mesh."""
         for name in ("name", "label", "pose"):
             object.__setattr__(self, name, getattr(item, name))
         object.__setattr__(self, "mesh", mesh)
         object.__setattr__(self, "look", None if item.look is None else item.look.of_another_mesh())
 
     def __getattr__(self, name: str) -> NDArray[np.float32]:
-        """Copy what is asked for to the host, and keep it."""
+        """Copy the attribute to the host, and cache it."""
         if name == "_host_vertices":
             found = self.__dict__["mesh"].vertices.numpy()
         elif name == "faces":
@@ -47,7 +47,7 @@ class MeshOnDevice(SceneObject):
         return found
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Be an object of the host in another process."""
+        """Pickle as an object on the host."""
         return SceneObject.placed, (
             self.name,
             self.label,
@@ -59,7 +59,7 @@ class MeshOnDevice(SceneObject):
 
     @property
     def triangle_count(self) -> int:
-        """Triangles of its mesh."""
+        """Number of triangles of the mesh."""
         return len(self.__dict__["mesh"].faces)
 
     @property
@@ -69,16 +69,16 @@ class MeshOnDevice(SceneObject):
 
 
 def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None, device: wp.Device) -> SceneObject:
-    """Return the object with another mesh, in the frame of one that moves, and else in the world.
+    """Return the object with another mesh, in its own frame if it is movable, else in the world's.
 
     Args:
-        item: The object, which is of one piece with no other.
+        item: The object; neither attached to another one nor the parent of others.
         vertices: Corners [m], shape ``(n, 3)``.
-        faces: Corner indices of the triangles, shape ``(m, 3)``; those that it has for None.
-        device: The scene's.
+        faces: Corner indices of the triangles, shape ``(m, 3)``; None for the object's present faces.
+        device: The scene's device.
 
     Raises:
-        SceneError: The mesh is empty or malformed.
+        SceneError: If the mesh is empty or malformed.
     """
     name = item.name
     given = item.faces if faces is None else faces
@@ -97,7 +97,7 @@ def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None,
 
 
 def build_mesh_tree(item: SceneObject, closed: bool, device: wp.Device) -> Bvh:
-    """Build the tree of an object's new mesh; on the device, if the mesh is there."""
+    """Build the tree of an object's new mesh, on the device if its mesh is on the device."""
     if isinstance(item, MeshOnDevice):
         from warpvis.kernels.packets_cuda import LEVELS
 
@@ -110,7 +110,7 @@ def build_mesh_tree(item: SceneObject, closed: bool, device: wp.Device) -> Bvh:
 
 
 def build_warp_mesh(item: SceneObject, device: wp.Device) -> wp.Mesh:
-    """Build the mesh of the ``rays`` caster."""
+    """Build the mesh of an object for the ``rays`` caster."""
     from warpvis.scene.geometry import make_mesh
 
     if isinstance(item, MeshOnDevice):
@@ -125,7 +125,7 @@ def _flag(closed: bool, device: wp.Device) -> wp.array:
 
 
 def _on_device(vertices: ArrayInput, faces: ArrayInput, name: str, device: wp.Device) -> DeviceMesh:
-    """Copy a mesh of the scene's GPU, and check it there."""
+    """Copy a mesh that is on the scene's GPU, and check it there."""
     try:
         corners = as_warp(_rows(vertices, wp.vec3), wp.vec3, ("n",), name=f"vertices of {name!r}", device=device)
         triangles = as_warp(_rows(faces, wp.vec3i), wp.vec3i, ("m",), name=f"faces of {name!r}", device=device)
@@ -140,7 +140,7 @@ def _on_device(vertices: ArrayInput, faces: ArrayInput, name: str, device: wp.De
 
 
 def _check_values(vertices: wp.array, faces: wp.array, name: str) -> None:
-    """Raise a `SceneError` unless corners are where they can be, and indices are of corners."""
+    """Raise a `SceneError` if a corner is not finite or too far away, or a face index is out of range."""
     from warpvis.kernels.bvh_cuda_items import check_mesh as find_bad
 
     count, limits = len(vertices), np.iinfo(np.int32)
@@ -158,7 +158,7 @@ def _check_values(vertices: wp.array, faces: wp.array, name: str) -> None:
 
 
 def _rows(value: ArrayInput, kind: type) -> ArrayInput:
-    """View a Warp array of rows of three numbers as one of vectors; return anything else as it is."""
+    """View a Warp array of rows of three numbers as an array of vectors; return anything else unchanged."""
     scalar = kind._wp_scalar_type_  # type: ignore[attr-defined]
     if isinstance(value, wp.array) and value.dtype == scalar and value.ndim == 2 and value.shape[1] == 3:
         return value.contiguous().view(kind).reshape((value.shape[0],))
@@ -171,7 +171,7 @@ def _too_far(item: SceneObject) -> str:
 
 
 def _host(array: ArrayInput, what: str, name: str) -> ArrayInput:
-    """Copy an array of a GPU to the host; return any other as it is."""
+    """Copy a GPU array to the host; return any other array unchanged."""
     if isinstance(array, wp.array):
         return array.numpy()
     if not on_gpu(array):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene holds: an object's mesh, name and label, and what makes it movable."""
+"""One object of a scene: its mesh, name and label, and its pose if it is movable."""
 
 from __future__ import annotations
 
@@ -30,23 +30,22 @@ class SceneObject:
     label: int
     """Its class: a `Label`, or another number from 6 to 255; `Scene.label_names` names it."""
     vertices: NDArray[np.float32] = field(repr=False)
-    """Corners in the world frame [m], shape ``(n, 3)``; of a movable object at its `pose`."""
+    """Corners in the world frame [m], shape ``(n, 3)``; for a movable object, at its `pose`."""
     faces: NDArray[np.int32] = field(repr=False)
     """Corner indices of the triangles, shape ``(m, 3)``."""
     mesh_vertices: NDArray[np.float32] | None = field(default=None, repr=False)
-    """Corners in the frame of a movable object, or of the one it is attached to [m], shape ``(n, 3)``; else None."""
+    """Corners in the frame of a movable object, or of its parent [m], shape ``(n, 3)``; None for static objects."""
     pose: NDArray[np.float32] | None = field(default=None, repr=False)
-    """Where a movable object is unless a call says otherwise, object to world, ``x y z qx qy qz qw``; None if it stays,
-    or moves with another one."""
+    """Initial pose of a movable object, object to world, ``x y z qx qy qz qw``; None if it is static or attached."""
     carrier: int | None = None
-    """Index of the movable object that it was attached to; None for most."""
+    """Index of the movable object that it is attached to; None if not attached."""
     solid: Solid | None = None
-    """What rays meet of a movable object in place of its triangles, if it was added as a `solids.Solid`."""
+    """Round solid that rays hit instead of the triangles, if a movable object was added as a `solids.Solid`."""
     origin: NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
-    """Where an object that stays or is attached was added, object to world, ``x y z qx qy qz qw``: the frame of its
-    normals, and of textures without coordinates; None for the world's."""
+    """Pose with which a static or attached object was added, object to world, ``x y z qx qy qz qw``: the frame of its
+    normals, and of textures without coordinates. None for the identity."""
     look: Look | None = field(default=None, repr=False, compare=False)
-    """What makes its `appearance`."""
+    """Holds or creates its `appearance`."""
 
     @classmethod
     def placed(
@@ -58,7 +57,7 @@ class SceneObject:
         solid: Solid | None = None,
         look: Look | None = None,
     ) -> SceneObject:
-        """Make a movable object of vertices and faces in its frame. `vertices` are computed when asked for."""
+        """Create a movable object from a mesh in its frame. `vertices` are computed on access."""
         item = object.__new__(cls)
         item.__dict__.update(name=name, label=label, faces=mesh[1], mesh_vertices=mesh[0], pose=place, solid=solid)
         item.__dict__.update(look=look)
@@ -73,13 +72,13 @@ class SceneObject:
         row: NDArray[np.float64] | None,
         look: Look | None = None,
     ) -> SceneObject:
-        """Make an object that stays, at a pose, of a mesh that others have. `vertices` are computed when asked for."""
+        """Create a static object from a shared mesh and a pose. `vertices` are computed on access."""
         item = object.__new__(cls)
         item.__dict__.update(name=name, label=label, faces=shared.faces, shared=shared, row=row, look=look)
         return item
 
     def __getattr__(self, name: str) -> NDArray[np.float32]:
-        """Compute what `placed` and `staying` left out."""
+        """Compute the vertices that `placed` and `staying` left out."""
         if name == "vertices" and self.mesh_vertices is not None and self.pose is not None:
             vertices = placed_at(self.mesh_vertices, self.pose).astype(np.float32)
         elif name == "vertices" and "shared" in self.__dict__:
@@ -93,55 +92,56 @@ class SceneObject:
 
     @property
     def shared_mesh(self) -> SharedMesh | None:
-        """The mesh in a frame of its own that an object that stays shares with others; None for most."""
+        """The mesh, in its own frame, that a static object shares with others; None for most."""
         return self.__dict__.get("shared")
 
     @property
     def appearance(self) -> Appearance | None:
-        """What it looks like: as it was added, or as its file or trimesh's `visual` says; None if nothing says it.
+        """Its appearance, as added or as read from a file or trimesh's `visual`; None if not given.
 
-        Textures decode when they are first asked for.
+        Textures are decoded on first access.
         """
         return None if self.look is None else self.look.get()
 
     @property
     def place(self) -> NDArray[np.floating]:
-        """Where the object was added, of one that is movable or shares a mesh: ``x y z qx qy qz qw``."""
+        """Initial pose of an object that is movable or shares a mesh: ``x y z qx qy qz qw``."""
         row = self.__dict__.get("row", self.pose)
         return _IDENTITY if row is None else row
 
     @property
     def movable(self) -> bool:
-        """Whether the object may be in another place in every world."""
+        """Whether the object's pose may differ between worlds."""
         return self.pose is not None or self.carrier is not None
 
     @property
     def points(self) -> wp.array | None:
-        """Where its vertices are on the scene's device, once `Scene.update_vertices` was told them; else None."""
+        """Its vertices on the scene's device, once `Scene.update_vertices` was called; else None."""
         return None
 
     @property
     def triangle_count(self) -> int:
-        """Triangles of its mesh."""
+        """Number of triangles of the mesh."""
         return len(self.faces)
 
     @property
     def bounds(self) -> NDArray[np.float32]:
-        """Least and greatest corner of the axis-aligned box [m], shape ``(2, 3)``."""
+        """Minimum and maximum corner of the axis-aligned box [m], shape ``(2, 3)``."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
 def as_it_is(item: SceneObject) -> SceneObject:
-    """Return the object with the vertices it has now, whatever becomes of them."""
+    """Return a snapshot of the object with its current vertices, which do not deform any more."""
     if item.points is None:
         return item
     return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose, look=item.look)
 
 
 def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bool = False) -> SceneObject:
-    """Return the object, movable, and of one piece with no other.
+    """Return the object as a movable one that is detached from all others.
 
-    What stays has its vertices in the world then, and the identity for a pose; an instance has its mesh and its pose.
+    A static object then has its vertices in the world's frame, and the identity for a pose; an instance has its shared
+    mesh and its pose.
     """
     if item.carrier is not None:
         return replace(item, pose=objects[item.carrier].pose, carrier=None)
@@ -155,10 +155,10 @@ def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance:
 
 
 def check_mesh(mesh: MeshLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return the vertices [m], shape ``(n, 3)``, and faces, ``(m, 3)``, of a mesh that `Scene.add` was given.
+    """Return the vertices [m], shape ``(n, 3)``, and faces, ``(m, 3)``, of a mesh given to `Scene.add`.
 
     Raises:
-        SceneError: It is empty or malformed.
+        SceneError: If the mesh is empty or malformed.
     """
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         vertices, faces = mesh
@@ -175,7 +175,7 @@ def check_mesh(mesh: MeshLike, name: str) -> tuple[NDArray[np.float64], NDArray[
         ValueError,
         OverflowError,
         RuntimeError,
-    ) as error:  # arrays of other libraries raise what they like
+    ) as error:  # arrays of other libraries may raise any exception
         raise SceneError(f"mesh of {name!r} must hold arrays of numbers: {error}") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise SceneError(f"vertices of {name!r} must have shape (n, 3), got {vertices.shape}")
@@ -194,26 +194,26 @@ def check_mesh(mesh: MeshLike, name: str) -> tuple[NDArray[np.float64], NDArray[
 
 
 def keep_winding(faces: np.ndarray, linear: NDArray[np.float64]) -> np.ndarray:
-    """Order the corners of triangles so that those that faced outwards still do where a placement has taken them.
+    """Reverse the winding of triangles if a linear transform mirrors them, so that front faces stay front faces.
 
     Args:
         faces: Corner indices, shape ``(m, 3)``.
-        linear: What the placement does besides moving, shape ``(3, 3)``; one that mirrors turns triangles round.
+        linear: Linear part of the transform, shape ``(3, 3)``.
     """
     return faces[:, ::-1] if np.linalg.det(linear) < 0 else faces
 
 
 def check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
-    """Check a factor of size, or three of them.
+    """Check a scale factor, or three of them.
 
     Raises:
-        SceneError: They are not positive numbers.
+        SceneError: If they are not positive numbers.
     """
     if isinstance(scale, float) and scale == 1.0:
         return _ONE
     try:
         factors = np.asarray(scale, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError, RuntimeError):  # arrays of other libraries raise what they like
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # other libraries' arrays may raise any exception
         raise SceneError(f"scale of {name!r} must be one or three positive numbers, got {scale!r}") from None
     if factors.shape not in ((), (3,)) or not (np.isfinite(factors).all() and (factors > 0).all()):
         raise SceneError(f"scale of {name!r} must be one or three positive numbers, got {scale!r}")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The objects of a scene in their order: those that were added together are made one by one, when asked for."""
+"""The ordered objects of a scene; instances added together are created one by one, on access."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from warpvis.scene.solids import Solid
 
 @dataclass(frozen=True, eq=False)
 class Instances:
-    """Objects of one mesh that were added together."""
+    """Objects that share one mesh and were added together."""
 
     first: int
-    """Index of the first of them in the scene."""
+    """Index of the first one in the scene."""
     names: Sequence[str] = field(repr=False)
     label: int
     mesh: SharedMesh = field(repr=False)
@@ -31,17 +31,17 @@ class Instances:
     """Object to world, ``x y z qx qy qz qw``, shape ``(n, 7)``."""
     movable: bool
     solid: Solid | None = None
-    """What rays meet of them, if they are movable."""
+    """Round solid that rays hit instead of the triangles, if they are movable."""
     look: Look | None = field(default=None, repr=False)
-    """What all of them look like."""
+    """The appearance they share."""
 
     @property
     def triangle_count(self) -> int:
-        """Triangles of each one."""
+        """Number of triangles of each one."""
         return len(self.mesh.faces)
 
     def make(self, index: int) -> SceneObject:
-        """Make the object that has an index in the scene."""
+        """Create the object with the given index in the scene."""
         place = index - self.first
         name, row = self.names[place], self.rows[place]
         if not self.movable:
@@ -50,27 +50,27 @@ class Instances:
         return SceneObject.placed(name, self.label, arrays, row.astype(np.float32), self.solid, self.look)
 
     def poses(self, first: int, count: int) -> NDArray[np.float32]:
-        """Return the poses of those from an index in the scene on, in single precision."""
+        """Return the poses of `count` objects from the scene index `first`, in single precision."""
         return self.rows[first - self.first : first - self.first + count].astype(np.float32)
 
 
 class ObjectList(Sequence[SceneObject]):
-    """Objects, of which those of `add_instances` take no time and little memory until they are asked for."""
+    """A list of objects; those of `add_instances` take no time and little memory until they are accessed."""
 
     def __init__(self, objects: Iterable[SceneObject] = ()) -> None:
-        """Begin with some objects, or with none."""
+        """Create a list of the given objects."""
         self._items: list[SceneObject | Instances] = list(objects)
 
     def append(self, item: SceneObject) -> None:
-        """Add an object."""
+        """Append an object."""
         self._items.append(item)
 
     def add_instances(self, instances: Instances) -> None:
-        """Add objects, of which the first gets the next index."""
+        """Append instances; the first one gets the next index."""
         self._items += [instances] * len(instances.names)
 
     def runs(self) -> Iterator[tuple[int, int, SceneObject | Instances]]:
-        """List all objects as they are kept: the index of the first one of each run, how many, and what they are."""
+        """Yield the stored items in order: index of a run's first object, length of the run, and its item."""
         first = 0
         for _, run in groupby(self._items, key=id):
             same = list(run)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which triangle of its object's own mesh each triangle of a scene is."""
+"""Face indices of a scene's triangles in their objects' meshes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 def own_faces(owner: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Count the triangles of each object from 0, whose triangles follow each other in its own order.
+    """Return each triangle's face index in its object's mesh; an object's triangles are consecutive and in order.
 
     Args:
-        owner: The triangles' objects, shape ``(m,)``.
+        owner: The triangles' object indices, shape ``(m,)``.
     """
     starts = np.flatnonzero(np.diff(owner, prepend=-1))
     counts = np.diff(starts, append=len(owner))
@@ -27,12 +27,12 @@ def own_faces(owner: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def slot_faces(trees: Sequence[Bvh], owners: Sequence[NDArray[np.int32]], device: wp.Device) -> wp.array:
-    """Say of each place in trees' leaves, one tree after the other, which triangle of its object is there; -1 for none.
+    """Return the object's face index for each leaf slot of the trees, one tree after the other; -1 for unused slots.
 
     Args:
-        trees: The trees, of the host or of a device.
-        owners: Of each tree, the objects of the triangles that it was made of.
-        device: Where the array is to be.
+        trees: The trees, on the host or a device.
+        owners: For each tree, the object indices of the triangles it was built from.
+        device: Device of the result.
     """
     parts = []
     for tree, owner in zip(trees, owners, strict=True):

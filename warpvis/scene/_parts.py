@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What readers of files find, and how it becomes objects of a scene."""
+"""Results of file readers, and their conversion to objects of a scene."""
 
 from __future__ import annotations
 
@@ -28,73 +28,73 @@ from warpvis.scene.materials import Appearance
 from warpvis.scene.solids import Solid
 
 _LONGEST_LIST = 500
-"""Of what is left out, in a message [characters]."""
+"""Maximum length of the list of skipped items in a message [characters]."""
 
 Axis = Literal["z", "y"]
 """A vertical axis."""
 
-# Turns geometry whose vertical axis is y upright in a world whose vertical axis is z: (x, y, z) to (x, -z, y).
+# Rotates y-up geometry upright in a z-up world: (x, y, z) to (x, -z, y).
 Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One object of a file: what `Scene.add` takes."""
+    """One object of a file: the arguments of `Scene.add`."""
 
     name: str
-    """A name that no other part of the file has."""
+    """Unique name in the file."""
     mesh: tuple[NDArray[np.float64], NDArray[np.integer]] | Solid
     """Vertices, shape ``(n, 3)``, and corner indices, shape ``(m, 3)``; or a round solid."""
     label: int | str = Label.OBSTACLE
-    """What its pixels are labelled unless the user says otherwise: a number, or a name that the scene has to know."""
+    """Default label of its pixels: a number, or a name that the scene must know."""
     pose: NDArray[np.float64] | None = None
     """Part to file, a row ``x y z qx qy qz qw`` or a 4x4 matrix; None for the identity."""
     movable: bool = False
-    """Whether the file says that it moves."""
+    """Whether the file defines it as movable."""
     attach_to: str | None = None
-    """Name of an earlier part that it moves with; None if it moves by itself, or stays."""
+    """Name of an earlier part that it is attached to; None if it moves independently or is static."""
     has_frame: bool = True
-    """Whether its pose is where it begins if it is movable; else the pose is there for what stays to share a mesh, and
-    what is movable has its vertices where the file has them, and no pose."""
+    """Whether its pose is the initial pose if it is movable. If false, the pose only lets static parts share a mesh; a
+    movable part then has its vertices in the file's frame, and no pose."""
     aliases: tuple[str, ...] = ()
-    """Other names that patterns may mean it by: its body's."""
+    """Other names that patterns match: that of its body."""
     appearance: Appearance | Look | None = None
-    """What it looks like, if the file says it."""
+    """Its appearance, if defined in the file."""
 
     def arguments(self) -> dict[str, Any]:
-        """Name the arguments of `Scene.add` that add it."""
+        """Return the arguments of `Scene.add` that add it."""
         names = ("mesh", "name", "label", "pose", "movable", "attach_to", "appearance")
         return {name: getattr(self, name) for name in names}
 
     def fits(self, pattern: str) -> bool:
-        """Tell whether a pattern (``"wall_*"``) means this part."""
+        """Return whether a pattern (``"wall_*"``) matches this part."""
         return any(fnmatch.fnmatchcase(name, pattern) for name in (self.name, *self.aliases))
 
 
 @dataclass(frozen=True, eq=False)
 class FileParts:
-    """What a reader gives: a file's parts, and how they are meant."""
+    """The result of a reader: a file's parts, and how to interpret them."""
 
     path: Path
     """The file."""
     parts: Sequence[Part]
     """Its parts, in the order of the scene's objects."""
     up: Axis | None = None
-    """The vertical axis of its geometry, as the file or its format says; None if neither does."""
+    """The vertical axis of its geometry, if defined by the file or its format; else None."""
     settled: bool = False
-    """Whether the format is in metres and says which axis is up, so that a user has no say in either."""
+    """Whether the format defines the unit (m) and the vertical axis, so that arguments cannot override them."""
 
     warnings: tuple[str, ...] = ()
-    """Sentences about what is left out, or was corrected."""
+    """Sentences about parts that were skipped or corrected."""
     classes: LabelRules = field(default_factory=LabelRules)
-    """What the file says of classes of its own: their names, and which are ground."""
+    """User-defined classes in the file: their names, and which are ground."""
     lights: tuple[Light, ...] = ()
-    """Its lights, in its own frame and unit."""
+    """Its lights, in the file's frame and unit."""
     background: Background | None = None
-    """What it says is seen where nothing is, in its own frame."""
+    """Its background, in the file's frame."""
 
     def scene_up(self, up: Axis | None) -> Axis:
-        """Return the vertical axis of a scene of these parts, of which the user asked for `up` or for none."""
+        """Return the vertical axis of a scene of these parts: `up` if given."""
         return up or (self.up if self.settled and self.up else "z")
 
     def objects(
@@ -106,17 +106,18 @@ class FileParts:
         labels: LabelPatterns,
         movable: bool | Sequence[str] = False,
     ) -> list[dict[str, Any]]:
-        """Make arguments for `Scene.add`, for each part.
+        """Return the arguments of `Scene.add` for each part.
 
         Args:
-            scene_up: The scene's vertical axis, to which geometry is turned.
-            file_up: The file's vertical axis; what the file says by default, else the scene's.
-            scale: Factor from the file's unit to metres.
-            labels: What the user says of labels.
-            movable: Whether what the file says moves is movable; or names and patterns of what is, each by itself.
+            scene_up: The scene's vertical axis, to which geometry is rotated.
+            file_up: The file's vertical axis; by default as defined in the file, else the scene's.
+            scale: Factor from the file's unit to meters.
+            labels: Labels given by the user.
+            movable: Whether parts that the file defines as movable are; or names and patterns of movable parts, each
+                moving independently.
 
         Raises:
-            SceneError: There are no parts, a pattern fits none of them, or an argument has no meaning for the file.
+            SceneError: If there are no parts, a pattern matches no part, or an argument does not apply to the file.
         """
         if not self.parts:
             left_out = truncate(next(iter(self.warnings), ""), _LONGEST_LIST)
@@ -152,14 +153,14 @@ class FileParts:
         return lights, None if self.background is None else self.background.turned(turn)
 
     def _upright(self, scene_up: Axis, file_up: Axis | None) -> NDArray[np.float64] | None:
-        """Return what turns the file's geometry upright in a scene; None if it is so."""
+        """Return the rotation from the file's vertical axis to the scene's; None for the identity."""
         axis = file_up if file_up is not None else self.up or scene_up
         check_up(axis)
         return None if axis == scene_up else (Y_UP_TO_Z_UP if axis == "y" else Y_UP_TO_Z_UP.T)
 
 
 def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
-    """Return the parts, of which those are movable that shall be."""
+    """Return the parts, with `movable` set as the argument specifies."""
     if isinstance(movable, str):
         movable = [movable]
     if movable is True:
@@ -177,12 +178,12 @@ def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
 
 
 def _is_apart(part: Part, uniform: bool) -> bool:
-    """Tell whether a part keeps the pose that it has: it cannot where the file is stretched along one axis."""
+    """Return whether a part keeps its pose: not if the scale is not uniform."""
     return part.pose is None or (uniform and (part.has_frame or not part.movable))
 
 
 def _without_pose(part: Part) -> Part:
-    """Return the same part with its vertices where the file has them."""
+    """Return the part with its vertices in the file's frame, without a pose."""
     if part.pose is None or isinstance(part.mesh, Solid):
         return part
     vertices, faces = part.mesh
@@ -190,7 +191,7 @@ def _without_pose(part: Part) -> Part:
 
 
 def _turned(part: Part, upright: NDArray[np.float64] | None) -> MeshLike:
-    """Return the mesh of a part that has no pose, turned upright."""
+    """Return the mesh of a part without a pose, rotated upright."""
     if upright is None or isinstance(part.mesh, Solid):
         return part.mesh
     vertices, faces = part.mesh
@@ -198,7 +199,7 @@ def _turned(part: Part, upright: NDArray[np.float64] | None) -> MeshLike:
 
 
 def _turned_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, factor: float) -> list[PoseLike | None]:
-    """Return the parts' poses in metres, turned upright; None of meshes that have none."""
+    """Return the parts' poses in meters, rotated upright; None for meshes without a pose."""
     if upright is None and factor == 1:
         return [part.pose for part in parts]
     posed = [part.pose is not None or isinstance(part.mesh, Solid) for part in parts]
@@ -209,12 +210,13 @@ def _turned_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, fa
         if alike:
             matrices[list(alike)] = poses_to_matrices(poses_to_opencv(np.stack(list(alike.values()))))
     matrices[:, :3, 3] *= factor
-    turned = iter(poses_to_opencv(matrices if upright is None else upright @ matrices))  # all at once: it takes long
+    # One batch, since the conversion takes long.
+    turned = iter(poses_to_opencv(matrices if upright is None else upright @ matrices))
     return [next(turned) if own else None for own in posed]
 
 
 def joined(objects: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Join arguments of `Scene.add` in a row that differ in name and pose alone to one of `Scene.add_instances`."""
+    """Merge consecutive arguments of `Scene.add` that differ only in name and pose to one of `Scene.add_instances`."""
     for _, run in itertools.groupby(objects, key=_what_instances_share):
         first, *others = run
         if others:
@@ -226,7 +228,7 @@ def joined(objects: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 
 def _what_instances_share(item: dict[str, Any]) -> object:
-    """Return what is the same of arguments of `Scene.add` that can be joined."""
+    """Return a key that is equal for arguments of `Scene.add` that can be merged."""
     mesh = item["mesh"]
     if isinstance(mesh, Solid) or item["pose"] is None or item["attach_to"] is not None:
         return id(item)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Deforming meshes: where their vertices are, and how a BVH follows them without being built again."""
+"""Deforming meshes: their vertices on the device, and BVHs that are refitted to them without a rebuild."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from warpvis.scene._shared_mesh import placed_at
 if TYPE_CHECKING:
     from warpvis.scene._bvh import Bvh
 
-# Leaves of fewer are not worth a launch of their own, nor another thread.
+# Fewer leaves are not worth a separate launch or another thread.
 _MIN_LEAVES = 512
 _PARTS_PER_THREAD = 4
 _NAMED = 3
@@ -31,11 +31,11 @@ _NAMED = 3
 class DeformingObject(SceneObject):
     """A movable object whose vertices were updated. They are on the scene's device.
 
-    What the host is told of them is copied from there every time, so it is right after a replayed CUDA graph too.
+    Host copies are made on every access, so they are current after a replayed CUDA graph, too.
     """
 
     def __init__(self, item: SceneObject, device: wp.Device) -> None:
-        """Make the same object, with room for its vertices."""
+        """Create a copy of `item`, and allocate its vertices on the device."""
         for name in ("name", "label", "faces", "pose", "look"):
             object.__setattr__(self, name, getattr(item, name))
         object.__setattr__(self, "_points", wp.empty(len(item.vertices), dtype=wp.vec3, device=device))
@@ -58,12 +58,12 @@ class DeformingObject(SceneObject):
 
 
 def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -> wp.array:
-    """Read an object's new vertices as vec3: on the host if they came from there, and checked; else on the device.
+    """Convert an object's new vertices to vec3: host arrays are checked and stay on the host, others are on the device.
 
     Raises:
-        SceneError: They are not what they have to be.
+        SceneError: If they are malformed.
     """
-    # Nothing is fetched from the device to count.
+    # The count is known without a copy from the device.
     name, count = item.name, len(item.vertices if item.points is None else item.points)
     try:
         if on_gpu(vertices):
@@ -82,7 +82,7 @@ def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -
 
 
 def check_values(vertices: np.ndarray, name: str) -> None:
-    """Raise a `SceneError` unless all are finite and not too far away for single precision."""
+    """Raise a `SceneError` unless all are finite and within the range of single precision."""
     if np.abs(vertices).max(initial=0) <= FARTHEST:  # false for NaN too
         return
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
@@ -93,22 +93,22 @@ def check_values(vertices: np.ndarray, name: str) -> None:
 
 
 def _as_vectors(value: ArrayInput) -> ArrayInput:
-    """View a Warp array of rows of three numbers as one of vectors; return anything else as it is."""
+    """View a Warp array of rows of three numbers as an array of vectors; return anything else unchanged."""
     if isinstance(value, wp.array) and value.dtype == wp.float32 and value.ndim == 2 and value.shape[1] == 3:
         return value.view(wp.vec3).reshape((value.shape[0],)) if value.is_contiguous else value
     return value
 
 
 class BvhRefit:
-    """Refits one BVH. Everything is made ready here: a refit allocates nothing and waits for nothing on CUDA.
+    """Refits one BVH. The constructor allocates all memory: on CUDA, a refit neither allocates nor synchronizes.
 
     Args:
         tree: The tree, as it was built.
         faces: Corner indices of the triangles, shape ``(m, 3)``.
-        points: Where the vertices are to be found at every refit.
-        leaves: The tree's leaves among those that the casters read.
-        nodes: Its nodes there.
-        box: Six numbers that the whole tree's box is written to.
+        points: The vertices, read at every refit.
+        leaves: The tree's leaves in the joined arrays.
+        nodes: The tree's nodes in the joined arrays.
+        box: Six numbers that receive the bounding box of the tree.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class BvhRefit:
         nodes: wp.array,
         box: wp.array,
     ) -> None:
-        """Prepare to refit."""
+        """Record the launches of a refit."""
         from warpvis.kernels import refit
 
         device, lanes = points.device, tree.lanes
@@ -130,7 +130,7 @@ class BvhRefit:
         corners, leaf_slots, node_slots, order = (wp.array(array, dtype=wp.int32, device=device) for array in numbers)
         leaves = leaves.reshape((-1, LEAF_ROWS, lanes))
         nodes = nodes.reshape((-1, NODE_ROWS, lanes))
-        # Recorded launches do not own what they were given.
+        # Recorded launches do not hold references to their arguments.
         self._kept = [corners, leaf_slots, node_slots, order, leaves, nodes, box, points]
 
         def record(kernel: wp.Kernel, count: int, arguments: KernelArguments) -> wp.Launch:
@@ -154,14 +154,14 @@ class BvhRefit:
         ]
 
     def refit(self) -> None:
-        """Make the tree hold the points as they are now."""
+        """Update the tree to the current vertices."""
         run_each(lambda recorded: recorded.launch(), self._leaf_launches, self._threads)
         for recorded in self._node_launches:
             recorded.launch()
 
 
 def leaf_vertices(tree: Bvh, faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Lay out the triangles' corner indices in lanes, shape ``(leaves, 3, lanes)``, as `Bvh.leaves` has."""
+    """Return the triangles' corner indices, shape ``(leaves, 3, lanes)``, in the layout of `Bvh.leaves`."""
     triangles = tree.triangles.numpy().reshape(-1, tree.lanes)
     unused = triangles < 0
     used = np.where(unused, triangles[:, :1], triangles)
@@ -172,7 +172,7 @@ def leaf_vertices(tree: Bvh, faces: NDArray[np.int32]) -> NDArray[np.int32]:
 def _slots(
     children: NDArray[np.int32], leaf_count: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], list[NDArray[np.int32]]]:
-    """Find each leaf's place among the children, each node's, -1 for the root, and the levels' nodes, deepest first."""
+    """Return each leaf's and each node's slot among the children (-1 for the root), and the levels, deepest first."""
     leaf_slots = np.empty(leaf_count, dtype=np.int32)
     node_slots = np.full(len(children), -1, dtype=np.int32)
     flat = children.ravel()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes: named, labelled triangle meshes, and what the casters make of them."""
+"""Scenes: named, labeled triangle meshes, and their acceleration structures."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 class Scene(SceneExports):
-    """Triangle meshes in the world frame, right-handed, in metres.
+    """Triangle meshes in the world frame, right-handed, in meters.
 
     Example:
         >>> scene = Scene()
@@ -62,17 +62,17 @@ class Scene(SceneExports):
         label_names: Mapping[int, str] | None = None,
         ground_labels: Iterable[Label | int | str] = (Label.GROUND,),
     ) -> None:
-        """Make an empty scene.
+        """Create an empty scene.
 
         Args:
-            device: Where it is rendered: ``"cpu"``, ``"cuda:0"``, ...
+            device: Device that renders it: ``"cpu"``, ``"cuda:0"``, ...
             up: The world's vertical axis.
-            label_names: Names of classes of your own, by their numbers from 0 to 255: ``{40: "road"}``. They come to
-                those of `Label`, or change them.
+            label_names: Names of user-defined classes, by their numbers from 0 to 255: ``{40: "road"}``. They extend or
+                override those of `Label`.
             ground_labels: Classes that are ground; see `ground_labels`.
 
         Raises:
-            SceneError: A number, a name or a class is none, or two numbers have one name.
+            SceneError: If a number, a name or a class is invalid, or two numbers have the same name.
         """
         check_up(up)
         super().__init__(get_device(device), up, label_names, ground_labels)
@@ -94,36 +94,35 @@ class Scene(SceneExports):
         search_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
         strict: bool = False,
     ) -> Scene:
-        """Read a file: OBJ, STL, PLY, GLB, and what else trimesh reads; a Webots world; a MuJoCo model; a URDF robot.
+        """Load a scene from a file: OBJ, STL, PLY, GLB and other formats of trimesh, Webots worlds, MJCF, or URDF.
 
-        Every named part of the file becomes one object, in the file's order. Its label is, first, what `labels` says;
-        second, what the file says (``"label"`` in a glTF node's or mesh's ``extras``); else `Label.OBSTACLE`. Of a
-        Webots world (``.wbt``), see `warpvis.webots.load_webots` for names, labels, and devices; of MJCF (``.xml``) and
+        Every named part of the file becomes one object, in the file's order. Its label is taken from `labels`, else
+        from the file (``"label"`` in the ``extras`` of a glTF node or mesh), else it is `Label.OBSTACLE`. For Webots
+        worlds (``.wbt``), see `warpvis.webots.load_webots` about names, labels, and devices; for MJCF (``.xml``) and
         URDF (``.urdf``), which MuJoCo compiles, `warpvis.mujoco.read_model`.
 
         Args:
             path: The file.
-            device: Where the scene is rendered.
-            up: The scene's vertical axis. By default a Webots world's own, else ``"z"``.
-            file_up: The file's vertical axis. By default ``"y"`` for glTF, as its specification says, what COLLADA
-                files say, and the scene's own for every other mesh format; where the two differ, the geometry is
-                turned upright. Webots, MJCF and URDF say it themselves.
-            scale: Factor from a mesh file's unit to metres (0.001 for millimetres), besides the unit that
-                COLLADA and 3MF files say; the others are in metres.
-            labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last one that fits counts. Or a file
-                that says them: JSON, TOML or YAML, with ``labels`` so, and ``label_names`` and ``ground_labels`` if
-                there are any.
-            label_names: Names of classes of your own, as for `Scene`.
-            movable: Names or patterns of the objects that are movable, each with a pose of its own; or True for what
-                MJCF or URDF says moves, one pose for each body.
-            search_path: Folders to look for other files in that the file names: PROTO files and meshes of Webots,
+            device: Device that renders the scene.
+            up: The scene's vertical axis. By default that of the Webots world, else ``"z"``.
+            file_up: The file's vertical axis. By default ``"y"`` for glTF, as in its specification, the axis defined in
+                a COLLADA file, and the scene's axis for every other mesh format; where the two differ, the geometry is
+                rotated upright. Webots, MJCF and URDF define it themselves.
+            scale: Factor from a mesh file's unit to meters (0.001 for millimeters), in addition to the unit that
+                COLLADA and 3MF files define; other formats are in meters.
+            labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last match wins. Or a JSON, TOML or
+                YAML file with such ``labels``, and optionally ``label_names`` and ``ground_labels``.
+            label_names: Names of user-defined classes, as for `Scene`.
+            movable: Names or patterns of the objects that are movable, each with a separate pose; or True for the
+                moving bodies of MJCF or URDF, one pose for each body.
+            search_path: Folders to search for other files that the file references: PROTO files and meshes of Webots,
                 meshes and includes of MJCF, packages and meshes of URDF, buffers of glTF.
-            strict: Whether what cannot be shown is an error. By default it is left out, and a warning names it.
+            strict: Whether unsupported content is an error. By default it is skipped, and a warning lists it.
 
         Raises:
-            FileFormatError: The file is missing, does not parse, or holds what is no mesh; or something cannot be shown
-                and `strict` is set.
-            SceneError: It holds no triangles, a pattern fits nothing, or an argument has no meaning for such a file.
+            FileFormatError: If the file is missing, does not parse, or contains an invalid mesh, or if it has
+                unsupported content and `strict` is set.
+            SceneError: If it contains no triangles, a pattern matches nothing, or an argument does not apply to it.
         """
         from warpvis.io import read_parts
 
@@ -153,32 +152,31 @@ class Scene(SceneExports):
         """Add an object.
 
         Args:
-            mesh: A `trimesh.Trimesh`, anything else with `vertices` and `faces`, or the pair ``(vertices, faces)``:
-                vertices [m] of shape ``(n, 3)``, corner indices of shape ``(m, 3)``. Of a movable
-                `warpvis.scene.solids.Solid`, rays meet the true round surface, from outside; elsewhere its
-                triangles stand for it.
-            name: A name that no other object has; by default ``object_`` and the object's index, or the next
-                number that is free.
-            label: What its pixels are labelled: a `Label`, another number up to 255, or the name of one.
+            mesh: A `trimesh.Trimesh`, any other object with `vertices` and `faces`, or the pair ``(vertices, faces)``:
+                vertices [m] of shape ``(n, 3)``, corner indices of shape ``(m, 3)``. A movable
+                `warpvis.scene.solids.Solid` is rendered as the true round surface, from outside; otherwise as its
+                triangles.
+            name: A unique name; by default ``object_`` and the object's index, or the next free number.
+            label: Class of its pixels: a `Label`, another number up to 255, or the name of one.
             pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; identity by default.
             quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
-            scale: Factor of size, or three of them along the mesh's axes, applied before the pose.
-            movable: Whether `Renderer.render` may be told another pose of it for every world. Moving it then rebuilds
-                nothing, and objects of equal meshes share them. What stays where it is renders faster, as one mesh of
-                all; where very many of one mesh stay, they share it, too.
-            attach_to: Name of a movable object that this one moves with, as if both were of one piece from here on. It
-                has no pose of its own in a world, and both render faster than if it had. Meshes only, not solids.
-            appearance: What it looks like: a `scene.materials.Appearance`, a `Material`, or a colour (red, green, blue,
-                and opacity if you like, from 0 to 1, sRGB). By default what trimesh's `visual` says, which is read when
-                `SceneObject.appearance` is first asked for, or colours are rendered.
+            scale: Scale factor, or three of them along the mesh's axes, applied before the pose.
+            movable: Whether the object may have a different pose in each world of `Renderer.render`. Moving it rebuilds
+                nothing, and movable objects with equal meshes share one tree. Static objects render faster, as one
+                merged mesh; very many static objects with the same mesh share one tree, too.
+            attach_to: Name of a movable object that this one is rigidly attached to. It then has no separate pose, and
+                both render faster than two movable objects. Only for meshes, not for solids.
+            appearance: A `scene.materials.Appearance`, a `Material`, or a color (red, green, blue, and optionally
+                opacity, from 0 to 1, sRGB). By default trimesh's `visual`, which is read when
+                `SceneObject.appearance` is first accessed, or colors are rendered.
 
         Returns:
-            The object's index, the value of its pixels in the object image.
+            The object's index, which is the value of its pixels in the object image.
 
         Raises:
-            SceneError: The mesh is empty or malformed, the name is taken, the object cannot be attached to that, or the
-                appearance is not of such a mesh.
-            PoseError: The pose is not a pose.
+            SceneError: If the mesh is empty or malformed, the name is taken, the object cannot be attached to
+                `attach_to`, or the appearance does not fit the mesh.
+            PoseError: If the pose is invalid.
         """
         index = len(self._objects)
         name = self._free_name() if name is None else str(name)
@@ -223,27 +221,27 @@ class Scene(SceneExports):
         movable: bool = True,
         appearance: AppearanceLike | Look | None = None,
     ) -> range:
-        """Add many objects of one mesh, which share its memory and its tree.
+        """Add many objects with the same mesh, which share its memory and its tree.
 
-        Those that stay share a tree where they are so many that it pays.
+        Static ones share a tree where there are enough of them for it to render faster than one merged mesh.
 
         Args:
             mesh: As for `add`.
             poses: Object to world, rows ``x y z qx qy qz qw``, shape ``(n, 7)``, or matrices ``(n, 4, 4)``.
-            names: One for each, or what they begin with: ``"chair"`` makes ``chair_0``, ``chair_1``, ...; by default
-                ``object_``, and their indices.
-            label: As for `add`, of all.
+            names: One name per pose, or a prefix: ``"chair"`` gives ``chair_0``, ``chair_1``, ...; by default
+                ``object_`` and the objects' indices.
+            label: As for `add`; the same for all.
             quaternion: Order of the quaternions in rows of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
-            scale: As for `add`, of all.
-            movable: As for `add`, of all.
-            appearance: As for `add`, of all.
+            scale: As for `add`; the same for all.
+            movable: As for `add`; the same for all.
+            appearance: As for `add`; the same for all.
 
         Returns:
-            Their indices, in the order of the poses.
+            The objects' indices, in the order of the poses.
 
         Raises:
-            SceneError: The mesh is empty or malformed, a name is taken, or the appearance is not of such a mesh.
-            PoseError: The poses are not poses.
+            SceneError: If the mesh is empty or malformed, a name is taken, or the appearance does not fit the mesh.
+            PoseError: If the poses are invalid.
         """
         movable = check_flag(movable, "movable", SceneError)
         rows = poses_to_opencv(to_xyzw(poses, quaternion, "poses"), name="poses")
@@ -264,12 +262,12 @@ class Scene(SceneExports):
         return indices
 
     def _free_name(self) -> str:
-        """Find the first of ``object_0``, ``object_1``, ..., from the number of objects on, that no object has."""
+        """Return the first free name ``object_N``, with N from the number of objects on."""
         numbers = itertools.count(len(self._objects))
         return next(name for name in map("object_{}".format, numbers) if name not in self._index)
 
     def _attach(self, attach_to: str, mesh: MeshLike, name: str, placed: NDArray[np.float64]) -> dict[str, Any]:
-        """Work out what an object knows of the one that it is attached to, from its vertices in the world."""
+        """Return the fields of an object that is attached to another one, from its vertices in the world."""
         index = self.index(attach_to)
         item = self._objects[index]
         if item.pose is None:
@@ -284,11 +282,11 @@ class Scene(SceneExports):
         return {"mesh_vertices": inside.astype(np.float32), "carrier": index}
 
     def add_parts(self, found: FileParts, rules: LabelRules, **options: Any) -> None:
-        """Add what a file holds, labelled by rules; options as for `FileParts.objects`.
+        """Add the parts of a file, labeled by rules; options as for `FileParts.objects`.
 
         Raises:
-            FileFormatError: A part is no mesh: its vertices are not finite, or its faces index none.
-            SceneError: An option has no meaning for the file.
+            FileFormatError: If a part is an invalid mesh: vertices are not finite, or face indices are out of range.
+            SceneError: If an option does not apply to the file.
         """
         self.use_labels(found.classes.followed_by(rules))
         objects = found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options)
@@ -302,12 +300,12 @@ class Scene(SceneExports):
 
     @property
     def triangle_count(self) -> int:
-        """Triangles of all objects together."""
+        """Number of triangles of all objects."""
         return sum(count * item.triangle_count for _, count, item in self._objects.runs())
 
     @property
     def bounds(self) -> NDArray[np.float32]:
-        """Least and greatest corner of the scene's axis-aligned box [m], shape ``(2, 3)``."""
+        """Minimum and maximum corner of the scene's axis-aligned box [m], shape ``(2, 3)``."""
         return bounds_of(self.require_objects())
 
     def __getitem__(self, name: str) -> SceneObject:
@@ -327,7 +325,7 @@ class Scene(SceneExports):
         return f"Scene({holds}, device={str(self.device)!r})"
 
     def to(self, device: DeviceLike) -> Scene:
-        """Return the same scene for another device."""
+        """Return a copy of the scene on another device."""
         scene = Scene(device=device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels)
         scene._objects = ObjectList(map(as_it_is, self._objects))
         scene._index, scene._movable = dict(self._index), list(self._movable)
@@ -335,7 +333,7 @@ class Scene(SceneExports):
         return scene
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process makes the same scene of: its objects, and no trees."""
+        """Pickle the objects without trees; another process builds them again."""
         objects = [as_it_is(item) for item in self._objects]
         classes = {"label_names": dict(self._label_names), "ground_labels": sorted(self._ground_labels)}
         places = {"device": str(self.device), "up": self.up}
@@ -354,13 +352,13 @@ class Scene(SceneExports):
         self._apart = None
 
     def apart(self) -> Scene:
-        """Return the same objects, each with a pose and a tree of its own, so that one can be looked at as if alone.
+        """Return a scene of the same objects, each movable and with a separate tree, so that each can be isolated.
 
-        It is made when first asked for after a change. Its columns of `object_poses` are the objects: what stays here
-        has its vertices in the world, and the identity for a pose; or, where it shares a tree, its own frame's.
+        It is cached until the scene changes. The columns of its `object_poses` are all objects. A static object has its
+        vertices in the world and the identity for a pose; if it shares a tree, its mesh's frame and its pose.
 
         Raises:
-            SceneError: The scene is empty.
+            SceneError: If the scene is empty.
         """
         with self._lock:
             if self._apart is None:
@@ -375,13 +373,13 @@ class Scene(SceneExports):
                 apart._index, apart._movable = dict(self._index), list(range(len(items)))
                 apart._take_environment(self)
                 if any(item.points is not None for item in self._objects):
-                    return apart  # a replayed CUDA graph may deform them again, and nobody here would know
+                    return apart  # not cached: a replayed CUDA graph may deform objects without notice
                 self._apart = apart
             return self._apart
 
 
 def require_scene(scene: object) -> Scene:
-    """Return `scene` itself; a `SceneError` if it is none."""
+    """Return `scene`, or raise a `SceneError` if it is not a `Scene`."""
     if not isinstance(scene, Scene):
         raise SceneError(f"scene must be a warpvis.Scene, got {type(scene).__name__}")
     return scene

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What casters read of a scene, with another tree for one movable object: the others' trees are copied as they are."""
+"""Replacement of one movable object's tree in the joined arrays; the other trees are copied unchanged."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from warpvis.scene.geometry import SceneBvh, Triangles
 
 
 class _Span(NamedTuple):
-    """Where a tree is in the arrays of all."""
+    """The range of a tree in the joined arrays."""
 
     node: int
     nodes_end: int
@@ -30,17 +30,17 @@ class _Span(NamedTuple):
 
 
 def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: int) -> SceneBvh:
-    """Return the trees with another one for the movable object in a column, at their end.
+    """Return the trees with that of one movable object replaced; the new tree comes last.
 
     Args:
-        built: The trees of all objects, of which no other one deforms.
-        column: Of `Scene.movable`. The object is of one piece with no other.
-        tree: The object's new tree, wherever it is.
-        closed: Whether its back faces can be left out when it is seen from outside.
-        had: Triangles that it had before.
+        built: The trees of all objects; no other object may deform.
+        column: Column of the object in `Scene.movable`. It is neither attached to another one nor a parent.
+        tree: The object's new tree, on any device.
+        closed: Whether its back faces can be culled when it is seen from outside.
+        had: Number of triangles it had before.
 
     Raises:
-        SceneError: Together they are more than casters can have.
+        SceneError: If all trees together exceed what the kernels can index.
     """
     old, lanes = built.struct, tree.lanes
     struct = _copied(old)
@@ -57,10 +57,10 @@ def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: in
         ("children", lanes, gone.node, gone.nodes_end),
     ):
         setattr(struct, name, _exchanged(getattr(old, name), begin * words, end * words, getattr(tree, name)))
-    if built.has_faces:  # the tree's triangles are those of the object's own mesh
+    if built.has_faces:  # the tree's triangles are numbered as the object's faces
         struct.slot_face = _exchanged(old.slot_face, gone.leaf * lanes, gone.leaves_end * lanes, tree.triangles)
     _renumber(struct, gone, node, leaf, lanes)
-    struct.owners[leaf * lanes :].fill_(-1 if closed else 0)  # the only object of the tree, or its complement
+    struct.owners[leaf * lanes :].fill_(-1 if closed else 0)  # owner 0, complemented if closed
     roots, leaves = (
         np.where(starts >= end, starts - (end - begin), starts)
         for starts, begin, end in ((roots, gone.node, gone.nodes_end), (leaves, gone.leaf, gone.leaves_end))
@@ -81,7 +81,7 @@ def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: in
 
 
 def splice_triangles(built: Triangles, column: int, index: int, mesh: wp.Mesh) -> Triangles:
-    """Return the meshes of the ``rays`` caster with another one for the movable object in a column, of that index."""
+    """Return the meshes of the ``rays`` caster with that of the movable object `index`, in `column`, replaced."""
     struct = _copied(built.struct)
     _set(struct, "movable_mesh", column, np.uint64(mesh.id))
     _set(struct, "movable_solid", column, 0)
@@ -90,7 +90,7 @@ def splice_triangles(built: Triangles, column: int, index: int, mesh: wp.Mesh) -
 
 
 def _gone(roots: NDArray[np.int32], leaves: NDArray[np.int32], column: int, nodes_end: int, leaves_end: int) -> _Span:
-    """Find the span of an object's tree; an empty one at the end if others have it too."""
+    """Return the range of an object's tree; an empty one at the end if other objects share it."""
     if (roots == roots[column]).sum() > 1:
         return _Span(nodes_end, nodes_end, leaves_end, leaves_end)
     next_node = min(roots[roots > roots[column]], default=nodes_end)
@@ -99,7 +99,7 @@ def _gone(roots: NDArray[np.int32], leaves: NDArray[np.int32], column: int, node
 
 
 def _exchanged(array: wp.array, begin: int, end: int, added: wp.array) -> wp.array:
-    """Copy an array without a part of it, and with another one at its end."""
+    """Copy an array without the range from `begin` to `end`, and append `added`."""
     kept = len(array) - (end - begin)
     if array.device.is_cpu:
         result = aligned_empty((kept + len(added),), array.dtype)
@@ -116,7 +116,7 @@ def _exchanged(array: wp.array, begin: int, end: int, added: wp.array) -> wp.arr
 
 
 def _renumber(struct: Any, gone: _Span, node: int, leaf: int, lanes: int) -> None:
-    """Make the children of what comes after the gap, and of what begins at a node and a leaf, those of all arrays."""
+    """Offset the children of trees behind the removed range, and of the new tree at the end."""
     ends = node, len(struct.children) // lanes
     moves = (gone.node - gone.nodes_end, gone.leaf - gone.leaves_end), (node, leaf)
     for (begin, end), (nodes, leaves) in zip(pairwise((gone.node, *ends)), moves, strict=True):
@@ -127,7 +127,7 @@ def _renumber(struct: Any, gone: _Span, node: int, leaf: int, lanes: int) -> Non
 def _set_columns(
     struct: Any, column: int, roots: NDArray[np.int32], leaves: NDArray[np.int32], tree: Bvh, *, closed: bool
 ) -> None:
-    """Write what is known of each movable object's tree."""
+    """Update the per-object arrays of the movable objects' trees."""
     device, lanes = struct.owners.device, tree.lanes
     starts, which = np.unique(leaves, return_inverse=True)
     slots = np.diff(starts, append=len(struct.owners) // lanes).astype(np.int64)[which] * lanes
@@ -150,7 +150,7 @@ def _set_columns(
 
 
 def _set(struct: Any, name: str, at: int | slice, value: Any) -> None:
-    """Exchange a small array of a struct by one that has another value in some places."""
+    """Replace a small array of a struct by a copy with some elements changed."""
     array = getattr(struct, name)
     values = array.numpy().copy()
     values[at] = value
@@ -158,7 +158,7 @@ def _set(struct: Any, name: str, at: int | slice, value: Any) -> None:
 
 
 def _copied(struct: Any) -> Any:
-    """Make another struct that has the same."""
+    """Return a shallow copy of a struct."""
     result = type(struct)()
     for name in struct._cls.vars:
         setattr(result, name, getattr(struct, name))
@@ -166,5 +166,5 @@ def _copied(struct: Any) -> Any:
 
 
 def _bytes(struct: Any) -> int:
-    """Memory of the trees as they were built: of a place in a leaf, they know the triangle, too."""
+    """Return the memory of the trees as built, in bytes; `Bvh.triangles` is as large as `owners`, hence twice."""
     return 4 * sum(len(getattr(struct, name)) for name in ("leaves", "owners", "owners", "nodes", "children"))

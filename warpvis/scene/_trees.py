@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is made of a scene's objects when it is first asked for, and kept until they change."""
+"""Acceleration structures and device data of a scene, created on first use and cached until the objects change."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 
 
 class SceneTrees:
-    """The objects of a scene, and what casters take of them."""
+    """The objects of a scene, and the device data that casters read."""
 
     def __init__(self, device: wp.Device) -> None:
-        """Begin without objects."""
+        """Create it without objects."""
         self.device = device
         self._objects = ObjectList()
         self._movable: list[int] = []
         self._kept_trees: KeptTrees | None = None
-        # What was prepared for those who render it last, by what it is of.
+        # Prepared ray bundles of the most recent renderers, by their inputs.
         self.kept_rays: dict[Hashable, Kept] = {}
         self._lock = Lock()
         self._tuple: tuple[SceneObject, ...] | None = None
@@ -49,26 +49,26 @@ class SceneTrees:
 
     @property
     def objects(self) -> tuple[SceneObject, ...]:
-        """The objects; an object image's values index this."""
+        """The objects; values of the object image are indices into this."""
         if self._tuple is None:
             self._tuple = tuple(self._objects)
         return self._tuple
 
     @property
     def movable(self) -> tuple[int, ...]:
-        """Indices of the movable objects that have poses of their own: the columns of `object_poses`."""
+        """Indices of the movable objects with separate poses: the columns of `object_poses`."""
         if self._columns is None:
             self._columns = tuple(self._movable)
         return self._columns
 
     def triangles(self, *, faces: bool = False) -> Triangles:
-        """Return the triangles and Warp's tree of them, built when first asked for after a change.
+        """Return the triangles and Warp's trees of them, built on first use after a change.
 
         Args:
-            faces: Whether they have to know which ones of their objects' own meshes they are.
+            faces: Whether to store the face index in the object's mesh for each triangle.
 
         Raises:
-            SceneError: The scene is empty.
+            SceneError: If the scene is empty.
         """
         with self._lock:
             if self._triangles is None:
@@ -78,14 +78,14 @@ class SceneTrees:
             return self._triangles
 
     def bvh(self, *, faces: bool = False) -> SceneBvh:
-        """Return the BVH, built when first asked for after a change.
+        """Return the BVH, built on first use after a change.
 
         Args:
-            faces: Whether triangles have to know which ones of their objects' own meshes they are. That takes 4 bytes a
-                place in leaves, and trees that were built without it are built again; from then on all are built so.
+            faces: Whether to store the face index in the object's mesh for each triangle. This takes 4 bytes per leaf
+                slot. Trees that were built without it are rebuilt, and all later ones are built with it.
 
         Raises:
-            SceneError: The scene is empty.
+            SceneError: If the scene is empty.
         """
         with self._lock:
             self._wants_faces |= faces
@@ -96,7 +96,7 @@ class SceneTrees:
             return self._bvh
 
     def looks(self, background: Background | None) -> Looks:
-        """Return what objects look like, as shading takes it, made when first asked for after a change."""
+        """Return the device materials of the objects, created on first use after a change."""
         from warpvis.scene._looks import pack_looks, set_background
 
         objects, movable = self.objects, self.movable
@@ -107,7 +107,7 @@ class SceneTrees:
             return self._looks[0]
 
     def light_looks(self, lights: tuple[Light, ...]) -> Lights:
-        """Return lights as shading takes them, made when first asked for after they were exchanged."""
+        """Return the lights on the device, created on first use after they were changed."""
         from warpvis.scene._looks import pack_lights
 
         with self._lock:
@@ -116,11 +116,11 @@ class SceneTrees:
             return self._light_looks[1]
 
     def object_labels(self) -> wp.array:
-        """Return labels of the objects on the scene's device, shape ``(objects,)`` uint8."""
+        """Return the objects' labels on the scene's device, shape ``(objects,)`` uint8."""
         return wp.array(draw_plan(self.require_objects(), self.device).labels, dtype=wp.uint8, device=self.device)
 
     def movable_sizes(self) -> wp.array:
-        """Return sizes of the movable objects as they were added, as casters have them, shape ``(M,)`` vec4."""
+        """Return the initial solid sizes of the movable objects on the device, shape ``(M,)`` vec4."""
         with self._lock:
             if self._sizes is None:
                 sizes = draw_plan(self._objects, self.device).solid_sizes[: len(self._movable)]
@@ -128,9 +128,9 @@ class SceneTrees:
             return self._sizes
 
     def movable_poses(self, worlds: int = 1) -> wp.array:
-        """Return poses of the movable objects as they were added, as casters have them, shape ``(worlds, M)``.
+        """Return the initial poses of the movable objects on the device, shape ``(worlds, M)``.
 
-        Those of one world are kept.
+        Poses of a single world are cached.
         """
         with self._lock:
             if worlds == 1 and self._poses is not None:
@@ -143,21 +143,21 @@ class SceneTrees:
             return poses
 
     def attached(self) -> dict[int, int]:
-        """Return the carriers of objects that are attached to others, by object."""
+        """Return the parents of attached objects, by object index."""
         runs = ((first, item) for first, _, item in self._objects.runs() if isinstance(item, SceneObject))
         return {first: item.carrier for first, item in runs if item.carrier is not None}
 
     def has_solids(self) -> bool:
-        """Tell whether any object is seen as a round solid."""
+        """Return whether any object is rendered as a round solid."""
         return any(item.solid is not None for _, _, item in self._objects.runs())
 
     def _exchange(self, index: int, item: SceneObject, *, closed: bool) -> None:
-        """Put an object, of one piece with no other, in the place of another one, which had another mesh.
+        """Replace an object by one with another mesh; it is neither attached to another one nor a parent.
 
         Args:
-            index: Which object.
-            item: The new one, which moves if the old one does.
-            closed: Whether its back faces can be left out when it is seen from outside.
+            index: Index of the object.
+            item: The new object, movable if the old one is.
+            closed: Whether its back faces can be culled when it is seen from outside.
         """
         from warpvis.scene._kept_trees import KeptTrees
         from warpvis.scene._new_mesh import build_mesh_tree, build_warp_mesh
@@ -167,7 +167,7 @@ class SceneTrees:
         with self._lock:
             bvh, triangles = self._bvh, self._triangles
             column = self._movable.index(index) if item.pose is not None else -1
-            if column < 0 or (bvh and bvh.refits.keys() - {index}):  # other objects deform in these very arrays
+            if column < 0 or (bvh and bvh.refits.keys() - {index}):  # other objects deform in these arrays
                 bvh = None
             bvh = bvh and splice_bvh(bvh, column, build_mesh_tree(item, closed, self.device), closed=closed, had=had)
             triangles = None if column < 0 or triangles is None else triangles
@@ -182,11 +182,11 @@ class SceneTrees:
             self._bvh, self._triangles = bvh, triangles
 
     def _forget(self) -> None:
-        """Let go of all that was made of the objects: they have changed."""
+        """Drop all data derived from the objects, since they have changed."""
         self._tuple = self._columns = self._triangles = self._bvh = self._sizes = self._poses = self._looks = None
 
     def require_objects(self) -> ObjectList:
-        """Return the objects; a `SceneError` if there are none."""
+        """Return the objects; raise a `SceneError` if the scene is empty."""
         if not self._objects:
             raise SceneError("the scene has no objects; add() one first")
         return self._objects

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which meshes can be drawn without their back faces."""
+"""Tests whether a mesh is closed, so that its back faces can be culled."""
 
 from __future__ import annotations
 
@@ -11,31 +11,32 @@ from warpvis.core.threads import check_threads, run_each
 
 # The total solid angle of a closed surface is a multiple of 4 pi.
 _SOLID_ANGLE_TOLERANCE = 1e-6
-# Of the signed volume a . (b x c), relative to |a| |b| |c|: far above the rounding of its computation.
+# Tolerance of the signed volume a . (b x c), relative to |a| |b| |c|: far above its rounding error.
 _VOLUME_TOLERANCE = 1e-12
-# What is computed of so many stays in a core's cache.
+# Temporaries of this many faces fit into a core's cache.
 _FACES_AT_A_TIME = 1 << 15
 _SEED = np.uint64(0x9E3779B97F4A7C15)
 
 
 def provably_closed(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
-    """Tell whether the mesh's back faces are certainly hidden by its front faces, seen from outside of its bounds.
+    """Return whether the mesh's back faces are certainly hidden by its front faces, seen from outside of its bounds.
 
-    It is for star-shaped meshes, such as boxes, balls and capsules, and so are most convex ones:
+    True for star-shaped meshes, such as boxes, balls, capsules and most other convex meshes:
 
-    1. The mesh has no boundary: each edge is run through as often in the one direction as in the other.
-    2. All triangles that have an area face away from one point c: the signed volumes of the tetrahedra that they make
-       with c are positive. So the central projection from c to the unit sphere turns none of them over, and with 1. it
-       covers each direction the same number of times.
-    3. The triangles' solid angles as seen from c add up to 4 pi (Van Oosterom and Strackee 1983): that number is one.
+    1. The mesh has no boundary: each edge occurs equally often in both directions.
+    2. All triangles with a nonzero area face away from one point c: the signed volumes of the tetrahedra that they form
+       with c are positive. So the central projection from c to the unit sphere preserves all orientations, and with 1.
+       it covers each direction equally often.
+    3. The triangles' solid angles as seen from c add up to 4 pi (Van Oosterom and Strackee 1983): each direction is
+       covered once.
 
-    So every ray from c meets the surface exactly once: the surface does not intersect itself, bounds a solid, and its
-    normals point out of it. A ray from outside enters that solid through a front face before it meets a back face.
+    So every ray from c hits the surface exactly once: the surface does not intersect itself, bounds a solid, and its
+    normals point outwards. A ray from outside enters that solid through a front face before it hits a back face.
 
-    False says nothing: the mesh may be closed all the same.
+    False is inconclusive: the mesh may still be closed.
 
     Args:
-        vertices: Corners, shape ``(n, 3)``; corners at the same place count as one.
+        vertices: Corners, shape ``(n, 3)``; corners at the same position count as one.
         faces: Corner indices of the triangles, shape ``(m, 3)``.
     """
     return has_no_boundary(vertices, faces) and any(
@@ -44,10 +45,10 @@ def provably_closed(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
 
 
 def has_no_boundary(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
-    """Tell whether the sum of all directed edges is zero, each a number of 64 bits that its opposite has negated.
+    """Return whether the sum of all directed edges is zero, with a 64-bit number for each that its opposite negates.
 
-    The numbers are hashes of where the ends are, zero for an edge of no length. A boundary's edges add up to zero by
-    chance about once in 2^60.
+    The numbers are hashes of the positions of the ends, zero for an edge of zero length. The edges of a mesh with a
+    boundary add up to zero by chance about once in 2^60.
     """
     place, totals = _hash_places(vertices), list[int]()
 
@@ -63,7 +64,7 @@ def has_no_boundary(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
 
 
 def may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> bool:
-    """Tell whether points can be inside of an object: some are in its box, and it is closed and faces outwards."""
+    """Return whether points may be inside of an object: some are in its box, and it is closed and faces outwards."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     if not ((points >= low) & (points <= high)).all(axis=1).any() or not has_no_boundary(vertices, faces):
         return False
@@ -72,7 +73,7 @@ def may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: ND
 
 
 def holds(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Tell which points are inside of a closed mesh that faces outwards: its solid angle is 4 pi as seen from them."""
+    """Return which points are inside of a closed mesh that faces outwards: its solid angle from there is 4 pi."""
     if not may_hold(vertices, faces, points):
         return np.zeros(len(points), dtype=bool)
     return np.array([_solid_angle(vertices.astype(np.float64) - point, faces) > 2 * np.pi for point in points])
@@ -87,7 +88,7 @@ def _hash_places(vertices: NDArray[np.float32]) -> NDArray[np.uint64]:
 
 
 def _mix(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Take one step of splitmix64, in place: every bit of the input changes half the bits of the result."""
+    """Apply one step of splitmix64 in place: every input bit flips half the output bits on average."""
     x += _SEED
     x ^= x >> np.uint64(30)
     x *= np.uint64(0xBF58476D1CE4E5B9)
@@ -103,7 +104,7 @@ def _centres(vertices: NDArray[np.float32]) -> list[NDArray[np.float64]]:
 
 
 def _is_star_shaped(vertices: NDArray[np.float32], faces: NDArray[np.int32], centre: NDArray[np.float64]) -> bool:
-    points = np.ascontiguousarray((vertices - centre).T)  # coordinates apart: each is gathered and used as a whole
+    points = np.ascontiguousarray((vertices - centre).T)  # structure of arrays: coordinates are gathered separately
     lengths = np.sqrt((points * points).sum(axis=0))
     indices = [np.ascontiguousarray(faces[:, corner]) for corner in range(3)]
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = ([np.take(axis, index) for axis in points] for index in indices)

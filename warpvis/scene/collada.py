@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What COLLADA files say that trimesh's reader does not heed: their unit, their axes, and skinned meshes."""
+"""Parts of COLLADA that trimesh's reader ignores: the unit, the axes, and skinned meshes."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _AXES = {
     "Z_UP": [(1, 0, 0), (0, 0, 1), (0, -1, 0)],
 }
 _MAX_CONTROLLERS = 10
-"""Controllers of controllers, as a skin of a morphed mesh."""
+"""Maximum depth of nested controllers, such as a skin of a morphed mesh."""
 
 
 def frame_of(file: bytes) -> NDArray[np.float64]:
-    """Make the matrix from the axes and the unit that a COLLADA file names to metres with y up, shape ``(3, 3)``.
+    """Return the matrix from the axes and the unit of a COLLADA file to meters with y up, shape ``(3, 3)``.
 
     Raises:
-        ValueError: The unit is no length.
+        ValueError: If the unit is not a positive length.
     """
     metres, axis = unit_and_axis(file)
     return metres * np.array(_AXES[axis], dtype=np.float64)
@@ -33,7 +33,7 @@ def unit_and_axis(file: bytes) -> tuple[float, str]:
     """Read the unit of a COLLADA file [m], and the axis that points up: ``"X_UP"``, ``"Y_UP"`` or ``"Z_UP"``.
 
     Raises:
-        ValueError: The unit is no length.
+        ValueError: If the unit is not a positive length.
     """
     head = file.partition(b"</asset>")[0]
     unit = re.search(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""", head)
@@ -46,10 +46,10 @@ def unit_and_axis(file: bytes) -> tuple[float, str]:
 
 
 def without_skins(file: bytes) -> bytes:
-    """Replace instances of controllers by instances of the meshes that they move, as they are at rest.
+    """Replace instances of controllers by instances of the meshes that they deform, in their rest shape.
 
     Webots reads meshes without their bones (``WbMesh.cpp``; the Open Asset Import Library leaves the vertices of a
-    skinned mesh as the file lists them, at the node that holds the instance), and so do its range finders see them.
+    skinned mesh as listed in the file, at the node that holds the instance), so its range finders see this shape.
     """
     if b"instance_controller" not in file:
         return file

@@ -1,8 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the casters make of a scene's objects: trees of the triangles that stay, and of each mesh that moves or that
-objects share where they stay.
-"""
+"""Acceleration structures of a scene: a tree of all static triangles, and a tree of each movable or shared mesh."""
 
 from __future__ import annotations
 
@@ -33,51 +31,51 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Triangles:
-    """A scene's triangles on its device, as the ``rays`` caster takes them."""
+    """A scene's triangles on its device, for the ``rays`` caster."""
 
     struct: TriangleScene
     meshes: list[wp.Mesh]
-    """Own the memory and the trees that `struct` refers to: of what stays, if anything does, and of what moves."""
+    """Own the memory and the trees that `struct` refers to: first the static mesh, if any, then movable ones."""
     refits: dict[int, wp.Mesh] = field(default_factory=dict)
-    """The meshes of objects that deform, by object: their points are the object's, and they have a `refit`."""
+    """Meshes of objects that deform, by object; they share the object's points."""
     instances: wp.array | None = None
-    """Owns what `struct` has the address of."""
+    """Owns the memory of the instance steps that `struct` points to."""
 
     def tell_faces(self) -> None:
-        """Have the triangles know which ones of their objects' own meshes they are."""
+        """Store the face index in the object's mesh for each triangle."""
         if self.struct.triangle_face is None:
             owner = self.struct.triangle_object
             self.struct.triangle_face = wp.array(own_faces(owner.numpy()), dtype=wp.int32, device=owner.device)
 
     @property
     def mesh(self) -> wp.Mesh:
-        """The first of them."""
+        """The first mesh."""
         return self.meshes[0]
 
 
 @dataclass(frozen=True)
 class SceneBvh:
-    """A scene's triangles in BVHs on its device, as the ``packets`` caster takes them."""
+    """A scene's triangles in BVHs on its device, for the ``packets`` caster."""
 
     struct: BvhScene
     depth: int
-    """Levels of nodes of the deepest tree."""
+    """Number of node levels of the deepest tree."""
     bytes_per_triangle: float
-    """Memory of the trees."""
+    """Memory of the trees divided by the number of triangles."""
     has_faces: bool = False
-    """Whether triangles know which ones of their objects' own meshes they are."""
+    """Whether the face index in the object's mesh is stored for each triangle."""
     moves_solids_only: bool = False
     """Whether all movable objects are solids."""
     has_solids: bool = False
-    """Whether some object is, movable or an instance."""
+    """Whether any movable object or instance is a solid."""
     refits: dict[int, BvhRefit] = field(default_factory=dict)
-    """What makes the tree of an object that deforms hold its points, by object."""
+    """Refits of the trees of objects that deform, by object."""
     idle: list[object] = field(default_factory=list)
-    """Memory that `warpvis.visibility._point_packets` works with when it is called."""
+    """Scratch memory of `warpvis.visibility._point_packets`, while it is not in use."""
 
 
 def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triangles:
-    """Build Warp's meshes, with a tree each."""
+    """Build Warp's meshes, each with a tree."""
     from warpvis.kernels.instance_steps import InstanceStep
     from warpvis.kernels.triangle_scene import TriangleScene
 
@@ -125,14 +123,14 @@ def build_scene_bvh(
     kept: KeptTrees | None = None,
     faces: bool = False,
 ) -> SceneBvh:
-    """Build the BVHs, all in the same arrays.
+    """Build the BVHs in joined arrays.
 
     Args:
-        objects: What is in the scene.
-        device: Where the arrays are to be.
-        lanes: Triangles of a leaf; as many as the device's caster takes by default.
-        kept: Trees of an earlier build, of which those that are still right are taken; they are this one's afterwards.
-        faces: Whether triangles are to know which ones of their objects' own meshes they are.
+        objects: The scene's objects.
+        device: Device of the arrays.
+        lanes: Triangles per leaf; by default as many as the device's caster processes at once.
+        kept: Cached trees of an earlier build: valid ones are reused, and replaced by those of this build.
+        faces: Whether to store the face index in the object's mesh for each triangle.
     """
     from warpvis.kernels.packets import BvhScene
     from warpvis.scene._kept_trees import KeptTrees
@@ -206,7 +204,7 @@ def build_scene_bvh(
 def _owners(
     mesh: DrawnMesh, objects: Sequence[SceneObject], kept: KeptTrees
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-    """Tell whose a moving mesh's triangles are, 0 if it is of one object, and which owners are closed."""
+    """Return the objects of a mesh's triangles, 0 if it belongs to one object, and which owners are closed."""
     if mesh.owner is None:
         closed = mesh.points is None and kept.closed(mesh.vertices, mesh.faces)
         return np.zeros(len(mesh.faces), dtype=np.int32), np.array([closed])
@@ -217,7 +215,7 @@ def _owners(
 
 
 def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: Drawn) -> dict[int, BvhRefit]:
-    """Make what refits the trees of objects that deform, in the arrays of all trees; the last are of `plan.meshes`."""
+    """Create refits of the trees of objects that deform, in the joined arrays; the last trees are `plan.meshes`."""
     from warpvis.scene._refit import BvhRefit
 
     refits = {}
@@ -242,12 +240,12 @@ def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: Drawn) -> dict[in
 def make_mesh(
     vertices: NDArray[np.float32] | wp.array, faces: NDArray[np.int32] | wp.array, device: wp.Device
 ) -> wp.Mesh:
-    """Build Warp's tree; it keeps arrays of the device that it is given, of which faces are flat."""
+    """Build Warp's mesh and its tree. Device arrays are shared; faces on a device must be flat."""
     on_device = isinstance(faces, wp.array)
     return wp.Mesh(
         points=vertices if isinstance(vertices, wp.array) else wp.array(vertices, dtype=wp.vec3, device=device),
         indices=faces if on_device else wp.array(faces.ravel(), dtype=wp.int32, device=device),
-        # What traces fastest: the surface area heuristic on the CPU, with leaves of 4 by 15 to 20 %; on CUDA the wide
+        # The fastest to trace: on the CPU the surface area heuristic, with leaves of 4 by 15 to 20 %; on CUDA the wide
         # tree, by 7 % (5 thousand triangles) to 86 % (1.2 million).
         bvh_constructor="sah" if device.is_cpu else "cubql",
         bvh_leaf_size=4 if device.is_cpu else None,

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lights and the background of a scene, as data: nothing is shaded yet.
+"""Lights and the background of a scene; the output ``color`` is shaded with them.
 
-Positions and directions are in the world's frame, right-handed, in metres. Three systems say how light falls off, and
-`Light.strength` has their formulas: OpenGL's fixed functions, as MuJoCo uses them (OpenGL 2.1 specification, 2.14.1);
-Webots' shaders (resources/wren/shaders/phong.frag and pbr.frag); and glTF's KHR_lights_punctual.
+Positions and directions are in the world's frame, right-handed, in meters. Three falloff models are supported, with
+formulas in `Light.strength`: OpenGL's fixed functions, as in MuJoCo (OpenGL 2.1 specification, 2.14.1); Webots' shaders
+(resources/wren/shaders/phong.frag and pbr.frag); and glTF's KHR_lights_punctual.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from warpvis.scene.colors import check_color, check_vector
 from warpvis.scene.materials import ColorSpace, Texture
 
 LightKind = Literal["ambient", "directional", "point", "spot", "headlight"]
-"""What is lit: everything alike; from one direction; from a place; from a place within a cone; or from where the camera
-looks: a directional light that goes the camera's way."""
+"""Ambient light; light from one direction; from a point; from a point within a cone; or a headlight, which is a
+directional light along the camera's viewing direction."""
 
 Falloff = Literal["opengl", "webots", "gltf"]
-"""Whose formulas make light weaker with distance and beside a cone's axis."""
+"""Falloff model with distance and with the angle from a spot's axis."""
 
 Vector = tuple[float, float, float]
 
 _HALF_TURN = float(np.float32(np.pi))
-"""Largest angle [rad]: pi in single precision, in which formats and programs store it, is greater than pi."""
+"""Maximum angle [rad]: formats store pi in single precision, which is greater than pi."""
 
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -42,43 +42,43 @@ _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 class Light:
     """A light.
 
-    What a surface with normal n shows of it, towards the camera's direction v, is for fixed functions and for Webots'
-    Appearance: ``strength * intensity * (ambient * base_color + max(n.l, 0) * color * base_color + (n.l > 0) *
-    max(n.h, 0) ** shininess * specular * material.specular)``, where l goes to the light and h lies halfway between l
-    and v. Materials with `metallic` and `roughness` take `color` alone (appendix B of glTF 2.0).
+    With fixed functions and Webots' Appearance, the light reflected by a surface with normal n in the direction v of
+    the camera is ``strength * intensity * (ambient * base_color + max(n.l, 0) * color * base_color + (n.l > 0) *
+    max(n.h, 0) ** shininess * specular * material.specular)``, where l points to the light and h is halfway between l
+    and v. Materials with `metallic` and `roughness` use `color` only (appendix B of glTF 2.0).
     """
 
     kind: LightKind = "directional"
     name: str = ""
     position: Vector = (0.0, 0.0, 0.0)
-    """Where a point or a spot is, in the world [m]."""
+    """Position of a point light or a spot in the world [m]."""
     direction: Vector = (0.0, 0.0, -1.0)
-    """Where light goes of directional ones and spots, in the world; it is made of length 1. A headlight's is the
-    camera's z."""
+    """Direction in which the light of directional lights and spots travels, in the world; it is normalized. A
+    headlight uses the camera's z."""
     color: Vector = (1.0, 1.0, 1.0)
-    """Of what surfaces scatter, in `color_space`; above 1 it may be."""
+    """Color of diffuse light, in `color_space`; may exceed 1."""
     intensity: float = 1.0
-    """Factor of all colours; of glTF [lx], for points and spots [cd]."""
+    """Factor of all colors; in glTF [lx], for points and spots [cd]."""
     ambient: Vector = (0.0, 0.0, 0.0)
-    """Colour of the light that it gives to surfaces whatever way they face."""
+    """Color of light that reaches surfaces regardless of their orientation."""
     specular: Vector | None = None
-    """Colour of highlights; `color` by default."""
+    """Color of highlights; `color` by default."""
     color_space: ColorSpace = "srgb"
-    """Of the colours, and where light is added up: linear for glTF and Webots, sRGB where formats take numbers for what
-    the screen shows (MuJoCo)."""
+    """Color space of the colors, in which light is summed: linear for glTF and Webots, sRGB for formats whose numbers
+    are display values (MuJoCo)."""
     falloff: Falloff = "opengl"
     attenuation: Vector = (1.0, 0.0, 0.0)
-    """Factors a, b, c of the distance d [m]: light is divided by ``a + b d + c d**2``. glTF's is (0, 0, 1)."""
+    """Coefficients a, b, c: light at the distance d [m] is divided by ``a + b d + c d**2``. glTF's are (0, 0, 1)."""
     reach: float = np.inf
-    """Distance that it does not go beyond [m]."""
+    """Maximum distance that it lights [m]."""
     inner_angle: float = 0.0
-    """Of a spot, the angle from its axis up to which it is as bright as on it [rad]; unused with ``"opengl"``."""
+    """Angle from a spot's axis up to which it has full brightness [rad]; unused with ``"opengl"``."""
     outer_angle: float = np.pi / 4
-    """Of a spot, the angle from its axis beyond which it is dark [rad]."""
+    """Angle from a spot's axis beyond which it is dark [rad]."""
     exponent: float = 0.0
-    """Of a spot with ``"opengl"``, of the cosine of the angle from its axis."""
+    """Exponent of the cosine of the angle from a spot's axis, with ``"opengl"``."""
     cast_shadow: bool = True
-    """Whether surfaces keep its light from those behind; ambient light and headlights go everywhere."""
+    """Whether surfaces block its light; ambient light and headlights are never blocked."""
 
     def __post_init__(self) -> None:
         what = f"light {self.name!r}" if self.name else "a light"
@@ -116,22 +116,23 @@ class Light:
         put("cast_shadow", check_flag(self.cast_shadow, f"cast_shadow of {what}", SceneError))
 
     def strength(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Compute the share of its light that gets to points, without `intensity`, normals and shadows.
+        """Return the fraction of its light that reaches points, without `intensity`, normals and shadows.
 
-        It is 1 of ambient, directional and headlights. Else, at the distance d and the angle t from a spot's axis, with
+        It is 1 for ambient, directional and headlights. For other lights, at the distance d and the angle t from a
+        spot's axis, with inner and outer angles i and o:
         the inner and the outer angle i and o:
 
-        - It is divided by ``a + b d + c d**2``, and nothing beyond `reach`.
-        - ``"opengl"``: times ``cos(t) ** exponent``, nothing where ``t > o``; a spot with ``o = pi`` is a point.
-        - ``"webots"``: times ``(o - t) / (o - i)`` between i and o.
+        - It is divided by ``a + b d + c d**2``, and zero beyond `reach`.
+        - ``"opengl"``: times ``cos(t) ** exponent``, zero where ``t > o``; a spot with ``o = pi`` is a point light.
+        - ``"webots"``: times ``(o - t) / (o - i)`` between i and o, zero beyond o.
         - ``"gltf"``: times ``clip((cos t - cos o) / max(cos i - cos o, 0.001), 0, 1) ** 2``; and towards `reach` times
           ``clip(1 - (d / reach) ** 4, 0, 1)``.
 
         Args:
-            points: In the world [m], shape ``(..., 3)``.
+            points: Positions in the world [m], shape ``(..., 3)``.
 
         Returns:
-            Shape ``(...,)``; infinite where it is divided by zero.
+            Shape ``(...,)``; infinite where the divisor is zero.
         """
         points = np.clip(np.asarray(points, dtype=np.float64), -1e100, 1e100)
         if self.kind not in ("point", "spot"):
@@ -149,7 +150,7 @@ class Light:
         return share * self._beside_axis(np.where(distance > 0, np.clip(along, -1, 1), 1.0))
 
     def _beside_axis(self, cosine: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compute the share of light at angles from a spot's axis, given as their cosines."""
+        """Return the fraction of light at angles from a spot's axis, given by their cosines."""
         inner, outer = self.inner_angle, self.outer_angle
         if self.falloff == "gltf":
             limit = np.cos(outer)
@@ -162,7 +163,7 @@ class Light:
         return np.where(angle <= outer, np.maximum(cosine, 0.0) ** self.exponent, 0.0)
 
     def moved(self, turn: NDArray[np.float64], scale: float = 1.0) -> Light:
-        """Return the same light in a frame that is turned, and in another unit: ``p' = scale turn p``."""
+        """Return the light in a rotated frame and another unit: ``p' = scale turn p``."""
         return replace(
             self,
             position=tuple((scale * (turn @ np.array(self.position))).tolist()),
@@ -173,17 +174,17 @@ class Light:
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """What is seen where nothing is: a colour, or a sky that is infinitely far."""
+    """What rays that hit no object see: a color, or a sky at infinity."""
 
     color: Vector = (0.0, 0.0, 0.0)
-    """In `color_space`, where there is no sky."""
+    """Color where there is no sky, in `color_space`."""
     color_space: ColorSpace = "srgb"
     sky: tuple[Texture, ...] = field(default=(), repr=False)
-    """Six square images of a cube as OpenGL has them: +x, -x, +y, -y, +z, -z of the cube's frame; or none."""
+    """Six square images of a cube map, +x, -x, +y, -y, +z, -z of the cube's frame as in OpenGL; empty for no sky."""
     world_to_cube: tuple[Vector, Vector, Vector] = _IDENTITY
-    """Rows of the matrix that turns a direction in the world to one in the cube's frame."""
+    """Rows of the matrix that rotates a direction from the world to the cube's frame."""
     luminosity: float = 1.0
-    """Factor of the light that it gives to surfaces (Webots' Background)."""
+    """Factor of the light that it casts on surfaces (Webots' Background)."""
 
     def __post_init__(self) -> None:
         put = partial(object.__setattr__, self)
@@ -203,7 +204,7 @@ class Background:
     def image(self) -> NDArray[np.uint8] | None:
         """The sky's six images, one below the other, shape ``(6 n, n, 3)`` or ``(6 n, n, 4)``; None without a sky.
 
-        Images that are not alike squares give none, and a warning.
+        None, with a warning, if the images are not squares of equal size.
         """
         if not self.sky:
             return None
@@ -216,20 +217,20 @@ class Background:
         return np.concatenate(faces)
 
     def turned(self, turn: NDArray[np.float64]) -> Background:
-        """Return the same background of a world that is turned: ``p' = turn p``."""
+        """Return the background in a rotated world: ``p' = turn p``."""
         first, second, third = (tuple(row) for row in (np.array(self.world_to_cube) @ turn.T).tolist())
         return replace(self, world_to_cube=(first, second, third))
 
 
 def cube_coordinates(directions: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Find what a cube's images show in directions of its frame (OpenGL 2.1 specification, 3.8.6).
+    """Return the coordinates of directions in the images of a cube map (OpenGL 2.1 specification, 3.8.6).
 
     Args:
-        directions: Of any length, shape ``(..., 3)``.
+        directions: Directions in the cube's frame, of any length, shape ``(..., 3)``.
 
     Returns:
-        The image, 0 to 5, shape ``(...,)``; and the place in it, shape ``(..., 2)``: from its left to its right edge,
-        and from its upper to its lower one, 0 to 1.
+        The image, 0 to 5, shape ``(...,)``; and the position in it, shape ``(..., 2)``: from its left to its right
+        edge, and from its upper to its lower one, 0 to 1.
     """
     ways = np.asarray(directions, dtype=np.float64)
     axis = np.abs(ways).argmax(axis=-1)

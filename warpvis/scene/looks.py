@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What objects look like, as long as nobody has asked: trimesh's visuals are remembered, and read when asked for."""
+"""Deferred appearances: trimesh's visuals are stored, and converted on first use."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from warpvis.scene._images import pixels_or_white
 from warpvis.scene.materials import Appearance, AppearanceLike, ColorSpace, Material, Texture, as_appearance
 
 _UNSAID = (102, 102, 102, 255)
-"""What trimesh says of a SimpleMaterial's colours that nobody has said."""
+"""trimesh's default for colors that a SimpleMaterial does not define."""
 
 
 class Look:
-    """An appearance, or what makes it when it is first asked for."""
+    """An appearance, or a function that creates it on first use."""
 
     def __init__(
         self,
@@ -32,19 +32,19 @@ class Look:
         *,
         fits_any_mesh: bool = False,
     ) -> None:
-        """Remember what makes it, or what it is; and whether that counts for any mesh."""
+        """Store the function or the appearance, and whether it is valid for any mesh."""
         self._make, self._found, self._fits_any_mesh = make, found, fits_any_mesh
         self._lock = threading.Lock()
 
     def get(self) -> Appearance | None:
-        """Return it; None if there is none."""
+        """Return the appearance, creating it on first use; None if not defined."""
         with self._lock:
             if self._make is not None:
                 self._found, self._make = self._make(), None
             return self._found
 
     def of_another_mesh(self) -> Look:
-        """Return what of it counts for any mesh."""
+        """Return the part that is valid for any mesh."""
         return self if self._fits_any_mesh else Look(self._first_material, fits_any_mesh=True)
 
     def _first_material(self) -> Appearance | None:
@@ -52,7 +52,7 @@ class Look:
         return None if found is None else found.of_another_mesh()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Be the appearance itself in another process."""
+        """Pickle as the appearance itself."""
         return Look, (None, self.get())
 
 
@@ -64,17 +64,17 @@ def look_of(
     *,
     color_space: ColorSpace | None = None,
 ) -> Look | None:
-    """Return what `Scene.add` was given, or else what the mesh says.
+    """Return the appearance given to `Scene.add`, or else that of the mesh.
 
     Args:
-        given: What the user says; None for what the mesh says.
-        mesh: The mesh, of which a `visual` like trimesh's says what it looks like.
-        name: The object's.
-        counts: Vertices and faces.
-        color_space: Of materials that the mesh has; by default linear of a PBRMaterial, else sRGB.
+        given: The user's appearance; None for the mesh's.
+        mesh: The mesh, which may have a `visual` like trimesh's.
+        name: Name of the object.
+        counts: Numbers of vertices and faces.
+        color_space: Color space of the mesh's materials; by default linear for a PBRMaterial, else sRGB.
 
     Raises:
-        SceneError: What the user says is no appearance, or not of such a mesh.
+        SceneError: If `given` is not an appearance, or does not fit the mesh.
     """
     if isinstance(given, Look):
         return given
@@ -90,9 +90,9 @@ def look_of(
 
 
 def _parts_of(visual: Any) -> dict[str, Any] | None:
-    """Take hold of what a visual of trimesh has now: the arrays, which trimesh replaces and rarely writes into."""
+    """Return the current arrays of a trimesh visual, which trimesh replaces and rarely modifies in place."""
     stored = getattr(getattr(visual, "_data", None), "data", None)
-    if isinstance(stored, dict) and stored:  # trimesh takes a hash of all colours to say their kind
+    if isinstance(stored, dict) and stored:  # the property `kind` would hash all colors
         return {key: stored[key] for key in ("vertex_colors", "face_colors") if key in stored} or None
     kind = getattr(visual, "kind", None)
     if kind == "texture":
@@ -103,7 +103,7 @@ def _parts_of(visual: Any) -> dict[str, Any] | None:
 def _from_visual(
     parts: dict[str, Any], name: str, counts: tuple[int, int], color_space: ColorSpace | None
 ) -> Appearance | None:
-    """Make an appearance of what a visual has; a warning, and none, where it does not fit the mesh."""
+    """Create an appearance from the arrays of a visual; warn and return None where it does not fit the mesh."""
     try:
         materials = _materials(parts.pop("material", None))
         if color_space is not None:
@@ -111,7 +111,7 @@ def _from_visual(
         arrays = {key: np.asarray(value) for key, value in parts.items() if value is not None}
         found = Appearance(materials, **arrays)
         found.check_fits(*counts, name)
-    except (WarpvisError, TypeError, ValueError, AttributeError) as error:  # other libraries' raise what they like
+    except (WarpvisError, TypeError, ValueError, AttributeError) as error:  # other libraries may raise these
         warn_user(f"the colours of {name!r} are left out: {describe_exception(error)}", UserWarning)
         return None
     return found
@@ -125,7 +125,7 @@ def _materials(given: Any) -> tuple[Material, ...]:
 
 
 def _material(given: Any) -> Material:
-    """Make a material of one of trimesh's: a PBRMaterial has factors of glTF, a SimpleMaterial those of MTL."""
+    """Convert a material of trimesh: a PBRMaterial has factors of glTF, a SimpleMaterial those of MTL."""
     name = str(getattr(given, "name", None) or "")
     if hasattr(given, "baseColorFactor"):
         mode = str(given.alphaMode or "OPAQUE").lower()
@@ -158,7 +158,7 @@ def _or(value: Any, otherwise: float) -> float:
 
 
 def _unit_color(given: Any, otherwise: tuple[float, ...]) -> tuple[Any, ...]:
-    """Return a colour from 0 to 1 of one of trimesh's, which are bytes or such numbers."""
+    """Return a color of trimesh, which are bytes or floats from 0 to 1, as numbers from 0 to 1."""
     if given is None:
         return otherwise
     numbers: NDArray[Any] = np.asarray(given)
@@ -167,12 +167,12 @@ def _unit_color(given: Any, otherwise: tuple[float, ...]) -> tuple[Any, ...]:
 
 
 def _said_color(given: Any, otherwise: tuple[float, ...], may_be_unsaid: bool) -> tuple[Any, ...]:
-    """Return a colour of a SimpleMaterial, which has a gray one where nothing was said: it would darken a texture."""
+    """Return a color of a SimpleMaterial; the gray default of an undefined one is replaced, as it darkens textures."""
     if may_be_unsaid and given is not None and np.array_equal(given, _UNSAID):
         return otherwise
     return _unit_color(given, otherwise)
 
 
 def _texture(image: Any, name: str) -> Texture | None:
-    """Keep an image of Pillow. trimesh turns v upwards, and keeps neither wrap modes nor filters."""
+    """Convert a Pillow image. trimesh flips v upwards, and stores neither wrap modes nor filters."""
     return None if image is None else Texture(pixels_or_white(image, name or "a texture"), name)

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What objects look like, as data: textures, materials, and which material and colour each face has.
+"""Appearances as data: textures, materials, and the material and color of each face.
 
-`Scene.add` takes an `Appearance`, a `Material` or a colour, and readers of files fill it in.
+`Scene.add` accepts an `Appearance`, a `Material` or a color, and file readers create them.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from warpvis.scene._images import decoded_or_white
 from warpvis.scene.colors import check_color, shown
 
 Wrap = Literal["repeat", "mirror", "clamp"]
-"""What a texture shows outside of 0 to 1: itself again, itself mirrored every other time, or its edge."""
+"""A texture outside of 0 to 1: repeated, repeated with every other copy mirrored, or clamped to its edge."""
 
 Filter = Literal["nearest", "linear"]
-"""Whether the colour between texels is that of the nearest one, or mixed of the four around."""
+"""Color between texels: that of the nearest one, or bilinear interpolation."""
 
 AlphaMode = Literal["opaque", "mask", "blend"]
-"""Whether opacity counts for nothing, cuts out what is below a bound, or mixes with what is behind."""
+"""How opacity is used: ignored, compared to a cutoff, or blended with what is behind."""
 
 Projection = Literal["uv", "plane", "cube"]
-"""Where a texture's coordinates come from: those of the faces; x and y of the object's frame [m]; or the direction from
-its origin, in six images of a cube, one below the other, as OpenGL has them and `lights.cube_coordinates` finds them:
-+x, -x, +y, -y, +z, -z (right, left, up, down, front, back)."""
+"""Source of a texture's coordinates: those of the faces; x and y of the object's frame [m]; or the direction from its
+origin, in six images of a cube map, one below the other, as in OpenGL and `lights.cube_coordinates`: +x, -x, +y, -y,
++z, -z (right, left, up, down, front, back)."""
 
 ColorSpace = Literal["srgb", "linear"]
-"""Whether colours are as screens and image files have them, or proportional to light."""
+"""Whether colors are in sRGB, as on screens and in image files, or linear, proportional to light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +44,19 @@ class Texture:
     """An image on a surface.
 
     Coordinates ``(u, v)`` go from the image's lower left corner, ``(0, 0)``, to its upper right one, ``(1, 1)``, as in
-    OBJ, COLLADA and trimesh. glTF and MuJoCo count v downwards, and their readers turn it.
+    OBJ, COLLADA and trimesh. In glTF and MuJoCo, v points down; their readers flip it.
     """
 
     source: NDArray[np.uint8] | Path | bytes = field(repr=False)
-    """The image, the upper row first, shape ``(H, W, 3)`` or ``(H, W, 4)``; or a file of it, or a file's bytes, which
-    is decoded when `image` is first asked for."""
+    """The image, top row first, shape ``(H, W, 3)`` or ``(H, W, 4)``; or a file, or the bytes of a file, which are
+    decoded when `image` is first accessed."""
     name: str = ""
-    """What warnings call it; a file's path by default."""
+    """Name in warnings; a file's path by default."""
     wrap_u: Wrap = "repeat"
     wrap_v: Wrap = "repeat"
     filter: Filter = "linear"
     color_space: ColorSpace = "srgb"
-    """Of what it stores. Opacity is linear in either."""
+    """Color space of the stored values. Opacity is always linear."""
 
     def __post_init__(self) -> None:
         source = self.source
@@ -75,10 +75,10 @@ class Texture:
 
     @property
     def image(self) -> NDArray[np.uint8]:
-        """The image, the upper row first, shape ``(H, W, 3)`` or ``(H, W, 4)``.
+        """The image, top row first, shape ``(H, W, 3)`` or ``(H, W, 4)``.
 
-        A file that is missing or does not decode gives one white pixel, so that the material's own colour shows, and a
-        warning that names it.
+        If the file is missing or cannot be decoded, this is one white pixel, so that the material's base color shows,
+        and a warning names the file.
         """
         if isinstance(self.source, np.ndarray):
             return self.source
@@ -87,7 +87,7 @@ class Texture:
         return self.__dict__["_decoded"]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what makes it again elsewhere: not what was decoded."""
+        """Pickle without the decoded image."""
         return {name: value for name, value in self.__dict__.items() if name != "_decoded"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -96,37 +96,37 @@ class Texture:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """What a surface is made of."""
+    """Optical properties of a surface."""
 
     name: str = ""
     base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    """Red, green, blue and opacity from 0 to 1, in `color_space`; three numbers are opaque. It is multiplied with the
-    texture, and with colours of vertices and faces."""
+    """Red, green, blue and opacity from 0 to 1, in `color_space`; three numbers are opaque. Multiplied with the
+    texture and with colors of vertices and faces."""
     color_space: ColorSpace = "srgb"
-    """Of `base_color`, `specular` and `emission`, of colours of vertices and faces, and where they are multiplied:
-    linear in glTF, and sRGB where formats take numbers for what the screen shows (MTL, PLY, MuJoCo)."""
+    """Color space of `base_color`, `specular`, `emission` and colors of vertices and faces, in which they are
+    multiplied: linear in glTF, sRGB in formats whose numbers are display values (MTL, PLY, MuJoCo)."""
     texture: Texture | None = None
     alpha_mode: AlphaMode = "opaque"
     alpha_cutoff: float = 0.5
-    """Least opacity that is seen, in the mode ``"mask"``."""
+    """Minimum visible opacity with the mode ``"mask"``."""
     metallic: float = 0.0
     roughness: float = 1.0
     """Both from 0 to 1, as in glTF."""
     specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Colour of the highlight of Blinn and Phong."""
+    """Color of the Blinn-Phong highlight."""
     shininess: float = 0.0
-    """Its exponent."""
+    """Exponent of the Blinn-Phong highlight."""
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Colour of the light that it gives off; above 1 it may be."""
+    """Color of emitted light; may exceed 1."""
     double_sided: bool = True
-    """Whether both sides of a face are drawn. It changes nothing of depth."""
+    """Whether both sides of a face are rendered. Depth does not depend on it."""
     projection: Projection = "uv"
-    """Where the texture's coordinates come from."""
+    """Source of the texture's coordinates."""
     texture_repeat: tuple[float, float] = (1.0, 1.0)
-    """How often the texture is repeated in u and v: coordinates are multiplied by it."""
+    """Repetitions of the texture in u and v: factors of the coordinates."""
     texture_uniform: bool = False
-    """Whether directions in a cube are those to points of the shape as it is; else, in MuJoCo, of one that is as large
-    along all axes."""
+    """Whether directions in a cube map point to the actual shape; if false, as in MuJoCo, the shape is first normalized
+    to equal size along all axes."""
 
     def __post_init__(self) -> None:
         what = f"material {self.name!r}" if self.name else "a material"
@@ -153,21 +153,21 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """What an object looks like: materials, and which material, colour and texture coordinates each face has."""
+    """The appearance of an object: materials, and the material, color and texture coordinates of each face."""
 
     materials: tuple[Material, ...] = field(default_factory=lambda: (Material(),))
     face_materials: NDArray[np.int32] | None = field(default=None, repr=False)
-    """Index of each face's material, shape ``(m,)``; None if all have the first."""
+    """Index of each face's material, shape ``(m,)``; None if all use the first."""
     uv: NDArray[np.float32] | None = field(default=None, repr=False)
     """Texture coordinates of each corner of each face, shape ``(m, 3, 2)``, or of each vertex, ``(n, 2)``. Outside of 0
-    to 1 the texture's wrap modes count."""
+    to 1 the texture's wrap modes apply."""
     vertex_colors: NDArray[np.uint8 | np.float32] | None = field(default=None, repr=False)
-    """Shape ``(n, 4)``; uint8, or float32 where 1 is the most; in the colour space of the face's material."""
+    """Color of each vertex, shape ``(n, 4)``; uint8, or float32 from 0 to 1; in the color space of the material."""
     face_colors: NDArray[np.uint8 | np.float32] | None = field(default=None, repr=False)
-    """The same of each face, shape ``(m, 4)``."""
+    """Color of each face, shape ``(m, 4)``, with the same types."""
     normals: NDArray[np.float32] | None = field(default=None, repr=False)
-    """Normals that light goes by, of each corner of each face, shape ``(m, 3, 3)``, or of each vertex, ``(n, 3)``, in
-    the mesh's own frame, of any length but 0; None for those of the faces themselves."""
+    """Shading normals of each corner of each face, shape ``(m, 3, 3)``, or of each vertex, ``(n, 3)``, in the mesh's
+    frame, of any length but 0; None for flat shading."""
 
     def __post_init__(self) -> None:
         given = (self.materials,) if isinstance(self.materials, Material) else self.materials
@@ -195,7 +195,7 @@ class Appearance:
         return rows.astype(np.int32)
 
     def check_fits(self, vertices: int, faces: int, name: str) -> None:
-        """Raise a `SceneError` unless it is of a mesh of so many vertices and faces."""
+        """Raise a `SceneError` unless it fits a mesh of this number of vertices and faces."""
         wanted = {"face_materials": faces, "vertex_colors": vertices, "face_colors": faces}
         for key in ("uv", "normals"):
             rows = getattr(self, key)
@@ -217,7 +217,7 @@ class Appearance:
         return self.normals if self.normals is None or self.normals.ndim == 3 else self.normals[faces]
 
     def of_another_mesh(self) -> Appearance:
-        """Return what of it counts for any mesh: its first material."""
+        """Return the part that is valid for any mesh: its first material."""
         return Appearance((self.materials[0],))
 
 
@@ -226,10 +226,10 @@ AppearanceLike = Appearance | Material | ArrayLike
 
 
 def as_appearance(given: AppearanceLike, name: str) -> Appearance:
-    """Return what `Scene.add` was given as an appearance.
+    """Convert the `appearance` argument of `Scene.add` to an `Appearance`.
 
     Raises:
-        SceneError: It is none, no material and no colour.
+        SceneError: If it is not an appearance, a material or a color.
     """
     if isinstance(given, Appearance):
         return given

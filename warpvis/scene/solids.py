@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Round solids. Where they are movable, rays meet the true surface; elsewhere triangles close to it stand for it.
+"""Round solids. Movable ones are rendered as the true surface; others as triangles close to it.
 
-Each is a mesh too, closed and wound outwards: rings of points on a circle that is a little larger than the true one, so
-that the triangles lie outside it by as much at their corners as inside at their middles.
+Each solid is also a mesh, closed and wound outwards. Its rings have a radius slightly larger than the true one, so that
+the triangles lie as far outside of the surface at their corners as inside at their centers.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from warpvis.errors import SceneError
 from warpvis.kernels import constants
 
 DEFAULT_TOLERANCE = 5e-4
-"""How far triangles may be from a round surface [m], unless a call says otherwise."""
+"""Default maximum distance between triangles and the true surface [m]."""
 
 RELATIVE_TOLERANCE = 1e-4
-"""Of a round shape's largest radius: where this is more than the tolerance in metres, it is the one that counts."""
+"""Tolerance relative to a shape's largest radius; the larger one of this and the tolerance in meters applies."""
 
 _MIN_STACKS = 4
 _MIN_SLICES = 8
 
 
 class SolidKind(IntEnum):
-    """What kernels call a movable object's shape."""
+    """Shape of a movable object in the kernels."""
 
     MESH = constants.SOLID_NONE
-    """Triangles."""
+    """A triangle mesh."""
     BALL = constants.SOLID_BALL
     """The unit ball."""
     CYLINDER = constants.SOLID_CYLINDER
-    """The unit circle about z, from -half to half along z."""
+    """A cylinder of unit radius about z, from -half to half along z."""
     CAPSULE = constants.SOLID_CAPSULE
     """The same with unit half balls at its ends."""
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A ball, a cylinder or a capsule, stretched along its axes; `Scene.add` takes it for a mesh."""
+    """A ball, a cylinder or a capsule, scaled along its axes; `Scene.add` accepts it as a mesh."""
 
     kind: SolidKind
     radii: NDArray[np.float64]
-    """Factors along x, y and z [m] that make it of the shape of its kind, shape ``(3,)``."""
+    """Scale factors along x, y and z [m] of the unit shape, shape ``(3,)``."""
     half: float
-    """Half length of the kind's straight part, before stretching; 0 for a ball."""
+    """Half length of the straight part of the unit shape; 0 for a ball."""
     vertices: NDArray[np.float64] = field(repr=False)
     """Corners of its triangles [m], shape ``(n, 3)``."""
     faces: NDArray[np.int32] = field(repr=False)
@@ -66,25 +66,25 @@ class Solid:
         height: NDArray[np.float64],
         slices: int,
     ) -> Solid:
-        """Make one whose triangles are those of a line turned about z, and stretched."""
+        """Create a solid whose triangles are a profile revolved about z, and scaled."""
         radii = np.asarray(radii, dtype=np.float64)
         vertices, faces = _revolve(ring, height, slices)
         return cls(kind, radii, half, vertices * radii, faces)
 
     @property
     def extent(self) -> NDArray[np.float64]:
-        """How far it reaches along x, y and z [m], shape ``(3,)``."""
+        """Half extent along x, y and z [m], shape ``(3,)``."""
         ends = self.half + 1.0 if self.kind == SolidKind.CAPSULE else self.half
         return self.radii * [1.0, 1.0, 1.0 if self.kind == SolidKind.BALL else ends]
 
     def scaled(self, factors: ArrayLike) -> Solid:
-        """Return the same, stretched further along its axes."""
+        """Return the solid scaled along its axes."""
         factors = np.asarray(factors, dtype=np.float64)
         return Solid(self.kind, self.radii * factors, self.half, self.vertices * factors, self.faces)
 
 
 def largest_error(tolerance: float, radius: float) -> float:
-    """Return the most that triangles of a round shape may be away from its true surface [m].
+    """Return the maximum distance between the triangles of a round shape and its true surface [m].
 
     Args:
         tolerance: The tolerance [m].
@@ -94,29 +94,29 @@ def largest_error(tolerance: float, radius: float) -> float:
 
 
 def sphere(radius: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
-    """Make a sphere.
+    """Create a sphere.
 
     Args:
         radius: Its radius [m].
-        tolerance: Most distance between its triangles and the true surface [m], or 1e-4 of the radius if that is more.
+        tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is more.
 
     Raises:
-        SceneError: A size or the tolerance is not a positive number.
+        SceneError: If a size or the tolerance is not a positive number.
     """
     radius = _check_size(radius, "radius of a sphere")
     return ellipsoid((radius, radius, radius), tolerance=tolerance)
 
 
 def ellipsoid(half_axes: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
-    """Make an ellipsoid.
+    """Create an ellipsoid.
 
     Args:
         half_axes: Its half axes along x, y and z [m].
-        tolerance: Most distance between its triangles and the true surface [m], or 1e-4 of the longest half axis if
+        tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the longest half axis if
             that is more.
 
     Raises:
-        SceneError: A size or the tolerance is not a positive number.
+        SceneError: If a size or the tolerance is not a positive number.
     """
     half_axes = as_point(half_axes, "half_axes of an ellipsoid", SceneError)
     _check_size(float(half_axes.min()), "each of half_axes of an ellipsoid")
@@ -127,15 +127,15 @@ def ellipsoid(half_axes: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE) -> 
 
 
 def capsule(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
-    """Make a cylinder about the z axis with half balls at its ends.
+    """Create a cylinder about the z axis with half balls at its ends.
 
     Args:
         radius: Its radius [m].
         half_length: Half the length of the cylinder between the half balls [m].
-        tolerance: Most distance between its triangles and the true surface [m], or 1e-4 of the radius if that is more.
+        tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is more.
 
     Raises:
-        SceneError: A size or the tolerance is not a positive number.
+        SceneError: If a size or the tolerance is not a positive number.
     """
     radius = _check_size(radius, "radius of a capsule")
     half_length = _check_size(half_length, "half_length of a capsule")
@@ -149,15 +149,15 @@ def capsule(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOL
 
 
 def cylinder(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
-    """Make a cylinder about the z axis, from ``-half_length`` to ``half_length``.
+    """Create a cylinder about the z axis, from ``-half_length`` to ``half_length``.
 
     Args:
         radius: Its radius [m].
         half_length: Half its length [m].
-        tolerance: Most distance between its triangles and the true surface [m], or 1e-4 of the radius if that is more.
+        tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is more.
 
     Raises:
-        SceneError: A size or the tolerance is not a positive number.
+        SceneError: If a size or the tolerance is not a positive number.
     """
     radius = _check_size(radius, "radius of a cylinder")
     half_length = _check_size(half_length, "half_length of a cylinder")
@@ -176,10 +176,10 @@ def _check_size(value: float, name: str) -> float:
 
 
 def _ball_grid(radius: float, tolerance: float) -> tuple[int, float]:
-    """Make stacks of a unit ball of twice as many slices, an even number, and say how far out its corners are.
+    """Return the number of stacks of a unit ball, an even number, and the distance of its corners from the center.
 
-    A ball of m stacks and 2 m slices with its corners at distance 1 comes as near as ``q = cos(pi / 2m)^2`` to the
-    middle, at the middles of the faces by the equator. Corners at ``2 / (1 + q)`` make both errors ``(1-q) / (1+q)``.
+    With corners at distance 1, a ball of m stacks and 2 m slices comes within ``q = cos(pi / 2m)^2`` of the center, at
+    the centers of the faces at the equator. Corners at ``2 / (1 + q)`` make both errors ``(1-q) / (1+q)``.
     """
     error = largest_error(tolerance, radius) / radius
     least = max((1 - error) / (1 + error), 0.0)
@@ -191,12 +191,12 @@ def _ball_grid(radius: float, tolerance: float) -> tuple[int, float]:
 def _revolve(
     ring: NDArray[np.float64], height: NDArray[np.float64], slices: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Make the surface that a line from the z axis back to it, going up on the right, makes when turned about z.
+    """Return the surface of revolution about z of a profile that starts and ends on the axis, from bottom to top.
 
     Args:
-        ring: Distance of the line's points from the axis, shape ``(k,)``; the first and the last count as 0.
+        ring: Distance of the profile's points from the axis, shape ``(k,)``; the first and the last count as 0.
         height: Their z, shape ``(k,)``.
-        slices: Steps of a turn.
+        slices: Number of steps of a revolution.
     """
     angles = 2 * np.pi * np.arange(slices) / slices
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=-1)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds: where movable objects are in each view, and how large, and what a view must not see."""
+"""Worlds: poses and sizes of movable objects, and excluded objects, for each view."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from warpvis.scene._scene import Scene
 
 
-# Squares of a quaternion's length that are surely within the tolerance, in single precision.
+# Squared norms of quaternions that are within the tolerance despite rounding in single precision.
 _MIN_SQUARE, _MAX_SQUARE = 0.9981, 1.0019
 
 
@@ -37,16 +37,16 @@ def parse_worlds(
     exclude: Excluded,
     object_scales: ObjectScales = None,
 ) -> Worlds:
-    """Make a `warpvis.kernels.worlds.Worlds` of a call's arguments; see `Renderer.render`.
+    """Convert arguments of `Renderer.render` to a `warpvis.kernels.worlds.Worlds`.
 
-    Where nothing moves and nothing is said, it is one that holds no arrays.
+    The result has no arrays if no object is movable and no argument is given.
 
-    What lies on a GPU stays there and is not read back: only shapes, dtypes and devices are checked.
+    Data on a GPU stays there and is not read back: only shapes, dtypes and devices are checked.
 
     Raises:
-        PoseError: The poses of the objects are malformed.
-        ArrayError: `world_index`, `exclude` or `object_scales` is.
-        SceneError: `exclude` names an object that the scene does not have.
+        PoseError: If the object poses are malformed.
+        ArrayError: If `world_index`, `exclude` or `object_scales` is malformed.
+        SceneError: If `exclude` names an object that the scene does not have.
     """
     nothing_said = object_poses is None and world_index is None and exclude is None and object_scales is None
     if nothing_said and not scene.movable:
@@ -55,7 +55,7 @@ def parse_worlds(
 
     worlds = Worlds()
     scales = None if object_scales is None else _parse_object_scales(scene, object_scales)
-    # Where only sizes differ, poses are the same in all worlds.
+    # If only sizes differ, poses are equal in all worlds.
     repeated = 1 if scales is None or object_poses is not None else scales.shape[0]
     worlds.object_poses = _parse_object_poses(scene, object_poses, repeated)
     count = worlds.object_poses.shape[0]
@@ -77,23 +77,23 @@ def parse_worlds(
 def _is_empty(exclude: object) -> bool:
     try:
         return len(exclude) == 0  # type: ignore[arg-type]
-    except TypeError:  # of what has no length, and of arrays without an axis
+    except TypeError:  # no length, or an array without axes
         return False
 
 
 @cache
 def _still_world() -> Worlds:
-    """Make worlds in which nothing moves, and nothing is excluded."""
+    """Return worlds without movable and excluded objects."""
     from warpvis.kernels.worlds import Worlds
 
     return Worlds()
 
 
 def parse_moving_poses(scene: Scene, motion: Motion) -> wp.array:
-    """Return where movable objects are at each instant of a motion, shape ``(T, W, M)`` transform.
+    """Return the poses of movable objects at each instant of a motion, shape ``(T, W, M)`` transform.
 
     Raises:
-        PoseError: The poses are not of the scene's movable objects.
+        PoseError: If the poses do not fit the scene's movable objects.
     """
     parts = instants_of(motion)
     if isinstance(parts, np.ndarray):
@@ -104,7 +104,7 @@ def parse_moving_poses(scene: Scene, motion: Motion) -> wp.array:
 
 
 def part_of(worlds: Worlds, views: slice | NDArray[np.integer]) -> Worlds:
-    """Return the worlds of some of the views."""
+    """Return the worlds of a subset of the views."""
     from warpvis.kernels.worlds import Worlds
 
     part = Worlds()
@@ -122,7 +122,7 @@ def part_of(worlds: Worlds, views: slice | NDArray[np.integer]) -> Worlds:
 
 
 def pose_columns(scene: Scene) -> NDArray[np.int32]:
-    """Find every object's column among object poses: its own, its carrier's, or -1 if it stays."""
+    """Return every object's column in the object poses: its own or its parent's, -1 for static objects."""
     columns = np.full(len(scene), -1, dtype=np.int32)
     columns[list(scene.movable)] = np.arange(len(scene.movable))
     for index, carrier in scene.attached().items():
@@ -131,7 +131,7 @@ def pose_columns(scene: Scene) -> NDArray[np.int32]:
 
 
 def _parse_object_scales(scene: Scene, scales: ArrayInput) -> wp.array:
-    """Return factors on the scene's device, shape ``(1 or W, M)`` vec3; those of the host are checked."""
+    """Return scale factors on the scene's device, shape ``(1 or W, M)`` vec3; host arrays are checked."""
     movable = scene.movable
     if not movable:
         raise ArrayError("object_scales were given, but no object of the scene is movable; add one with movable=True")
@@ -156,7 +156,7 @@ def _parse_object_scales(scene: Scene, scales: ArrayInput) -> wp.array:
 
 
 def _sizes(scene: Scene, scales: wp.array, worlds: int) -> wp.array:
-    """Make what `Worlds` has of factors that are of one world or of all."""
+    """Return `Worlds.object_sizes` from scale factors of one or all worlds."""
     from warpvis.kernels.sizes import scale_sizes
 
     if scales.shape[0] not in (1, worlds):
@@ -191,7 +191,7 @@ def _parse_object_poses(scene: Scene, poses: PoseLike, repeated: int = 1) -> wp.
 
 
 def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
-    """Return the rows in single precision; casters normalise them."""
+    """Return the rows in single precision; kernels normalize them."""
     rows = np.ascontiguousarray(rows, dtype=np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
         x, y, z, w = (rows[..., k] for k in range(3, 7))
@@ -235,7 +235,7 @@ def _parse_world(world_index: ArrayInput | None, views: int, count: int, device:
 
 
 def _parse_exclude(scene: Scene, views: int, exclude: Excluded) -> wp.array:
-    """Make flags ``(views or 1, objects)`` of an array of them, or of names and indices that hold for all views."""
+    """Return flags ``(views or 1, objects)`` from an array of flags, or from names and indices for all views."""
     count = len(scene)
     if isinstance(exclude, Sequence) and all(isinstance(item, str | int | np.integer) for item in exclude):
         flags = np.zeros((1, count), dtype=np.uint8)
