@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The BVH's builder, for the CPU: see ``native/cpu/bvh_split.h`` and `warpvis.scene._bvh`.
+"""The BVH builder for the CPU; see ``native/cpu/bvh_split.h`` and `warpvis.scene._bvh`.
 
-Items are `ITEM_WORDS` numbers of 32 bits a triangle; splits are `SPLIT_WORDS` for every place where items are split.
+Each triangle is an item of `ITEM_WORDS` 32-bit numbers; each possible split has `SPLIT_WORDS` numbers.
 """
 
 import warp as wp
@@ -13,7 +13,7 @@ from warpvis.kernels.native_source import read_native
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 LANE_COUNTS = (CPU_LANES, CUDA_LANES)
-"""Triangles of a leaf and children of a node: what a tree can have. Kernels take it as `lanes`."""
+"""Supported numbers of lanes: triangles per leaf and children per node. Kernels take it as `lanes`."""
 
 _SPLIT = read_native("shared/constants.h", "cpu/bvh_split.h")
 _COLLAPSE = _SPLIT + read_native("cpu/bvh_collapse.h")
@@ -25,11 +25,11 @@ def _with_lanes(lanes: int, text: str) -> str:
 
 
 def _with_any_lanes(text: str) -> str:
-    """The text once for each number of lanes; that one runs that the function's parameter `lanes` asks for."""
+    """Return C++ with one block per number of lanes, of which the parameter `lanes` selects one."""
     return "".join(f"if (lanes == {lanes}) {{\n{_with_lanes(lanes, text)}\n}}\n" for lanes in LANE_COUNTS)
 
 
-# Items are the same for any number of lanes.
+# Items do not depend on the number of lanes.
 @wp.func_native(
     _with_lanes(CPU_LANES, _SPLIT + "Items::load((const float*)vertices, (const int*)faces, triangle, (v8*)items);")
 )
@@ -148,10 +148,10 @@ def split_range(
     splits_out: wp.array[wp.int32],
     part_boxes_out: wp.array[float],
 ):
-    """One thread: split a range of the items until all parts are leaves, or `most_splits` times.
+    """Split a range of items in one thread until all parts are leaves, or `most_splits` times.
 
-    A box around the items' centres is in a slot of `boxes`, or looked for if that is -1. A single split puts those of
-    the two parts from `first_part` on into `part_boxes_out`.
+    The bounding box of the items' centers is in a slot of `boxes`, or is computed if `slot` is -1. A single split
+    writes the boxes of both parts to `part_boxes_out`, from `first_part` on.
     """
     _ = wp.tid()
     split_range_native(
@@ -183,9 +183,9 @@ def collapse_tree(
     leaf_ranges_out: wp.array2d[wp.int32],
     counts_out: wp.array[wp.int32],
 ):
-    """One thread: name the tree's nodes and leaves, and count nodes, leaves and levels; `binaries_out` is scratch.
+    """Number the tree's nodes and leaves in one thread, and count nodes, leaves and levels; `binaries_out` is scratch.
 
-    Boxes of nodes get the least area; or, with `evenly`, nodes hold log2(lanes) levels of the binary tree or more.
+    The total area of node boxes is minimal; with `evenly`, nodes cover at least log2(lanes) levels of the binary tree.
     """
     _ = wp.tid()
     collapse_native(
@@ -245,6 +245,6 @@ def fit_nodes(
     # Out:
     nodes_out: wp.array[float],
 ):
-    """One thread: the boxes and cones of all nodes' children, from the leaves up."""
+    """Write boxes and normal cones of all nodes' children in one thread, from the leaves up."""
     _ = wp.tid()
     fit_nodes_native(lanes, children.ptr, leaf_bounds.ptr, node_count, nodes_out.ptr)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The BVH's builder, for CUDA: the binary tree, a level at a time, by one thread an item or a range.
+"""The BVH builder for CUDA: builds the binary tree level by level with one thread per item or range.
 
-It splits as ``native/cpu/bvh_split.h`` does. The root is made in `warpvis.kernels.bvh_cuda_items`, nodes are made of
-the tree in `warpvis.kernels.bvh_cuda_nodes`;
-`warpvis.scene._bvh_cuda` launches all. Nothing here depends on the order of threads.
+It splits ranges as ``native/cpu/bvh_split.h`` does. `warpvis.kernels.bvh_cuda_items` creates the root,
+`warpvis.kernels.bvh_cuda_nodes` converts the binary tree to wide nodes, and `warpvis.scene._bvh_cuda` launches all
+kernels. Results do not depend on the order of threads.
 """
 
 import warp as wp
@@ -57,7 +57,7 @@ def mark_ranges(
     # Out:
     flags_out: wp.array2d[wp.int32],
 ):
-    """Of each node of a level, in two rows: whether it is large, and whether it is split though it is small."""
+    """Write two rows of flags for a level's nodes: whether it is large, and whether it is small but is split."""
     index = wp.tid()
     count = int(0)
     if index < level.info[level.depth, NEXT_COUNT]:
@@ -76,9 +76,9 @@ def rank_ranges(
     level_out: Level,
     binary_out: Binary,
 ):
-    """List the nodes of a level that are split, by sums of their flags, and give them their children's numbers.
+    """List the nodes of a level that are split, by scans of their flags, and number their children.
 
-    One thread writes what is known of the level, next to what is known of the one above, which all read.
+    Thread (0, 0) writes the level's row of `info`, which follows the row of its parent level, which all threads read.
     """
     row, index = wp.tid()
     last = sums.shape[1] - 1
@@ -103,7 +103,7 @@ def clear_bins(
     boxes_out: wp.array2d[wp.int32],
     counts_out: wp.array[wp.int32],
 ):
-    """Empty a bin."""
+    """Reset bins to empty."""
     at = wp.tid()
     counts_out[at] = 0
     for word in range(BIN_WORDS):
@@ -121,9 +121,10 @@ def fill_bins(
     boxes_out: wp.array2d[wp.int32],
     counts_out: wp.array[wp.int32],
 ):
-    """Sort the items of large ranges into bins along each axis: a thread takes so many items, and a bin of each axis.
+    """Sort the items of large ranges into bins along each axis.
 
-    So the items of a range are united in registers, and few threads meet in memory.
+    Each thread takes `length` items and one bin per axis, so that a range's items are merged in registers and few
+    threads contend for memory.
     """
     part, cell = wp.tid()
     item = part * length
@@ -163,7 +164,7 @@ def choose_bins(
     # Out:
     best_out: wp.array[wp.int64],
 ):
-    """Find before which bin of an axis it costs least to split a large range, and keep the least of all axes."""
+    """Find the bin of an axis before which it is cheapest to split a large range, and reduce over the axes."""
     axis, rank = wp.tid()
     if rank >= known(level, LARGE):
         return
@@ -182,7 +183,7 @@ def part_bins(
     level_out: Level,
     binary_out: Binary,
 ):
-    """Make a child of a large range; half of it if all items are in one bin, or it is too deep."""
+    """Write a child of a large range; the range is halved if all items are in one bin, or if it is too deep."""
     side, rank = wp.tid()
     if rank >= known(level_out, LARGE):
         return
@@ -224,7 +225,7 @@ def sort_small(
     # Out:
     order_out: wp.array2d[wp.int32],
 ):
-    """Find which item of a small range comes where, in the order of each axis."""
+    """Find the position of each item of a small range in the order of each axis."""
     item = wp.tid()
     node = items.node[item]
     if node < 0:
@@ -237,7 +238,7 @@ def sort_small(
     for other in range(begin, binary.end[node]):
         theirs = items.low[other] + items.high[other]
         for axis in range(3):
-            # Where centres coincide, items keep the order they have.
+            # Items with equal centers keep their order.
             places[axis] += int(theirs[axis] < centre[axis] or (theirs[axis] == centre[axis] and other < item))
     for axis in range(3):
         order_out[axis, places[axis]] = item
@@ -254,9 +255,9 @@ def choose_places(
     areas_out: wp.array2d[float],
     best_out: wp.array[wp.int64],
 ):
-    """Find after which item it costs least to split a small range, in the order of an axis, and keep the least.
+    """Find the item of an axis after which it is cheapest to split a small range, and reduce over the axes.
 
-    `areas_out`: of a box around an item and all after it, in the order of each axis.
+    `areas_out` receives the area of the box around an item and all items after it, in the order of each axis.
     """
     axis, rank = wp.tid()
     if rank >= known(level, RANGES) - known(level, LARGE):
@@ -290,7 +291,7 @@ def find_sides(
     # Out:
     left_out: wp.array[wp.int32],
 ):
-    """Find whether an item goes left, 1 or 0; 0 where its range is not large."""
+    """Write 1 for items of large ranges that go to the left child, and 0 for all others."""
     item = wp.tid()
     node = items.node[item]
     left_out[item] = 0
@@ -320,9 +321,9 @@ def move_items(
     # Out:
     items_out: Items,
 ):
-    """Put each item of a large range where it goes, those on the left first, and those of a small one in its order.
+    """Move the items of large ranges to their children, left ones first, and those of small ranges into split order.
 
-    `before` counts those of `lefts` that come before an item.
+    `before` is the exclusive scan of `lefts`.
     """
     item = wp.tid()
     node = items.node[item]
@@ -357,7 +358,7 @@ def part_small(
     # Out:
     binary_out: Binary,
 ):
-    """Make the children of a small range, whose items have been put where they go."""
+    """Write the children of a small range, whose items have been moved."""
     rank = wp.tid()
     if rank >= known(level, RANGES) - known(level, LARGE):
         return

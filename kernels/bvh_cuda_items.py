@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the BVH's builder begins with on CUDA: triangles that are checked, an item of each, and the root of all items.
+"""The first stage of the BVH builder for CUDA: checks of triangles, their items, and the root.
 
-They are split in `warpvis.kernels.bvh_cuda`.
+`warpvis.kernels.bvh_cuda` splits them.
 """
 
 import warp as wp
@@ -33,7 +33,7 @@ def check_mesh(
     # Out:
     found_out: wp.array[wp.int32],
 ):
-    """Count corners that are too far away or nowhere, and find the first; find the least and the greatest index."""
+    """Count invalid corners (NaN or beyond `farthest`), find the first one, and the least and greatest vertex index."""
     index = wp.tid()
     if index < vertices.shape[0]:
         place = vertices[index]
@@ -56,7 +56,7 @@ def load_items(
     # Out:
     items_out: Items,
 ):
-    """Make an item of each triangle, all of them of node 0."""
+    """Write the item of each triangle; all items belong to node 0."""
     triangle = wp.tid()
     a, b, c = vertices[faces[triangle, 0]], vertices[faces[triangle, 1]], vertices[faces[triangle, 2]]
     items_out.low[triangle] = wp.min(a, wp.min(b, c))
@@ -73,7 +73,7 @@ def bound_centres(
     # Out:
     words_out: wp.array2d[wp.int32],
 ):
-    """Grow a box around twice the items' centres; a thread takes one item, and every `threads` items another one."""
+    """Grow a box around the items' doubled centers; each thread reads every `threads`-th item."""
     item = wp.tid()
     low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
     while item < items.low.shape[0]:
@@ -92,7 +92,7 @@ def begin_tree(
     info_out: wp.array2d[wp.int32],
     binary_out: Binary,
 ):
-    """One thread: the root, which holds all items, and is the level below none."""
+    """Write the root, which contains all items, as the next level in row 0 of `info`; one thread."""
     node = wp.tid()
     info_out[0, NEXT] = 0
     info_out[0, NEXT_COUNT] = 1

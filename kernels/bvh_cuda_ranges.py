@@ -1,76 +1,76 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the kernels of `warpvis.kernels.bvh_cuda` share: items, ranges of them, and what it costs to split one."""
+"""Shared functions of the kernels of `warpvis.kernels.bvh_cuda`: items, ranges of items, and the cost of splits."""
 
 import warp as wp
 
 from warpvis.kernels.constants import CUDA_LANES, NOWHERE
 
 BINS = 16
-"""Of one axis."""
+"""Number of bins per axis."""
 SMALL = 4 * CUDA_LANES
-"""Ranges of at most this many items are split where it is cheapest of all places."""
+"""Ranges of at most this many items are split at the cheapest of all positions."""
 BIN_WORDS = 6
-"""Of a box while it grows: its corners as `ordered` has them, the greatest negated."""
+"""Words of a box while it grows: its corners in `ordered` representation, the upper one negated."""
 MAX_DEPTH = 40
-"""Levels of the binary tree: eight levels of nodes, five of these each."""
+"""Maximum levels of the binary tree: eight levels of wide nodes, each covering five levels."""
 NOTHING = 2137108966
-"""What a box has in each word before anything is in it: `NOWHERE`, as `ordered` has it."""
+"""The initial word of an empty box: `NOWHERE` in `ordered` representation."""
 NO_PLACE = 9223372036854775807
-"""What `Level.best` has before a place was found."""
+"""The initial value of `Level.best`."""
 
 HALVED = 3
-"""In place of the axis along which a range is split: it is halved, as its items lie."""
+"""Axis value of a range that is halved in the order of its items instead of being split along an axis."""
 AXIS_BITS = 2
 COST_BITS = 32
 
-# Where a row of `Level.info` has a level's first node, and how many nodes it has;
+# Columns of `Level.info`: a level's first node and number of nodes,
 FIRST, COUNT = 0, 1
-# how many of them are large, and how many are split at all;
+# the number of large nodes and of all nodes that are split,
 LARGE, RANGES = 2, 3
-# and of the level below, the first node, and how many there are.
+# and the first node and number of nodes of the next level.
 NEXT, NEXT_COUNT = 4, 5
 INFO_WORDS = 6
 
 
 @wp.struct
 class Items:
-    """The triangles' boxes, in the order of ranges."""
+    """Bounding boxes of triangles, in the order of ranges."""
 
     low: wp.array[wp.vec3]
     high: wp.array[wp.vec3]
     triangle: wp.array[wp.int32]
-    node: wp.array[wp.int32]  # of the binary tree, of the level that is split now; -1 where that is a leaf
+    node: wp.array[wp.int32]  # of the binary tree, in the current level; -1 if it is a leaf
 
 
 @wp.struct
 class Binary:
-    """The binary tree, a level after the other. A node is a range of items."""
+    """The binary tree, level by level. A node is a range of items."""
 
     begin: wp.array[wp.int32]
     end: wp.array[wp.int32]
-    child: wp.array[wp.int32]  # the left one, before the right one; -1 for a leaf
+    child: wp.array[wp.int32]  # left child, followed by the right one; -1 for a leaf
     area: wp.array[float]  # half the surface area of its box
-    low: wp.array[wp.vec3]  # a box around twice the centres of its items
+    low: wp.array[wp.vec3]  # bounds of its items' doubled centers
     high: wp.array[wp.vec3]
 
 
 @wp.struct
 class Level:
-    """How the nodes of a level are split: by their ranks, the large ones first."""
+    """Splits of the nodes of a level, by rank: large nodes first."""
 
     depth: int
-    info: wp.array2d[wp.int32]  # first nodes and so on, see above: a row for what is above the root, and one a level
+    info: wp.array2d[wp.int32]  # one row per level, after a row for the parent of the root; see `FIRST`
     nodes: wp.array[wp.int32]
-    axis: wp.array[wp.int32]  # along which it is split; `HALVED` if as the items lie
-    bin: wp.array[wp.int32]  # of large ones, the first on the right
-    left_count: wp.array[wp.int32]  # items on the left, of large ones
-    best: wp.array[wp.int64]  # the least cost, and the place of that
+    axis: wp.array[wp.int32]  # along which it is split, or `HALVED`
+    bin: wp.array[wp.int32]  # of large nodes: the first bin of the right child
+    left_count: wp.array[wp.int32]  # of large nodes: items of the left child
+    best: wp.array[wp.int64]  # the least cost, and its position
 
 
 @wp.func
 def ordered(value: float) -> int:
-    """A whole number that is the greater, the greater the value."""
+    """Map a float to an integer of the same order."""
     bits = wp.cast(value, wp.int32)
     if bits < 0:
         bits = bits ^ 2147483647
@@ -98,7 +98,7 @@ def leaves_of(count: int) -> int:
 
 @wp.func
 def split_cost(left: float, left_count: int, right: float, right_count: int) -> float:
-    """The surface area heuristic, with leaves counted whole; the fewest of them where boxes have no area."""
+    """Return the surface area heuristic for whole leaves; without area, it minimizes the number of leaves."""
     per_item = 1.0 / float(left_count + right_count)
     return (left + 1.0e-30) * (float(leaves_of(left_count)) * per_item) + (right + 1.0e-30) * (
         float(leaves_of(right_count)) * per_item
@@ -107,13 +107,13 @@ def split_cost(left: float, left_count: int, right: float, right_count: int) -> 
 
 @wp.func
 def half_of(count: int) -> int:
-    """The middle of a range, after a whole number of leaves."""
+    """Return the number of items in the first half of a range, rounded up to whole leaves."""
     return leaves_of(count // 2) * CUDA_LANES
 
 
 @wp.func
 def must_halve(count: int, depth: int) -> bool:
-    """Whether a range that is split so deep down has to be halved from here on, for the tree to be no deeper."""
+    """Return whether a range must be halved from this depth on, to keep the tree within `MAX_DEPTH`."""
     leaves = leaves_of(count)
     levels = int(0)
     while (1 << levels) < leaves:
@@ -154,7 +154,7 @@ def box_high(words: wp.array2d[wp.int32], at: int) -> wp.vec3:
 
 @wp.func
 def known(level: Level, word: int) -> int:
-    """A word of `Level.info` of the level, once its ranges have ranks."""
+    """Return a word of `Level.info` for the current level, after its ranges have been ranked."""
     return level.info[level.depth + 1, word]
 
 
@@ -170,19 +170,19 @@ def first_bin(rank: int) -> int:
 
 @wp.func
 def place_before(cost: float, left: int, axis: int) -> wp.int64:
-    """What `Level.best` has of a split after so many items, in the order of an axis."""
+    """Encode a split after `left` items in the order of an axis as a value of `Level.best`."""
     return (wp.int64(wp.cast(cost, wp.int32)) << wp.int64(COST_BITS)) | wp.int64((left << AXIS_BITS) | axis)
 
 
 @wp.func
 def best_place(best: wp.int64) -> int:
-    """What `Level.best` has below the cost: of large ranges, of all axes' bins the one before which they are split."""
+    """Return the low word of `Level.best`: for large ranges, the bin, over all axes, before which they are split."""
     return int(best & wp.int64((1 << (COST_BITS - AXIS_BITS)) - 1))
 
 
 @wp.func
 def best_count(best: wp.int64) -> int:
-    """Items on the left where a small range is split."""
+    """Return the number of left items of a small range's split."""
     return best_place(best) >> AXIS_BITS
 
 
@@ -205,7 +205,7 @@ def set_child(binary: Binary, node: int, begin: int, end: int, low: wp.vec3, hig
 def best_bin(
     boxes: wp.array2d[wp.int32], counts: wp.array[wp.int32], first_of_all: int, axis: int, total: int
 ) -> wp.int64:
-    """The least cost of a split before a bin of an axis, and which of all axes' bins that is; `NO_PLACE` if in none."""
+    """Return the least cost of a split before a bin of an axis, encoded with the bin; `NO_PLACE` without a split."""
     right_areas = wp.vector(length=BINS, dtype=float)
     best = wp.int64(NO_PLACE)
     least = float(NOWHERE)
@@ -234,10 +234,10 @@ def best_bin(
 def bin_child(
     binary: Binary, boxes: wp.array2d[wp.int32], node: int, child: int, first: int, bins: int, begin: int, end: int
 ):
-    """Make a child of all items in some bins."""
+    """Write a child that contains all items of a range of bins."""
     low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
     for at in range(first, first + bins):
         low, high = wp.min(low, box_low(boxes, at)), wp.max(high, box_high(boxes, at))
-    # Twice a centre lies in the parent's bounds, between bins, and in twice the box.
+    # Doubled centers lie in the parent's bounds of doubled centers and in the doubled box of the items.
     centre_low, centre_high = wp.max(binary.low[node], 2.0 * low), wp.min(binary.high[node], 2.0 * high)
     set_child(binary, child, begin, end, centre_low, centre_high, half_area(low, high))

@@ -16,7 +16,7 @@ OBSTACLE = wp.constant(wp.uint8(LABEL_OBSTACLE))
 
 @wp.struct
 class Spheres:
-    """Objects as the paper gives them: a centre and a size each, and the label of what they are."""
+    """Objects as defined in the paper: spheres with a center, a size (diameter) and a label."""
 
     center: wp.array[wp.vec3]
     size: wp.array[float]
@@ -25,7 +25,7 @@ class Spheres:
 
 @wp.struct
 class Ground:
-    """The floor: a height range along the world's vertical axis."""
+    """The floor: a range of heights along the world's vertical axis."""
 
     up: int
     height: float
@@ -34,7 +34,7 @@ class Ground:
 
 @wp.func
 def nearest_sphere(spheres: Spheres, point: wp.vec3) -> int:
-    """Index of the sphere that holds the point, by ``||C_obj - P|| < size/2``; the deepest of several; -1 of none."""
+    """Return the sphere that contains a point, by ``||C_obj - P|| < size/2``; the deepest if several do; else -1."""
     best = int(-1)
     best_ratio = float(1.0)
     for i in range(spheres.center.shape[0]):
@@ -47,13 +47,13 @@ def nearest_sphere(spheres: Spheres, point: wp.vec3) -> int:
 
 @wp.func
 def has_depth(depth: float, near: float, max_range: float) -> bool:
-    """False for all ways to say "no point": NaN, infinities, zero or less, too near, beyond the maximum range."""
+    """Return False for every encoding of "no point": NaN, infinities, non-positive, too near, beyond max_range."""
     return wp.isfinite(depth) and depth > 0.0 and depth >= near and depth <= max_range
 
 
 @wp.struct
 class Case:
-    """What a point is: its label, and the sphere that holds it, -1 if none does."""
+    """The class of a point: its label, and the sphere that contains it, or -1."""
 
     label: wp.uint8
     sphere: int
@@ -69,7 +69,7 @@ def no_point() -> Case:
 
 @wp.func
 def case_of(point: wp.vec3, ground: Ground, spheres: Spheres) -> Case:
-    """Which of the paper's cases a point is: ground, part of an object; an obstacle if it is neither."""
+    """Classify a point by the cases of the paper: ground, else part of an object, else obstacle."""
     case = no_point()
     if point[ground.up] - ground.height < ground.sigma:
         case.label = GROUND
@@ -92,7 +92,7 @@ def back_project(
     # Out:
     points_out: wp.array3d[wp.vec3],
 ):
-    """World points of depth images, equations (3) to (6); NaN where the camera measured none."""
+    """Write world points of depth images by equations (3) to (6); NaN without depth in the camera's range."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -115,7 +115,7 @@ def classify_depth(
     labels_out: wp.array3d[wp.uint8],
     spheres_out: wp.array3d[wp.int32],
 ):
-    """The paper's cases for every pixel: empty, ground, part of an object; an obstacle where it is none of these."""
+    """Write the case of the paper for every pixel: empty, ground, part of an object, else obstacle."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -143,7 +143,7 @@ def label_objects(
     # Out:
     labels_out: wp.array3d[wp.uint8],
 ):
-    """Labels of rendered images, whose every pixel knows its object; an index of no object is empty."""
+    """Write labels of rendered images by the object of each pixel; pixels without a valid object are empty."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Distances from surfaces, and whether an upright robot has room. A tree finds triangles; what they are is computed in
-double precision.
+"""Distances to surfaces, and collision tests of an upright robot. Mesh queries find triangles; distances are computed
+in double precision.
 """
 
 import warp as wp
@@ -28,7 +28,7 @@ def nearest_surface(
     # Out:
     distance_out: wp.array[float],
 ):
-    """Distance of every point from the nearest triangle [m]; +inf where none is as near as the most."""
+    """Write the distance of every point to the nearest triangle [m]; +inf if none is within `most`."""
     _one, row, column = wp.tid()
     index = point_index(window, row, column)
     if index >= points.shape[0]:
@@ -49,7 +49,7 @@ def nearest_surface(
 
 @wp.struct
 class Stand:
-    """An upright cylinder from above the floor up to a camera. Floor coordinates are relative to its axis [m]."""
+    """An upright cylinder from above the floor to a camera. Floor coordinates are relative to its axis [m]."""
 
     x: wp.float64
     y: wp.float64
@@ -60,14 +60,14 @@ class Stand:
 
 @wp.func
 def floor_corner(mesh: wp.uint64, triangle: int, k: int, stand: Stand, up: int) -> wp.vec3d:
-    """A corner's two floor coordinates, and its height."""
+    """Return a corner's two floor coordinates and its height."""
     p = corner(mesh, triangle, k)
     return wp.vec3d(p[(up + 1) % 3] - stand.x, p[(up + 2) % 3] - stand.y, p[up])
 
 
 @wp.func
 def distance_of_segment(p: wp.vec3d, q: wp.vec3d) -> wp.float64:
-    """From the axis, on the floor [m]."""
+    """Return the distance of a segment from the axis, projected to the floor [m]."""
     a, b = wp.vec2d(p[0], p[1]), wp.vec2d(q[0], q[1])
     way = b - a
     square = wp.dot(way, way)
@@ -79,13 +79,13 @@ def distance_of_segment(p: wp.vec3d, q: wp.vec3d) -> wp.float64:
 
 @wp.func
 def at_height(p: wp.vec3d, q: wp.vec3d, height: wp.float64) -> wp.vec3d:
-    """The point of an edge at a height between those of its ends."""
+    """Return the point of an edge at a height between its ends."""
     return p + (height - p[2]) / (q[2] - p[2]) * (q - p)
 
 
 @wp.func
 def distance_of_edge(p: wp.vec3d, q: wp.vec3d, stand: Stand) -> wp.float64:
-    """From the axis of what lies between the stand's heights of an edge [m]."""
+    """Return the distance from the axis of the part of an edge between the cylinder's heights [m]."""
     lower, upper = p, q
     if p[2] > q[2]:
         lower, upper = q, p
@@ -101,8 +101,8 @@ def distance_of_edge(p: wp.vec3d, q: wp.vec3d, stand: Stand) -> wp.float64:
 
 @wp.func
 def distance_of_level(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, height: wp.float64) -> wp.float64:
-    """From the axis of where a triangle passes through a height [m]."""
-    p, q, r = a, b, c  # p is alone on its side
+    """Return the distance from the axis of a triangle's section at a height [m]."""
+    p, q, r = a, b, c  # p is on one side, q and r are on the other
     if (a[2] < height) == (b[2] < height):
         p, q, r = c, a, b
     elif (a[2] < height) == (c[2] < height):
@@ -114,7 +114,7 @@ def distance_of_level(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, height: wp.float64)
 
 @wp.func
 def passes(p: wp.vec3d, q: wp.vec3d) -> int:
-    """1 or -1 if an edge passes the axis on the side of greater x, by its direction along y, else 0."""
+    """Return 1 or -1, by direction along y, if an edge crosses the axis's positive x half-line, else 0."""
     zero = wp.float64(0.0)
     if (p[1] > zero) == (q[1] > zero):
         return 0
@@ -128,13 +128,13 @@ def passes(p: wp.vec3d, q: wp.vec3d) -> int:
 
 @wp.func
 def facing(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> int:
-    """1 if the axis meets a triangle's upper side, -1 if its lower side, 0 if it misses; neighbours share no point."""
+    """Return 1 or -1 if the axis hits a triangle's upper or lower side, else 0; adjacent triangles do not both hit."""
     return passes(a, b) + passes(b, c) + passes(c, a)
 
 
 @wp.func
 def height_on_axis(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
-    """Where the axis meets a triangle [m]; between its corners even if it is seen edge-on."""
+    """Return the height at which the axis hits a triangle [m], clamped to its corners for triangles seen edge-on."""
     normal = wp.cross(b - a, c - a)
     low, high = wp.min(a[2], wp.min(b[2], c[2])), wp.max(a[2], wp.max(b[2], c[2]))
     if normal[2] == wp.float64(0.0):
@@ -144,8 +144,8 @@ def height_on_axis(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
 
 @wp.func
 def reaches(stand: Stand, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> bool:
-    """Whether a triangle comes into the cylinder. The part between the heights is a polygon; seen from above, it is
-    nearer than the radius if the axis meets it or one of its sides is.
+    """Return whether a triangle intersects the cylinder. Its part between the heights is a polygon; seen from above,
+    the polygon is nearer than the radius if the axis hits it or if one of its sides is nearer.
     """
     if wp.max(a[2], wp.max(b[2], c[2])) <= stand.low or wp.min(a[2], wp.min(b[2], c[2])) >= stand.high:
         return False
@@ -171,7 +171,7 @@ def floor_box(x: float, y: float, height: float, up: int) -> wp.vec3:
 
 @wp.func
 def is_hindered(mesh: wp.uint64, stand: Stand, up: int) -> bool:
-    """Whether any triangle comes into the cylinder."""
+    """Return whether any triangle intersects the cylinder."""
     x, y = float(stand.x), float(stand.y)
     reach = float(stand.radius) + _ROOM_FOR_ROUNDING * (float(stand.radius) + wp.abs(x) + wp.abs(y))
     query = wp.mesh_query_aabb(
@@ -191,7 +191,7 @@ def is_hindered(mesh: wp.uint64, stand: Stand, up: int) -> bool:
 
 @wp.func
 def is_inside(mesh: wp.uint64, solid: wp.array[wp.uint8], stand: Stand, up: int) -> bool:
-    """Whether what is just below the camera is in a closed object: more upper than lower sides lie above it."""
+    """Return whether the point just below the camera is in a closed object: more upper than lower sides are above."""
     x, y, height = float(stand.x), float(stand.y), float(stand.high)
     query = wp.mesh_query_aabb(mesh, floor_box(x, y, height, up), floor_box(x, y, _HIGHEST, up))
     sides = int(0)
@@ -222,7 +222,7 @@ def find_room(
     # Out:
     room_out: wp.array[wp.uint8],
 ):
-    """Whether a robot of a radius has room from a height up to its camera, at every pose."""
+    """Write whether a robot's cylinder, from height `low` up to its camera, is free at every pose."""
     _one, row, column = wp.tid()
     index = point_index(window, row, column)
     if index >= camera_to_world.shape[0]:

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where surfaces of several objects coincide, the last object shows: as on a screen that is drawn on in their order.
+"""Consistent visibility of coinciding surfaces: the last object is shown, as if objects were painted in order.
 
-Casters show whichever object's rounding is nearer there. This corrects what they wrote: the seen point is looked for on
-the surfaces of the objects that are known to coincide with the seen one somewhere.
+Casters show whichever object is nearer by rounding. This pass corrects their output: it tests whether the visible point
+is on the surface of objects that are known to coincide with the visible object somewhere.
 """
 
 import warp as wp
@@ -17,52 +17,52 @@ from warpvis.kernels.worlds import Worlds, is_excluded, world_of
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 CLOSENESS = wp.constant(wp.float64(4.0e-6))
-"""How far a seen point may be from a surface that it is on, of its distance from the camera and the world's origin.
+"""Tolerance for a visible point on a surface, relative to its distances from the camera and the world's origin.
 
-Single precision is 6e-8 of a number: that much are a depth, a pose and a vertex off, a quaternion by several times
-that, and a caster's 1 / z by up to 1e-6. All of these grow with those two distances.
+The relative rounding error of single precision is 6e-8: depth, positions and vertices have that error, quaternions
+several times it, and a caster's 1 / z up to 1e-6. All resulting errors grow with those two distances.
 """
 
 
-# How a pair's later object is looked for where its earlier one is seen.
-ALWAYS = wp.constant(0)  # both have one shape and move together: it is there
-WHERE_TOGETHER = wp.constant(1)  # both have one shape
+# How to test for a pair's later object where its earlier one is visible.
+ALWAYS = wp.constant(0)  # identical shapes that move together: no test
+WHERE_TOGETHER = wp.constant(1)  # identical shapes: compare their poses
 ON_MESH = wp.constant(2)
 ON_SOLID = wp.constant(3)
 
 
 @wp.struct
 class Coinciding:
-    """Pairs of objects whose surfaces coincide somewhere, an earlier and a later one, and what the later ones are."""
+    """Pairs of an earlier and a later object whose surfaces coincide somewhere, and the later objects' shapes."""
 
     first_pair: wp.array[wp.int32]
-    """(object + 1): where its pairs begin, of which it is the earlier one."""
+    """(object + 1): offsets of the pairs in which the object is the earlier one."""
     later: wp.array[wp.int32]
-    """(pair): the later object, rising within an object's pairs."""
+    """(pair): the later object, in ascending order for each earlier object."""
     way: wp.array[wp.int32]
-    """(pair): how to look for the later object."""
+    """(pair): the test for the later object."""
     low: wp.array[wp.vec3]
-    """(pair): least corner of the box, in the later object's frame, in which both coincide [m]."""
+    """(pair): lower corner of the box in which both coincide, in the later object's frame [m]."""
     high: wp.array[wp.vec3]
     surface: wp.array[wp.uint64]
-    """(object): a mesh of what coincides with any earlier object, in its frame; 0 for none."""
+    """(object): mesh of the triangles that coincide with any earlier object, in its frame; 0 for none."""
     first_face: wp.array[wp.int32]
-    """(object): where numbers of the triangles of `surface` begin in `face`."""
+    """(object): offset of the triangles of `surface` in `face`."""
     face: wp.array[wp.int32]
-    """Numbers of triangles among all of their object."""
+    """Indices of triangles in the complete mesh of their object."""
     column: wp.array[wp.int32]
-    """(object): its place among the movable objects, or that of the one it moves with; -1 if it stays."""
+    """(object): index of the movable object that it is or moves with; -1 for static objects."""
     solid: wp.array[wp.int32]
     """(object): a `warpvis.scene.solids.SolidKind`."""
     size: wp.array[wp.vec4]
-    """(object): of a solid, factors along x, y and z [m], and half length before them."""
+    """(object): for a solid, factors along x, y and z [m], and half length before scaling."""
     label: wp.array[wp.uint8]
     """(object): its label."""
 
 
 @wp.func
 def place_of(coinciding: Coinciding, worlds: Worlds, world: int, index: int) -> wp.transform:
-    """An object to the world."""
+    """Return the transform from an object to the world."""
     if coinciding.column[index] < 0:
         return wp.transform_identity()
     return worlds.object_poses[world, coinciding.column[index]]
@@ -70,7 +70,7 @@ def place_of(coinciding: Coinciding, worlds: Worlds, world: int, index: int) -> 
 
 @wp.func
 def size_in(coinciding: Coinciding, worlds: Worlds, world: int, index: int) -> wp.vec4:
-    """An object's size in a world: of a mesh, factors along its axes."""
+    """Return an object's size in a world; for a mesh, scale factors along its axes."""
     if worlds.object_sizes and coinciding.column[index] >= 0:
         return worlds.object_sizes[world, coinciding.column[index]]
     return coinciding.size[index]
@@ -78,7 +78,7 @@ def size_in(coinciding: Coinciding, worlds: Worlds, world: int, index: int) -> w
 
 @wp.func
 def are_together(a: wp.transform, b: wp.transform, reach: wp.float64) -> bool:
-    """Whether what has the same shape is at the same place."""
+    """Return whether two poses of the same shape are equal within tolerance."""
     if wp.length(pose_origin(a) - pose_origin(b)) > reach:
         return False
     p, q = pose_rotation(a), pose_rotation(b)
@@ -87,7 +87,7 @@ def are_together(a: wp.transform, b: wp.transform, reach: wp.float64) -> bool:
 
 @wp.func
 def beyond_solid(kind: int, half: wp.float64, p: wp.vec3d) -> wp.float64:
-    """How far a place is outside of a solid, in its shape frame; less than 0 inside."""
+    """Return the signed distance of a point from a solid's surface in its shape frame; negative inside."""
     none, one = wp.float64(0.0), wp.float64(1.0)
     across = wp.sqrt(p[0] * p[0] + p[1] * p[1])
     along = wp.abs(p[2]) - half
@@ -99,7 +99,7 @@ def beyond_solid(kind: int, half: wp.float64, p: wp.vec3d) -> wp.float64:
 
 @wp.func
 def slope_of_solid(kind: int, half: wp.float64, p: wp.vec3d) -> wp.vec3d:
-    """Where `beyond_solid` grows fastest, a unit vector of the shape frame."""
+    """Return the gradient direction of `beyond_solid`, a unit vector of the shape frame."""
     none, one = wp.float64(0.0), wp.float64(1.0)
     along = wp.sign(p[2]) * wp.max(wp.abs(p[2]) - half, none)
     if kind == SOLID_BALL:
@@ -113,7 +113,7 @@ def slope_of_solid(kind: int, half: wp.float64, p: wp.vec3d) -> wp.vec3d:
 
 @wp.func
 def is_on_solid(kind: int, size: wp.vec4, p: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool) -> bool:
-    """Whether a place of an object's frame is on a solid's surface, and on the side that a direction looks at."""
+    """Return whether a point of an object's frame is on a solid's surface, on the side that faces the ray."""
     half = wp.float64(size[3])
     there = to_shape(p, size)
     outwards = to_shape(slope_of_solid(kind, half, there), size)
@@ -124,7 +124,7 @@ def is_on_solid(kind: int, size: wp.vec4, p: wp.vec3d, direction: wp.vec3d, reac
 
 @wp.func
 def is_on_triangle(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool) -> bool:
-    """The same of a triangle, whose corners are given from the place."""
+    """Return whether a triangle, with corners relative to a point, contains the point on the side facing the ray."""
     normal = wp.cross(b - a, c - a)
     if cull and wp.dot(normal, direction) >= wp.float64(0.0):
         return False
@@ -141,7 +141,7 @@ def is_on_triangle(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, r
 def face_of_mesh(
     mesh: wp.uint64, factors: wp.vec3d, p: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool
 ) -> int:
-    """The triangle that a place is on of a mesh, which is stretched along its axes; -1 for none."""
+    """Return the triangle of a scaled mesh that contains a point, or -1."""
     side = reach + CLOSENESS * wp.length(p)  # the box is rounded to single precision
     sides = wp.vec3d(side, side, side)
     low, high = wp.cw_div(p - sides, factors), wp.cw_div(p + sides, factors)
@@ -175,9 +175,9 @@ def last_there(
     depth: wp.float64,
     cull: bool,
 ) -> wp.vec2i:
-    """The last object whose surface is where an object is seen along a ray of the world, and its triangle.
+    """Return the last object whose surface contains the visible point of a ray of the world, and its triangle.
 
-    An object is given with its triangle, too, which is -1 of a solid or if it is not known.
+    `seen` contains the visible object and its triangle, which is -1 for solids or if faces are not rendered.
     """
     world = int(0)
     if worlds.object_poses:
@@ -216,7 +216,7 @@ def last_there(
 
 @wp.func
 def seen_in(segmentation: wp.array3d[wp.int32], faces: wp.array3d[wp.int32], view: int, y: int, x: int) -> wp.vec2i:
-    """The object of a pixel and its triangle, -1 if faces are not made."""
+    """Return the object and the triangle of a pixel; the triangle is -1 if faces are not rendered."""
     face = int(-1)
     if faces:
         face = faces[view, y, x]
@@ -241,9 +241,9 @@ def show_later(
     labels_out: wp.array3d[wp.uint8],
     faces_out: wp.array3d[wp.int32],
 ):
-    """Where an object is seen, show the last of the objects whose surface is there too, if a view may see that one.
+    """Replace each visible object by the last object whose surface coincides there and that the view does not exclude.
 
-    A thread takes so many pixels of a row: on the CPU, to begin one takes longer than most pixels.
+    Each thread takes `span` pixels of a row, because starting a thread on the CPU takes longer than most pixels.
     """
     view, y, part = wp.tid()
     view += window.first_view

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plain corruptions of depth for learning: noise that is added and multiplied, lost pixels, lost rectangles."""
+"""Simple corruptions of depth for learning: additive and multiplicative noise, lost pixels, lost rectangles."""
 
 import warp as wp
 
@@ -19,12 +19,12 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "
 
 @wp.struct
 class CorruptionModel:
-    """The numbers of `warpvis.sensors.Corruptions`."""
+    """The parameters of `warpvis.sensors.Corruptions`."""
 
     added: float
     multiplied: float
     dropout: float
-    least_count: int  # of rectangles in a view
+    least_count: int  # rectangles per view
     most_count: int
     least_side: int  # of a rectangle [px]
     most_side: int
@@ -33,7 +33,7 @@ class CorruptionModel:
 
 @wp.func
 def draw_whole(least: int, most: int, uniform: float) -> int:
-    """A whole number from `least` to `most`."""
+    """Map a uniform number to an integer from `least` to `most`."""
     return least + wp.min(int(wp.floor(uniform * float(most - least + 1))), most - least)
 
 
@@ -47,13 +47,13 @@ def place_rectangles(
     # Out:
     rectangles_out: wp.array2d[wp.vec4i],
 ):
-    """Write left, top, right and bottom of every view's rectangles, without the last column and row; 0 for none."""
+    """Write left, top, right and bottom of every view's rectangles; right and bottom are exclusive; 0 if unused."""
     view, number = wp.tid()
     draw = draws[view]
     count = draw_whole(model.least_count, model.most_count, draw_uniform(model.seed, STREAM_RECTANGLES, draw, 0, 0))
     rectangle = wp.vec4i()
     if number < count:
-        # One row of numbers each, after that of their count.
+        # Row 0 of the random numbers is for the count; each rectangle has one of the following rows.
         row = number + 1
         width = draw_whole(model.least_side, model.most_side, draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 0))
         height = draw_whole(
@@ -81,9 +81,9 @@ def corrupt_depth(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write exact depth, or what is in `depth_out` if `true_depth` is None, with what corrupts it; reasons may be None.
+    """Write corrupted depth of `true_depth`, or of `depth_out` if `true_depth` is None; reasons may be None.
 
-    What has no depth stays as it is.
+    Pixels without depth do not change.
     """
     view, y, x = wp.tid()
     view += window.first_view
@@ -96,7 +96,7 @@ def corrupt_depth(
         if reasons_out:
             reasons_out[view, y, x] = wp.uint8(clean_reason(clean, depth))
     if wp.isfinite(depth):
-        # A number that would change nothing is not drawn: most of the work is to draw them.
+        # Random numbers that have no effect are not generated: generating them is most of the work.
         lost = bool(False)
         if model.dropout > 0.0:
             lost = draw_uniform(model.seed, STREAM_LOST, draw, y, x) < model.dropout

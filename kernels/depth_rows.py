@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""World points and labels on CPU cores: `warpvis.kernels.classify` and `ray_points`, sixteen pixels of a row at a time.
+"""World points and labels on CPU cores: `warpvis.kernels.classify` and `ray_points` for 16 pixels of a row at a time.
 
-A pose is read once a row, and a pixel without spheres needs the vertical coordinate of its point alone.
+A pose is read once per row, and without spheres only the vertical coordinate of a pixel's point is computed.
 """
 
 import warp as wp
@@ -77,7 +77,7 @@ def back_project_rows(
     # Out:
     points_out: wp.array3d[wp.vec3],
 ):
-    """Write the points of `back_project`, a row of pixels a thread of the kernel."""
+    """Write the points of `back_project`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -114,7 +114,7 @@ def classify_depth_rows(
     labels_out: wp.array3d[wp.uint8],
     spheres_out: wp.array3d[wp.int32],
 ):
-    """Write the labels of `classify_depth`, a row of pixels a thread of the kernel."""
+    """Write the labels of `classify_depth`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -145,7 +145,7 @@ def back_project_ray_rows(
     # Out:
     points_out: wp.array3d[wp.vec3],
 ):
-    """Write the points of `back_project_rays`, a row of pixels a thread of the kernel."""
+    """Write the points of `back_project_rays`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -184,7 +184,7 @@ def classify_ray_rows(
     labels_out: wp.array3d[wp.uint8],
     spheres_out: wp.array3d[wp.int32],
 ):
-    """Write the labels of `classify_rays`, a row of pixels a thread of the kernel."""
+    """Write the labels of `classify_rays`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -224,7 +224,7 @@ def label_objects_rows(
     # Out:
     labels_out: wp.array3d[wp.uint8],
 ):
-    """Write the labels of `label_objects`, a row of pixels a thread of the kernel."""
+    """Write the labels of `label_objects`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Surfaces that spread over what is behind them, as matching windows see them."""
+"""Foreground fattening: near surfaces spread over their background, as in window-based stereo matching."""
 
 import warp as wp
 
@@ -11,16 +11,16 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "
 
 @wp.struct
 class FatteningModel:
-    """The numbers of `warpvis.sensors.StereoDepth` that count here."""
+    """The parameters of `warpvis.sensors.StereoDepth` that affect fattening."""
 
     disparity_scale: float  # f b [px m]
-    step: float  # from which disparities are of different surfaces [px]
-    reach: int  # [px]
+    step: float  # smallest difference in disparity between two surfaces [px]
+    reach: int  # half width of the window [px]
 
 
 @wp.struct
 class SeenSurfaces:
-    """What is seen at each pixel; normals and segmentation may be empty."""
+    """Images of the visible surfaces; normals and segmentation may be empty."""
 
     depth: wp.array3d[float]
     normals: wp.array3d[wp.vec3]
@@ -29,7 +29,7 @@ class SeenSurfaces:
 
 @wp.func
 def is_before(model: FatteningModel, nearer: float, depth: float) -> bool:
-    """Whether a depth is of a surface before that of another."""
+    """Return whether a depth belongs to a surface in front of another."""
     return model.disparity_scale / nearer - model.disparity_scale / depth >= model.step
 
 
@@ -42,7 +42,7 @@ def find_nearest_in_rows(
     # Out:
     nearest_out: wp.array3d[float],
 ):
-    """Write the least depth of the pixels beside each in its row, and its own."""
+    """Write the minimum depth in a horizontal window around each pixel."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -65,10 +65,10 @@ def fatten_surfaces(
     normals_out: wp.array3d[wp.vec3],
     segmentation_out: wp.array3d[wp.int32],
 ):
-    """Write what is seen at the closest pixel that shows a surface before a pixel's own, or at the pixel itself.
+    """Write the surface of the closest pixel in the window that is in front of a pixel's own, or the pixel's own.
 
-    `nearest` are the least depths of rows, and `places` columns and rows away, the closest first. Normals and
-    segmentation may be None.
+    `nearest` is the output of `find_nearest_in_rows`; `places` contains column and row offsets by increasing distance.
+    Normals and segmentation may be None.
     """
     view, y, x = wp.tid()
     view += window.first_view

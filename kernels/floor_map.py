@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The floor map: seen points projected to the floor, in cells."""
+"""The floor map: visible points projected to cells on the floor."""
 
 import warp as wp
 
@@ -15,7 +15,7 @@ ROBOT = wp.constant(wp.uint8(LABEL_ROBOT))
 
 @wp.struct
 class Grid:
-    """Square cells on the floor. Map coordinates count cells from the corner of least coordinates."""
+    """Square cells on the floor. Map coordinates count cells from the corner of minimal coordinates."""
 
     first_axis: int
     second_axis: int
@@ -33,13 +33,13 @@ def map_coordinates(grid: Grid, point: wp.vec3) -> wp.vec2:
 
 @wp.func
 def side(a: wp.vec2, b: wp.vec2, p: wp.vec2) -> float:
-    """Positive where p lies left of the line from a to b."""
+    """Return a value that is positive if p is to the left of the line from a to b (edge function)."""
     return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
 
 
 @wp.func
 def in_triangle(a: wp.vec2, b: wp.vec2, c: wp.vec2, p: wp.vec2) -> bool:
-    """Whether p lies in the triangle, of either orientation, or on its edge."""
+    """Return whether p is in a triangle of either orientation, or on its edge."""
     first = side(a, b, p)
     second = side(b, c, p)
     third = side(c, a, p)
@@ -56,13 +56,13 @@ def mark(cells: wp.array3d[wp.int32], view: int, row: int, column: int, order: i
 
 @wp.func
 def cell_of(coordinate: float, count: int) -> int:
-    """Index of the cell, kept within one cell of the map so that far points do not overflow an integer."""
+    """Return the index of a cell, clamped to one cell beyond the map so that far points do not overflow an integer."""
     return int(wp.clamp(wp.floor(coordinate), -1.0, float(count)))
 
 
 @wp.func
 def level_height(grid: Grid, label: wp.uint8, a: wp.vec3, b: wp.vec3) -> bool:
-    """Whether two neighbouring points can lie on one level surface. Ground is level by its label."""
+    """Return whether two adjacent points can be on one horizontal surface. Ground counts as horizontal."""
     return is_ground(grid.ground, label) or wp.abs(a[grid.up_axis] - b[grid.up_axis]) < grid.level
 
 
@@ -77,10 +77,10 @@ def mark_cells(
     # Out:
     cells_out: wp.array3d[wp.int32],
 ):
-    """Raise every cell to the precedence of the highest label that falls on it.
+    """Raise every cell to the highest precedence among the labels that fall on it.
 
-    Far from the camera neighbouring pixels fall cells apart. Where four of them have one label and lie level, the
-    surface between them was seen too, and its cells are marked as well.
+    Far from the camera, adjacent pixels fall on distant cells. Where four of them have the same label and are on one
+    horizontal surface, the cells between them are marked as well.
     """
     view, y, x = wp.tid()
     view += window.first_view
@@ -88,7 +88,7 @@ def mark_cells(
 
     label = labels_in[view, y, x]
     point = points_in[view, y, x]
-    # Infinite points cannot be: labels of measured images come with points of the same depth.
+    # Labeled points are finite if labels and points were computed from the same depth image.
     if label == EMPTY or not wp.isfinite(point):
         return
     rows = cells_out.shape[1]
@@ -136,7 +136,7 @@ def finish_map(
     # Out:
     map_out: wp.array3d[wp.uint8],
 ):
-    """Labels of the cells, with a disc drawn for every robot: its centre [m] in x and y, its radius [m] in z."""
+    """Write labels of cells, and the robots' discs: the center [m] in x and y, and the radius [m] in z."""
     view, row, column = wp.tid()
     view += window.first_view
     row += window.first_row

@@ -1,13 +1,14 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far a point must be raised to come into the line of sight of another one: an exact climb over shadows.
+"""The height by which a point must be raised to be visible from another one: an exact search over shadows.
 
-All lines of sight of a pair lie in one vertical plane. A triangle meets that plane in a segment, whose shadow on the
-raised point's vertical line, as cast from the fixed point, is an interval of heights. The climb goes from the end of
-one shadow to the end of the next until it stands in none.
+All lines of sight of a pair are in one vertical plane. A triangle intersects that plane in a segment, whose shadow on
+the raised point's vertical line, as cast from the fixed point, is an interval of heights. The search goes from the end
+of one shadow to the end of the next until it reaches a height outside all shadows.
 
-Here the third axis is up, whichever it is in the scene. In the plane, a place is how far along it is (0 at the fixed
-point, 1 at the raised one) and how high above the fixed point [m]; what it hides lies at height / along from there.
+The third axis is up here, regardless of the scene's vertical axis. Coordinates in the plane are the position along it
+(0 at the fixed point, 1 at the raised one) and the height above the fixed point [m]; a point occludes the height
+height / along.
 """
 
 import warp as wp
@@ -15,19 +16,19 @@ import warp as wp
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.points import point_index
 
-# Without fused operations both triangles at an edge compute the same place for its cut, so no light leaks between.
+# Without fused multiply-add, both triangles of an edge compute the same intersection point: there are no gaps.
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
 GAP = wp.constant(wp.float64(1.0e-6))
-"""Gaps between shadows that are lower than this count as closed [m]."""
+"""Gaps between shadows that are smaller than this are ignored [m]."""
 
-_APART = wp.constant(wp.float64(1.0e-6))  # of points on one vertical line, sideways [m]
+_APART = wp.constant(wp.float64(1.0e-6))  # horizontal offset for points on one vertical line [m]
 _NO_COMPONENT = wp.constant(1.0e-20)
 
 
 @wp.struct
 class Blockers:
-    """Triangles, with the third axis up, their tree, and their box with room for rounding."""
+    """Triangles with the third axis up, their BVH, and their bounding box with a margin for rounding."""
 
     tree: wp.uint64
     corners: wp.array2d[wp.vec3]
@@ -38,20 +39,20 @@ class Blockers:
 
 @wp.struct
 class Sight:
-    """The vertical plane through a fixed point and one that is raised."""
+    """The vertical plane through a fixed point and a point to raise."""
 
     fixed: wp.vec3d
     raised: wp.vec3d
-    x: wp.float64  # from the fixed point to the raised one, along the two horizontal axes [m]
-    y: wp.float64
-    rise: wp.float64  # and along the vertical one
+    x: wp.float64  # from the fixed point to the raised one, along the first horizontal axis [m]
+    y: wp.float64  # along the second horizontal axis [m]
+    rise: wp.float64  # along the vertical axis [m]
     scale: wp.float64  # 1 / (x^2 + y^2)
-    share: wp.float64  # of the line at either end, where nothing blocks
+    share: wp.float64  # fraction of the line of sight at either end that nothing blocks
 
 
 @wp.func
 def turned(point: wp.vec3, up: int) -> wp.vec3d:
-    """A point of the scene with the third axis up."""
+    """Permute a point's coordinates so that the third axis is up."""
     return wp.vec3d(wp.vec3(point[(up + 1) % 3], point[(up + 2) % 3], point[up]))
 
 
@@ -72,20 +73,20 @@ def sight_between(fixed: wp.vec3d, raised: wp.vec3d, tolerance: wp.float64) -> S
 
 @wp.func
 def side_of(sight: Sight, corner: wp.vec3d) -> wp.float64:
-    """On which side of the plane a corner is, and how far (of any scale)."""
+    """Return the signed distance of a corner from the plane, in an arbitrary scale."""
     return sight.x * (corner[1] - sight.fixed[1]) - sight.y * (corner[0] - sight.fixed[0])
 
 
 @wp.func
 def in_plane(sight: Sight, corner: wp.vec3d) -> wp.vec2d:
-    """How far along a corner is, and how high."""
+    """Return a corner's position along the plane, and its height."""
     way = corner - sight.fixed
     return wp.vec2d((way[0] * sight.x + way[1] * sight.y) * sight.scale, way[2])
 
 
 @wp.func
 def cut(p: wp.vec2d, p_side: wp.float64, q: wp.vec2d, q_side: wp.float64) -> wp.vec2d:
-    """Where an edge between the two sides of the plane meets it, the same whichever end is named first."""
+    """Return the intersection of an edge with the plane, bitwise the same for both orders of its ends."""
     if p_side < wp.float64(0.0):
         return q + q_side / (q_side - p_side) * (p - q)
     return p + p_side / (p_side - q_side) * (q - p)
@@ -93,15 +94,15 @@ def cut(p: wp.vec2d, p_side: wp.float64, q: wp.vec2d, q_side: wp.float64) -> wp.
 
 @wp.func
 def between(a: wp.vec2d, b: wp.vec2d, along: wp.float64) -> wp.vec2d:
-    """The place of a segment at a distance along, which is strictly between those of its ends."""
+    """Return the point of a segment at a position strictly between its ends."""
     return wp.vec2d(along, a[1] + (along - a[0]) / (b[0] - a[0]) * (b[1] - a[1]))
 
 
 @wp.func
 def shadow(sight: Sight, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec2d:
-    """Least and greatest height of the raised point [m] whose lines of sight meet a triangle; NaN if none does.
+    """Return the interval of heights of the raised point [m] at which a triangle occludes it; NaN without one.
 
-    A corner in the plane counts as on its positive side, so a triangle that lies in it has no shadow.
+    A corner in the plane counts as on its positive side, so a triangle in the plane has no shadow.
     """
     none = wp.vec2d(wp.float64(wp.nan), wp.float64(wp.nan))
     zero = wp.float64(0.0)
@@ -132,7 +133,7 @@ def shadow(sight: Sight, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec2d:
 
 @wp.func
 def clip_to_box(start: wp.vec3d, way: wp.vec3d, low: wp.vec3d, high: wp.vec3d) -> wp.vec2d:
-    """Between which shares of the way from a start it is in a box; the first is the greater one if nowhere."""
+    """Return the interval of the path's parameter inside a box; empty if the first value is greater."""
     enter, leave = wp.float64(0.0), wp.float64(1.0)
     for axis in range(3):
         if way[axis] == wp.float64(0.0):
@@ -147,7 +148,7 @@ def clip_to_box(start: wp.vec3d, way: wp.vec3d, low: wp.vec3d, high: wp.vec3d) -
 
 @wp.func
 def tree_direction(way: wp.vec3d) -> wp.vec3:
-    """The way in single precision, with components that trees can divide by."""
+    """Return the direction in single precision, with nonzero components for BVH queries."""
     direction = wp.vec3(way)
     for axis in range(3):
         if wp.abs(direction[axis]) < _NO_COMPONENT:
@@ -157,7 +158,7 @@ def tree_direction(way: wp.vec3d) -> wp.vec3:
 
 @wp.func
 def end_of_shadows(blockers: Blockers, sight: Sight, height: wp.float64) -> wp.float64:
-    """The greatest end of the shadows that a height lies in [m]; the height itself if it lies in none."""
+    """Return the greatest end of all shadows that contain a height [m]; the height itself if none does."""
     top = sight.raised
     top[2] += height
     way = top - sight.fixed
@@ -191,7 +192,7 @@ def least_height(
     sight = sight_between(fixed, raised, tolerance)
     height = wp.float64(0.0)
     end = end_of_shadows(blockers, sight, height)
-    while end > height and end <= most:  # ends with the last triangle's shadow: none is left twice
+    while end > height and end <= most:  # terminates: every iteration leaves at least one triangle's shadow for good
         height = end
         end = end_of_shadows(blockers, sight, height)
     if end > most:
@@ -214,8 +215,8 @@ def climb(
     # Out:
     heights_out: wp.array2d[float],
 ):
-    """How far every target must be raised for every eye to see it, or the eye to see the target [m]; +inf if farther
-    than the most.
+    """Write how far every target must be raised to be visible from every eye, or vice versa [m]; +inf if farther than
+    `most`.
     """
     eye, row, column = wp.tid()
     eye += window.first_view

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The walk of a ray through a tree of boxes: of the instances that stay and share their meshes."""
+"""Stackless traversal of a BVH of static instances with shared meshes."""
 
 import warp as wp
 
@@ -9,18 +9,18 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class InstanceStep:
-    """A step of a walk through a tree of instances' boxes; see `warpvis.scene._instance_tree`."""
+    """A node of a BVH of instance boxes in depth-first order; see `warpvis.scene._instance_tree`."""
 
     low: wp.vec3  # of the box, in the world
     high: wp.vec3
-    after: int  # the step to go on at if the box is missed
-    instance: int  # which one the box is of, -1 for that of several
-    pose: wp.transform  # object to world, of the instance that has this step's number
+    after: int  # next step if the box is missed
+    instance: int  # the box's instance, -1 for an inner node
+    pose: wp.transform  # object to world, of the instance with this step's index
 
 
 @wp.func
 def inverse_of(direction: float) -> float:
-    """1 / a ray's direction along an axis; a large number where it has none, of which 0 times is 0."""
+    """Return 1 / a direction's component; for a zero component a large finite number, so that 0 times it is 0."""
     return 1.0 / wp.where(wp.abs(direction) < 1.0e-18, 1.0e-18, direction)
 
 
@@ -31,7 +31,7 @@ def inverses_of(direction: wp.vec3d) -> wp.vec3:
 
 @wp.func
 def meets_box(low: wp.vec3, high: wp.vec3, eye: wp.vec3, inverse: wp.vec3, most_t: float) -> bool:
-    """Whether a ray may meet a box that is a little wider than what is in it, before it has gone so far."""
+    """Return whether a ray may hit a box, enlarged by a tolerance, before `most_t`."""
     a, b = wp.cw_mul(low - eye, inverse), wp.cw_mul(high - eye, inverse)
     least, most = wp.min(a, b), wp.max(a, b)
     begin = wp.max(least[0], wp.max(least[1], least[2]))
@@ -42,7 +42,7 @@ def meets_box(low: wp.vec3, high: wp.vec3, eye: wp.vec3, inverse: wp.vec3, most_
 
 @wp.func
 def next_instance(steps: wp.array[InstanceStep], step: int, eye: wp.vec3, inverse: wp.vec3, most_t: float) -> int:
-    """The next step, from one on, at which a ray meets the box of an instance; -1 if there is none."""
+    """Return the next step, from `step` on, at which a ray hits the box of an instance; -1 at the end."""
     at = int(step)
     found = int(-1)
     while found < 0 and at < steps.shape[0]:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Noise of a Kinect, as it was measured: by Nguyen, Izadi and Lovell, and by Khoshelham and Elberink."""
+"""Measured noise models of the Kinect, by Nguyen, Izadi and Lovell, and by Khoshelham and Elberink."""
 
 import warp as wp
 
@@ -23,7 +23,7 @@ RIGHT_ANGLE = wp.constant(1.5707964)
 
 @wp.struct
 class NguyenModel:
-    """The numbers of `warpvis.sensors.NguyenNoise`."""
+    """The parameters of `warpvis.sensors.NguyenNoise`."""
 
     least_axial: float
     axial_growth: float
@@ -38,13 +38,13 @@ class NguyenModel:
 
 @wp.func
 def steepness(angle: float) -> float:
-    """How the formulas grow towards a right angle: the angle by what is left to that."""
+    """Return the factor by which noise grows towards grazing angles: angle / (90 degrees - angle)."""
     return angle / (RIGHT_ANGLE - angle)
 
 
 @wp.func
 def axial_sigma(model: NguyenModel, depth: float, angle: float) -> float:
-    """Standard deviation of depth [m]: equations (3) and (4)."""
+    """Return the standard deviation of depth [m] by equations (3) and (4)."""
     away = depth - model.best_depth
     sigma = model.least_axial + model.axial_growth * away * away
     if angle >= model.grazing_angle:
@@ -55,13 +55,13 @@ def axial_sigma(model: NguyenModel, depth: float, angle: float) -> float:
 
 @wp.func
 def jittered(at: int, sigma: float, normal: float, size: int) -> int:
-    """The pixel along one axis where a pixel's centre is moved to; the last one beyond the image's edge."""
+    """Return the pixel of a displaced pixel center along one axis, clamped to the image."""
     return int(wp.clamp(wp.floor(float(at) + 0.5 + sigma * normal), 0.0, float(size - 1)))
 
 
 @wp.func
 def met_by(camera: PinholeCamera, normal: wp.vec3d, depth: float, row: int, column: int, y: int, x: int) -> float:
-    """Depth where the ray of pixel (y, x) meets the plane that pixel (row, column) shows; its depth if it does not."""
+    """Intersect the ray of pixel (y, x) with the plane of pixel (row, column), whose depth is the fallback."""
     ahead = wp.dot(normal, pixel_ray(camera, row, column)) / wp.dot(normal, pixel_ray(camera, y, x))
     return wp.where(ahead > wp.float64(0.0), float(wp.float64(depth) * ahead), depth)
 
@@ -81,7 +81,7 @@ def measure_nguyen(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write the depth of a surface beside the pixel, with noise by its depth and angle; reasons may be None."""
+    """Write depth with lateral noise, and with axial noise by depth and angle; reasons may be None."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -116,7 +116,7 @@ def measure_nguyen(
 
 @wp.struct
 class KhoshelhamModel:
-    """The numbers of `warpvis.sensors.KhoshelhamNoise`."""
+    """The parameters of `warpvis.sensors.KhoshelhamNoise`."""
 
     step: float
     sigma: float
@@ -137,7 +137,7 @@ def measure_khoshelham(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write depth of disparities with noise, in whole steps if it rounds; reasons may be None."""
+    """Write depth with noise of disparity, which is optionally rounded to whole steps; reasons may be None."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -149,7 +149,7 @@ def measure_khoshelham(
         if model.rounds != 0:
             found = wp.floor(1.0 / (model.step * depth) + noise + 0.5)
             depth = 1.0 / model.step
-        # Beyond the last step is endless depth.
+        # Depth is infinite below the first step of disparity.
         depth = said_depth(camera.near, camera.far, wp.where(found > 0.0, depth / found, wp.inf))
         reason = range_reason(depth)
     depth_out[view, y, x] = depth

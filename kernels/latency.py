@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images that are kept for some frames."""
+"""Latency: a ring buffer that delays images by some frames."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class SensorImages:
-    """What a depth sensor says of views; what is not asked for is empty."""
+    """Output of a depth sensor; images that were not requested are empty."""
 
     depth: wp.array3d[float]
     points: wp.array3d[wp.vec3]
@@ -32,7 +32,7 @@ def delay_images(
     points_out: wp.array3d[wp.vec3],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Keep images in the first of a view's two slots, and write those that are in the second, which may be the same.
+    """Store images in the first of a view's two slots, and write those of the second slot, which may be the same.
 
     Points and reasons may be None.
     """

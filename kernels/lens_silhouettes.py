@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How much of each object is seen through a lens: `warpvis.kernels.silhouettes` by rays from a table."""
+"""Visible fraction of each object through a lens: `warpvis.kernels.silhouettes` for ray bundles."""
 
 import warp as wp
 
@@ -27,21 +27,21 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class CanvasRays:
-    """An image's size [px], what depth along its rays means, and the rays of its pixels and those around it."""
+    """The image size [px], the depth range [m] along its rays, and the rays of its pixels and a border around them."""
 
     width: int
     height: int
     near: float
     far: float
     is_planar: bool
-    left: int  # pixels of the table that are beside the image
-    top: int
-    rays: wp.array2d[wp.vec3d]  # (y, x) from the canvas' first pixel, of depth 1; NaN where there is none
+    left: int  # columns of `rays` to the left of the image
+    top: int  # rows of `rays` above the image
+    rays: wp.array2d[wp.vec3d]  # (y, x) from the canvas's first pixel, of depth 1; NaN for pixels without a ray
 
 
 @wp.func
 def may_meet(origin: wp.vec3d, direction: wp.vec3d, low: wp.vec3, high: wp.vec3) -> bool:
-    """Whether a ray may meet what is in a box: whether it meets the ball around it."""
+    """Return whether a ray may hit the contents of a box: whether it hits the box's bounding sphere."""
     half, none = wp.float64(0.5), wp.float64(0.0)
     sight = half * (wp.vec3d(low) + wp.vec3d(high)) - origin
     radius = half * wp.length(wp.vec3d(high) - wp.vec3d(low)) * wp.float64(1.0001)
@@ -71,7 +71,7 @@ def measure_silhouettes_rays(
     hidden_by_out: wp.array3d[wp.int32],
     masks_out: wp.array4d[wp.uint8],
 ):
-    """Count pixels as `warpvis.kernels.silhouettes.measure_silhouettes` does; those without a ray are of no object."""
+    """Count pixels as in `warpvis.kernels.silhouettes.measure_silhouettes`; pixels without a ray are skipped."""
     view, place, first = wp.tid()
     view += window.first_view
     place += window.first_row

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The visibility map in 3D, of depth images of which every pixel has a ray of its own."""
+"""The 3D visibility map for depth images with an arbitrary ray per pixel."""
 
 import warp as wp
 
@@ -27,7 +27,7 @@ def mark_surface_rays(
     # Out:
     marks_out: wp.array[wp.int32],
 ):
-    """Raise marks as `warpvis.kernels.voxels.mark_surface_points` does; a pixel without a ray has no point."""
+    """Raise marks as in `warpvis.kernels.voxels.mark_surface_points`; pixels without a ray are skipped."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -57,10 +57,10 @@ def judge_voxels_at(
     states_out: wp.array3d[wp.uint8],
     labels_out: wp.array3d[wp.uint8],
 ):
-    """Raise states and labels of a slab of voxels by what was marked in them and by what one view shows.
+    """Raise states and labels of a slab of voxels from their marks and from the image of one view.
 
-    `first` is the view and the slab's first layer. `pixels_in` says where each voxel's middle is in the image: a
-    pixel's row times the width plus its column, -1 for none.
+    `first` is the view and the slab's first layer. `pixels_in` contains the pixel of each voxel center as row times
+    width plus column, or -1.
     """
     layer, j, k = wp.tid()
     layer += window.first_view
@@ -83,7 +83,7 @@ def judge_voxels_at(
         if camera.is_planar:
             depth = wp.quat_rotate_inv(wp.transform_get_rotation(camera_to_world), sight)[2]
         shown = shown_between(camera.near, camera.far, depth_in[view, y, x])
-        # From the middle to the seen surface along the ray, the longest way along an axis of the world.
+        # Distance from the center to the visible surface along the ray, along the world axis of its largest component.
         way = wp.abs(wp.float64(shown) / depth - wp.float64(1.0)) * wp.max(wp.abs(sight))
         z = float(depth)
         if way <= half * grid.cell:
