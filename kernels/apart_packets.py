@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The same as `kernels.table_packets` of rays that begin beside each other, in ``native/cpu/apart_drawing.h``."""
+"""Packets of ray bundles with distinct origins: `kernels.table_packets` with ``native/cpu/apart_drawing.h``."""
 
 import warp as wp
 
@@ -15,7 +15,10 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class ApartRays:
-    """Where rays of `RayBundles` pass the plane of their bundle's eye, and begin; ``ApartRays`` of ``ray_tree.h``."""
+    """Intersections of the rays of `RayBundles` with the plane of their bundle's eye, and their origins.
+
+    See ``ApartRays`` of ``ray_tree.h``.
+    """
 
     p: wp.array[float]
     q: wp.array[float]
@@ -24,13 +27,13 @@ class ApartRays:
     row_p: wp.array[float]
     row_q: wp.array[float]
     range: wp.array2d[float]  # (tiles, words)
-    eye: wp.array2d[wp.float64]  # (bundles, 3), in the bundle's face
-    most: wp.array2d[float]  # (bundles, 3): most p, q, and distance from the eye to where a ray begins
+    eye: wp.array2d[wp.float64]  # (bundles, 3), in the frame of the bundle's face
+    most: wp.array2d[float]  # (bundles, 3): maximum p, q, and distance from the eye to the origin of a ray
 
 
 @wp.struct
 class ApartCall:
-    """What a launch is given, as `kernels.packets.PacketCall`."""
+    """The arguments of a launch; see `kernels.packets.PacketCall`."""
 
     scene: BvhScene
     job: TableJob
@@ -82,10 +85,10 @@ def cast_apart_packets(
     # Out:
     images_out: wp.array[Images],
 ):
-    """Write the asked-for images (one that is None is skipped) of one call: each array holds one.
+    """Write the requested images (None is skipped) of one call; each array contains one element.
 
-    Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
-    of work, until none is left.
+    Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
+    units of work.
     """
     _ = wp.tid()
     cast_apart_bundles(calls, images_out)

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Colours of what images show under the lights of a scene: ambient light, Lambert's law, and highlights.
+"""Colors of visible surfaces under the lights of a scene: ambient light, Lambert's law, and specular highlights.
 
-Formulas are those of `warpvis.scene.lights.Light`, light by light; nothing is in shadow.
+Formulas are those of `warpvis.scene.lights.Light`, summed over the lights; there are no shadows.
 """
 
 import warp as wp
@@ -31,7 +31,7 @@ PI = wp.constant(3.14159265358979)
 
 @wp.struct
 class LightLook:
-    """A light in the world, with colours times its intensity, in the space where light is added up."""
+    """A light in the world frame; colors include its intensity and are in the space in which light is summed."""
 
     kind: int
     position: wp.vec3
@@ -52,12 +52,12 @@ class Lights:
     """All lights of a scene."""
 
     all: wp.array[LightLook]
-    is_linear: bool  # whether light is added up in proportion to it; else as screens show it
+    is_linear: bool  # whether light is summed in linear space, or else in display color space
 
 
 @wp.func
 def cone_share(light: LightLook, cosine: float) -> float:
-    """How much of a spot's light goes in a direction, given the cosine of the angle from its axis."""
+    """Return the fraction of a spot's light in a direction, given the cosine of its angle to the axis."""
     if light.falloff == FALLOFF_GLTF:
         limit = wp.cos(light.outer_angle)
         share = wp.clamp((cosine - limit) / wp.max(wp.cos(light.inner_angle) - limit, 1.0e-3), 0.0, 1.0)
@@ -76,7 +76,7 @@ def cone_share(light: LightLook, cosine: float) -> float:
 
 @wp.func
 def strength(light: LightLook, away: float, cosine: float) -> float:
-    """How much of a point's or a spot's light gets to a place so far away, as `Light.strength` has it."""
+    """Return the fraction of a point or spot light that reaches a distance `away`, as in `Light.strength`."""
     if away > light.reach:
         return 0.0
     by = light.attenuation[0] + light.attenuation[1] * away + light.attenuation[2] * away * away
@@ -93,7 +93,7 @@ def strength(light: LightLook, away: float, cosine: float) -> float:
 def lit(
     light: LightLook, point: wp.vec3, normal: wp.vec3, to_eye: wp.vec3, forward: wp.vec3, base: wp.vec3, gloss: wp.vec4
 ) -> wp.vec3:
-    """What a surface shows of a light: `base` is its colour, and `gloss` that of highlights, and their exponent."""
+    """Return the reflection of a light: `base` is the surface's color, `gloss` its specular color and exponent."""
     if light.kind == LIGHT_AMBIENT:
         return wp.cw_mul(light.ambient, base)
     to_light, share = -light.direction, float(1.0)
@@ -108,7 +108,7 @@ def lit(
     shown = wp.cw_mul(light.ambient, base)
     if facing > 0.0:
         scattered = wp.cw_mul(light.color, base) * facing
-        if light.falloff == FALLOFF_GLTF:  # of what falls on it in all, [lx], a surface shows that part one way
+        if light.falloff == FALLOFF_GLTF:  # Lambertian reflection of an illuminance [lx]
             scattered = scattered / PI
         half = wp.normalize(to_light + to_eye)
         glossy = wp.pow(wp.max(wp.dot(half, normal), 0.0), gloss[3])
@@ -123,7 +123,7 @@ def rgb(color: wp.vec4) -> wp.vec3:
 
 @wp.func
 def in_space(color: wp.vec3, is_linear: bool, wants_linear: bool) -> wp.vec3:
-    """A colour in another colour space."""
+    """Convert a color between linear and display color space."""
     if wants_linear and not is_linear:
         return wp.vec3(to_linear(color[0]), to_linear(color[1]), to_linear(color[2]))
     if is_linear and not wants_linear:
@@ -135,7 +135,7 @@ def in_space(color: wp.vec3, is_linear: bool, wants_linear: bool) -> wp.vec3:
 def smooth_normal(
     looks: Looks, worlds: Worlds, view: int, index: int, face: int, point: wp.vec3, flat: wp.vec3
 ) -> wp.vec3:
-    """The normal that an object says of a point, on the side that is seen; that of its surface if it says none."""
+    """Return the object's interpolated vertex normal, on the visible side; `flat` if it has no vertex normals."""
     rows = looks.object_rows[index, 4]
     if face < 0 or rows < 0:
         return flat
@@ -149,7 +149,7 @@ def smooth_normal(
     if length <= 1.0e-6:
         return flat
     normal = normal / length
-    if wp.dot(wp.transform_vector(frame, wp.cw_div(triangle.normal, factors)), flat) < 0.0:  # its back is seen
+    if wp.dot(wp.transform_vector(frame, wp.cw_div(triangle.normal, factors)), flat) < 0.0:  # seen from behind
         normal = -normal
     return normal
 
@@ -172,7 +172,7 @@ def shade_lit_colors(
     # Out:
     color_out: wp.array3d[wp.vec3ub],
 ):
-    """Write colours under all lights of what other images say is seen; the background elsewhere."""
+    """Write lit colors of visible surfaces, and the background elsewhere."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -185,7 +185,7 @@ def shade_lit_colors(
         surface = surface_color(looks, footprint, camera, worlds, view, point, index, face)
         material = looks.materials[material_of(looks, index, face)]
         base, texel = rgb(surface.color), rgb(surface.texel)
-        # Fixed functions light what has no texture, as bright as can be shown, and multiply the texture then.
+        # The fixed-function pipeline lights the untextured surface, clamps the result and multiplies by the texture.
         if lights.is_linear or surface.is_linear:
             base = in_space(wp.cw_mul(base, texel), surface.is_linear, lights.is_linear)
             texel = wp.vec3(1.0, 1.0, 1.0)

@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses that change within a frame: where a sensor, or an object, is at the time of a ray, in double precision.
+"""Poses that change within a frame: the pose of a sensor or an object at the time of a ray, in double precision.
 
-Between instants a place moves along a straight line, and a rotation about one axis, both at a constant rate, which is
-what slerp does (Shoemake, "Animating Rotation with Quaternion Curves", SIGGRAPH 1985). A twist, velocities along and
-about the moving thing's own axes, moves it along a screw: its pose times the exponential of the twist (Lynch and Park,
-"Modern Robotics", 2017, equation 3.88).
+Between instants, positions are interpolated linearly and rotations by slerp (Shoemake, "Animating Rotation with
+Quaternion Curves", SIGGRAPH 1985). A twist, a linear and an angular velocity in the body frame, causes a screw motion:
+the pose times the exponential of the twist (Lynch and Park, "Modern Robotics", 2017, equation 3.88).
 """
 
 import warp as wp
@@ -17,9 +16,9 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class Leg:
-    """From one instant to the next: where something begins, how far it goes, and how far it turns about its own axes.
+    """The motion from one instant to the next: the initial pose, the translation, and the rotation vector (body frame).
 
-    Behind the last instant it stays. Of a twist it is the pose at 0 s, and path and turn are velocities.
+    After the last instant the pose is constant. For a twist, it is the pose at 0 s, and path and turn are velocities.
     """
 
     origin: wp.vec3d
@@ -30,23 +29,23 @@ class Leg:
 
 @wp.struct
 class Motion:
-    """Where sensors or objects are, as it changes with time."""
+    """Poses of sensors or objects as functions of time."""
 
     legs: wp.array3d[Leg]
-    """(instant, view, 0) of sensors, or (instant, 0, 0) of all views; (instant, world, object) of movable objects."""
+    """(instant, view, 0) for sensors, (instant, 0, 0) for all views; (instant, world, object) for movable objects."""
     times: wp.array[wp.float64]
-    """(instant): when each leg begins [s]; None if there is one."""
+    """(instant): start of each leg [s]; None if there is only one."""
     is_screw: bool
-    """Whether there is a twist."""
+    """Whether the motion is a twist."""
     starts: wp.array[wp.float64]
-    """(view): when its frame starts, from which rays' times count [s]; None for 0."""
+    """(view): start of its frame, to which times of rays are relative [s]; None for 0."""
     poses: wp.array3d[wp.transform]
-    """In place of legs, (view, y, x): what each ray has of its own; y and x may be 0 for all. None mostly."""
+    """(view, y, x): poses of individual rays, instead of legs; any dimension may be 1 to share poses. Usually None."""
 
 
 @wp.struct
 class Frame:
-    """Where something is in the world."""
+    """The pose of a sensor or an object in the world."""
 
     origin: wp.vec3d
     rotation: wp.quatd
@@ -70,7 +69,7 @@ def is_same(a: wp.transform, b: wp.transform) -> bool:
 
 @wp.func
 def turn_between(a: wp.quatd, b: wp.quatd) -> wp.vec3d:
-    """The rotation, about the axes of the first, that makes the second of it on the shorter way: axis times angle."""
+    """Return the shortest rotation from `a` to `b` as a rotation vector (axis times angle) in the frame of `a`."""
     way = wp.quat_inverse(a) * b
     axis, w = wp.vec3d(way[0], way[1], way[2]), way[3]
     if w < wp.float64(0.0):
@@ -91,7 +90,7 @@ def begin_legs(
     # Out:
     legs_out: wp.array3d[Leg],
 ):
-    """Find the way from each instant's pose to the next one's; of a twist, `linear_in` and `angular_in` are it."""
+    """Write the leg from each instant's pose to the next one's, or the twist in `linear_in` and `angular_in`."""
     instant, row, column = wp.tid()
     first = frame_of(poses_in[instant, row, column])
     leg = Leg()
@@ -111,7 +110,7 @@ def begin_legs(
 
 @wp.func
 def turned(rotation: wp.quatd, turn: wp.vec3d) -> wp.quatd:
-    """A rotation, and then one about its own axes."""
+    """Compose a rotation with a rotation vector in its frame."""
     half, angle = wp.float64(0.5), wp.length(turn)
     if angle == wp.float64(0.0):
         return rotation
@@ -121,12 +120,12 @@ def turned(rotation: wp.quatd, turn: wp.vec3d) -> wp.quatd:
 
 @wp.func
 def along_screw(leg: Leg, time: wp.float64) -> Frame:
-    """Where something is that has kept its velocities along and about its own axes."""
+    """Return the pose at a time of a body that moves with constant velocities in its own frame."""
     one, two, turn, along = wp.float64(1.0), wp.float64(2.0), time * leg.turn, time * leg.path
     square = wp.dot(turn, turn)
     angle = wp.sqrt(square)
     sine, cosine = wp.sin(angle / two), wp.cos(angle / two)
-    # sin(a / 2) / a and (a - sin a) / a^3, which near 0 is a difference of what is nearly the same.
+    # sin(a / 2) / a and (a - sin a) / a^3; the latter by its series near 0, where it suffers from cancellation.
     first = one / two
     if angle > wp.float64(0.0):
         first = sine / angle
@@ -143,7 +142,7 @@ def along_screw(leg: Leg, time: wp.float64) -> Frame:
 
 @wp.func
 def leg_at(times: wp.array[wp.float64], time: wp.float64) -> int:
-    """The last leg that has begun at a time, and before all of them the first."""
+    """Return the last leg that has begun at a time, or the first leg before that."""
     low = int(0)
     high = int(times.shape[0])
     while high - low > 1:
@@ -157,7 +156,7 @@ def leg_at(times: wp.array[wp.float64], time: wp.float64) -> int:
 
 @wp.func
 def frame_at(motion: Motion, row: int, column: int, time: wp.float64) -> Frame:
-    """Where what has this place among the legs is at a time; at an instant exactly there."""
+    """Return the pose of a row and column of legs at a time; exact at instants."""
     if motion.is_screw:
         return along_screw(motion.legs[0, row, column], time)
     at = int(0)
@@ -176,7 +175,7 @@ def frame_at(motion: Motion, row: int, column: int, time: wp.float64) -> Frame:
 
 @wp.func
 def time_of(motion: Motion, times: wp.array2d[wp.float64], view: int, y: int, x: int) -> wp.float64:
-    """When a ray is cast, on the clock of the poses; 0 where nobody says when."""
+    """Return the time of a ray on the clock of the poses; 0 without times."""
     time = wp.float64(0.0)
     if times:
         time = times[y, x]
@@ -187,7 +186,7 @@ def time_of(motion: Motion, times: wp.array2d[wp.float64], view: int, y: int, x:
 
 @wp.func
 def sensor_at(motion: Motion, view: int, y: int, x: int, time: wp.float64) -> Frame:
-    """Where a sensor is when a ray is cast."""
+    """Return the pose of a sensor when a ray is cast."""
     if motion.poses:
         at = wp.min(view, motion.poses.shape[0] - 1)
         row, column = wp.min(y, motion.poses.shape[1] - 1), wp.min(x, motion.poses.shape[2] - 1)

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of objects that move while a sensor measures: every ray meets them where they are at its time.
+"""Images of objects that move during a measurement: every ray hits objects at their poses at the time of the ray.
 
-As `warpvis.kernels.rays`, whose objects stand still while an image is made; the ray is moved into each one's frame.
+Like `warpvis.kernels.rays`, whose objects are fixed during an image; each ray is transformed into every object's frame.
 """
 
 import warp as wp
@@ -29,7 +29,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.func
 def place_at(scene: TriangleScene, objects: Motion, world: int, movable: int, time: wp.float64) -> Frame:
-    """Where an object with a frame of its own is at a time: what stays has one place."""
+    """Return the pose of a movable object or an instance at a time; instances are fixed."""
     if movable >= scene.movable_count:
         return frame_of(steps_of(scene)[movable - scene.movable_count].pose)
     return frame_at(objects, world, movable, time)
@@ -37,7 +37,7 @@ def place_at(scene: TriangleScene, objects: Motion, world: int, movable: int, ti
 
 @wp.func
 def seen_from_place(camera: CameraFrame, place: Frame) -> CameraFrame:
-    """The same camera in the frame of an object."""
+    """Transform a camera into the frame of an object."""
     turned_back = wp.quat_inverse(place.rotation)
     frame = CameraFrame()
     frame.origin = wp.quat_rotate(turned_back, camera.origin - place.origin)
@@ -57,7 +57,7 @@ def look_at_moving(
     ray: wp.vec3d,
     cull_backfaces: bool,
 ) -> Seen:
-    """What a sensor sees along a ray of its frame at a time; otherwise as `warpvis.kernels.rays.look`."""
+    """Cast a ray of the sensor frame at a time; otherwise like `warpvis.kernels.rays.look`."""
     seen = nothing()
     seen.direction = wp.quat_rotate(in_world.rotation, ray)
 
@@ -65,7 +65,7 @@ def look_at_moving(
     if world < 0:
         return seen
     seen.depth = float(FARTHEST)
-    for movable in range(-1, scene.movable_count):  # -1: what stays
+    for movable in range(-1, scene.movable_count):  # -1: static geometry
         frame = in_world
         if movable >= 0:
             frame = seen_from_place(in_world, frame_at(objects, world, movable, time))
@@ -81,7 +81,7 @@ def look_at_moving(
 def normal_of_seen(
     scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, objects: Motion, view: int, time: wp.float64, seen: Seen
 ) -> wp.vec3:
-    """Unit normal in the world of what a ray meets that starts at a place."""
+    """Return the unit normal in the world frame at the hit of a ray from `origin`."""
     world = world_of(worlds, view)
     factors = factors_of(scene, worlds, world, seen.movable)
     if seen.movable < 0:
@@ -117,9 +117,9 @@ def cast_at_moving_objects(
     # Out:
     images_out: Images,
 ):
-    """Write images as `warpvis.kernels.moving_rays.cast_moving_rays`, of objects that move. All have one clock.
+    """Write images as `warpvis.kernels.moving_rays.cast_moving_rays` does, for moving objects on the same clock.
 
-    `worlds` says which world a view is of, and the rest but poses, of which it has those of the first instant.
+    `worlds` contains the world of each view and the rest, except that its poses are only those of the first instant.
     """
     view, y, x = wp.tid()
     view += window.first_view

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of sensors that move while they measure: every ray is cast from where the sensor is at its time."""
+"""Images of sensors that move during a measurement: every ray is cast from the sensor's pose at the time of the ray."""
 
 import warp as wp
 
@@ -31,11 +31,11 @@ def cast_moving_rays(
     # Out:
     images_out: Images,
 ):
-    """Write the asked-for images (one that is None is skipped) of every view, among objects that stand still.
+    """Write the requested images (None is skipped) of every view; objects are fixed.
 
-    `rays_in` are of the sensor frame, (y, x). Where a ray is NaN nothing is seen. `origins_in` are where they start in
-    that frame; None for its origin. `times_in` are when they are cast, after the frame's start [s]; None if each has a
-    pose of its own.
+    `rays_in` are directions in the sensor frame, (y, x); NaN rays hit nothing. `origins_in` are their origins in that
+    frame; None for the frame's origin. `times_in` are their times after the start of the frame [s]; None if every ray
+    has an individual pose.
     """
     view, y, x = wp.tid()
     view += window.first_view
@@ -66,7 +66,7 @@ def measure_moving_incidence(
     # Out:
     incidence_out: wp.array3d[float],
 ):
-    """Write the cosine between every ray and the normal of what it meets; NaN where it meets nothing."""
+    """Write the absolute cosine between every ray and the surface normal at its hit; NaN for a miss."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Noisy depth on CPU cores: `warpvis.kernels.kinect_noise` and `corruptions`, sixteen pixels of a row at a time."""
+"""Noisy depth on CPU cores: `warpvis.kernels.kinect_noise` and `corruptions` for 16 pixels of a row at a time."""
 
 import warp as wp
 
@@ -20,7 +20,7 @@ const SensorRange range = {camera.near, camera.far};
 const NoiseRow row = {width, y, {model.seed, draw[0], draw[1]}, true_depth.data ? true_depth.data + first : nullptr,
                       depth_out.data + first, reasons_out.data ? reasons_out.data + first : nullptr};
 """
-"""The row ``y`` of a view."""
+"""C++ that defines the row ``y`` of a view."""
 
 
 @wp.func_native(
@@ -67,7 +67,7 @@ def measure_nguyen_rows(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write what `measure_nguyen` does, a row of pixels a thread of the kernel."""
+    """Write the output of `measure_nguyen`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -109,7 +109,7 @@ def measure_khoshelham_rows(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write what `measure_khoshelham` does, a row of pixels a thread of the kernel."""
+    """Write the output of `measure_khoshelham`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -153,7 +153,7 @@ def corrupt_depth_rows(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write what `corrupt_depth` does, a row of pixels a thread of the kernel."""
+    """Write the output of `corrupt_depth`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row

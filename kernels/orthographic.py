@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Orthographic images: all rays of a view are parallel to its camera's axis, and begin in the camera's plane.
+"""Orthographic images: all rays of a view are parallel to the camera's axis and start in the camera's plane.
 
-A camera is a `PinholeCamera` of which fx and fy are pixels a metre, so that its rays through z = 1 end where those of
-the orthographic camera begin.
+A camera is a `PinholeCamera` with fx and fy in pixels per meter: the points at z = 1 of its rays are the origins of the
+orthographic rays.
 """
 
 import warp as wp
@@ -27,13 +27,13 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.func
 def pixel_place(y: int, x: int) -> wp.vec2:
-    """A pixel's centre [px]."""
+    """Return a pixel's center [px]."""
     return wp.vec2(float(x) + 0.5, float(y) + 0.5)
 
 
 @wp.func
 def eye_at(camera: PinholeCamera, pose: wp.transform, at: wp.vec2) -> wp.transform:
-    """The camera moved in its plane to where the ray through a point of the image begins."""
+    """Return the camera pose, translated in its plane to the origin of the ray through an image point."""
     end = image_ray(camera, at)
     aside = wp.quat_rotate(pose_rotation(pose), wp.vec3d(end[0], end[1], wp.float64(0.0)))
     return wp.transform(wp.vec3(pose_origin(pose) + aside), wp.transform_get_rotation(pose))
@@ -54,10 +54,10 @@ def cast_parallel_rays(
     # Out:
     images_out: Images,
 ):
-    """Write the asked-for images (one that is None is skipped) of every view.
+    """Write the requested images (None is skipped) of every view.
 
-    `pixels_in` are points of the image [px], (view, 1, point), and so are the images then; None for pixels' centres.
-    Outside of the image nothing is seen.
+    `pixels_in` are image points [px], (view, 1, point), in which case images have that shape too; None for pixel
+    centers. Points outside the image hit nothing.
     """
     view, y, x = wp.tid()
     view += window.first_view
@@ -93,7 +93,7 @@ def show_later_from_plane(
     labels_out: wp.array3d[wp.uint8],
     faces_out: wp.array3d[wp.int32],
 ):
-    """`warpvis.kernels.coinciding.show_later` for orthographic images."""
+    """Correct coinciding surfaces as `warpvis.kernels.coinciding.show_later` does, for orthographic images."""
     view, y, part = wp.tid()
     view += window.first_view
     y += window.first_row

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `kernels.points` judges by rays or rendered points, by packets on CPU cores, in ``native/cpu/points.h``."""
+"""Visibility of points, as in `kernels.points`, by packets on CPU cores; see ``native/cpu/points.h``."""
 
 import warp as wp
 
@@ -14,21 +14,21 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class PointJob:
-    """How the work is shared out, and memory for it, at multiples of a cache line.
+    """The division of work among workers, and their memory, aligned to cache lines.
 
-    The image is drawn in pixels of its own, `scale` to a pixel of the camera: a power of two, which rounds nothing.
+    The image is rendered at `scale` times the camera's resolution: a power of two, so that nothing is rounded.
     """
 
     scale: wp.float64
-    batch: int  # points of a view that are worked on at a time
-    strip_tiles: int  # rows of tiles in a strip
-    views_are_units: int  # whether a unit of work is a view, not a part of one
-    with_id: int  # whether lanes tell what hides their points
-    bins: wp.array2d[wp.uint8]  # one for all workers, or if units are views, one each; None to measure
-    scratch: wp.array2d[wp.uint8]  # of each worker
-    bytes: wp.array[wp.int64]  # that bins and scratch need
-    counter: wp.array[wp.int32]  # from 0
-    taken: wp.array[wp.int32]  # [worker]: whether somebody works with its memory; from 0
+    batch: int  # points of a view that are processed at a time
+    strip_tiles: int  # rows of tiles per strip
+    views_are_units: int  # whether a unit of work is a whole view instead of a part of one
+    with_id: int  # whether to identify the objects that occlude points
+    bins: wp.array2d[wp.uint8]  # shared by all workers, or per worker if views are units; None to measure
+    scratch: wp.array2d[wp.uint8]  # per worker
+    bytes: wp.array[wp.int64]  # sizes of bins and scratch
+    counter: wp.array[wp.int32]  # initially 0
+    taken: wp.array[wp.int32]  # [worker]: whether its memory is in use; initially 0
 
 
 _JUDGE = """
@@ -98,10 +98,10 @@ def judge_points_packets(
     status_out: wp.array2d[wp.uint8],
     occluders_out: wp.array2d[wp.int32],
 ):
-    """A point's status in every view and, unless that is None, the object that hides it, -1 for none.
+    """Write each point's status in every view and, unless it is None, the object that occludes it, or -1.
 
-    Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
-    of work, until none is left.
+    Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
+    units of work.
     """
     _ = wp.tid()
     judge_units(scene, camera, camera_to_world, job, worlds, points, tolerance, status_out, occluders_out)

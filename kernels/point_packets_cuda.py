@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `kernels.rays.cast_rays_at` casts ray by ray, by packets on CUDA: ``native/cuda/points.h``."""
+"""Rays through image points, as in `kernels.rays.cast_rays_at`, by packets on CUDA; see ``native/cuda/points.h``."""
 
 import warp as wp
 
@@ -35,14 +35,14 @@ PointPacket::cast(all, shape, list, packet, out, memory);
 def make_point_packet_function(
     points: int, with_id: bool, movable: bool, clip: bool, resized: bool = False
 ) -> wp.Function:
-    """Make the native function of a kernel, as `kernels.packets_cuda.make_packet_function` does.
+    """Make the native function of a kernel; see `kernels.packets_cuda.make_packet_function`.
 
     Args:
-        points: Of a packet: 64, 256 or 1024.
-        with_id: Whether normals, labels or objects may be asked for.
+        points: Number of points per packet: 64, 256 or 1024.
+        with_id: Whether normals, labels or objects may be requested.
         movable: Whether the scene may have movable objects.
-        clip: Whether what is nearer than the camera's `near` is not there.
-        resized: Whether movable objects are of the sizes that `Worlds.object_sizes` has; it must have some then.
+        clip: Whether surfaces nearer than the camera's `near` are invisible.
+        resized: Whether movable objects have the sizes of `Worlds.object_sizes`, which must not be None then.
     """
     text = headers(32, with_id, movable, clip, resized, points=points) + read_native(
         "cuda/point_blocks.h", "cuda/points.h"
@@ -66,7 +66,7 @@ def make_point_packet_function(
 
 
 def make_point_packet_kernel(points: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Kernel:
-    """Make a kernel for packets of points of the image; see `make_point_packet_function`."""
+    """Make a kernel for packets of image points; see `make_point_packet_function`."""
     cast_point_packet = make_point_packet_function(points, with_id, movable, clip, resized)
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
@@ -84,7 +84,7 @@ def make_point_packet_kernel(points: int, with_id: bool, movable: bool, clip: bo
         # Out:
         images_out: Images,
     ):
-        """Write the asked-for images (one that is None is skipped); 32 threads a packet of a view."""
+        """Write the requested images (None is skipped); 32 threads per packet of a view."""
         packet, view, _ = wp.tid()
         cast_point_packet(
             scene, camera, camera_to_world, worlds, found, points, view, packet, cull_backfaces, images_out

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points of the world: where they are in images, and whether they are seen there.
+"""World points: projection into images, and visibility.
 
-Points come in rows of `POINTS_PER_ROW`, so that threads of the CPU pool share out one view's too.
+Points are in rows of `POINTS_PER_ROW`, so that threads of the CPU pool can share the points of one view.
 """
 
 import warp as wp
@@ -20,7 +20,7 @@ TOO_FAR = wp.constant(wp.uint8(constants.POINT_TOO_FAR))
 OCCLUDED = wp.constant(wp.uint8(constants.POINT_OCCLUDED))
 VISIBLE = wp.constant(wp.uint8(constants.POINT_VISIBLE))
 UNKNOWN = wp.constant(wp.uint8(constants.POINT_UNKNOWN))
-"""As bytes."""
+"""Status values as bytes."""
 
 
 @wp.func
@@ -30,7 +30,7 @@ def point_index(window: Window, row: int, column: int) -> int:
 
 @wp.func
 def within(place: float, end: float) -> float:
-    """A place from 0 up to the greatest single-precision number below the end of an image's side."""
+    """Clamp a coordinate from 0 to the greatest single-precision number below the image's width or height."""
     return wp.clamp(place, 0.0, end * 0.99999994)
 
 
@@ -42,7 +42,7 @@ def camera_frames(
     origin_out: wp.array[wp.vec3d],
     rotation_out: wp.array[wp.mat33d],
 ):
-    """Where cameras are, and what turns directions of the world into their frames: once a view, not once a point."""
+    """Write camera origins and world-to-camera rotations: once per view, not once per point."""
     view = wp.tid()
     origin_out[view] = pose_origin(camera_to_world[view])
     rotation_out[view] = wp.transpose(wp.quat_to_matrix(pose_rotation(camera_to_world[view])))
@@ -61,7 +61,7 @@ def project_points(
     pixels_out: wp.array2d[wp.vec2],
     depth_out: wp.array2d[float],
 ):
-    """Where every point is in every view's image [px], NaN if it is not in it; and its depth [m]."""
+    """Write every point's pixel coordinates in every view [px], NaN if outside the image, and its depth [m]."""
     view, row, column = wp.tid()
     view += window.first_view
     index = point_index(window, row, column)
@@ -71,7 +71,7 @@ def project_points(
     p = rotation[view] * (wp.vec3d(points[index]) - origin[view])
     at = wp.vec2(wp.nan, wp.nan)
     none, width, height = wp.float64(0.0), wp.float64(camera.width), wp.float64(camera.height)
-    # Not by the quotients, whose rounding would decide for points on a border.
+    # Compare products: the rounding of quotients would decide for points on a border.
     left, top = camera.fx * p[0] + camera.cx * p[2], camera.fy * p[1] + camera.cy * p[2]
     if p[2] > none and left >= none and left < width * p[2] and top >= none and top < height * p[2]:
         x, y = camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy
@@ -82,9 +82,9 @@ def project_points(
 
 @wp.func
 def judge(camera: PinholeCamera, at: wp.vec2, depth: float, surface: float, tolerance: float) -> wp.uint8:
-    """Whether a point at a depth is seen through a place of the image where the first surface is at another depth.
+    """Return the visibility of a point, given the depth of the first surface at its image point.
 
-    The tolerance is along the ray, in metres: depth times the length of the ray whose z is 1.
+    The tolerance is along the ray [m]: difference in depth times the length of the ray with z = 1.
     """
     if not wp.isfinite(at[0]):
         return OUT_OF_VIEW
@@ -113,7 +113,7 @@ def judge_points(
     status_out: wp.array2d[wp.uint8],
     occluders_out: wp.array2d[wp.int32],
 ):
-    """A point's status by what is seen through its place in the image, and the object that hides it, -1 for none."""
+    """Write each point's status, given the surface at its image point, and the object that occludes it, or -1."""
     view, row, column = wp.tid()
     view += window.first_view
     index = point_index(window, row, column)
@@ -142,7 +142,7 @@ def judge_points_measured(
     # Out:
     status_out: wp.array2d[wp.uint8],
 ):
-    """The same by the pixel that a point is in; unknown where it has no depth, hidden where that is too near."""
+    """Write each point's status, given its pixel in a depth image: unknown without depth, occluded if too near."""
     view, row, column = wp.tid()
     view += window.first_view
     index = point_index(window, row, column)

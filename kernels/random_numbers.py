@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Random numbers of pixels, by a counter: they follow from seed, stream, frame, view, y and x, and from nothing else.
+"""Counter-based random numbers of pixels: functions of only seed, stream, frame, view, y and x.
 
-Philox4x32-10 makes four words of the counter (x // 4, y, view, frame), which four pixels side by side share; its key is
-(seed, stream). A stream is for one purpose, so that no two uses of a pixel have the same numbers. A module with kernels
-that use these functions has to be compiled with ``"fuse_fp": False``: then CPU and CUDA make the same bits.
+Philox4x32-10 computes four words from the counter (x // 4, y, view, frame), which four adjacent pixels share; its key
+is (seed, stream). Each purpose has a separate stream, so that no two uses of a pixel have the same numbers. Modules
+with kernels that use these functions must be compiled with ``"fuse_fp": False``, so that CPU and CUDA compute the same
+bits.
 """
 
 import warp as wp
@@ -48,7 +49,7 @@ def draw_uniforms(
     # Out:
     uniforms_out: wp.array2d[float],
 ):
-    """Write a number between 0 and 1 for every view and place (y, x); `draws` are each view's number and frame."""
+    """Write a uniform number in (0, 1) for every view and place (y, x); `draws` contains view numbers and frames."""
     view, k = wp.tid()
     number, place = draws[view], places[k]
     word = random_word(seed, stream, number[0], number[1], place[0], place[1])
@@ -65,7 +66,7 @@ def draw_normals(
     # Out:
     normals_out: wp.array3d[float],
 ):
-    """Write a standard normal number for every pixel; `draws` are each view's number and frame."""
+    """Write a standard normal number for every pixel; `draws` contains each view's number and frame."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Random numbers of pixels on CPU cores, as `warpvis.kernels.random_numbers` has them, 64 pixels at a time."""
+"""Random numbers of pixels on CPU cores, as in `warpvis.kernels.random_numbers`, for 64 pixels at a time."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ from warpvis.kernels.pinhole import Window
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
 PIXELS_AT_ONCE = 4 * CPU_LANES
-"""Four words of random numbers, for each lane."""
+"""Four words of random numbers per lane."""
 
 LANE_HEADERS = (
     "shared/constants.h",
@@ -53,7 +53,7 @@ def draw_normal_rows(
     # Out:
     normals_out: wp.array3d[float],
 ):
-    """Write a standard normal number for every pixel, `PIXELS_AT_ONCE` of a row a thread of the kernel."""
+    """Write a standard normal number for every pixel; each thread of the kernel takes `PIXELS_AT_ONCE` of a row."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `kernels.ray_table` casts ray by ray, by packets on CUDA: ``native/cuda/table.h``."""
+"""Ray bundles, as in `kernels.ray_table`, by packets on CUDA; see ``native/cuda/table.h``."""
 
 import warp as wp
 
@@ -14,33 +14,33 @@ from warpvis.kernels.worlds import Worlds
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 FRAME_WORDS = 24
-"""Numbers of a `TableFrame`."""
+"""Number of 64-bit words of a `TableFrame`."""
 
 EYE_WORDS = 8
-"""Numbers of a `TableEye`."""
+"""Number of 64-bit words of a `TableEye`."""
 
 
 @wp.struct
 class RayPackets:
-    """Rays of a table as packets: see ``native/cuda/table.h``, whose names these are."""
+    """A ray bundle in packets; names are those of ``native/cuda/table.h``."""
 
     frame: wp.array2d[wp.float64]
     """(packet, word): `TableFrame`."""
     points: wp.array2d[wp.vec2]
-    """(packet, pixel), as are all others."""
+    """(packet, pixel), as are the next three arrays."""
     rests: wp.array2d[wp.vec2]
     scale: wp.array2d[float]
     place: wp.array2d[wp.int32]
     bounds: wp.array2d[wp.vec4]
-    """(packet, block): of points, where rays pass; None of pixels."""
+    """(packet, block): bounds of the points of rays; None for pixels."""
     eyes: wp.array2d[wp.float64]
-    """(packet, word): `TableEye`; None, as are the next ones, where all rays begin at the camera."""
+    """(packet, word): `TableEye`; this and the next two are None if all rays start at the camera."""
     asides: wp.array2d[wp.vec2]
-    """(packet, pixel): where rays pass the plane of the eye."""
+    """(packet, pixel): intersection of the ray with the eye's plane."""
     begins: wp.array2d[float]
-    """(packet, pixel): how far ahead of it they begin."""
+    """(packet, pixel): distance from that plane to the ray's origin."""
     pixels: int
-    """Of a view's image."""
+    """Number of pixels of a view."""
 
 
 _CAST = f"""
@@ -69,10 +69,10 @@ _ORIGINS = """{packets.eyes.data + (long long)packet * TABLE_EYE_WORDS},
 def make_ray_packet_function(
     side: int, with_id: bool, movable: bool, resized: bool = False, points: int = 0, origins: bool = False
 ) -> wp.Function:
-    """Make the native function of a kernel, as `kernels.packets_cuda.make_packet_function` does.
+    """Make the native function of a kernel; see `kernels.packets_cuda.make_packet_function`.
 
-    Packets are images of a side, of which each pixel has a ray, or so many rays that pass anywhere in such an image.
-    Rays begin at the camera, or each somewhere near it.
+    A packet is a square image of a side with one ray per pixel or, if `points` is positive, that many rays anywhere in
+    such an image. If `origins`, rays have distinct origins near the camera; otherwise all start at the camera.
     """
     text = f"enum {{ TABLE_FRAME_WORDS = {FRAME_WORDS}, TABLE_EYE_WORDS = {EYE_WORDS} }};\n"
     text += headers(side, with_id, movable, False, resized, ray_table=True, points=points, origins=origins)
@@ -101,7 +101,7 @@ def make_ray_packet_function(
 def make_ray_packet_kernel(
     side: int, with_id: bool, movable: bool, resized: bool = False, points: int = 0, origins: bool = False
 ) -> wp.Kernel:
-    """Make a kernel for packets of a table's rays; see `make_ray_packet_function`."""
+    """Make a kernel for packets of a ray bundle; see `make_ray_packet_function`."""
     cast_ray_packet = make_ray_packet_function(side, with_id, movable, resized, points, origins)
 
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
@@ -119,7 +119,7 @@ def make_ray_packet_kernel(
         # Out:
         images_out: Images,
     ):
-        """Write the asked-for images (one that is None is skipped); 32 threads a packet of a view."""
+        """Write the requested images (None is skipped); 32 threads per packet of a view."""
         packet, view, _ = wp.tid()
         cast_ray_packet(
             scene, camera, camera_to_world, worlds, found, packets, view, packet, cull_backfaces, images_out

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points and labels of depth images of which every pixel has a ray of its own, from a table."""
+"""World points and labels of depth images with an arbitrary ray per pixel."""
 
 import warp as wp
 
@@ -13,7 +13,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.func
 def point_along(pose: wp.transform, ray: wp.vec3d, depth: float) -> wp.vec3:
-    """World point at a depth along a ray of the camera frame whose depth is 1; NaN where the ray is."""
+    """Return the world point at a depth along a ray of the camera frame, whose depth is 1; NaN for NaN rays."""
     return wp.vec3(pose_origin(pose) + wp.float64(depth) * wp.quat_rotate(pose_rotation(pose), ray))
 
 
@@ -29,7 +29,7 @@ def back_project_rays(
     # Out:
     points_out: wp.array3d[wp.vec3],
 ):
-    """World points of depth images; NaN where the camera measured none, or a pixel has no ray."""
+    """Write world points of depth images; NaN without depth in range or without a ray."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -56,7 +56,7 @@ def classify_rays(
     labels_out: wp.array3d[wp.uint8],
     spheres_out: wp.array3d[wp.int32],
 ):
-    """The paper's cases for every pixel, as `warpvis.kernels.classify.classify_depth` has them; empty without a ray."""
+    """Write the cases of `warpvis.kernels.classify.classify_depth` for every pixel; pixels without a ray are empty."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of which every pixel has a ray of its own, from a table: one thread a pixel, as `rays` cast them."""
+"""Images with an arbitrary ray per pixel, from a ray bundle: one thread per pixel, as in `warpvis.kernels.rays`."""
 
 import warp as wp
 
@@ -29,10 +29,10 @@ def cast_ray_table(
     # Out:
     images_out: Images,
 ):
-    """Write the asked-for images (one that is None is skipped) of every view.
+    """Write the requested images (None is skipped) of every view.
 
-    `rays_in` are of the camera frame, (view, y, x), or (1, y, x) for all views. Where a ray is NaN nothing is seen.
-    `origins_in` are where they start in that frame, (y, x); None for its origin.
+    `rays_in` are directions in the camera frame, (view, y, x), or (1, y, x) for all views; NaN rays hit nothing.
+    `origins_in` are their origins in that frame, (y, x); None for the frame's origin.
     """
     view, y, x = wp.tid()
     view += window.first_view

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Noise of a Kinect as the Redwood data set's simulator and Habitat make it: distortion by a table, jitter, steps."""
+"""Kinect noise of the Redwood data set's simulator and Habitat: tabulated distortion, jitter, quantized disparity."""
 
 import warp as wp
 
@@ -11,48 +11,48 @@ from warpvis.kernels.pinhole import PinholeCamera, Window
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
 FARTHEST = wp.constant(10.0)
-"""From here on a surface is too far [m]."""
+"""Surfaces at this depth or beyond are out of range [m]."""
 JITTER = wp.constant(0.25)
-"""Deviation of a pixel's place [px]."""
+"""Standard deviation of the lateral jitter [px]."""
 DISPARITY_SCALE = wp.constant(35.130)
 """Focal length times baseline [px m]."""
 DISPARITY_SIGMA = wp.constant(0.027778)
-"""Deviation of a disparity [px]."""
+"""Standard deviation of disparity [px]."""
 LEVELS = wp.constant(8.0)
-"""Parts of a pixel to which disparities are rounded."""
+"""Disparity levels per pixel."""
 MIN_FACTOR = wp.constant(1.0e-5)
-"""Entries of the table below this are none."""
+"""Entries of the table below this are missing."""
 TABLE_WIDTH, TABLE_HEIGHT, CELL_WIDTH, CELL_HEIGHT = (
     wp.constant(640),
     wp.constant(480),
     wp.constant(8),
     wp.constant(6),
 )
-"""Image size that the table is of, and its cells [px]."""
+"""Image size of the table, and size of its cells [px]."""
 
 
 @wp.struct
 class RedwoodModel:
-    """The numbers of `warpvis.sensors.RedwoodNoise`."""
+    """The parameters of `warpvis.sensors.RedwoodNoise`."""
 
     multiplier: float
 
 
 @wp.func
 def moved(at: int, shift: float, size: int) -> int:
-    """The pixel nearest to a pixel that is moved along one axis, kept in the image."""
+    """Return the pixel nearest to a shifted pixel along one axis, clamped to the image."""
     return int(wp.clamp(float(at) + shift, 0.0, float(size - 1)) + 0.5)
 
 
 @wp.func
 def cell_of(at: int, size: int, table_size: int, cell: int) -> int:
-    """The table's cell of a pixel of an image of any size."""
+    """Return the table's cell for a pixel of an image of any size."""
     return int(float(at) / float(wp.max(size - 1, 1)) * float(table_size - 1) + 0.5) // cell
 
 
 @wp.func
 def distortion_of(table: wp.array3d[float], y: int, x: int, depth: float) -> float:
-    """What depth is divided by, interpolated between entries of a cell, which are of 1, 3, 5, 7 and 9 m."""
+    """Return the divisor of depth, interpolated between a cell's entries at 1, 3, 5, 7 and 9 m."""
     after = int((depth + 1.0) / 2.0)
     share = (depth - float(2 * after - 1)) / 2.0
     before = wp.clamp(after - 1, 0, 4)
@@ -75,7 +75,7 @@ def measure_redwood(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write depth of every second pixel, distorted, in steps of disparity, with noise; reasons may be None."""
+    """Write distorted depth of every second pixel, as quantized disparity with noise; reasons may be None."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -99,7 +99,7 @@ def measure_redwood(
             else:
                 noise = DISPARITY_SIGMA * model.multiplier * normals[view, y, x]
                 levels = wp.rint((DISPARITY_SCALE * factor / depth + noise) * LEVELS)
-                # Beyond the last step is endless depth.
+                # Depth is infinite below the first step of disparity.
                 depth = wp.where(levels > 0.0, DISPARITY_SCALE * LEVELS / levels, wp.inf)
                 depth = said_depth(camera.near, camera.far, depth)
                 reason = range_reason(depth)

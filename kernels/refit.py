@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A BVH follows its vertices: corners of the leaves, and boxes from the leaves up; see `warpvis.scene._refit`.
+"""Refitting of a BVH to moved vertices: corners in leaves, then boxes from the leaves up; see `warpvis.scene._refit`.
 
-A leaf or a node is one thread's work on the CPU, and a warp's on CUDA, where each lane of it takes a lane: `parts` says
-how many threads share one. Slots are places among a tree's children, ``node * lanes + lane``.
+A leaf or a node is processed by one thread on the CPU, and by a warp on CUDA, with one thread per lane: `parts` is the
+number of threads. Slots are indices of children, ``node * lanes + lane``.
 """
 
 import warp as wp
@@ -30,7 +30,7 @@ def least_of_parts(value: float) -> float: ...
 
 @wp.struct
 class Aabb:
-    """The least and the greatest corner."""
+    """An axis-aligned bounding box."""
 
     low: wp.vec3
     high: wp.vec3
@@ -46,7 +46,7 @@ def no_box() -> Aabb:
 
 @wp.func
 def box_of_parts(box: Aabb) -> Aabb:
-    """The box around those of all threads that share a leaf or a node, for each of them."""
+    """Return, in every thread, the union of the boxes of all threads that share a leaf or a node."""
     whole = Aabb()
     low, high = box.low, box.high
     whole.low = wp.vec3(least_of_parts(low[0]), least_of_parts(low[1]), least_of_parts(low[2]))
@@ -64,7 +64,7 @@ def set_child_box(box: Aabb, slot: int, nodes_out: wp.array3d[float]):
 
 @wp.func
 def corner_of_child(nodes: wp.array3d[float], node: int, row: int, lane: int) -> wp.vec3:
-    """A corner of a child's box, whose coordinates are in three rows from `row` on."""
+    """Return a corner of a child's box, whose coordinates are in three rows from `row` on."""
     return wp.vec3(nodes[node, row, lane], nodes[node, row + 1, lane], nodes[node, row + 2, lane])
 
 
@@ -81,7 +81,7 @@ def refit_leaves(
     leaves_out: wp.array3d[float],
     nodes_out: wp.array3d[float],
 ):
-    """Write the corners of a leaf's triangles, and their box into the leaf's slot."""
+    """Write the corners of a leaf's triangles, and write their box to the leaf's slot."""
     leaf, part = wp.tid()
     leaf += first_leaf
 
@@ -114,9 +114,9 @@ def refit_nodes(
     nodes_out: wp.array3d[float],
     box_out: wp.array[float],
 ):
-    """Write the boxes of some nodes into their slots, and the root's, which has none, into `box_out`.
+    """Write the boxes of nodes to their slots, and the box of the root, which has no slot, to `box_out`.
 
-    The nodes are those of `order` from `first` on; none is above another, and what is below them is done.
+    The nodes are those of `order` from `first` on; none is an ancestor of another, and their children are up to date.
     """
     place, part = wp.tid()
     node = order[first + place]

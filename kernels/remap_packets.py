@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of the places of maps, by packets on CPU cores, in ``native/cpu/remap.h``."""
+"""Images at positions given by maps, by packets on CPU cores; see ``native/cpu/remap.h``."""
 
 import warp as wp
 
@@ -16,9 +16,10 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class RemapJob:
-    """Images to make, in units of trees over parts of maps. Counters, from 0, are a `JobCounter` of ``native/shared``.
+    """Images to render, in units of trees over parts of maps.
 
-    A map says for each pixel of images, (rows, columns), which place of the camera's image it shows, x y x y ... [px].
+    A map contains, for each pixel of (rows, columns), the position in the camera's image that it shows, x y x y ...
+    [px]. Counters are a `JobCounter` of ``native/shared`` and start at 0.
     """
 
     views: int
@@ -29,13 +30,13 @@ class RemapJob:
     cull_backfaces: int
     at: wp.array[float]
     counter: wp.array[wp.int32]
-    scratch: wp.array2d[wp.uint8]  # of each worker; None to measure how many bytes each needs
+    scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
     scratch_bytes: wp.array[wp.int64]
 
 
 @wp.struct
 class RemapCall:
-    """What a launch is given, as `kernels.packets.PacketCall`."""
+    """The arguments of a launch; see `kernels.packets.PacketCall`."""
 
     scene: BvhScene
     job: RemapJob
@@ -78,10 +79,10 @@ def cast_remapped_packets(
     # Out:
     images_out: wp.array[Images],
 ):
-    """Write the asked-for images (one that is None is skipped) of one call: each array holds one.
+    """Write the requested images (None is skipped) of one call; each array contains one element.
 
-    Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
-    of work, until none is left.
+    Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
+    units of work.
     """
     _ = wp.tid()
     cast_trees(calls, images_out)

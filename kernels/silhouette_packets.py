@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `kernels.silhouettes` counts by rays, by packets on CPU cores, in ``native/cpu/silhouettes.h``."""
+"""Silhouettes, as in `kernels.silhouettes`, by packets on CPU cores; see ``native/cpu/silhouettes.h``."""
 
 import warp as wp
 
@@ -15,10 +15,10 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class SilhouetteJob:
-    """What workers share: counters, from 0, as of a `PacketJob`, and memory for each of them, all zero."""
+    """Shared counters of a `PacketJob`, which start at 0, and the workers' memory, which must be zeroed."""
 
     counter: wp.array[wp.int32]
-    scratch: wp.array2d[wp.uint8]  # of each worker; None to measure how many bytes each needs
+    scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
     scratch_bytes: wp.array[wp.int64]
 
 
@@ -85,7 +85,7 @@ def measure_silhouettes_packets(
     hidden_by_out: wp.array3d[wp.int32],
     masks_out: wp.array4d[wp.uint8],
 ):
-    """As `measure_silhouettes`. Every worker launches this with the same arguments; see `cast_packets`."""
+    """Count pixels as in `measure_silhouettes`. Workers launch it with the same arguments; see `cast_packets`."""
     _ = wp.tid()
     measure_units(
         scene, chosen, camera, camera_to_world, job, canvas, worlds, seen, counts_out, hidden_by_out, masks_out

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays and round solids: balls, cylinders and capsules, stretched along their axes.
+"""Intersection of rays with round solids: balls, cylinders and capsules, scaled along their axes.
 
-In a solid's *shape frame*, the object's with x, y and z divided by the solid's sizes, a ball is the unit ball and a
-cylinder or capsule has radius 1 about z. A ray ``o + z d`` keeps its parameter there: z is the camera's planar depth.
-With ``w = 1 / z``, a ball is met where ``C w^2 - 2 B w + A = 0``, with ``A = d.d``, ``B = -o.d``, ``C = o.o - 1``; the
-nearest place is ``w = (B + sqrt(D)) / C``. ``D = B^2 - A C`` loses all digits at a silhouette; it equals
-``A - |o x d|^2``, which does not (Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems
-2019, chapter 7, has the geometry).
+In a solid's *shape frame*, the object's frame with x, y and z divided by the solid's sizes, a ball is the unit ball and
+a cylinder or capsule has radius 1 about z. A ray ``o + z d`` keeps its parameter there: z is the camera's planar depth.
+With ``w = 1 / z``, a ray intersects a ball where ``C w^2 - 2 B w + A = 0``, with ``A = d.d``, ``B = -o.d``,
+``C = o.o - 1``; the nearest intersection is ``w = (B + sqrt(D)) / C``. The discriminant ``D = B^2 - A C`` suffers from
+cancellation at a silhouette; the equivalent ``A - |o x d|^2`` does not (Haines et al., "Precision Improvements for
+Ray/Sphere Intersection", Ray Tracing Gems 2019, chapter 7, has the geometry).
 """
 
 import warp as wp
@@ -27,13 +27,13 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.func
 def to_shape(v: wp.vec3d, size: wp.vec4) -> wp.vec3d:
-    """A place or a direction of the object's frame in the shape frame."""
+    """Transform a point or a direction from the object's frame to the shape frame."""
     return wp.vec3d(v[0] / wp.float64(size[0]), v[1] / wp.float64(size[1]), v[2] / wp.float64(size[2]))
 
 
 @wp.func
 def stretch_of(kind: int, made: wp.vec4, now: wp.vec4) -> wp.vec3d:
-    """Factors by which an object's triangles are stretched along its axes: `Stretch` of ``native/shared/stretch.h``."""
+    """Return the scale factors of an object's triangles: `Stretch` of ``native/shared/stretch.h``."""
     factors = wp.vec3d(wp.float64(now[0]), wp.float64(now[1]), wp.float64(now[2]))
     if kind == SOLID_NONE:
         return factors
@@ -48,7 +48,7 @@ def stretch_of(kind: int, made: wp.vec4, now: wp.vec4) -> wp.vec3d:
 
 @wp.func
 def is_outside(kind: int, half: wp.float64, o: wp.vec3d) -> bool:
-    """Whether a place is outside of a solid: only from there its true surface is seen."""
+    """Return whether a point is outside a solid; its true surface is visible only from outside."""
     one = wp.float64(1.0)
     beyond = wp.max(wp.abs(o[2]) - half, wp.float64(0.0))
     across = o[0] * o[0] + o[1] * o[1]
@@ -59,7 +59,7 @@ def is_outside(kind: int, half: wp.float64, o: wp.vec3d) -> bool:
 
 @wp.func
 def meet_ball(o: wp.vec3d, d: wp.vec3d) -> wp.float64:
-    """The w = 1 / z where a ray first meets the unit ball from outside; 0 if it does not."""
+    """Return w = 1 / z of a ray's first intersection with the unit ball from outside; 0 for a miss."""
     e = wp.cross(o, d)
     b = -wp.dot(o, d)
     square = wp.dot(d, d) - wp.dot(e, e)
@@ -70,7 +70,7 @@ def meet_ball(o: wp.vec3d, d: wp.vec3d) -> wp.float64:
 
 @wp.func
 def meet_side(half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> wp.float64:
-    """The same for the side of a cylinder."""
+    """Return w of the intersection with a cylinder's side; 0 for a miss."""
     none = wp.float64(0.0)
     c = o[0] * o[0] + o[1] * o[1] - wp.float64(1.0)
     e = o[0] * d[1] - o[1] * d[0]
@@ -86,7 +86,7 @@ def meet_side(half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> wp.float64:
 
 @wp.func
 def meet_end(half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> wp.float64:
-    """The same for the flat end of a cylinder that can be seen."""
+    """Return w of the intersection with a cylinder's flat end that faces the ray's origin; 0 for a miss."""
     none = wp.float64(0.0)
     if wp.abs(o[2]) <= half:
         return none
@@ -99,7 +99,7 @@ def meet_end(half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> wp.float64:
 
 @wp.struct
 class SolidHit:
-    """Where a ray meets a solid: 1 / z, 0 if nowhere, and which part of the surface that is."""
+    """The hit of a ray on a solid: 1 / z, 0 for a miss, and the part of the surface."""
 
     w: wp.float64
     part: int
@@ -107,7 +107,7 @@ class SolidHit:
 
 @wp.func
 def meet_solid(kind: int, half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> SolidHit:
-    """The nearest place of a solid along a ray of the shape frame, from outside."""
+    """Return the nearest hit of a solid by a ray of the shape frame that starts outside."""
     hit = SolidHit()
     hit.part = PART_SIDE
     if kind == SOLID_BALL:
@@ -132,7 +132,7 @@ def meet_solid(kind: int, half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> SolidHi
 
 @wp.func
 def normal_of_solid(kind: int, size: wp.vec4, part: int, p: wp.vec3d) -> wp.vec3d:
-    """Outward unit normal in the object's frame at a place of the surface, given in the shape frame."""
+    """Return the outward unit normal in the object's frame at a surface point, which is in the shape frame."""
     none, half = wp.float64(0.0), wp.float64(size[3])
     slope = p
     if kind != SOLID_BALL and part == PART_SIDE:

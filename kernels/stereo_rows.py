@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth by triangulation on CPU cores: the model of `warpvis.kernels.stereo`, sixteen pixels of a row at a time."""
+"""Stereo depth on CPU cores: the model of `warpvis.kernels.stereo` for 16 pixels of a row at a time."""
 
 import warp as wp
 
@@ -39,7 +39,7 @@ def measure_stereo_rows(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write the same on CPU cores, a row of pixels a thread of the kernel."""
+    """Write the output of `measure_stereo`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -72,7 +72,7 @@ def place_rows_in_other_eyes(
     # Out:
     points_out: wp.array3d[wp.vec2],
 ):
-    """Write what `place_in_other_eyes` does, a row of pixels a thread of the kernel."""
+    """Write the output of `place_in_other_eyes`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row

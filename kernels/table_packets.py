@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `kernels.ray_table` casts ray by ray, by packets on CPU cores, in ``native/cpu/table.h``."""
+"""Ray bundles, as in `kernels.ray_table`, by packets on CPU cores; see ``native/cpu/table.h``."""
 
 import warp as wp
 
@@ -14,9 +14,9 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class RayBundles:
-    """Rays of a table as a tree: see `native/cpu/ray_tree.h`, whose names these are, and ``Bundle`` in ``table.h``.
+    """Ray bundles as a tree; names are those of ``native/cpu/ray_tree.h``, and of ``Bundle`` in ``table.h``.
 
-    Rows of sixteen: bounds of a bundle's groups, a group's tiles and a tile's packets, and a packet's rays.
+    Rows have 16 numbers: bounds of a bundle's groups, a group's tiles and a tile's packets, and a packet's rays.
     """
 
     bundle: wp.array2d[wp.int32]
@@ -29,19 +29,19 @@ class RayBundles:
     rest_v: wp.array[float]
     row_u: wp.array[float]
     row_v: wp.array[float]
-    scale: wp.array[float]  # None where all are 1
+    scale: wp.array[float]  # None if all are 1
     place: wp.array[wp.int32]
     run: wp.array[wp.int32]
     corner: wp.array[wp.int32]
     fit: wp.array2d[float]  # (tiles, words of a ``RayFit``)
-    without_ray: wp.array[wp.int32]  # pixels
+    without_ray: wp.array[wp.int32]  # pixels that have no ray
     focal: wp.float64
     most_groups: int
 
 
 @wp.struct
 class TableJob:
-    """Images to make, in units of bundles. Counters, from 0, are a `JobCounter` of ``native/shared``."""
+    """Images to render, in units of bundles. Counters are a `JobCounter` of ``native/shared`` and start at 0."""
 
     views: int
     height: int
@@ -53,13 +53,13 @@ class TableJob:
     cull_backfaces: int
     bundle_far: wp.array[float]
     counter: wp.array[wp.int32]
-    scratch: wp.array2d[wp.uint8]  # of each worker; None to measure how many bytes each needs
+    scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
     scratch_bytes: wp.array[wp.int64]
 
 
 @wp.struct
 class TableCall:
-    """What a launch is given, as `kernels.packets.PacketCall`."""
+    """The arguments of a launch; see `kernels.packets.PacketCall`."""
 
     scene: BvhScene
     job: TableJob
@@ -106,10 +106,10 @@ def cast_table_packets(
     # Out:
     images_out: wp.array[Images],
 ):
-    """Write the asked-for images (one that is None is skipped) of one call: each array holds one.
+    """Write the requested images (None is skipped) of one call; each array contains one element.
 
-    Every worker launches this with the same arguments. The job's counters tell it which one it is, and the next unit
-    of work, until none is left.
+    Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
+    units of work.
     """
     _ = wp.tid()
     cast_bundles(calls, images_out)

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Textures: colours between texels and levels of mip maps, and colour spaces.
+"""Texture sampling with mip maps, and conversion of color spaces.
 
-A texture's level goes by a pixel's footprint on it, by the longer of its two sides in texels, as OpenGL has it (OpenGL
-4.6 core specification, 8.14.1). Colours between texels and levels are linear.
+The mip level follows from the longer side of a pixel's footprint in texels (OpenGL 4.6 core specification, 8.14.1).
+Colors are interpolated linearly between texels and between levels.
 """
 
 import warp as wp
@@ -17,21 +17,21 @@ TEXTURE_LINEAR_FILTER = wp.constant(1)
 
 @wp.struct
 class TextureLook:
-    """Where a texture's levels are among all texels, the finest one first, each of rows from above."""
+    """The layout of a texture in the array of all texels: from the finest level to the coarsest, rows from the top."""
 
     first: int
     width: int
-    height: int  # of a cube, of its six sides together
+    height: int  # for a cube, of its six sides together
     levels: int
     wrap_u: int
     wrap_v: int
     filter: int
-    is_linear: bool  # of what it stores
+    is_linear: bool  # whether its texels are in linear color space
 
 
 @wp.func
 def to_linear(value: float) -> float:
-    """Light of a value as screens show it (IEC 61966-2-1)."""
+    """Convert a display value to linear light (IEC 61966-2-1)."""
     if value <= 0.04045:
         return value / 12.92
     return wp.pow((value + 0.055) / 1.055, 2.4)
@@ -39,7 +39,7 @@ def to_linear(value: float) -> float:
 
 @wp.func
 def to_screen(value: float) -> float:
-    """What is inverse to `to_linear`."""
+    """Convert linear light to a display value: the inverse of `to_linear`."""
     if value <= 0.0031308:
         return value * 12.92
     return 1.055 * wp.pow(value, 1.0 / 2.4) - 0.055
@@ -71,7 +71,7 @@ def texel_color(texel: wp.uint32) -> wp.vec4:
 
 @wp.func
 def wrapped(index: int, size: int, mode: int) -> int:
-    """The texel that is shown for one of any number."""
+    """Return the index of a texel for an index outside of the texture."""
     if mode == WRAP_CLAMP:
         return wp.clamp(index, 0, size - 1)
     turn = index // size
@@ -87,7 +87,7 @@ def wrapped(index: int, size: int, mode: int) -> int:
 def fetch(
     texels: wp.array[wp.uint32], texture: TextureLook, first: int, size: wp.vec2i, at: wp.vec2i, linear: bool
 ) -> wp.vec4:
-    """A texel of a level, in the colour space of the material that it is mixed for."""
+    """Return a texel of a level, converted to linear space if `linear`, and to display color space otherwise."""
     column, row = wrapped(at[0], size[0], texture.wrap_u), wrapped(at[1], size[1], texture.wrap_v)
     color = texel_color(texels[first + row * size[0] + column])
     if linear and not texture.is_linear:
@@ -101,7 +101,7 @@ def fetch(
 def sample_level(
     texels: wp.array[wp.uint32], texture: TextureLook, level: int, uv: wp.vec2, side: int, linear: bool
 ) -> wp.vec4:
-    """The colour of a level at a place, of one of the sides of a cube or of the only one."""
+    """Return a level's color at a position; `side` is a side of a cube, or -1."""
     first, width, height = int(texture.first), int(texture.width), int(texture.height)
     sides = int(1)
     if side >= 0:
@@ -136,7 +136,7 @@ def sample_level(
 def sample(
     texels: wp.array[wp.uint32], texture: TextureLook, uv: wp.vec3, across: wp.vec3, down: wp.vec3, linear: bool
 ) -> wp.vec4:
-    """The colour at a place, the third number of which is a cube's side, or -1; beside it and below it are others."""
+    """Return the color at (u, v, cube side or -1); `across` and `down` are the neighboring pixels' coordinates."""
     side, height = int(uv[2]), int(texture.height)
     if side >= 0:
         height = height // CUBE_SIDES

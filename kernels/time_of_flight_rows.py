@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth by phase on CPU cores: `warpvis.kernels.time_of_flight` and edges, sixteen pixels of a row at a time."""
+"""Time-of-flight depth on CPU cores: `warpvis.kernels.time_of_flight` and edges for 16 pixels of a row at a time."""
 
 import warp as wp
 
@@ -64,7 +64,7 @@ def measure_time_of_flight_rows(
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
 ):
-    """Write what `measure_time_of_flight` does, a row of pixels a thread of the kernel."""
+    """Write the output of `measure_time_of_flight`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -101,7 +101,7 @@ def find_edges_rows(
     # Out:
     edges_out: wp.array3d[wp.int32],
 ):
-    """Write what `find_edges` does, a row of pixels a thread of the kernel."""
+    """Write the output of `find_edges`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row

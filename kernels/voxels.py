@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The visibility map in 3D: which voxels hold a seen surface, which are seen through, which are hidden."""
+"""The 3D visibility map: voxels that contain a visible surface, free voxels, and hidden voxels."""
 
 import warp as wp
 
@@ -14,14 +14,14 @@ OUTSIDE = wp.constant(wp.uint8(0))
 HIDDEN = wp.constant(wp.uint8(1))
 FREE = wp.constant(wp.uint8(2))
 SURFACE = wp.constant(wp.uint8(3))
-"""As in `warpvis.maps.Voxel`."""
+"""Voxel states, as in `warpvis.maps.Voxel`."""
 
 OBSTACLE = wp.constant(wp.uint8(LABEL_OBSTACLE))
 
 
 @wp.struct
 class VoxelGrid:
-    """Cubes of side `cell` [m] along the world's axes, from the corner of least coordinates."""
+    """Cubes of side `cell` [m] along the world's axes, from the corner of minimal coordinates."""
 
     origin: wp.vec3d
     cell: wp.float64
@@ -36,7 +36,7 @@ def flat_index(grid: VoxelGrid, i: int, j: int, k: int) -> int:
 
 @wp.func
 def voxel_at(grid: VoxelGrid, point: wp.vec3d) -> int:
-    """Flat index of the voxel that a point is in; -1 outside of the grid."""
+    """Return the flat index of the voxel that contains a point; -1 outside of the grid."""
     at = (point - grid.origin) / grid.cell
     for axis in range(3):
         if not (at[axis] >= wp.float64(0.0) and at[axis] < wp.float64(grid.size[axis])):
@@ -46,7 +46,7 @@ def voxel_at(grid: VoxelGrid, point: wp.vec3d) -> int:
 
 @wp.func
 def pixel_order(ground: GroundLabels, labels: wp.array3d[wp.uint8], view: int, y: int, x: int) -> int:
-    """Precedence of a pixel's label."""
+    """Return the precedence of a pixel's label."""
     label = OBSTACLE
     if labels:
         label = labels[view, y, x]
@@ -67,7 +67,7 @@ def mark_surface_points(
     # Out:
     marks_out: wp.array[wp.int32],
 ):
-    """Raise the mark of the voxel of a pixel's point to the precedence of the pixel's label + 1; 0 is no point."""
+    """Raise the mark of the voxel of each pixel's point to 1 + the precedence of the pixel's label; 0 is unmarked."""
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
@@ -97,7 +97,7 @@ def judge_voxels(
     states_out: wp.array3d[wp.uint8],
     labels_out: wp.array3d[wp.uint8],
 ):
-    """Raise every voxel's state and label by what was marked in it and by what all views show at its centre."""
+    """Raise every voxel's state and label by its mark and by the images of all views at its center."""
     i, j, k = wp.tid()
     i += window.first_view
     j += window.first_row
@@ -125,7 +125,7 @@ def judge_voxels(
         shown = shown_depth(camera, depth_in[view, int(y), int(x)])
         if wp.isnan(shown):
             continue
-        # From the centre to the seen surface along the ray, the longest way along an axis of the world.
+        # Distance from the center to the visible surface along the ray, along the world axis of its largest component.
         way = wp.abs(wp.float64(shown) * w - wp.float64(1.0)) * wp.max(wp.abs(sight))
         z = float(p[2])
         if way <= half * grid.cell:
@@ -152,7 +152,7 @@ def merge_voxels(
     states_out: wp.array3d[wp.uint8],
     labels_out: wp.array3d[wp.uint8],
 ):
-    """Raise the states and labels of one map to those of another."""
+    """Merge the states and labels of one map into another."""
     i, j, k = wp.tid()
     i += window.first_view
     j += window.first_row
@@ -172,7 +172,7 @@ def highest_labels(
     # Out:
     floor_out: wp.array3d[wp.uint8],
 ):
-    """The highest label over every cell of the floor, whose axes are as in a floor map: y, x; or x, z where y is up."""
+    """Write the label of highest precedence above every floor cell; axes are y, x, or x, z if y is up."""
     view, row, column = wp.tid()
     view += window.first_view
     row += window.first_row
