@@ -36,8 +36,8 @@ _MARGIN = 1e-3  # of bounds [px]
 _MAX_STRETCH = 2.0
 _BLOCKS = ((4, 4), (2, 8), (1, 16))
 _ACROSS = TILE_SIDE // BLOCK_SIDE  # packets per row or column of a tile
-# Tiles are fitted if they have at least this many rays, if the sine of the angle between their columns and rows is not
-# too small, and if rays are at most this many columns or rows from their fitted position.
+# Conditions for fitting a tile: minimum number of rays; minimum determinant of the steps along columns and rows,
+# relative to the largest step squared; and maximum distance of rays from their fitted column and row.
 _MIN_FITTED, _MIN_TURN, _MAX_ASIDE = 16, 0.05, 0.75
 # Error bounds of single precision: of fitted columns and rows, absolute, and of positions, relative.
 _FIT_MARGIN, _ROUNDED = 1e-3, 5e-7
@@ -73,17 +73,17 @@ class SplitRays:
 
 @dataclass(frozen=True)
 class PreparedRays:
-    """A table of rays for packets."""
+    """A ray table prepared for packets."""
 
     struct: RayBundles
     longest: NDArray[np.float64]
-    """Of each bundle, the greatest z of its rays, where depth is 1."""
+    """Greatest z of the rays of each bundle at depth 1."""
     longest_ray: float
-    """The greatest length of a ray where depth is 1."""
+    """Greatest length of a ray at depth 1."""
 
 
 def prepare_rays(rays: NDArray[np.float64]) -> PreparedRays:
-    """Prepare rays of the camera frame, shape (H, W, 3), where depth is 1; NaN for pixels without one."""
+    """Prepare rays of depth 1 in the camera frame, shape (H, W, 3); NaN for pixels without a ray."""
     from warpvis.kernels.table_packets import RayBundles
 
     split = split_rays(rays)
@@ -108,7 +108,7 @@ def prepare_rays(rays: NDArray[np.float64]) -> PreparedRays:
 
 
 def split_rays(rays: NDArray) -> SplitRays:
-    """Split rays over pinholes: one along the camera's axis if that is wide enough, else along the longest axes."""
+    """Assign rays to one pinhole along the camera's axis if it sees them all, otherwise to pinholes along all axes."""
     known = np.isfinite(rays).all(axis=-1) & (rays != 0).any(axis=-1)
     size = np.where(known[..., None], np.abs(rays), 0)
     if (rays[..., 2][known] > 0).all() and (size[..., :2].max(axis=-1) <= _WIDEST * size[..., 2]).all():
@@ -135,15 +135,15 @@ def split_rays(rays: NDArray) -> SplitRays:
 
 
 def towards(rays: NDArray, axis: int) -> NDArray:
-    """Return how far vectors reach along an axis of a pinhole: an index, or its complement for the other way."""
+    """Return the component of vectors along an axis: an index, or its bitwise complement for the negative axis."""
     return -rays[..., ~axis] if axis < 0 else rays[..., axis]
 
 
 def _sort(split: SplitRays) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[int, int, int]]]:
-    """Make tiles, how many columns of the table a packet of each has, and bundles: a face, its first and last tile.
+    """Return tiles, the number of table columns of each tile's packets, and bundles: (face, first tile, end tile).
 
-    Tiles are sixteen packets each, of the indices of pixels, or -1 for none, shape (tiles, 16, 16). Of those that are
-    no rows and columns of the table, the number of columns is 0.
+    A tile consists of sixteen packets of pixel indices, or -1 for none, shape (tiles, 16, 16). The number of columns is
+    0 for tiles that are not blocks of the table.
     """
     tiles, columns = [np.zeros((0, _LANES, _LANES), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     bundles, first = [], 0
@@ -160,16 +160,16 @@ def _sort(split: SplitRays) -> tuple[NDArray[np.int64], NDArray[np.int64], list[
 
 
 def _tiles(there: NDArray[np.bool_], places: NDArray) -> tuple[NDArray[np.int64], int]:
-    """Make tiles of neighbours in the table, or of rays sorted by where they are if those are no neighbours.
+    """Return tiles of neighbors in the table, or of rays sorted by position if neighbors in the table are incoherent.
 
-    How many columns of the table their packets have is returned, too; 0 if rays are sorted.
+    Also return the number of table columns of their packets; 0 if rays are sorted.
     """
     index = np.where(there, np.arange(there.size).reshape(there.shape), -1)
     cuts = [_cut(index, block) for block in _BLOCKS]
     lengths = [_lengths(tiles, places) for tiles in cuts]
     best = int(np.argmin(lengths))
     rays = index[there]
-    # How long packets would be if they were squares.
+    # Total length if all packets were squares.
     count = len(rays) / _LANES
     ideal = 2 * math.sqrt(float(np.ptp(places[rays], axis=0).prod()) / count) * count
     if lengths[best] <= _MAX_STRETCH * ideal:
@@ -182,7 +182,7 @@ def _tiles(there: NDArray[np.bool_], places: NDArray) -> tuple[NDArray[np.int64]
 
 
 def _cut(index: NDArray, block: tuple[int, int]) -> NDArray[np.int64]:
-    """Cut a table into tiles of 4 x 4 blocks of sixteen, those that have any ray."""
+    """Cut a table into tiles of 4 x 4 blocks of sixteen pixels, and drop tiles without a ray."""
     (rows, columns), across = block, _ACROSS
     height, width = across * rows, across * columns
     padded = np.pad(index, ((0, -len(index) % height), (0, -index.shape[1] % width)), constant_values=-1)
@@ -192,7 +192,7 @@ def _cut(index: NDArray, block: tuple[int, int]) -> NDArray[np.int64]:
 
 
 def _filled(parts: list[NDArray]) -> NDArray[np.int64]:
-    """Make rows of sixteen of what is sixteen or fewer each."""
+    """Pad parts of at most sixteen items to rows of sixteen with -1."""
     rows = np.full((len(parts), _LANES), -1, dtype=np.int64)
     for row, part in zip(rows, parts, strict=True):
         row[: len(part)] = part
@@ -200,7 +200,7 @@ def _filled(parts: list[NDArray]) -> NDArray[np.int64]:
 
 
 def _lengths(tiles: NDArray, places: NDArray) -> float:
-    """Sum of half the circumferences of packets' bounds."""
+    """Return the sum of the half perimeters of the packets' bounds."""
     packets = tiles.reshape(-1, _LANES)
     packets = packets[(packets >= 0).any(axis=1)]
     there = (packets >= 0)[..., None]
@@ -209,15 +209,15 @@ def _lengths(tiles: NDArray, places: NDArray) -> float:
 
 
 def _middles(rows: NDArray, places: NDArray) -> NDArray:
-    """Mean places of what each row names; -1 names nothing."""
+    """Return the mean position of the indices in each row, ignoring -1."""
     there = (rows >= 0)[..., None]
     return np.where(there, places[rows], 0).sum(axis=1) / there.sum(axis=1)
 
 
 def _parts(places: NDArray, items: NDArray, unit: int, most: int) -> Iterator[NDArray]:
-    """Halve items where they are longest until no part has more than `most`.
+    """Halve items along their longest axis until no part has more than `most`.
 
-    Cuts are at multiples of `unit`, or of sixteen below that: all parts but the last are full.
+    Cuts are at multiples of `unit`, or of sixteen in smaller parts, so that all parts but the last are full.
     """
     count = len(items)
     if count <= most:
@@ -233,7 +233,7 @@ def _parts(places: NDArray, items: NDArray, unit: int, most: int) -> Iterator[ND
 
 
 class _Layout:
-    """Rows of rays, packets, tiles and groups, where those that are not full are filled up with nothing."""
+    """Arrays of rays, packets, tiles and groups, padded to full packets, tiles and groups."""
 
     def __init__(self, tiles: NDArray, columns: NDArray, bundles: list[tuple[int, int, int]], split: SplitRays) -> None:
         counts = [-(-(end - first) // _LANES) for _, first, end in bundles]
@@ -276,26 +276,26 @@ class _Layout:
 
 
 def _rows(low: NDArray, high: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return bounds of children as rows of sixteen, [parent][u0 v0 u1 v1][child], and those of the parents."""
+    """Return bounds of children in rows of sixteen, [parent][u0 v0 u1 v1][child], and the parents' low and high."""
     low, high = low.reshape(-1, _LANES, 2), high.reshape(-1, _LANES, 2)
     rows = np.concatenate([low.transpose(0, 2, 1), high.transpose(0, 2, 1)], axis=1)
     return rows.astype(np.float32), low.min(axis=1), high.max(axis=1)
 
 
 def _padded(bounds: NDArray, nowhere: float) -> NDArray:
-    """Fill up a bundle's groups to sixteen."""
+    """Pad the bounds of a bundle's groups to sixteen."""
     return np.pad(bounds, ((0, _LANES - len(bounds)), (0, 0)), constant_values=nowhere)
 
 
 def _rectangle(low: NDArray, high: NDArray) -> tuple[int, int, int, int]:
-    """Width, height and centre of an image of whole pixels that holds all places."""
+    """Return the width, height and principal point of an image of whole pixels that contains all positions."""
     first = np.floor(low).astype(int) - 1
     size = np.ceil(high).astype(int) + 1 - first
     return int(size[0]), int(size[1]), int(-first[0]), int(-first[1])
 
 
 def _runs(place: NDArray[np.int32]) -> NDArray[np.int32]:
-    """How many of a packet's pixels are side by side: 16, 8, 4, or 1."""
+    """Return the length of the runs of consecutive pixels that each packet consists of: 16, 8, 4, or 1."""
     runs = np.ones(len(place), dtype=np.int32)
     for run in (4, 8, 16):
         rows = place.reshape(len(place), _LANES // run, run)
@@ -304,7 +304,7 @@ def _runs(place: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _corners(place: NDArray[np.int32], width: int) -> NDArray[np.int32]:
-    """Return the first pixel of tiles that are 16 x 16 neighbours in an image so wide, in blocks of 4 x 4; else -1."""
+    """Return the first pixel of each tile that is a 16 x 16 square of an image, in blocks of 4 x 4; -1 for others."""
     pixel = np.arange(TILE_SIDE * TILE_SIDE).reshape(TILE_SIDE, TILE_SIDE)
     blocks = _cut(pixel, _BLOCKS[0])[0]
     expected = place[:, :1, :1] + blocks // TILE_SIDE * width + blocks % TILE_SIDE
@@ -313,13 +313,13 @@ def _corners(place: NDArray[np.int32], width: int) -> NDArray[np.int32]:
 
 
 def _slots(columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the column and the row of each ray of a tile whose packets have so many columns."""
+    """Return the column and the row of each ray of a tile with packets of `columns` columns."""
     packet, lane = np.divmod(np.arange(_GROUP), _LANES)
     return packet % _ACROSS * columns + lane % columns, packet // _ACROSS * (_LANES // columns) + lane // columns
 
 
 def in_rows(places: NDArray[np.float32], across: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Put places, shape (2, tiles, 16, 16), in the order of rows and columns, shape (2, tiles * 256)."""
+    """Reorder positions, shape (2, tiles, 16, 16), by rows and columns of each tile, shape (2, tiles * 256)."""
     rows = np.zeros((2, len(across), _GROUP), dtype=np.float32)
     for columns in np.unique(across[across > 0]):
         column, row = _slots(columns)
@@ -329,14 +329,17 @@ def in_rows(places: NDArray[np.float32], across: NDArray[np.int64]) -> NDArray[n
 
 
 def _fits(places: NDArray[np.float32], there: NDArray[np.bool_], across: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Say which column and row places are in, shape (2, tiles, 16, 16): rows of a ``RayFit`` of ray_tree.h."""
+    """Fit columns and rows as linear functions of positions, shape (2, tiles, 16, 16): words of a ``RayFit`` per tile.
+
+    Tiles that do not meet the conditions for a fit have zeros.
+    """
     fits = np.zeros((len(there), _FIT_WORDS), dtype=np.float32)
     for columns in np.unique(across[across > 0]):
         cells = np.stack([np.ones(_GROUP), *_slots(columns)], axis=-1)
         tiles = np.flatnonzero((across == columns) & (there.sum(axis=(1, 2)) >= _MIN_FITTED))
         weight = there[tiles].reshape(len(tiles), _GROUP).astype(np.float64)
         at = places[:, tiles].reshape(2, len(tiles), _GROUP).astype(np.float64)
-        # Rays in one row or one column have many solutions, of which this takes the least.
+        # For rays in one row or one column, the pseudoinverse gives the solution of minimum norm.
         inverse = np.linalg.pinv(np.einsum("ts,si,sj->tij", weight, cells, cells), hermitian=True)
         linear = np.einsum("tij,sj,ts,kts->kti", inverse, cells, weight, at).astype(np.float32)
         off = (np.abs(np.einsum("si,kti->kts", cells, linear.astype(np.float64)) - at) * weight).max(axis=-1)

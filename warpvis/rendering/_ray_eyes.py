@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Eyes of packets on a GPU whose rays begin apart from each other: amidst the rays, and behind all their origins.
+"""Eyes of packets of rays with distinct origins, for GPUs: points near all rays of a packet and behind their origins.
 
-All in double precision, once for a table. What is made of it is in ``kernels/native/cuda/ray_origins.h``.
+Computed in double precision, once per ray table; used by ``kernels/native/cuda/ray_origins.h``.
 """
 
 from __future__ import annotations
@@ -15,41 +15,42 @@ from numpy.typing import NDArray
 from warpvis.kernels.ray_packets_cuda import EYE_WORDS
 from warpvis.rendering._ray_images import PacketImages
 
-# How much an eye is drawn to the middle of its rays' origins: those of parallel rays are anywhere along them.
+# Regularization weight that draws an eye to the mean of its rays' origins; for parallel rays, the nearest point is not
+# unique along the rays.
 _DRAWN_TO_ORIGINS = 1e-5
-# Eyes are no farther than so many times as far from there as origins are.
+# Maximum distance of an eye from the mean origin, relative to the largest distance of an origin from it.
 _MAX_AWAY = 2.0
-_ROUNDED = 1e-6  # of what single precision holds
-# Rows of a table are sorted into so many groups, of no fewer rows, where rays pass farther beside their eye than so
-# many times what neighbours are apart 1 m away, and pass so much nearer to a group's.
+_ROUNDED = 1e-6  # relative rounding error bound of single precision
+# Rows of a table are sorted into at most this many groups of at least this many rows, if rays pass their packet's eye
+# at more than _FAR_ASIDE times the distance of neighboring rays 1 m away, and grouping reduces this to _MUCH_NEARER.
 _MAX_GROUPS, _FEWEST_ROWS = 4, 8
 _FAR_ASIDE, _MUCH_NEARER = 3.0, 0.5
 
 
 @dataclass(frozen=True)
 class PacketEyes:
-    """What is known of each packet's eye and rays: arrays of a row each."""
+    """Eyes of packets and the positions of rays relative to them: arrays with a row per packet."""
 
     words: NDArray[np.float64]
-    """Rows of a ``TableEye`` each."""
+    """Words of a ``TableEye`` in each row."""
     aside: NDArray[np.float32]
-    """Where rays pass the plane of the eye [px m], shape (packets, slots, 2); 0 where there is none."""
+    """Offset of each ray from the eye, in the plane of the eye [px m], shape (packets, slots, 2); 0 without a ray."""
     begin: NDArray[np.float32]
-    """How far ahead of that plane they begin [m], shape (packets, slots); 0 where there is none."""
+    """Distance of each ray origin in front of that plane [m], shape (packets, slots); 0 without a ray."""
 
     @property
     def most_aside(self) -> NDArray[np.float64]:
-        """How far beside each packet's eye rays pass, at most [px m]."""
+        """Maximum offset of a packet's rays from its eye along either axis [px m], shape (packets,)."""
         return self.words[:, 3:5].max(axis=1)
 
 
 def find_eyes(images: PacketImages, rays: NDArray[np.float64], origins: NDArray[np.float64]) -> PacketEyes:
-    """Find eyes of packets.
+    """Find the eyes of packets.
 
     Args:
-        images: Of the packets.
+        images: Images of the packets.
         rays: Rays of the camera frame, shape (N, 3).
-        origins: Where they begin [m], likewise.
+        origins: Origins of the rays [m], shape (N, 3).
     """
     there = images.there[..., None]
     starts = np.where(there, origins[images.place], 0.0)
@@ -70,7 +71,7 @@ def find_eyes(images: PacketImages, rays: NDArray[np.float64], origins: NDArray[
 
 
 def _nearest_places(rays: NDArray[np.float64], starts: NDArray[np.float64], there: NDArray[np.bool_]) -> NDArray:
-    """Return the places that rays, zeros for none, pass the nearest, by least squares, shape (packets, 3)."""
+    """Return the points nearest to each packet's rays, zeros for none, by least squares, shape (packets, 3)."""
     count = np.maximum(there.sum(axis=1), 1)[:, None]
     middle = starts.sum(axis=1) / count
     apart = np.where(there[..., None], starts - middle[:, None], 0.0)
@@ -88,13 +89,13 @@ def _nearest_places(rays: NDArray[np.float64], starts: NDArray[np.float64], ther
 def group_rows(
     index: NDArray[np.int64], rays: NDArray[np.float64], origins: NDArray[np.float64], side: int
 ) -> NDArray[np.int64]:
-    """Sort the rows of a table so that those whose rays begin alike follow each other: a lidar's left and right lasers.
+    """Sort the rows of a table so that rows with similar ray origins are adjacent, as a lidar's left and right lasers.
 
     Args:
-        index: Of each ray, -1 for none, shape (H, W); columns look about the same way in all rows.
+        index: Index of each ray, -1 for none, shape (H, W); rays of a column have similar directions in all rows.
         rays: Rays of the camera frame, shape (N, 3).
-        origins: Where they begin [m], likewise.
-        side: Of packets; groups are filled up to so many rows by rows of -1.
+        origins: Origins of the rays [m], shape (N, 3).
+        side: Side of packets; groups are padded to a multiple of it with rows of -1.
     """
     first = index[:, :side]
     there = first >= 0
@@ -104,7 +105,7 @@ def group_rows(
     neighbours = np.linalg.norm(np.diff(looks, axis=1), axis=-1)[there[:, 1:] & there[:, :-1]]
     if not len(neighbours) or apart <= _FAR_ASIDE * np.median(neighbours):
         return index
-    # No more groups than needed: each is filled up to a multiple of a packet's rows.
+    # Use no more groups than needed, since each is padded to a multiple of a packet's rows.
     while _farthest(groups, looks, starts, there, side) > _MUCH_NEARER * apart:
         if len(groups) >= _MAX_GROUPS:
             return index
@@ -115,7 +116,7 @@ def group_rows(
 
 
 def _halves(rows: NDArray[np.int64], rays: NDArray, starts: NDArray, there: NDArray[np.bool_]) -> list[NDArray]:
-    """Split rows at the widest gap between where rays pass."""
+    """Split rows at the widest gap between the mean offsets of their rays."""
     middles = (
         _passing(rays[rows], starts[rows], there[rows]).sum(axis=1) / np.maximum(there[rows].sum(axis=1), 1)[:, None]
     )
@@ -128,7 +129,7 @@ def _halves(rows: NDArray[np.int64], rays: NDArray, starts: NDArray, there: NDAr
 
 
 def _farthest(groups: list[NDArray[np.int64]], rays: NDArray, starts: NDArray, there: NDArray, side: int) -> float:
-    """Return how far from one place the rays of a packet pass, at most over all packets of groups of rows."""
+    """Return the largest root mean square distance of a packet's rays from their nearest point, over groups of rows."""
     packets = [part[first : first + side] for part in groups for first in range(0, len(part), side)]
     return max(_size(_passing(rays[rows], starts[rows], there[rows])) for rows in packets)
 
@@ -138,7 +139,7 @@ def _size(aside: NDArray) -> float:
 
 
 def _passing(rays: NDArray, starts: NDArray, there: NDArray[np.bool_]) -> NDArray:
-    """How far beside the place that all rays pass the nearest each of them does."""
+    """Return the offset of each ray from the point nearest to all rays."""
     flat, begin = rays.reshape(1, -1, 3), starts.reshape(1, -1, 3)
     place = _nearest_places(flat, begin, there.reshape(1, -1))[0]
     length = np.linalg.norm(rays, axis=-1, keepdims=True)

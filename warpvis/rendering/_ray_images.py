@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of packets of rays on a GPU: each turned to its rays, and scaled as they are apart.
+"""Images of packets of rays on a GPU, each rotated towards its rays and scaled to their spacing.
 
-All in double precision, once for a table. Of rays that are neighbours in rows and columns, each passes near the centre
-of a pixel of its own (`fit_grid`); of others, they are anywhere in the image (`fit_points`).
+Computed in double precision, once per ray table. Rays that are neighbors in rows and columns each pass near the center
+of one pixel (`fit_grid`); other rays have arbitrary positions in the image (`fit_points`).
 """
 
 from __future__ import annotations
@@ -19,47 +19,47 @@ from warpvis.kernels.ray_packets_cuda import FRAME_WORDS
 POINTS_SIDE = 32
 """Pixels of an image of points, along each axis."""
 
-# Rays are no farther than this from where their image looks: the cosine.
+# Minimum cosine of the angle between a ray and its image's axis.
 _MIN_AHEAD = 0.3
 _MARGIN = 1e-3  # of bounds [px]
-# Where pixels would be more than so many times as high as wide, rays are all in a line, and pixels are squares. Of one
-# ray, there are so many of them a radian.
+# Maximum aspect ratio of pixels; beyond it, rays are collinear in the image, and pixels are square. The focal length is
+# used for single rays [px].
 _NARROWEST = 1e5
 _PLAIN_FOCAL = 256.0
-# Of points, they are never narrower: slopes in the image lose digits where it is stretched.
+# Maximum aspect ratio of pixels in images of points: slopes lose digits in stretched images.
 _NARROWEST_OF_POINTS = 16.0
-# Ways to turn an image of points, of which the one is taken that is full.
+# Number of rotations tried for an image of points, to find the one with the smallest bounds.
 _TURNS = 8
-# How far a point may be from the middle of its pixel, and a little for rounding [px].
+# Maximum distance of a point from the center of its pixel, with a margin for rounding [px].
 _POINT_SPREAD = 0.501
 
 
 @dataclass(frozen=True)
 class PacketImages:
-    """Packets' images: arrays of a row each."""
+    """Images of packets: arrays with a row per packet."""
 
     place: NDArray[np.int64]
-    """The index of each slot's ray, -1 for none, shape (packets, slots), as of all that is said of slots."""
+    """Index of each slot's ray in the table, -1 for none, shape (packets, slots)."""
     there: NDArray[np.bool_]
-    """Which slots have rays; the others' places are in a table that has no ray there, or -1."""
+    """Whether a slot has a ray, shape (packets, slots). Slots without one refer to a pixel without a ray, or to -1."""
     ahead: NDArray[np.float64]
-    """How far ahead rays of depth 1 reach; 1 where there is none."""
+    """Component of rays of depth 1 along the image's axis, shape (packets, slots); 1 without a ray."""
     exact: NDArray[np.float64]
-    """Where rays pass, from the principal point [px], shape (packets, slots, 2)."""
+    """Positions of rays in the image, from the principal point [px], shape (packets, slots, 2)."""
     first: NDArray[np.float64]
-    """Where the centre of each image's first pixel is [px], shape (packets, 2)."""
+    """Position of the center of each image's first pixel [px], shape (packets, 2)."""
     spread: NDArray[np.float64]
-    """How far rays pass from pixels' centres, at most [px], shape (packets); endless where some look aside."""
+    """Maximum distance of rays from pixel centers [px], shape (packets); infinite if a ray is too far off the axis."""
     matrix: NDArray[np.float64]
-    """What turns the table's camera into the images', shape (packets, 3, 3)."""
+    """Transformations from the table's camera frame to the images, shape (packets, 3, 3)."""
 
     @property
     def rounded(self) -> NDArray[np.float32]:
-        """Where rays pass, in single precision."""
+        """Positions of rays in single precision."""
         return self.exact.astype(np.float32)
 
     def frames(self) -> NDArray[np.float64]:
-        """Make rows of a ``TableFrame`` each (``native/cuda/table.h``)."""
+        """Return the words of a ``TableFrame`` (``native/cuda/table.h``) in each row."""
         rows = [
             self.matrix.reshape(-1, 9),
             np.linalg.inv(self.matrix).transpose(0, 2, 1).reshape(-1, 9),
@@ -73,7 +73,7 @@ class PacketImages:
         return table
 
     def block_bounds(self) -> NDArray[np.float32]:
-        """Where rays of blocks pass: rows of left, right, top and bottom [px], and left is beyond right of none."""
+        """Return bounds of the rays of each block: left, right, top and bottom [px]; left > right for empty blocks."""
         rounded, there = self.rounded.reshape(len(self.place), -1, CUDA_LANES, 2), self.there[..., None]
         there = there.reshape(*rounded.shape[:3], 1)
         least = np.where(there, rounded, np.float32(np.inf)).min(axis=2)
@@ -82,22 +82,23 @@ class PacketImages:
 
 
 def fit_grid(place: NDArray[np.int64], rays: NDArray[np.float64], side: int) -> PacketImages:
-    """Turn, scale and shear images so that rays, zeros for none, pass near the centres of the pixels of their slots.
+    """Rotate, scale and shear images so that rays, zeros for none, pass near the centers of their slots' pixels.
 
     Args:
-        place: The index of each pixel's ray, row by row, -1 for none, shape (packets, side * side).
-        rays: Rays of the camera frame where depth is 1, shape (N, 3).
-        side: Pixels of an image along each axis.
+        place: Index of each pixel's ray, row by row, -1 for none, shape (packets, side * side).
+        rays: Rays of the camera frame at depth 1, shape (N, 3).
+        side: Number of pixels of an image along each axis.
     """
     given, pixels = _rays_of(place, rays), _grid(side)
     middles = _middles(given)
-    # Facing their rays, most images are the straightest; what is sorted by its places in a face is so there.
+    # Most packets fit best in an image that faces their rays; rays that were sorted by their position in the image of a
+    # pinhole along an axis fit best in that image.
     bases = np.stack([_basis(middles), _basis(_nearest_axes(middles))])
     fits = [_fit(given, basis, pixels) for basis in bases]
     best = np.argmin([fit.spread for fit in fits], axis=0)
     index = np.arange(len(place))
     basis, mirrored = bases[best, index], np.array([np.linalg.det(fit.linear) < 0 for fit in fits])[best, index]
-    # In a mirrored image, triangles would turn their backs.
+    # Mirror the packet back: in a mirrored image, triangles would be seen from behind.
     place = np.where(mirrored[:, None], place.reshape(-1, side, side)[..., ::-1].reshape(place.shape), place)
     fit = _fit(_rays_of(place, rays), basis, pixels)
     exact = np.where(fit.there[..., None], fit.places @ fit.linear.transpose(0, 2, 1), fit.centers)
@@ -107,7 +108,7 @@ def fit_grid(place: NDArray[np.int64], rays: NDArray[np.float64], side: int) -> 
 
 
 def fit_points(place: NDArray[np.int64], rays: NDArray[np.float64]) -> PacketImages:
-    """Turn and scale images so that rays, zeros for none, just fill them; arguments are as of `fit_grid`."""
+    """Rotate and scale images so that rays, zeros for none, just fill them; the arguments are those of `fit_grid`."""
     given = _rays_of(place, rays)
     there, basis = (given != 0).any(axis=-1), _basis(_middles(given))
     flat = np.einsum("prk,pik->pir", basis, given)
@@ -127,7 +128,11 @@ def fit_points(place: NDArray[np.int64], rays: NDArray[np.float64]) -> PacketIma
 
 
 def _fullest_turn(places: NDArray, there: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
-    """Find how to turn images to be full; return turns, shape (packets, 2, 2), and where they begin and how large."""
+    """Find rotations that minimize the bounds of images.
+
+    Returns:
+        The rotations, shape (packets, 2, 2), and the first corner and the size of the bounds, shape (packets, 2) each.
+    """
     count = len(places)
     turns, least, size = np.tile(np.eye(2), (count, 1, 1)), np.zeros((count, 2)), np.full((count, 2), np.inf)
     for angle in np.arange(_TURNS) * (np.pi / 2 / _TURNS):
@@ -143,19 +148,19 @@ def _fullest_turn(places: NDArray, there: NDArray[np.bool_]) -> tuple[NDArray, N
 
 
 def middle_cosines(images: PacketImages, rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far rays are from where their image looks, at most: the cosine, shape (packets)."""
+    """Return the minimum cosine of the angle between a packet's rays and its image's axis, shape (packets)."""
     length = np.linalg.norm(_rays_of(images.place, rays), axis=-1)
     return np.where(images.there, images.ahead / np.where(images.there, length, 1.0), 1.0).min(axis=1)
 
 
 def _grid(side: int) -> NDArray[np.float64]:
-    """Columns and rows of a packet's pixels, row by row."""
+    """Return the column and row of each pixel of a packet, row by row."""
     y, x = np.divmod(np.arange(side * side), side)
     return np.stack([x, y], axis=-1).astype(np.float64)
 
 
 def _middles(rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean directions of packets, unit vectors; zeros are no rays."""
+    """Return the mean directions of packets as unit vectors, ignoring zeros."""
     length = np.linalg.norm(rays, axis=-1, keepdims=True)
     total = (rays / np.where(length > 0, length, 1)).sum(axis=1)
     size = np.linalg.norm(total, axis=-1, keepdims=True)
@@ -163,19 +168,19 @@ def _middles(rays: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _basis(middles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rows right, down and forward of cameras that look along directions, shape (packets, 3, 3)."""
+    """Return the axes right, down and forward of cameras that face given directions, shape (packets, 3, 3)."""
     right = np.cross(middles, np.where(np.abs(middles[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
     right /= np.linalg.norm(right, axis=-1, keepdims=True)
     return np.stack([right, np.cross(middles, right), middles], axis=1)
 
 
 def _rays_of(place: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rays of packets' pixels, shape (packets, pixels, 3); zeros where there is none."""
+    """Return the rays of each packet's pixels, shape (packets, pixels, 3); zeros without a ray."""
     return np.where((place >= 0)[..., None], rays[place], 0.0)
 
 
 def _nearest_axes(directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the axes of the camera, and the other ways, those that are the nearest to directions."""
+    """Return the positive or negative camera axis nearest to each direction."""
     axis = np.abs(directions).argmax(axis=-1)[:, None]
     ahead = np.sign(np.take_along_axis(directions, axis, axis=-1))
     nearest = np.zeros_like(directions)
@@ -185,26 +190,26 @@ def _nearest_axes(directions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Images in which rays pass near the centres of pixels."""
+    """Images in which rays pass near the centers of pixels."""
 
     there: NDArray[np.bool_]
-    """Which pixels have rays, shape (packets, pixels), as of what follows."""
+    """Whether a pixel has a ray, shape (packets, pixels)."""
     ahead: NDArray[np.float64]
-    """How far ahead rays of depth 1 reach; 1 where there is none."""
+    """Component of rays of depth 1 along the image's axis, shape (packets, pixels); 1 without a ray."""
     places: NDArray[np.float64]
-    """Where rays pass 1 ahead."""
+    """Positions of rays at focal length 1, shape (packets, pixels, 2)."""
     linear: NDArray[np.float64]
-    """What makes places in the packets' images of these, shape (packets, 2, 2)."""
+    """Matrices from these positions to positions in the packets' images, shape (packets, 2, 2)."""
     first: NDArray[np.float64]
-    """Place of the centre of each packet's first pixel, shape (packets, 2)."""
+    """Position of the center of each packet's first pixel, shape (packets, 2)."""
     centers: NDArray[np.float64]
-    """Of all pixels."""
+    """Positions of the centers of all pixels, shape (packets, pixels, 2)."""
     spread: NDArray[np.float64]
-    """How far rays pass from these, at most, shape (packets); endless where some look aside."""
+    """Maximum distance of rays from pixel centers, shape (packets); infinite if a ray is too far off the axis."""
 
 
 def _fit(rays: NDArray, basis: NDArray, pixels: NDArray) -> _Fit:
-    """Fit images to rays: columns and rows are linear in the places of rays, by least squares."""
+    """Fit images to rays: columns and rows are linear functions of the positions of rays, by least squares."""
     there = (rays != 0).any(axis=-1)
     flat = np.einsum("prk,pik->pir", basis, rays)
     aside = (there & (flat[..., 2] < _MIN_AHEAD * np.linalg.norm(rays, axis=-1))).any(axis=1)
@@ -218,7 +223,7 @@ def _fit(rays: NDArray, basis: NDArray, pixels: NDArray) -> _Fit:
     normal = np.einsum("pia,pib->pab", apart, apart)
     wanted = np.einsum("pia,pib->pab", apart, grid - grid_mean[:, None])
     linear = np.linalg.pinv(normal, rcond=1e-12, hermitian=True) @ wanted
-    # Rays that are too few, or all in a line, leave some of it open.
+    # The fit is underdetermined for too few or collinear rays: choose the scale along the free directions.
     left, size, right = np.linalg.svd(linear.transpose(0, 2, 1))
     size[size[:, 0] < 1e-6] = _PLAIN_FOCAL
     narrow = size[:, 1] < size[:, 0] / _NARROWEST

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays of a table as packets draw them on a GPU, each in an image of its own: squares of neighbours, and other rays.
+"""Preparation of ray tables for packets on a GPU, each with its own image: squares of neighbors, and other rays.
 
-What is made of it is in ``kernels/native/cuda/table.h``.
+Used by ``kernels/native/cuda/table.h``.
 """
 
 from __future__ import annotations
@@ -23,44 +23,44 @@ from warpvis.rendering._ray_images import PacketImages, fit_grid, fit_points, mi
 if TYPE_CHECKING:
     from warpvis.kernels.ray_packets_cuda import RayPackets
 
-# Sides of packets [px]; large ones are faster where there are enough of them in one view.
+# Sides of packets [px]; large packets are faster if one view has enough of them.
 _LARGE_SIDE, _SMALL_SIDE = 32, 16
 _MANY_RAYS = 200_000
-# Of the pixels that a warp looks at together.
+# Size of the blocks of pixels that a warp processes together [px].
 _BLOCK_WIDTH, _BLOCK_HEIGHT = 8, 4
-# Rays of a packet are no farther than this from its middle: the cosine.
+# Minimum cosine of the angle between a ray and the axis of its packet.
 _MIN_COSINE = 0.5
-# Rays of neighbours in the table that are farther than this from their pixels' centres are sorted instead.
+# Maximum distance of rays from pixel centers in squares of the table [px]; rays of other squares are sorted.
 _MAX_SPREAD = 1.5
-# Packets of 32x32 have nearer ones, and few pixels without.
+# The same for squares of 32x32, and the minimum fraction of their pixels with a ray.
 _MAX_LARGE_SPREAD, _MIN_FILL = 0.4, 0.6
-# Squares of what is sorted, too; other rays are points.
+# The same for squares of sorted rays; other rays are cast as points.
 _MAX_SORTED_SPREAD = 0.4
 
 POINTS = 256
-"""Rays of a packet of those that are in no order."""
+"""Number of rays in a packet of points."""
 
 
 @dataclass(frozen=True)
 class PreparedPackets:
-    """A table of rays for packets on a GPU."""
+    """A ray table prepared for packets on a GPU."""
 
     packets: list[tuple[int, RayPackets]]
-    """Sides of packets of neighbours, and the packets: up to two kinds."""
+    """Sides of packets of neighbors, and the packets: up to two kinds."""
     points: RayPackets | None
-    """Packets of `POINTS` other rays; None where there is no such ray."""
+    """Packets of `POINTS` other rays each; None if there are no such rays."""
     aside: float
-    """How far beside their packet's eye rays pass, in most packets [px m]; 0 where all begin at the camera."""
+    """Median over all packets of the maximum offset of a ray from the packet's eye [px m]; 0 for a common origin."""
 
 
 def prepare_packets(
     rays: NDArray[np.float64], device: wp.Device, origins: NDArray[np.float64] | None = None
 ) -> PreparedPackets:
-    """Prepare rays of the camera frame, shape (H, W, 3), where depth is 1; NaN for pixels without one.
+    """Prepare rays of depth 1 in the camera frame, shape (H, W, 3); NaN for pixels without a ray.
 
-    They begin at the camera, or, where `origins` are given, each close to it.
+    Rays start at the camera's origin, or at `origins`, shape (H, W, 3), which must be close to it.
 
-    What packets there are depends on nothing else: a view's last digits do not change with the number of views.
+    The packets depend on the arguments only, so that the last digits of a view do not change with the number of views.
     """
     flat, index, make = _flat(rays), _indices(rays), _Maker(rays, origins, device)
     places = []
@@ -88,7 +88,7 @@ def prepare_packets(
 def prepare_all(
     rays: NDArray[np.float64], side: int, device: wp.Device, origins: NDArray[np.float64] | None = None
 ) -> RayPackets:
-    """Prepare rays likewise, all in packets of one kind: squares of a side, or, of 0, `POINTS` rays."""
+    """Prepare rays as `prepare_packets` does, in one kind of packets: squares of `side`, or points if `side` is 0."""
     flat, index, make = _flat(rays), _indices(rays), _Maker(rays, origins, device)
     if side == 0:
         full, rest, without = _sorted(index.ravel(), flat.reshape(rays.shape), POINTS)
@@ -100,7 +100,7 @@ def prepare_all(
 
 
 def _flat(rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rays in a row; zeros for those that are none."""
+    """Return rays with shape (N, 3); zeros for pixels without a ray."""
     flat = rays.reshape(-1, 3)
     return np.where(np.isfinite(flat).all(axis=-1, keepdims=True), flat, 0.0)
 
@@ -110,28 +110,28 @@ def _indices(rays: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 class _Maker:
-    """Puts packets of a table on a device."""
+    """Creates packets of a ray table on a device."""
 
     def __init__(self, rays: NDArray[np.float64], origins: NDArray[np.float64] | None, device: wp.Device) -> None:
-        """Take rays as `prepare_packets` does."""
+        """Store the rays; the arguments are those of `prepare_packets`."""
         self.asides: list[NDArray[np.float64]] = []
         self._rays = _flat(rays)
         self._origins = None if origins is None else origins.reshape(-1, 3)
         self._device = device
 
     def grid(self, place: NDArray[np.int64], side: int) -> RayPackets:
-        """Make squares; `place` is the index of every slot's ray, -1 for none."""
+        """Create square packets; `place` is the index of each slot's ray, -1 for none."""
         return self._put(fit_grid(place, self._rays, side), _z_buffer_order(side))
 
     def points(self, place: NDArray[np.int64]) -> RayPackets:
-        """Make packets of points likewise."""
+        """Create packets of points; `place` is the index of each slot's ray, -1 for none."""
         images = fit_points(place, self._rays)
         packets = self._put(images, np.arange(place.shape[1]))
         packets.bounds = wp.array(images.block_bounds(), dtype=wp.vec4, device=self._device)
         return packets
 
     def _put(self, images: PacketImages, order: NDArray[np.int64]) -> RayPackets:
-        """Slots in the order of a z-buffer."""
+        """Copy packets to the device, with slots in the order of the z-buffer."""
         from warpvis.kernels.ray_packets_cuda import RayPackets
 
         packets, device = RayPackets(), self._device
@@ -153,7 +153,7 @@ class _Maker:
 
 
 def _near_blocks(index: NDArray[np.int64], rays: NDArray, side: int, most_spread: float) -> NDArray[np.int64]:
-    """Cut a table into squares; return those whose rays pass near their pixels' centres, shape (packets, pixels)."""
+    """Cut a table into squares; return those whose rays pass near pixel centers, shape (packets, pixels)."""
     unrolled = _unrolled(index, rays)
     tables = [index] if (unrolled == index).all() else [index, unrolled]
     cuts = [_blocks(table, side) for table in tables]
@@ -166,10 +166,10 @@ def _near_blocks(index: NDArray[np.int64], rays: NDArray, side: int, most_spread
 def _arrange(
     index: NDArray[np.int64], rays: NDArray[np.float64], side: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Choose packets: the index of every slot's ray, -1 for none, of squares and of `POINTS`, shape (packets, slots).
+    """Return square packets and packets of `POINTS` rays: indices of rays, -1 for none, shape (packets, slots).
 
-    They are squares of the table where rays that are neighbours there are so in space, and of the others groups that
-    are sorted by where they look.
+    Squares of the table are used where neighbors in the table are neighbors in space; other rays are sorted by
+    direction.
     """
     place = _near_blocks(index, rays, side, _MAX_SPREAD)
     others = index[(index >= 0) & ~np.isin(index, place)]
@@ -181,7 +181,7 @@ def _arrange(
 
 
 def _unrolled(index: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Roll each row of a table to where its rays look as the first row's: lidars' beams look aside of each other."""
+    """Roll each row of a table to align its directions with the first row's: lidar beams have azimuth offsets."""
     waves = np.fft.rfft(np.where((index >= 0)[..., None], rays[index], 0.0), axis=1)
     alike = np.fft.irfft((waves * waves[:1].conj()).sum(axis=-1), n=index.shape[1], axis=1)
     start = alike.argmax(axis=1)[:, None]
@@ -191,7 +191,7 @@ def _unrolled(index: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np
 def _sorted(
     items: NDArray[np.int64], rays: NDArray[np.float64], most: int
 ) -> tuple[NDArray[np.int64], list[NDArray[np.int64]], NDArray[np.int64]]:
-    """Sort rays of a table, shape (H, W, 3), by where they look: the full packets, others, and what has no ray."""
+    """Sort rays of a table, shape (H, W, 3), by direction; return full packets, partial ones, and items without a ray."""
     split, flat = split_rays(rays), rays.reshape(-1, 3)
     face = split.face.ravel()[items]
     full, rest = [np.zeros((0, most), dtype=np.int64)], []
@@ -204,17 +204,17 @@ def _sorted(
 
 
 def _in_points(full: NDArray[np.int64], rest: list[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Fill packets of points with rays that are sorted."""
+    """Return packets of points, filled with sorted rays."""
     return np.concatenate([_padded(part.ravel(), POINTS) for part in (full, *rest)])
 
 
 def _padded(items: NDArray[np.int64], most: int) -> NDArray[np.int64]:
-    """Fill packets, the last one with nothing."""
+    """Split items into packets of `most`, the last one padded with -1."""
     return np.pad(items, (0, -len(items) % most), constant_values=-1).reshape(-1, most)
 
 
 def _parts(items: NDArray, places: NDArray, rays: NDArray, most: int) -> Iterator[NDArray[np.int64]]:
-    """Halve rays where they are longest until each part is a packet's, and looks one way."""
+    """Halve rays along their longest axis until each part fits a packet and its directions are close."""
     if not len(items):
         return
     some = rays[items] / np.linalg.norm(rays[items], axis=-1, keepdims=True)
@@ -231,7 +231,7 @@ def _parts(items: NDArray, places: NDArray, rays: NDArray, most: int) -> Iterato
 
 
 def _halved(full: NDArray[np.int64], places: NDArray) -> NDArray[np.int64]:
-    """Sort rays of packets, a power of two each: halved by columns and rows in turns."""
+    """Sort the rays of packets, whose size is a power of two, by halving alternately by columns and rows."""
     most = full.shape[1]
     for level in range(most.bit_length() - 1):
         halves = full.reshape(-1, most >> level)
@@ -241,7 +241,7 @@ def _halved(full: NDArray[np.int64], places: NDArray) -> NDArray[np.int64]:
 
 
 def _as_squares(halved: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Put rays that are sorted so into rows and columns of squares."""
+    """Reorder rays sorted by `_halved` into rows and columns of squares."""
     most = halved.shape[1]
     levels = most.bit_length() - 1
     rows, columns = range(2, levels + 1, 2), range(1, levels, 2)
@@ -249,7 +249,7 @@ def _as_squares(halved: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _z_buffer_order(side: int) -> NDArray[np.int64]:
-    """Which of the pixels, row by row, are in a z-buffer: `Packet::index` of ``native/cuda/pixels.h``."""
+    """Return the pixel, row by row, of each z-buffer entry: the inverse of the index in ``native/cuda/pixels.h``."""
     y, x = np.divmod(np.arange(side * side), side)
     columns = side // _BLOCK_WIDTH
     block = y // _BLOCK_HEIGHT * columns + x // _BLOCK_WIDTH
@@ -259,7 +259,7 @@ def _z_buffer_order(side: int) -> NDArray[np.int64]:
 
 
 def _blocks(index: NDArray[np.int64], side: int) -> NDArray[np.int64]:
-    """Cut a table of indices into squares, -1 beyond the table, shape (packets, pixels)."""
+    """Cut a table of indices into squares, padded with -1, shape (packets, pixels)."""
     height, width = index.shape
     index = np.pad(index, ((0, -height % side), (0, -width % side)), constant_values=-1)
     rows, columns = (length // side for length in index.shape)

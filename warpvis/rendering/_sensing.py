@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How a renderer has a sensor's model make images: clean ones are cast first, into memory that waits for this."""
+"""Images of sensor models in a renderer: exact images are cast first, into cached memory, and passed to the model."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 _MAX_WORD = 2**32 - 1
-# So many numbers of views, on so many streams, have memory for clean images.
+# Maximum number of kinds of calls (number of views and stream) with cached memory for exact images.
 _MAX_KINDS = 3
 
 
 class Sensing:
-    """A sensor's model in a renderer."""
+    """A sensor model in a renderer."""
 
     def __init__(
         self,
@@ -48,14 +48,14 @@ class Sensing:
         clip_near: bool,
         threads: int,
     ) -> None:
-        """Check it; `make_caster` makes casters of other cameras of the scene.
+        """Check the sensor; `make_caster` creates casters for other cameras of the scene.
 
         Raises:
-            WarpvisError: It is no model, or one of another camera.
+            WarpvisError: If `sensor` is not a sensor model, or does not support the camera.
         """
         self.sensor = require_sensor(sensor)
         self.camera = sensor.check(scene, camera)
-        # The range is judged by what is measured, and a surface counts that is nearer or farther.
+        # The range applies to the measured depth; the exact depth includes nearer and farther surfaces.
         near = camera.near if clip_near else 0.0
         self.clean_camera = dataclasses.replace(self.camera, near=near, far=math.inf)
         self._scene = scene
@@ -70,7 +70,7 @@ class Sensing:
         return "depth", "true_depth", *self.sensor.needs
 
     def bytes_per_pixel(self, outputs: tuple[str, ...]) -> int:
-        """Count what a pixel takes beside the outputs."""
+        """Return the memory used per pixel in addition to the outputs [bytes]."""
         lacking = [name for name in self._needed if name not in outputs]
         images = sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in lacking)
         return images + self.sensor.bytes_per_pixel
@@ -78,12 +78,12 @@ class Sensing:
     def expose(
         self, caster: Any, poses: Any, worlds: Worlds, images: list[wp.array | None], numbers: NDArray[np.int64]
     ) -> None:
-        """Write images of poses, in the order of `ALL_OUTPUTS`; None is not made.
+        """Write images of poses, in the order of `ALL_OUTPUTS`; skip images that are None.
 
-        `caster` is of `clean_camera`, and `numbers` are what `view_numbers` returned.
+        `caster` must be a caster for `clean_camera`, and `numbers` the result of `view_numbers`.
         """
         device = self._scene.device
-        keeps = device.is_cpu or not device.is_capturing  # a graph has to have memory of its own
+        keeps = device.is_cpu or not device.is_capturing  # a captured graph must not share its memory
         kind = (len(poses), device.is_cuda and device.stream)
         room = (self._idle.take(kind) if keeps else None) or {}
         made = self._with_room(dict(zip(ALL_OUTPUTS, images, strict=True)), room, len(poses))
@@ -91,7 +91,7 @@ class Sensing:
         caster.cast(poses, worlds, [clean[name] for name in OUTPUTS])
         places = poses if isinstance(poses, wp.array) else wp.array(poses, dtype=wp.transform, device=device)
         needs, depth, words = self.sensor.needs, made["depth"], numbers.astype(np.uint32)
-        assert depth is not None  # for type checkers: there is room for it
+        assert depth is not None  # for type checkers: depth is always among the needed images
         exposure = Exposure(
             scene=self._scene,
             camera=self.camera,
@@ -119,13 +119,13 @@ class Sensing:
     def _with_room(
         self, images: dict[str, wp.array | None], room: dict[str, wp.array], views: int
     ) -> dict[str, wp.array | None]:
-        """Return the images and, of those that a model needs and nobody asked for, memory."""
+        """Return the images, with scratch memory for images that the model needs and that were not requested."""
         shape = (views, self.camera.height, self.camera.width)
         lacking = [name for name in self._needed if images[name] is None]
         return images | {name: self._room(room, name, shape, ALL_OUTPUTS[name]) for name in lacking}
 
     def _room(self, room: dict[str, wp.array], name: str, shape: tuple[int, ...], dtype: type) -> wp.array:
-        """Return memory of an earlier call of the kind, or new."""
+        """Return memory of an earlier call of the same kind, or allocate it."""
         known = room.get(name)
         if known is None or known.shape != shape:
             known = room[name] = empty(shape, dtype, name=name, device=self._scene.device)
@@ -140,7 +140,7 @@ class Sensing:
         points: wp.array,
         names: tuple[str, ...],
     ) -> dict[str, wp.array]:
-        """Do what `Exposure.cast` says."""
+        """Implement `Exposure.cast`."""
         if camera not in self._casters:
             self._casters[camera] = self._make_caster(camera)
         caster = self._casters[camera]
@@ -150,7 +150,7 @@ class Sensing:
 
 
 def next_frame(seed: int) -> int:
-    """Return the number of the next frame of this process that has this seed and no number of its own, from 0 up."""
+    """Return the number of the next frame without an explicit number in this process, per seed, counting from 0."""
     return next(_frames_of(seed))
 
 
@@ -160,10 +160,10 @@ def _frames_of(seed: int) -> Iterator[int]:
 
 
 def view_numbers(views: int, frame: int | ArrayInput, view_index: ArrayInput | None) -> NDArray[np.int64]:
-    """Return the number and the frame of every view, as `Renderer.render` takes them, shape ``(V, 2)``.
+    """Return the number and the frame of each view from the arguments of `Renderer.render`, shape ``(V, 2)``.
 
     Raises:
-        ArrayError: They are none.
+        ArrayError: If a value is not an unsigned 32-bit integer, or an array does not have one value per view.
     """
     numbers = np.empty((views, 2), dtype=np.int64)
     numbers[:, 0] = np.arange(views) if view_index is None else _check_words(view_index, "view_index", views)
@@ -172,10 +172,10 @@ def view_numbers(views: int, frame: int | ArrayInput, view_index: ArrayInput | N
 
 
 def check_word(value: object, name: str) -> int:
-    """Return `value` as a whole number of 32 bits.
+    """Return `value` as an int.
 
     Raises:
-        ArrayError: It is none.
+        ArrayError: If `value` is not an unsigned 32-bit integer.
     """
     if check_whole(value, name, least=0) > _MAX_WORD:
         raise ArrayError(f"{name} must be below 2^32, got {value}")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A caster whose images have colours: it has objects, triangles and points cast first, and shades what they say."""
+"""A caster that renders colors by shading the points, objects and triangles from another caster."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 _NEEDED = ("points", "segmentation", "faces")
-# So many numbers of views, on so many streams, have memory for images that nobody asked for.
+# Maximum number of kinds of calls (shape and stream) with cached memory for images that were not requested.
 _MAX_KINDS = 3
 
 
 class ShadingCaster:
-    """Another caster, and colours of what it sees."""
+    """Wrap another caster and add colors of the visible surfaces."""
 
     def __init__(self, caster: Any, scene: Scene, camera: RenderCamera, *, threads: int) -> None:
-        """Shade what `caster` sees through a camera."""
+        """Set up shading of the images of `caster`, which must use the same scene and camera."""
         self._caster = caster
         self._scene = scene
         self._camera = camera
@@ -42,15 +42,15 @@ class ShadingCaster:
         self._idle = Idle[dict[str, wp.array]](_MAX_KINDS)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
-        """Check poses, and return them as `cast` takes them."""
+        """Check poses and return them in the format of `cast`."""
         return self._caster.parse_poses(poses, convention)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write images of all poses, in the order of `OUTPUTS`; None is not made."""
+        """Write images of all poses, in the order of `OUTPUTS`; skip images that are None."""
         self._shade(poses, worlds, images, lambda needed: self._caster.cast(poses, worlds, needed))
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Write them through image points, shape ``(V, Y, X)`` vec2, as are the images'."""
+        """Write images through image points, vec2 of shape ``(V, Y, X)``, which is also the images' shape."""
         self._shade(poses, worlds, images, lambda needed: self._caster.cast_at(poses, worlds, pixels, needed))
 
     def _shade(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None], cast: Any) -> None:
@@ -61,7 +61,7 @@ class ShadingCaster:
             cast(images[: len(CAST_OUTPUTS)])
             return
         device, shape = self._scene.device, next(iter(wanted.values())).shape
-        keeps = device.is_cpu or not device.is_capturing  # a graph has to have memory of its own
+        keeps = device.is_cpu or not device.is_capturing  # a captured graph must not share its memory
         kind = (shape, device.is_cuda and device.stream)
         room = (self._idle.take(kind) if keeps else None) or {}
         for name in (*_NEEDED, "normals") if lit else _NEEDED:
@@ -84,7 +84,7 @@ class ShadingCaster:
         scene = self._scene
         names = (*_NEEDED, "normals") if lit else _NEEDED
         *seen, colors = as_images([*(made[name] for name in names), image])
-        assert colors is not None  # it was asked for
+        assert colors is not None  # only requested images are shaded
         of_scene = [scene.looks(scene.background), *([scene.light_looks(scene.lights)] if lit else [])]
         footprint = self._footprint()
         launch_images(
@@ -96,7 +96,7 @@ class ShadingCaster:
         )
 
     def _footprint(self) -> Footprint:
-        """Say how large a pixel is."""
+        """Return the size of a pixel."""
         from warpvis.kernels import shading
 
         footprint, camera = shading.Footprint(), self._camera
@@ -112,13 +112,13 @@ class ShadingCaster:
 
 
 def bytes_beside(outputs: tuple[str, ...]) -> int:
-    """Count what a pixel takes beside outputs that have colours."""
+    """Return the memory used per pixel in addition to outputs with colors [bytes]."""
     lacking = [name for name in (*_NEEDED, "normals") if name not in outputs]
     return sum(wp.types.type_size_in_bytes(CAST_OUTPUTS[name]) for name in lacking)
 
 
 def pixel_angle(camera: RayCamera) -> float:
-    """Return the angle between neighbouring rays, in the middle of all [rad]; 0 of a list of rays."""
+    """Return the median angle between neighboring rays [rad]; 0 for a list of rays."""
     if len(camera.shape) < 2:
         return 0.0
     rays = camera.rays.reshape(*camera.shape, 3)
