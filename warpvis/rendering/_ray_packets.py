@@ -191,7 +191,7 @@ def _unrolled(index: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np
 def _sorted(
     items: NDArray[np.int64], rays: NDArray[np.float64], most: int
 ) -> tuple[NDArray[np.int64], list[NDArray[np.int64]], NDArray[np.int64]]:
-    """Sort rays of a table, shape (H, W, 3), by direction; return full packets, partial ones, and items without a ray."""
+    """Sort rays of a table, shape (H, W, 3), by direction; return full packets, partial ones, items without a ray."""
     split, flat = split_rays(rays), rays.reshape(-1, 3)
     face = split.face.ravel()[items]
     full, rest = [np.zeros((0, most), dtype=np.int64)], []

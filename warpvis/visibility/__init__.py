@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Say who sees which points and objects of the world, how much of them, and why not the rest."""
+"""Visibility of points and objects to cameras and agents: which are seen, how much of them, and why others are not."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Agents: robots and people with a place, a camera or a wide field of view, and a body."""
+"""Agents: robots and people with a pose, a camera or a wide field of view, and a body."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from warpvis.core.ray_camera import LensedCamera
 from warpvis.core.types import PoseLike
 from warpvis.errors import CameraError, SceneError
 
-# A pinhole spends ever more pixels on ever less: at 40 degrees from its axis, a row has 1.7 times as many a degree.
+# The pixel density of a pinhole image grows off its axis: at 40 degrees, a row has 1.7 times as many pixels per degree.
 _MAX_PIXELS = 1 << 19
 _WIDEST_FACE = math.radians(80)
 _HIGHEST = math.radians(85)
@@ -38,36 +38,36 @@ class Face:
     """One pinhole image of a field of view."""
 
     camera: ImageCamera
-    """Its intrinsics."""
+    """Intrinsics of the image."""
     rotation: tuple[float, float, float, float]
-    """Its camera frame to the agent's, ``x y z w``: a turn about the camera's y axis."""
+    """Rotation from the face's camera frame to the agent's, about the camera's y axis, ``x y z w``."""
     canvas: tuple[int, int, int, int]
-    """Pixels beyond the image, left, top, right, bottom, in which silhouettes still count: the image's width or height
-    where the field ends (BOP's canvas), but no farther than straight behind, and 0 where the next face takes over, so
-    that nothing counts twice."""
+    """Pixels beyond the left, top, right and bottom border of the image in which silhouettes are counted: the image's
+    width or height at the border of the field (BOP's canvas), but at most up to the direction straight behind the
+    agent, and 0 at the border to another face, so that no pixel is counted twice."""
 
 
 @dataclass(frozen=True)
 class FieldOfView:
-    """A field of view too wide for one pinhole: images of the same size side by side, turned about the y axis.
+    """A field of view too wide for one pinhole: adjacent images of the same size, rotated about the y axis.
 
-    They meet at vertical planes through the camera. The field ends at exactly `hfov` to both sides. Its upper and lower
-    limits are the straight borders of the images, so `up` and `down` hold on each face's centre plane, and the field is
-    a little lower between two of them: by 5 degrees at most for limits of 60 degrees and faces of 67.
+    The images meet at vertical planes through the camera. The field is exactly `hfov` wide. Its upper and lower limits
+    are the straight borders of the images: `up` and `down` apply on the center plane of each face, and the field is
+    slightly lower between two center planes, by at most 5 degrees for limits of 60 degrees and faces of 67 degrees.
     """
 
     hfov: float
     """Horizontal angle of the whole field [rad], up to 2 pi."""
     up: float
-    """Angle above the axis [rad], measured on the centre plane of each face."""
+    """Angle above the axis [rad], measured on the center plane of each face."""
     down: float
-    """Angle below the axis [rad], likewise."""
+    """Angle below the axis [rad], measured on the center plane of each face."""
     near: float = 0.0
-    """Least depth along a face's axis [m]."""
+    """Minimum depth along a face's axis [m]."""
     far: float = math.inf
-    """Greatest depth along a face's axis [m]."""
+    """Maximum depth along a face's axis [m]."""
     resolution: float = _HUMAN_RESOLUTION
-    """Pixels per radian in the middle of each face; rounded to whole images."""
+    """Pixels per radian at the center of each face; the size of the images is rounded to whole pixels."""
 
     def __post_init__(self) -> None:
         if not is_number(self.hfov) or not 0 < self.hfov <= 2 * math.pi:
@@ -95,7 +95,7 @@ class FieldOfView:
         return max(1, math.ceil(self.hfov / _WIDEST_FACE - 1e-9))
 
     def _camera(self, hfov: float) -> Camera:
-        """Make a face's camera: whole numbers of pixels and exact angles, so its pixels are square up to rounding."""
+        """Return a face's camera, with whole numbers of pixels and exact angles: pixels are square up to rounding."""
         wide, high = 2 * math.tan(hfov / 2), math.tan(self.up) + math.tan(self.down)
         width, height = (max(1, round(self.resolution * extent)) for extent in (wide, high))
         fx, fy = width / wide, height / high
@@ -106,7 +106,7 @@ class FieldOfView:
         count = self._count
         hfov = self.hfov / count
         camera = self._camera(hfov)
-        # Silhouettes end, at the latest, straight behind.
+        # The canvas ends at the direction straight behind the agent.
         reach = hfov / 2 + (math.pi - self.hfov / 2)
         beyond = camera.width
         if reach < math.pi / 2:
@@ -123,7 +123,7 @@ class FieldOfView:
 
 @dataclass(frozen=True, eq=False)
 class Agent:
-    """A robot or a person: where its eyes are, how they see, and what of the scene is its own body.
+    """A robot or a person: the pose of its eyes or sensor, its camera, and the objects that are its body.
 
     Example:
         >>> robot = Agent.kinect("robot", look_at((0, 0, 1.2), (2, 0, 0)), body=("robot_body",))
@@ -131,19 +131,19 @@ class Agent:
     """
 
     name: str
-    """What reports call it."""
+    """Name in reports."""
     camera: ImageCamera | FieldOfView
-    """How it sees."""
+    """Camera or field of view of the agent."""
     pose: PoseLike = field(repr=False)
-    """Its eyes, camera to world: one pose, or one for each of V situations, shape ``(V, 7)`` or ``(V, 4, 4)``."""
+    """Camera to world: one pose, or one for each of V situations, shape ``(V, 7)`` or ``(V, 4, 4)``."""
     body: tuple[str, ...] = ()
-    """Names of the objects that are the agent itself: it neither sees them nor do they hide anything from it. Others
-    see them as any object."""
+    """Names of the objects that are the agent's own body: it does not see them, and they occlude nothing for it. Other
+    agents see them like any object."""
     attention: ImageCamera | None = None
-    """A narrower field along the same axis: of what the agent sees, it attends to what shows there too. Without one
-    it attends to all that it sees."""
+    """A narrower field of view along the same axis: visible objects that also appear in it are attended to. If None,
+    all visible objects are."""
     convention: Convention = "opencv"
-    """Axes of the camera frame that `pose` is for. The agent looks along the camera's axis, +z of OpenCV's frame."""
+    """Axes of the camera frame of `pose`. The agent looks along the camera's axis, +z of the OpenCV frame."""
     quaternion: QuaternionOrder = "xyzw"
     """Order of the quaternions in `pose`, ``"xyzw"`` or ``"wxyz"``."""
 
@@ -162,7 +162,7 @@ class Agent:
         if not all(isinstance(name, str) for name in body):
             raise SceneError(f"body of {self.name!r} must be names of objects, got {body!r}")
         object.__setattr__(self, "body", body)
-        _ = self.poses  # a pose that is none is refused here
+        _ = self.poses  # raises if the pose is invalid
 
     @classmethod
     def kinect(
@@ -174,7 +174,7 @@ class Agent:
         convention: Convention = "opencv",
         quaternion: QuaternionOrder = "xyzw",
     ) -> Agent:
-        """Make a robot with the paper's camera, `Camera.kinect`: 57 degrees wide, 0.3 to 4.5 m."""
+        """Create a robot with the paper's camera, `Camera.kinect`: 57 degrees wide, 0.3 to 4.5 m."""
         return cls(name, Camera.kinect(), pose, body=_tuple_of(body), convention=convention, quaternion=quaternion)
 
     @classmethod
@@ -190,24 +190,24 @@ class Agent:
         convention: Convention = "opencv",
         quaternion: QuaternionOrder = "xyzw",
     ) -> Agent:
-        """Make a person who looks along the camera's axis, head and eyes still.
+        """Create a person looking along the camera's axis, with head and eyes still.
 
-        The field of view is that of both eyes together: 200 degrees wide, 60 degrees up and 75 down. Perimetry gives
-        one eye 102 to 110 degrees outwards (Lestak et al., Clinical Ophthalmology 15, 2021, 3241) and, as lids and brow
-        allow, 50 to 70 up and 70 to 80 down (the largest in Traquair, Clinical Perimetry, 1938); the CIE's vocabulary
-        (e-ILV, "field of vision") says nearly 190 degrees for both eyes. The field of attention is a square 60 degrees
-        wide, the 30 degrees around fixation that perimetry calls the central field; that robots should tell what a
-        person attends to from what they see is LAAS's (Marin-Urias et al., Towards Shared Attention through Geometric
-        Reasoning for Human Robot Interaction, Humanoids 2009).
+        The field of view is that of both eyes: 200 degrees wide, 60 degrees up and 75 down. Perimetry gives 102 to 110
+        degrees outwards for one eye (Lestak et al., Clinical Ophthalmology 15, 2021, 3241) and, limited by lids and
+        brow, 50 to 70 up and 70 to 80 down (the largest in Traquair, Clinical Perimetry, 1938); the CIE's vocabulary
+        (e-ILV, "field of vision") gives nearly 190 degrees for both eyes. The field of attention is a square 60 degrees
+        wide, the central field of perimetry, within 30 degrees of fixation. The distinction between seeing and
+        attending follows Marin-Urias et al., Towards Shared Attention through Geometric Reasoning for Human Robot
+        Interaction, Humanoids 2009.
 
         Args:
-            name: What reports call the person.
-            pose: Their eyes, camera to world, one or ``(V, 7)`` or ``(V, 4, 4)``; see `warpvis.look_at`.
-            body: Names of the objects that are the person.
-            near: Least depth that they see [m].
-            far: Greatest depth that they see [m].
-            resolution: Pixels per radian. The eye has far more: this decides what is too small to count.
-            convention: Axes of the camera frame that `pose` is for.
+            name: Name in reports.
+            pose: Pose of the eyes, camera to world, one or ``(V, 7)`` or ``(V, 4, 4)``; see `warpvis.look_at`.
+            body: Names of the objects that are the person's body.
+            near: Minimum depth [m].
+            far: Maximum depth [m].
+            resolution: Pixels per radian, far fewer than those of an eye: defines which objects are too small to see.
+            convention: Axes of the camera frame of `pose`.
             quaternion: Order of the quaternions in `pose`, ``"xyzw"`` or ``"wxyz"``.
         """
         _check_resolution(resolution)
@@ -220,7 +220,7 @@ class Agent:
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:
-        """Its poses as rows ``x y z qx qy qz qw`` of the OpenCV frame, shape ``(V, 7)``."""
+        """Poses as rows ``x y z qx qy qz qw`` of the OpenCV camera frame, shape ``(V, 7)``."""
         given = self.pose.numpy() if isinstance(self.pose, wp.array) else self.pose
         given = to_xyzw(given, self.quaternion, f"pose of {self.name!r}")
         rows = parse_poses(given, convention=self.convention, name=f"pose of {self.name!r}").numpy()
@@ -228,25 +228,25 @@ class Agent:
 
     @property
     def faces(self) -> tuple[Face, ...]:
-        """Its images: those of its field, or its camera's one."""
+        """Faces of the field of view, or one face for a camera."""
         if isinstance(self.camera, FieldOfView):
             return self.camera.faces()
         width, height = self.camera.width, self.camera.height
         return (Face(self.camera, (0.0, 0.0, 0.0, 1.0), (width, height, width, height)),)
 
     def face_poses(self, face: Face) -> NDArray[np.float64]:
-        """Say where a face's camera is, camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``."""
+        """Return the poses of a face's camera, camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``."""
         turned = quaternion_product(self.poses[:, 3:], np.array(face.rotation))
         return np.concatenate([self.poses[:, :3], turned], axis=1)
 
     def angles_to(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compute angles between its axis and points of the world [rad].
+        """Return the angles between the agent's axis and points in the world [rad].
 
         Args:
-            points: K points for each of its V poses, or for all, shape ``(V or 1, K, 3)``.
+            points: K points for each of V poses, or for all poses, shape ``(V or 1, K, 3)``.
 
         Returns:
-            Angles from 0 to pi, shape ``(V, K)``; 0 for a point at its eyes.
+            Angles from 0 to pi, shape ``(V, K)``; 0 for a point at the agent's eyes.
         """
         matrices = poses_to_matrices(self.poses)
         x, y, z = np.moveaxis((points - matrices[:, None, :3, 3]) @ matrices[:, :3, :3], -1, 0)
@@ -254,7 +254,7 @@ class Agent:
 
 
 def _tuple_of(names: Sequence[str] | str) -> tuple[str, ...]:
-    """Return names, of which a single one may stand alone."""
+    """Return names as a tuple; a single name may be given as a string."""
     return tuple(as_items(names, "names", SceneError))
 
 

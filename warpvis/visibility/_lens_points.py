@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points seen through a lens: projected on the host in double precision, and judged along their own rays."""
+"""Visibility of points through a lens, projected on the host in double precision and tested along their rays."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from warpvis.scene.worlds import part_of
 if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
-# Projected points take 200 bytes each while they are worked on.
+# Maximum number of points per batch: projected points take 200 bytes each.
 _AT_ONCE = 1 << 20
 
 Floats = NDArray[np.float64]
@@ -30,22 +30,22 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PlacedPoints:
-    """Where N points are in V views' images, all of shape ``(V, N)``."""
+    """Projections of N points into V views."""
 
     pixels: Floats
-    """``(V, N, 2)`` [px]; NaN where a point is not in the image."""
+    """Image positions [px], ``(V, N, 2)``; NaN where a point is not in the image."""
     depth: Floats
-    """Depth of what kind the camera has [m]."""
+    """Depth of the camera's kind [m], ``(V, N)``."""
     rays: Floats
-    """From the camera to the point, of depth 1, ``(V, N, 3)``; NaN where it is not in the image."""
+    """Rays of depth 1 from the camera to the points, ``(V, N, 3)``; NaN where a point is not in the image."""
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Which points are in the image."""
+        """Whether points are in the image, ``(V, N)``."""
         return np.isfinite(self.pixels[..., 0])
 
     def judge(self, camera: LensedCamera, surface: NDArray[np.floating], tolerance: float) -> NDArray[np.uint8]:
-        """Tell whether points are seen, as `warpvis.kernels.points.judge` does, where surfaces are at these depths."""
+        """Return the `Visibility` of points given surface depths, as `warpvis.kernels.points.judge` does."""
         with np.errstate(invalid="ignore"):
             behind = (self.depth - surface) * np.linalg.norm(self.rays, axis=-1) > tolerance
         status = np.where(behind, Visibility.OCCLUDED, Visibility.VISIBLE)
@@ -55,11 +55,11 @@ class PlacedPoints:
 
 
 def place_points(camera: LensedCamera, poses: NDArray[np.float32], points: Floats) -> PlacedPoints:
-    """Project points of the world.
+    """Project points in the world.
 
     Args:
         camera: The camera.
-        poses: Rows ``(V, 7)`` as of `warpvis.core.poses.host_poses`.
+        poses: Rows ``(V, 7)`` from `warpvis.core.poses.host_poses`.
         points: Points [m], shape ``(N, 3)``.
     """
     matrices = poses_to_matrices(poses.astype(np.float64))
@@ -84,8 +84,8 @@ def judge_in_scene(
     caster: Caster,
     threads: int | None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.int32] | None]:
-    """Tell which points are seen in a scene; see `warpvis.point_visibility`."""
-    # Surfaces that are too near to be measured have a depth here, and are objects.
+    """Compute the visibility of points in a scene, and their occluders; see `warpvis.point_visibility`."""
+    # With near = 0, surfaces that are too near have a finite depth and an object.
     outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
     eye = replace(camera, near=0.0)  # type: ignore[type-var]  # all of them are dataclasses
     threads = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads).threads  # which checks them
@@ -111,7 +111,7 @@ def judge_in_images(
     points: NDArray[np.float32],
     tolerance: float,
 ) -> NDArray[np.uint8]:
-    """Tell which points are seen in depth images; see `warpvis.point_visibility_from_depth`."""
+    """Compute the visibility of points in depth images; see `warpvis.point_visibility_from_depth`."""
     status = np.empty((len(poses), len(points)), dtype=np.uint8)
     for views, some in _parts(*status.shape):
         placed = place_points(camera, poses[views], points[some].astype(np.float64))
@@ -124,7 +124,7 @@ def judge_in_images(
 
 
 def shown_depth(camera: LensedCamera, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return depth as REP 117 has it: -inf nearer than near, +inf beyond far; NaN where nothing was measured."""
+    """Return depth as in REP 117: -inf nearer than near, +inf beyond far, and NaN where nothing was measured."""
     near, far, endless = np.float32(camera.near), np.float32(camera.far), np.float32(np.inf)
     with np.errstate(invalid="ignore"):
         shown = np.where(depth < near, -endless, np.where(depth > far, endless, depth))
@@ -132,7 +132,7 @@ def shown_depth(camera: LensedCamera, depth: NDArray[np.float32]) -> NDArray[np.
 
 
 def _parts(views: int, points: int) -> Iterator[tuple[slice, slice]]:
-    """Go through views and points, as many at a time as there is memory for."""
+    """Yield slices of views and points, at most `_AT_ONCE` pairs each."""
     most = max(1, min(points, _AT_ONCE))
     step = max(1, _AT_ONCE // most)
     for first in range(0, views, step):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How much of each object a view sees, and what keeps the rest from being seen."""
+"""Visible fraction of each object in views, and what hides the rest."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from warpvis.visibility._silhouettes import SilhouetteCounter
 BOP_DELTA = 0.015
 """The `delta` of BOP's toolkit [m] (``scripts/calc_gt_info.py``); 0.005 for ITODD and for renderings to train with."""
 
-# What is counted, in the kernels' order, and what follows from it.
+# Counters, in the kernels' order, and results that are computed from them.
 _COUNTED = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
 _JUDGED = {
     "fraction": wp.float32,
@@ -40,43 +40,44 @@ _JUDGED = {
     "silhouette_box": wp.vec4i,
 }
 
-# Images of so many bytes are looked at together: on the CPU they are still in its caches when they are counted.
+# Maximum size of the images of a batch of views [bytes]; on the CPU, they stay in its caches until they are counted.
 _CPU_BYTES, _CUDA_BYTES = 1 << 24, 1 << 30
 
 
 @dataclass(frozen=True)
 class ObjectVisibility:
-    """How V views see K objects: `wp.array`s on the scene's device, indexed ``[view, object]``."""
+    """Visibility of K objects in V views: `wp.array`s on the scene's device, indexed ``[view, object]``."""
 
     objects: tuple[int, ...]
     """Indices of the objects in the scene."""
     names: tuple[str, ...]
     """Their names."""
     visible_pixels: wp.array
-    """Pixels of the image that show the object in the camera's range, ``(V, K)`` int32; with a `delta`, also those
-    where it lies just behind what they show."""
+    """Pixels of the image that show the object within the camera's range, ``(V, K)`` int32; with a `delta`, also
+    pixels where it is up to `delta` behind the visible surface."""
     image_pixels: wp.array
-    """Pixels of the image in which it would show if it were alone, at any depth, ``(V, K)`` int32."""
+    """Pixels of the image that the isolated object covers, at any depth, ``(V, K)`` int32."""
     silhouette_pixels: wp.array
-    """The same on the whole canvas, ``(V, K)`` int32."""
+    """Pixels of the canvas that the isolated object covers, at any depth, ``(V, K)`` int32."""
     too_near_pixels: wp.array
-    """Those of `image_pixels` where it is nearer than the camera's ``near``, ``(V, K)`` int32."""
+    """Pixels among `image_pixels` where the object is nearer than the camera's ``near``, ``(V, K)`` int32."""
     too_far_pixels: wp.array
-    """Those of `image_pixels` where it is farther than the camera's ``far``, ``(V, K)`` int32."""
+    """Pixels among `image_pixels` where the object is farther than the camera's ``far``, ``(V, K)`` int32."""
     fraction: wp.array
-    """`visible_pixels` / `silhouette_pixels`, BOP's ``visib_fract``, 0 where there are none, ``(V, K)`` float32."""
+    """`visible_pixels` / `silhouette_pixels`, BOP's ``visib_fract``, ``(V, K)`` float32; 0 without a silhouette."""
     status: wp.array
-    """`Visibility.VISIBLE`, or the reason why not, by most pixels of the image: OCCLUDED, TOO_NEAR, TOO_FAR (also where
-    all of it is there, of too few pixels), or OUT_OF_VIEW where it covers none, ``(V, K)`` uint8."""
+    """`Visibility.VISIBLE`, or the reason that applies to most pixels of the image, ``(V, K)`` uint8: OCCLUDED,
+    TOO_NEAR, TOO_FAR (also for an unoccluded object with too few pixels), or OUT_OF_VIEW if it covers no pixel."""
     occluder: wp.array
-    """Index of the object that hides most of its pixels in the image, -1 if none is hidden, ``(V, K)`` int32."""
+    """Index of the object that hides most of its pixels in the image, -1 if no pixel is hidden, ``(V, K)`` int32."""
     visible_box: wp.array
-    """Box of the visible pixels, x, y, width and height [px], -1 each if there are none, ``(V, K)`` vec4i."""
+    """Bounding box of the visible pixels: x, y, width and height [px], all -1 if there are none, ``(V, K)`` vec4i."""
     silhouette_box: wp.array
-    """Box of the whole silhouette on the canvas, likewise; counted from the image's first pixel, so x and y may be
-    negative."""
+    """Bounding box of the silhouette on the canvas in the same format, relative to the image's first pixel: x and y may
+    be negative."""
     masks: wp.array | None = None
-    """2 where it is visible, 1 where it would be if it were alone, else 0, ``(V, K, H, W)`` uint8; if asked for."""
+    """2 where the object is visible, 1 elsewhere in its silhouette, otherwise 0, ``(V, K, H, W)`` uint8; None if not
+    requested."""
 
 
 def object_visibility(
@@ -98,37 +99,37 @@ def object_visibility(
     caster: Caster = "auto",
     threads: int | None = None,
 ) -> ObjectVisibility:
-    """Measure objects in many views: visible pixels, silhouettes and fractions, boxes, masks, why they are not seen.
+    """Measure objects in many views: visible pixels, silhouettes, fractions, boxes, masks and reasons of invisibility.
 
-    An object's silhouette is what the image would show of it if it were alone in the world, on a canvas that reaches
-    beyond the image: BOP's definition (Hodan et al., "BOP: Benchmark for 6D Object Pose Estimation", ECCV 2018; code
-    in ``bop_toolkit_lib/visibility.py``), whose canvas is three times as wide and as high as the image.
+    An object's silhouette is the set of pixels that it covers without other objects, on a canvas larger than the image.
+    This is BOP's definition (Hodan et al., "BOP: Benchmark for 6D Object Pose Estimation", ECCV 2018; code in
+    ``bop_toolkit_lib/visibility.py``), with a canvas three times as wide and as high as the image.
 
     Args:
-        scene: The world.
-        camera: Image size, intrinsics and depth range of all views; or a `warpvis.sensors.LensCamera`, of whose canvas
-            the pixels count that the lens maps some direction to.
+        scene: The scene.
+        camera: Image size, intrinsics and depth range of all views; or a `warpvis.sensors.LensCamera`, for which only
+            pixels of the canvas are counted that correspond to a direction.
         camera_to_world: Poses, as for `Renderer.render`.
         objects: Names or indices of the objects; all by default.
-        delta: How far an object's surface may lie behind what a pixel shows, along its ray, to count as visible
-            nevertheless [m]. 0 counts the pixels that show it, exactly; BOP takes `BOP_DELTA`, 15 mm, because its
-            depth images are measured.
-        canvas: How many pixels the canvas reaches beyond the image's left, top, right and bottom; by default the
-            image's width and height on each side, as in BOP. Silhouettes are cut off at its border.
-        min_pixels: Fewer visible pixels than this do not count as `Visibility.VISIBLE`.
-        skip_unseen: Whether the silhouettes of objects of which nothing is visible may end at the image's border. Their
-            fraction is 0 all the same, and it saves time where many views see few objects.
-        masks: Whether to make `ObjectVisibility.masks`.
+        delta: Maximum distance along a pixel's ray by which an object's surface may be behind the visible surface to
+            count as visible [m]. 0 counts exactly the pixels that show it; BOP uses `BOP_DELTA`, 15 mm, for its
+            measured depth images.
+        canvas: Extension of the canvas beyond the image's left, top, right and bottom border [px]; by default the
+            image's width and height on each side, as in BOP. Silhouettes are cut off at the canvas border.
+        min_pixels: Minimum number of visible pixels for `Visibility.VISIBLE`.
+        skip_unseen: Whether silhouettes of objects without a visible pixel may be cut off at the image border. Their
+            fraction is 0 in any case; saves time if many views see few objects.
+        masks: Whether to compute `ObjectVisibility.masks`.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
-        exclude: As for `Renderer.render`. In a view that excludes it, an object has no pixels.
+        exclude: As for `Renderer.render`. An object has no pixels in views that exclude it.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         caster: As for `Renderer`.
         threads: CPU threads to use; all cores of this process by default.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     found = see_objects(
         scene,
@@ -176,7 +177,7 @@ def see_objects(
     caster: Caster = "auto",
     threads: int | None = None,
 ) -> ObjectVisibility:
-    """Do what `object_visibility` does, without warnings of arguments that are rarely meant."""
+    """Implement `object_visibility` without warnings about unusual arguments."""
     from warpvis.kernels.constants import SILHOUETTE_COUNTERS
     from warpvis.kernels.silhouettes import judge_silhouettes
 
@@ -196,7 +197,7 @@ def see_objects(
     views, count = len(poses), len(chosen)
     worlds = parse_worlds(scene, views, object_poses, world_index, exclude)
 
-    # Whatever is too near or too far to be measured hides what is behind it all the same.
+    # Surfaces outside the depth range occlude too.
     eye = dataclasses.replace(camera, near=0.0, far=math.inf)  # type: ignore[type-var]  # all of them are dataclasses
     outputs: list[Output] = ["depth", "segmentation"] if delta > 0 else ["segmentation"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
@@ -233,7 +234,7 @@ def _warn_of_blindness(
     seen: NDArray[np.bool_],
     moved: bool,
 ) -> None:
-    """Warn of scenes in millimetres of which nothing is seen, and of cameras inside of closed objects."""
+    """Warn of invisible scenes that appear to be in millimeters, and of cameras inside closed objects."""
     status = found.status.numpy()
     unseen = ~(status == Visibility.VISIBLE).any(axis=1)
     if unseen.all() and not (status == Visibility.OCCLUDED).any():
@@ -245,10 +246,10 @@ def _warn_of_blindness(
 
 
 def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[int]:
-    """Return indices of objects given by name or index, all for None.
+    """Return the indices of objects given by name or index; all for None.
 
     Raises:
-        SceneError: There is no such object, one is given twice, or none is given.
+        SceneError: If an object does not exist or is given twice, or no object is given.
     """
     if objects is None:
         return list(range(len(scene)))
@@ -269,10 +270,10 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
 def _allocate(
     scene: Scene, chosen: Sequence[int], shape: tuple[int, int], camera: ImageCamera | None
 ) -> tuple[wp.array, ObjectVisibility]:
-    """Allocate what is counted, in one array, and the results, among which it is; masks too if a camera is given."""
+    """Allocate the counters in one array, and the results, which include them; also masks if a camera is given."""
     names = tuple(scene.objects[index].name for index in chosen)
     views, count = shape
-    # Warp takes no slice of an array without rows.
+    # Warp cannot slice an array without rows.
     counted = empty((len(_COUNTED), max(1, views), count), wp.int32, name="counts", device=scene.device)
     arrays = {name: counted[row, :views] for row, name in enumerate(_COUNTED)}
     for name, dtype in _JUDGED.items():
@@ -285,14 +286,14 @@ def _allocate(
 
 
 def _parts(views: int, camera: ImageCamera, images: int, hidden: int, device: wp.Device) -> list[slice]:
-    """Yield views that are looked at together."""
+    """Split the views into batches that are rendered together."""
     most = _CPU_BYTES if device.is_cpu else _CUDA_BYTES
     step = max(1, most // (camera.width * camera.height * 4 * images + hidden * 4))
     return [slice(first, min(first + step, views)) for first in range(0, views, step)]
 
 
 def _first(views: Views | None, size: int) -> Views | None:
-    """Return the first images of an earlier part, to be written to again."""
+    """Return the first `size` images of an earlier batch as output memory."""
     if views is None:
         return None
     images = {"depth": views.depth, "segmentation": views.segmentation}

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Who sees what: the objects of a scene from the places of several agents, and what two of them see of each."""
+"""Visibility of a scene's objects to several agents, and comparison of pairs of agents."""
 
 from __future__ import annotations
 
@@ -32,68 +32,69 @@ class State(enum.IntEnum):
     """Which of two agents see an object: the paper's four cases."""
 
     NEITHER = 0
-    """None of the two."""
+    """Neither agent sees it."""
     FIRST = 1
-    """The first and not the second."""
+    """Only the first agent sees it."""
     SECOND = 2
-    """The second and not the first."""
+    """Only the second agent sees it."""
     BOTH = 3
-    """Both."""
+    """Both agents see it."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An object that a person sees, and so may mean."""
+    """An object that a person sees and may refer to."""
 
     object: str
-    """Its name."""
+    """Name of the object."""
     score: float
-    """``fraction * (1 + cos(gaze_angle)) / 2``: 1 where all of it is seen straight ahead, 0 behind the person."""
+    """``fraction * (1 + cos(gaze_angle)) / 2``: 1 for a fully visible object straight ahead, 0 behind the person."""
     fraction: float
-    """Share of its silhouette that the person sees."""
+    """Fraction of the object's silhouette that the person sees."""
     gaze_angle: float
-    """Angle between the person's axis and the middle of its box [rad]."""
+    """Angle between the person's axis and the center of the object's box [rad]."""
     attended: bool
-    """Whether it shows in the person's field of attention."""
+    """Whether the object is in the person's field of attention."""
     state: State | None
-    """Whether the person (first) and the robot (second) see it; None without a robot."""
+    """Whether the person (first) and the robot (second) see the object; None without a robot."""
     robot_fraction: float | None
-    """Share of its silhouette that the robot sees; None without a robot."""
+    """Fraction of the object's silhouette that the robot sees; None without a robot."""
     object_poses: NDArray[np.float32] | None = field(default=None, repr=False, compare=False)
-    """Where the movable objects are in the situation, rows ``x y z qx qy qz qw``, ``(M, 7)``; None if none are."""
+    """Poses of the movable objects in the situation, rows ``x y z qx qy qz qw``, ``(M, 7)``; None if nothing is
+    movable."""
 
 
 @dataclass(frozen=True, eq=False)
 class Perspective:
-    """What each of A agents sees of each of K objects in each of V situations. Everything is NumPy, on the host."""
+    """Visibility of K objects to A agents in V situations, as NumPy arrays in host memory."""
 
     agents: tuple[str, ...]
     """Names of the agents."""
     objects: tuple[str, ...]
     """Names of the objects."""
     labels: tuple[int, ...]
-    """Their labels."""
+    """Labels of the objects."""
     fraction: NDArray[np.float32]
-    """Share of the silhouette that is visible, ``(A, V, K)``; 0 where there is no silhouette."""
+    """Visible fraction of the silhouette, ``(A, V, K)``; 0 without a silhouette."""
     status: NDArray[np.uint8]
-    """`Visibility`: VISIBLE, or the reason that holds for most of its pixels in the images, ``(A, V, K)``."""
+    """`Visibility`: VISIBLE, or the reason that applies to most of the object's pixels in the images, ``(A, V, K)``."""
     visible_pixels: NDArray[np.int32]
-    """Pixels that show the object, over all of an agent's images, ``(A, V, K)``."""
+    """Pixels that show the object, summed over all images of an agent, ``(A, V, K)``."""
     silhouette_pixels: NDArray[np.int32]
-    """Pixels of the silhouette it would have alone in the world, in the images and beyond, ``(A, V, K)``."""
+    """Pixels of the isolated object's silhouette, inside and outside the images, ``(A, V, K)``."""
     occluder: NDArray[np.int32]
-    """The object that hides most of it, an index into `scene_objects`; -1 for none, ``(A, V, K)``."""
+    """Index into `scene_objects` of the object that hides most of it; -1 for none, ``(A, V, K)``."""
     attended: NDArray[np.bool_]
-    """Whether the agent sees it, and it shows in the agent's field of attention if it has one, ``(A, V, K)``."""
+    """Whether the agent sees the object and it is in the agent's field of attention, if it has one, ``(A, V, K)``."""
     gaze_angle: NDArray[np.float32]
-    """Angle between the agent's axis and the middle of the object's box [rad], ``(A, V, K)``. The box has the axes of
-    the frame of an object that is movable, of the world otherwise."""
+    """Angle between the agent's axis and the center of the object's box [rad], ``(A, V, K)``. The box is aligned with
+    the object's frame if it is movable, otherwise with the world."""
     body: NDArray[np.bool_]
     """Whether the object is part of the agent's own body, which it does not see, ``(A, K)``."""
     scene_objects: tuple[str, ...]
     """Names of all objects of the scene."""
     object_poses: NDArray[np.float32] | None = None
-    """Where the movable objects are in each situation, or in all of them, rows ``x y z qx qy qz qw``, ``(V, M, 7)`` or
+    """Poses of the movable objects in each situation, or in all of them, rows ``x y z qx qy qz qw``, ``(V, M, 7)`` or
     ``(1, M, 7)``; None if nothing is movable."""
     label_names: LabelNames = field(default_factory=LabelNames)
     """Names of the scene's classes."""
@@ -107,7 +108,7 @@ class Perspective:
         """Return the `State` of every object for two agents, ``(V, K)``. An agent does not see its own body.
 
         Raises:
-            SceneError: There is no agent of that name.
+            SceneError: If there is no agent with one of the names.
         """
         seen = self.visible
         return (State.FIRST * seen[self._agent(first)] + State.SECOND * seen[self._agent(second)]).astype(np.uint8)
@@ -120,19 +121,19 @@ class Perspective:
         view: int = 0,
         labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
     ) -> list[Candidate]:
-        """Return the objects that a person may mean: those that they see, the likeliest first.
+        """Return the objects that a person may refer to, those that the person sees, most likely first.
 
-        What the person attends to comes before what is in the corner of their eye; then the greater `Candidate.score`
-        comes first, then the order of the scene's objects.
+        Attended objects come first; objects are then sorted by decreasing `Candidate.score`, then in the order of the
+        scene's objects.
 
         Args:
-            human: The person's name.
-            robot: A robot's name, to say of each object whether it sees it, too.
-            view: The situation.
-            labels: Labels of the objects that may be meant, numbers or names; None for all.
+            human: Name of the person.
+            robot: Name of a robot, for `Candidate.state` and `Candidate.robot_fraction`.
+            view: Index of the situation.
+            labels: Labels of the objects to include, numbers or names; None for all.
 
         Raises:
-            WarpvisError: There is no such agent, view or label.
+            WarpvisError: If an agent, the view or a label does not exist.
         """
         who, view = self._agent(human), self._view(view)
         wanted = set(self.labels) if labels is None else self.label_names.numbers(labels)
@@ -165,22 +166,22 @@ class Perspective:
         view: int = 0,
         labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
     ) -> list[str]:
-        """Return names of the objects that the person sees and the robot does not, in the order of `candidates`.
+        """Return the names of the objects that the person sees and the robot does not, in the order of `candidates`.
 
-        The robot must move to see these: the person may mean one of them. The robot's own body is none of them.
+        The person may refer to one of them, and the robot must move to see it. The robot's own body is not included.
         """
         own = {name for name, its in zip(self.objects, self.body[self._agent(robot)], strict=True) if its}
         found = self.candidates(human, robot, view=view, labels=labels)
         return [item.object for item in found if item.state == State.FIRST and item.object not in own]
 
     def objects_at(self, view: int) -> NDArray[np.float32] | None:
-        """Say where the movable objects are in a situation, ``(M, 7)``; None if nothing is movable."""
+        """Return the poses of the movable objects in a situation, ``(M, 7)``; None if nothing is movable."""
         if self.object_poses is None:
             return None
         return self.object_poses[self._view(view) if len(self.object_poses) > 1 else 0]
 
     def report(self, view: int = 0) -> dict[str, Any]:
-        """Report one situation in full, in plain Python values that `json.dumps` takes."""
+        """Return all results of one situation as plain Python values, suitable for `json.dumps`."""
         view = self._view(view)
         pairs = [(pair, self.states(*pair)[view]) for pair in itertools.combinations(self.agents, 2)]
         objects = []
@@ -193,7 +194,7 @@ class Perspective:
         return {"view": view, "agents": list(self.agents), "objects": objects}
 
     def _entry(self, agent: int, view: int, k: int) -> dict[str, Any]:
-        """Return what `report` says of an agent and an object."""
+        """Return the entry of `report` for an agent and an object."""
         at = (agent, view, k)
         return {
             "visible": bool(self.visible[at]),
@@ -208,9 +209,9 @@ class Perspective:
         }
 
     def table(self, view: int = 0) -> str:
-        """Write one situation as text of fixed width: a row for every object, a column for every agent and pair.
+        """Format one situation as a text table: a row per object, a column per agent and per pair of agents.
 
-        An agent's column has the visible fraction, or why the agent does not see the object.
+        An agent's column contains the visible fraction, or the reason why the agent does not see the object.
         """
         view = self._view(view)
         pairs = list(itertools.combinations(self.agents, 2))
@@ -231,7 +232,7 @@ class Perspective:
         return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
     def _cell(self, agent: int, view: int, k: int) -> str:
-        """Return what `table` says of an agent and an object."""
+        """Return the cell of `table` for an agent and an object."""
         at = (agent, view, k)
         if self.body[agent, k]:
             return "own body"
@@ -268,28 +269,29 @@ def perspective(
     world_index: ArrayInput | None = None,
     threads: int | None = None,
 ) -> Perspective:
-    """Find what agents see of a scene's objects, by `object_visibility` from where each of them is.
+    """Compute the visibility of a scene's objects to agents, with `object_visibility` from each agent's pose.
 
-    The counts of a wide `FieldOfView` are sums over its faces; fractions and reasons come from the sums. An agent with
-    a body is an object to the others.
+    The counts of a wide `FieldOfView` are sums over its faces; fractions and reasons are computed from the sums. The
+    body of an agent is an ordinary object to other agents.
 
     Args:
-        scene: The world.
-        agents: Who looks, each of another name. An agent has one pose for all situations, or one for each of V.
-        objects: Names or indices of the objects that are looked for; all by default.
-        min_pixels: Fewest pixels by which an object is seen; also in a field of attention.
-        min_fraction: Least visible share of the silhouette by which it is seen.
-        delta: How far behind what is seen a surface may lie and still be seen [m]; see `object_visibility`.
-        object_poses: Where the movable objects are in each of W worlds, as for `Renderer.render`.
+        scene: The scene.
+        agents: Agents with distinct names. An agent has one pose for all situations, or one for each of V situations.
+        objects: Names or indices of the objects to measure; all by default.
+        min_pixels: Minimum number of visible pixels for an object to be seen, and to be attended to.
+        min_fraction: Minimum visible fraction of the silhouette for an object to be seen.
+        delta: Maximum distance of a surface behind the visible surface to count as visible [m]; see
+            `object_visibility`.
+        object_poses: Poses of the movable objects in each of W worlds, as for `Renderer.render`.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        world_index: Every situation's world, as for `Renderer.render`. By default all situations are of the one world,
-            or if there are V of them, each of its own.
+        world_index: World of each situation, as for `Renderer.render`. By default, all situations share the only world,
+            or each of V situations has one of V worlds.
         threads: CPU threads to use; all cores of this process by default.
 
     Raises:
-        SceneError: Two agents have one name, or an object is not in the scene.
-        ArrayError: The agents and worlds are not of one number of situations, or a threshold is none.
-        PoseError: The poses of the objects are malformed.
+        SceneError: If two agents have the same name, or an object is not in the scene.
+        ArrayError: If the numbers of poses and worlds do not match, or a threshold is invalid.
+        PoseError: If the poses of the objects are malformed.
     """
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     agents = _check_agents(scene, agents)
@@ -333,7 +335,7 @@ def perspective(
 
 @dataclass(frozen=True)
 class _Look:
-    """What all looks of a call have in common."""
+    """Arguments shared by all measurements of a call."""
 
     scene: Scene
     indices: list[int]
@@ -343,7 +345,7 @@ class _Look:
     threads: int | None
 
     def around(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Sum an agent's `_COUNTS` over its faces, ``(5, views, K)``, and find what hides most of an object."""
+        """Return an agent's `_COUNTS`, summed over its faces, ``(5, views, K)``, and the main occluders."""
         faces = [self._at(agent, face.camera, agent.face_poses(face), face.canvas) for face in agent.faces]
         counts = np.stack([[getattr(seen, name).numpy() for name in _COUNTS] for seen in faces])
         hidden = np.stack([_hidden_pixels(one) for one in counts])
@@ -352,7 +354,7 @@ class _Look:
         return counts.sum(axis=0, dtype=np.int32), np.take_along_axis(occluders, most, axis=0)[0]
 
     def attention(self, agent: Agent) -> NDArray[np.int32]:
-        """Count pixels of each object in the field of attention, ``(views, K)``; no end of them without one."""
+        """Return the visible pixels of each object in the field of attention, ``(views, K)``; INT32_MAX without one."""
         if agent.attention is None:
             return np.array(np.iinfo(np.int32).max, dtype=np.int32)
         return self._at(agent, agent.attention, agent.poses, (0, 0, 0, 0)).visible_pixels.numpy()
@@ -361,7 +363,7 @@ class _Look:
         self, agent: Agent, camera: ImageCamera, poses: NDArray[np.float64], canvas: tuple[int, int, int, int]
     ) -> ObjectVisibility:
         world_index = self.situations.world_index
-        # Who stands still in a world that stands still looks once.
+        # An agent with one pose in a single world is measured once for all situations.
         views = len(poses) if world_index is None else self.situations.count
         return see_objects(
             self.scene,
@@ -379,19 +381,19 @@ class _Look:
 
 
 def _hidden_pixels(counts: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Count pixels of the images in which objects are in range and behind something."""
+    """Return the number of pixels in which objects are within the depth range and occluded."""
     visible, image, _, too_near, too_far = counts
     return np.maximum(image - visible - too_near - too_far, 0)
 
 
 def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Make `Visibility` of `_COUNTS`: VISIBLE where `seen`, else the reason of most pixels in the images."""
+    """Return `Visibility` from `_COUNTS`: VISIBLE where `seen`, otherwise the reason for most pixels in the images."""
     _, image, silhouette, too_near, too_far = counts
     hidden = _hidden_pixels(counts)
     reasons = np.array([Visibility.OCCLUDED, Visibility.TOO_NEAR, Visibility.TOO_FAR], dtype=np.uint8)
     pixels = np.stack([hidden, too_near, too_far])
     status = reasons[pixels.argmax(axis=0)]
-    # Where all that is in the images is seen and it is not enough, the rest is beside them, or it is far away.
+    # If all pixels in the images are visible but too few, the rest is outside the images, or the object is too far.
     enough = np.where(silhouette > image, Visibility.OUT_OF_VIEW, Visibility.TOO_FAR)
     status = np.where(pixels.any(axis=0), status, enough)
     status = np.where(image == 0, Visibility.OUT_OF_VIEW, status)
@@ -399,7 +401,7 @@ def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.ui
 
 
 def _state_word(state: int, first: str, second: str) -> str:
-    """Return the word that `table` has for a state."""
+    """Return the text of a state in `table`."""
     return ("neither", f"{first} only", f"{second} only", "both")[state]
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""`point_visibility` on CPU cores: points are projected, sorted into cells of an image, and judged in packets."""
+"""`point_visibility` on CPU cores: points are projected, sorted into cells of an image, and tested in packets."""
 
 from __future__ import annotations
 
@@ -32,27 +32,28 @@ if TYPE_CHECKING:
     from warpvis.kernels.point_packets import PointJob
     from warpvis.kernels.worlds import Worlds
 
-# Points of a view that are worked on at a time, which bounds the memory.
+# Maximum number of points of a view per batch, which bounds the memory.
 _MAX_POINTS = 1 << 20
-# A view of at most so many is one worker's, if there are views for all.
+# Views with at most this many points are processed by one worker each, if there are enough views for all workers.
 _MAX_WHOLE = 1 << 15
 _STRIPS = 16
-# What a worker sleeps that has to wait for others [s]: at first, and at most.
+# First and longest sleep of a worker that waits for others [s].
 _SHORTEST_PAUSE, _LONGEST_PAUSE = 5e-5, 1e-3
-# Of an image, in pixels: the number of a cell in a row of tiles has to fit a `ProjectedPoint` of
+# Maximum side of the image [px]: the index of a cell in a row of tiles must fit a `ProjectedPoint` of
 # native/cpu/point_bins.h.
 _MAX_SIDE = 1 << 18
-# Workspaces that a scene keeps: for so many callers at a time.
+# Maximum number of cached workspaces of a scene, one per concurrent call.
 _KEPT = 2
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """The image of a job in its own pixels, and how the work is parted."""
+    """Size of the image of a job, and division of the work."""
 
     scale: float
+    """Pixels of the image per pixel of the camera, along each axis."""
     side: tuple[int, int]
-    """Its pixels."""
+    """Width and height of the image [px]."""
     strip_tiles: int
     batch: int
     with_id: bool
@@ -63,7 +64,7 @@ class _Layout:
 
 @dataclass
 class _Workspace:
-    """What one call at a time works with. To get that much memory from the system takes longer than to use it."""
+    """Memory for one call at a time; cached, since allocating it takes longer than using it."""
 
     layout: _Layout
     job: PointJob
@@ -81,17 +82,17 @@ def judge_by_packets(
     occluders: wp.array | None,
     threads: int,
 ) -> None:
-    """Write every point's status in every view and, unless that is None, what hides it.
+    """Write the status of every point in every view and, unless `occluders` is None, the object that hides it.
 
     Args:
         scene: A scene on the CPU.
         camera: The camera with its depth range.
-        poses: Rows ``(V, 7)`` as of `warpvis.core.poses.host_poses`.
-        worlds: As of `warpvis.scene.worlds.parse_worlds`.
-        points: Finite points, shape ``(N,)`` vec3.
-        tolerance: Metres from 0 up.
-        status: Shape ``(V, N)`` uint8.
-        occluders: Shape ``(V, N)`` int32.
+        poses: Rows ``(V, 7)`` from `warpvis.core.poses.host_poses`.
+        worlds: Worlds from `warpvis.scene.worlds.parse_worlds`.
+        points: Finite points, vec3 of shape ``(N,)``.
+        tolerance: Maximum distance of a visible point behind the first surface [m], not negative.
+        status: Output `Visibility` values, ``(V, N)`` uint8.
+        occluders: Output object indices, ``(V, N)`` int32, or None.
         threads: CPU threads to use.
     """
     from warpvis.kernels.point_packets import judge_points_packets
@@ -99,7 +100,7 @@ def judge_by_packets(
     if not status.size:
         return
     clusters = scene.bvh()
-    # Solids are drawn with what is first along a ray.
+    # Analytic solids require the kernels that also find the first object along a ray.
     with_id = occluders is not None or scene.has_solids()
     layout = _lay_out(camera, scene.triangle_count, len(poses), len(points), with_id, threads)
     space = _take(clusters, layout)
@@ -109,7 +110,7 @@ def judge_by_packets(
     inputs = [clusters.struct, lens, rows, space.job, worlds, points, tolerance, status, occluders]
     launch = pack_launch(judge_points_packets, inputs)
     if space.job.bins is None:
-        launch.launch()  # without memory, it says how much it needs
+        launch.launch()  # without scratch memory, it only writes the sizes that it needs to `job.bytes`
         _make_memory(space)
     work = partial(_work, launch, space.counter, layout.units, Event())
     run_together(work, layout.workers, lambda: bool(space.counter[COUNTER_FINISHED] == layout.workers))
@@ -118,7 +119,7 @@ def judge_by_packets(
 
 
 def _work(launch: wp.Launch, counter: NDArray[np.int32], units: int, all_taken: Event) -> None:
-    """Take units of work until none is left. A worker that has to wait for others sleeps: it may be on their core."""
+    """Process units of work until none is left. A waiting worker sleeps, since it may share the core of another one."""
     pause = _SHORTEST_PAUSE
     launch.launch()
     while counter[COUNTER_NEXT_UNIT] < units:
@@ -142,9 +143,9 @@ def _lay_out(camera: Camera, triangles: int, views: int, count: int, with_id: bo
 
 
 def _scale(camera: Camera, triangles: int, count: int) -> float:
-    """Choose pixels of an image, whose cells are 4 x 4 of them, to one of the camera's.
+    """Return the scale of the image, whose cells are 4 x 4 pixels, relative to the camera's.
 
-    Small cells let the walk pass over more, large ones fill packets. This number of them is near the fastest one for 10
+    Small cells let the traversal skip more, large cells fill packets. This number of cells is nearly the fastest for 10
     to a million points in scenes of 5.4 k to 1.2 M triangles.
     """
     cells = 0.7 * math.sqrt(triangles * min(count, 1000)) + count / 32
@@ -153,7 +154,7 @@ def _scale(camera: Camera, triangles: int, count: int) -> float:
 
 
 def _take(clusters: SceneBvh, layout: _Layout) -> _Workspace:
-    """Return a workspace that nobody uses: callers on several threads each have their own."""
+    """Return an unused workspace, cached or new: concurrent calls use distinct workspaces."""
     while clusters.idle:
         try:
             space = cast(_Workspace, clusters.idle.pop())
@@ -177,7 +178,7 @@ def _make(layout: _Layout) -> _Workspace:
 
 
 def _make_memory(space: _Workspace) -> None:
-    """Get memory for a job that has said how much it needs."""
+    """Allocate the memory of a job, whose size the first launch has written."""
     bins, scratch = space.job.bytes.numpy().tolist()
     workers = space.layout.workers
     space.job.bins = aligned_empty((workers if space.layout.views_are_units else 1, bins), wp.uint8)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which points of the world are seen: by a camera in a scene, or in a depth image that was measured."""
+"""Visibility of points in the world, to a camera in a scene or in a measured depth image."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ def point_visibility(
     caster: Caster = "auto",
     threads: int | None = None,
 ) -> wp.array | tuple[wp.array, wp.array]:
-    """Tell whether points can be seen, and if not, why: by the ray through each point, not by pixels.
+    """Return whether points are visible, and if not, why, by casting a ray through each point.
 
     Args:
-        scene: What may be in the way.
+        scene: The scene whose surfaces may hide the points.
         camera: Image size, intrinsics and depth range; or a `warpvis.sensors.LensCamera`, through which points are
             projected on the host.
         camera_to_world: Poses, as for `Renderer.render`.
-        points: Points in the world frame [m], shape ``(N, 3)``: anywhere, such as vertices, middles of faces or voxels.
-        tolerance: How far behind the first surface along its ray a point still counts as seen [m]. Points of a surface
-            need some: they are not exactly where rays meet it.
-        occluders: Whether to return what hides the points, too.
+        points: Points in the world frame [m], shape ``(N, 3)``: any points, such as vertices, face centers or voxels.
+        tolerance: Maximum distance of a visible point behind the first surface along its ray [m]. Must be positive for
+            points of a surface, which are not exactly at the intersection with their ray.
+        occluders: Whether to also return the objects that hide the points.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
@@ -60,12 +60,12 @@ def point_visibility(
         threads: CPU threads to use; all cores of this process by default.
 
     Returns:
-        A `Visibility` for every view and point, shape ``(V, N)`` uint8, on the scene's device. What is nearer than the
-        camera's ``near`` hides what is behind it all the same. With `occluders`, also the object that hides each
-        `Visibility.OCCLUDED` point, -1 for others, shape ``(V, N)`` int32.
+        A `Visibility` for every view and point, shape ``(V, N)`` uint8, on the scene's device. Surfaces nearer than the
+        camera's ``near`` occlude too. With `occluders`, also the object that hides each `Visibility.OCCLUDED` point, -1
+        for other points, shape ``(V, N)`` int32.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
@@ -82,7 +82,7 @@ def point_visibility(
         )
         found = wp.array(judged, dtype=wp.uint8, device=scene.device)
         return (found, wp.array(hiding, dtype=wp.int32, device=scene.device)) if occluders else found
-    # Surfaces that are too near to be measured have a depth here, and are objects.
+    # With near = 0, surfaces that are too near have a finite depth and an object.
     eye = dataclasses.replace(camera, near=0.0)
     outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
@@ -115,28 +115,29 @@ def point_visibility_from_depth(
     device: DeviceLike = None,
     threads: int | None = None,
 ) -> wp.array:
-    """Tell the same from depth images that a sensor measured: each point by the pixel that it is in.
+    """Return whether points are visible in measured depth images, and if not, why, from the pixel of each point.
 
     Args:
-        depth: Depth of the camera's kind [m], planar of a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
-            view. +inf is nothing up to the camera's `far`, and so is a finite depth beyond it; -inf is something nearer
-            than `near`, which hides all behind it, and so is a depth between 0 and `near` (REP 117). 0, negative and
-            NaN is not measured. Millimeters are refused where arrays on the host plainly hold them; arrays on a GPU are
-            not examined.
-        camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`.
-        camera_to_world: Where it was, as for `Renderer.render`.
+        depth: Depth of the camera's kind [m], planar for a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
+            view. +inf, or a finite depth beyond the camera's `far`, means that there is no surface up to `far`; -inf,
+            or a depth between 0 and `near`, a surface nearer than `near`, which hides all points behind it (REP 117).
+            0, negative values and NaN are not measured. Host arrays that clearly contain millimeters are rejected;
+            arrays on a GPU are not checked.
+        camera: The camera of the images: a pinhole, or a `warpvis.sensors.LensCamera`.
+        camera_to_world: Poses of the camera, as for `Renderer.render`.
         points: Points in the world frame [m], shape ``(N, 3)``.
-        tolerance: How far behind what was measured along its ray a point still counts as seen [m]: the sensor's noise.
+        tolerance: Maximum distance of a visible point behind the measured surface along its ray [m], to allow for the
+            sensor's noise.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        device: Where to compute; by default where the images are.
+        device: Device of the computation; by default the device of the images.
         threads: CPU threads to use; all cores of this process by default.
 
     Returns:
         A `Visibility` for every view and point, shape ``(V, N)`` uint8; UNKNOWN where nothing was measured.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.points import judge_points_measured
 
@@ -161,7 +162,7 @@ def point_visibility_from_depth(
 
 
 def _project(camera: Camera, poses: wp.array, points: ArrayInput, threads: int | None) -> tuple[wp.array, wp.array]:
-    """Find where points are in the images, shape ``(V, N)`` vec2, and their depths, shape ``(V, N)``."""
+    """Project points; return their image positions, vec2 of shape ``(V, N)``, and depths, shape ``(V, N)``."""
     from warpvis.kernels.points import camera_frames, project_points
 
     device = poses.device
@@ -196,7 +197,7 @@ def _judge(
     hidden_by: wp.array | None,
     threads: int | None,
 ) -> None:
-    """Judge projected points by what is rendered where they are in the images."""
+    """Write the visibility of projected points from images rendered at their positions."""
     from warpvis.kernels.points import judge_points
 
     lens, given = camera.device_struct(), [pixels, depth, seen.depth, seen.segmentation, tolerance, status, hidden_by]

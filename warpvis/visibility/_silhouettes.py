@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Counting the pixels of each object's silhouette, as if it were alone: by rays, or by packets on CPU cores."""
+"""Counting of the pixels of each object's isolated silhouette, by single rays, or by packets on CPU cores."""
 
 from __future__ import annotations
 
@@ -29,14 +29,13 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 
-# Of a GPU: enough threads to fill it, whatever the number of objects and views, and no more than a large silhouette
-# has use for.
+# On a GPU: number of threads that fill it, and limits of the threads per silhouette, whose maximum suits a large one.
 _CUDA_THREADS = 1 << 20
 _MIN_THREADS, _MAX_THREADS = 32, 4096
 
 
 class SilhouetteCounter:
-    """Counts pixels of chosen objects of a scene, again and again."""
+    """Counts pixels of chosen objects of a scene, for repeated calls."""
 
     def __init__(
         self,
@@ -50,16 +49,16 @@ class SilhouetteCounter:
         caster: Literal["packets", "rays"],
         threads: int,
     ) -> None:
-        """Prepare to count.
+        """Set up the counter.
 
         Args:
-            scene: The world.
+            scene: The scene.
             camera: The camera of all views.
             chosen: Indices of the objects whose pixels are counted.
-            canvas: Pixels beyond the image's left, top, right and bottom that silhouettes may reach.
-            delta: See `warpvis.object_visibility`.
-            skip_unseen: Likewise.
-            caster: How silhouettes are drawn; on CUDA and through a lens by rays always.
+            canvas: Extension of the canvas beyond the image's left, top, right and bottom border [px].
+            delta: As for `warpvis.object_visibility`.
+            skip_unseen: As for `warpvis.object_visibility`.
+            caster: Caster of silhouettes; single rays are always used on CUDA and through a lens.
             threads: CPU threads.
         """
         from warpvis.kernels.silhouettes import Canvas, Chosen
@@ -90,7 +89,7 @@ class SilhouetteCounter:
         hidden_by: wp.array,
         masks: wp.array | None,
     ) -> None:
-        """Add to the counters; see `warpvis.kernels.silhouettes.measure_silhouettes`."""
+        """Add the pixels of views to the counters; see `warpvis.kernels.silhouettes.measure_silhouettes`."""
         from warpvis.kernels.silhouettes import Comparison
 
         compared = Comparison()
@@ -103,7 +102,7 @@ class SilhouetteCounter:
             self._count_by_rays(poses, worlds, compared, outputs)
 
     def _spread(self, worlds: Worlds) -> Worlds:
-        """Return the same worlds, in which every object has a pose."""
+        """Return the same worlds with a pose for every object."""
         from warpvis.kernels.silhouettes import spread_poses
         from warpvis.kernels.worlds import Worlds
 
@@ -133,7 +132,7 @@ class SilhouetteCounter:
             while threads < _MAX_THREADS and pairs * threads < _CUDA_THREADS:
                 threads *= 2
         parts = [self._canvas]
-        if self._canvas.seen_only:  # first of all what the image shows
+        if self._canvas.seen_only:  # count the image first, and the rest of the canvas only for visible objects
             self._canvas.beyond_only = 1
             parts = [self._image, self._canvas]
         for part in parts:
@@ -157,13 +156,13 @@ class SilhouetteCounter:
         scene, camera = self._apart.bvh().struct, self._camera.device_struct()
         arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
         launch = pack_launch(measure_silhouettes_packets, arguments)
-        launch.launch()  # without memory, it says how much it needs
+        launch.launch()  # without scratch memory, it only writes the size that it needs to `scratch_bytes`
         job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
         run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
 
 
 def _canvas_rays(camera: LensedCamera, canvas: tuple[int, int, int, int], device: wp.Device) -> CanvasRays:
-    """Make a lens's rays on a device, of all pixels of a canvas."""
+    """Return the rays of a lens through all pixels of a canvas, on a device."""
     from warpvis.kernels.lens_silhouettes import CanvasRays
 
     struct = CanvasRays()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Situations: where several agents and the movable objects are at one time, and how many such times a call is about."""
+"""Situations: matching poses of several agents with worlds of movable objects."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from warpvis.visibility._agents import Agent
 
 @dataclass(frozen=True)
 class Situations:
-    """Where the movable objects are in each of `count` situations."""
+    """Poses of the movable objects in each of `count` situations."""
 
     count: int
-    """How many situations there are."""
+    """Number of situations."""
     object_poses: wp.array | None
     """Poses of the movable objects in the worlds, ``(W, M)`` transforms; None if nothing is movable."""
     world_index: NDArray[np.int32] | None
@@ -36,15 +36,15 @@ class Situations:
     def parse(
         cls, scene: Scene, agents: Sequence[Agent], object_poses: ObjectPoses, world_index: ArrayInput | None
     ) -> Situations:
-        """Make the situations that agents and worlds make: each has one for all of them, or one for each.
+        """Combine agents' poses and worlds to situations: each has one for all situations, or one for each.
 
         Raises:
-            ArrayError: They are not of one number of situations.
-            PoseError: The poses of the objects are malformed.
+            ArrayError: If the numbers of poses and worlds do not match.
+            PoseError: If the poses of the objects are malformed.
         """
         counts = {f"{agent.name!r} has {pluralize(len(agent.poses), 'pose')}": len(agent.poses) for agent in agents}
         if world_index is None:
-            # As if for one view, in whichever world: how many there are is what is to be found out.
+            # Parse for a single view, since the number of situations is not yet known.
             poses = parse_worlds(scene, 1, object_poses, [0], None).object_poses
             worlds = np.arange(len(poses), dtype=np.int32)
         else:
@@ -65,16 +65,16 @@ class Situations:
         )
 
     def rows(self) -> NDArray[np.float32] | None:
-        """Return the movable objects' poses in every situation, ``(count, M, 7)`` or ``(1, M, 7)``; None if none is."""
+        """Return the poses of movable objects, ``(count, M, 7)`` or ``(1, M, 7)``; None if nothing is movable."""
         if self.object_poses is None:
             return None
         rows = np.array(self.object_poses.numpy(), dtype=np.float32)
         return rows if self.world_index is None else rows[self.world_index]
 
     def middles(self, scene: Scene, indices: Sequence[int]) -> NDArray[np.float64]:
-        """Return middles of objects' boxes in the world of every situation [m], ``(count, K, 3)`` or ``(1, K, 3)``.
+        """Return the centers of objects' boxes in each situation's world [m], ``(count, K, 3)`` or ``(1, K, 3)``.
 
-        The box of a movable object has the axes of its own frame, that of any other the axes of the world.
+        Boxes of movable objects are aligned with their frames, boxes of static objects with the world.
         """
         rows = None if self.object_poses is None else self.object_poses.numpy()
         middles = np.empty((1 if rows is None else len(rows), len(indices), 3))
