@@ -96,14 +96,13 @@ def _rendering(folder):
     return {"K": K, "poses": _poses(), "other_poses": _poses()[::-1], "pixels": pixels}
 
 
-def _sensors(folder):
+def _depth_cameras(folder):
     camera, sensor = wv.Camera.from_fov(320, 200, hfov=1.4), wv.sensors.StereoDepth(0.05, sigma=0.08, subpixel=32)
     wall = wv.Scene()
     wall.add(trimesh.creation.box((60, 0.02, 60)), pose=(0, 2.0, 0, 0, 0, 0.08, 0.9968))
     ahead = np.stack([wv.look_at((0, 0, 0), (0, 1, 0))] * 2)
     walls = wv.render(wall, camera, ahead, sensor=sensor, outputs="depth").depth.numpy()
-    poses = {"camera_to_world": _poses(), "lidar_to_world": _poses()}
-    return {"scene": _room(), "trimesh": trimesh, "walls": walls, "wall_camera": camera, **poses}
+    return {"walls": walls, "wall_camera": camera}
 
 
 def _worlds(folder):
