@@ -14,7 +14,15 @@ from test_examples import EXAMPLES
 
 DOCS = ROOT / "docs"
 SITE = DOCS / "_build" / "html"
-PAGES = ("index", "gallery", "start", "sensors/depth_cameras", "figures", "tutorials/kinect_in_ten_minutes", "api/warpvis")
+PAGES = (
+    "index",
+    "gallery",
+    "start",
+    "sensors/depth_cameras",
+    "figures",
+    "tutorials/kinect_in_ten_minutes",
+    "api/warpvis",
+)
 
 COMMANDS = ("warpvis demo --out demo", "warpvis perspective experiment_2 --out who", "warpvis view experiment_3")
 
