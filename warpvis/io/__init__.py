@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read and write files: meshes, cameras, points, poses and depth images, one module a format; and messages of ROS.
+"""Readers and writers of meshes, cameras, points, poses and depth images, one module per format; and ROS messages.
 
-`wv.Scene.load` and `wv.read_frames` choose the reader by the file's name.
+`wv.Scene.load` and `wv.read_frames` choose the reader by the file name.
 """
 
 from __future__ import annotations

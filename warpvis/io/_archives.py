@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Archives of files, and compressed files: unpacked into memory, up to a bound."""
+"""Archives and compressed files, unpacked into memory up to a size limit."""
 
 from __future__ import annotations
 
@@ -22,39 +22,39 @@ _ZIPS = (".zip", ".zae")
 _SINGLE = (".gz", ".bz2", ".xz")
 
 ARCHIVES = (*_ZIPS, *_TARS, *_SINGLE)
-"""Endings of their names."""
+"""File name suffixes of archives."""
 
 _Stream = IO[bytes] | gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile
 
-# A few thousand bytes can unpack to any number.
+# A few thousand bytes can unpack to any size.
 _MAX_BYTES = 1 << 30
 _PIECE = 1 << 20
 
 
 def is_archive(name: str) -> bool:
-    """Tell from a name whether it is of an archive."""
+    """Return whether a file name is that of an archive."""
     return name.lower().endswith(ARCHIVES)
 
 
 def check_unpacked(path: Path, size: int, fix: str = "unpack it first") -> None:
-    """Refuse a file that unpacks to more than a GiB.
+    """Raise an error if a file unpacks to more than 1 GiB.
 
     Raises:
-        FileFormatError: If `size`, in bytes, is more than that; `fix` says what to do then.
+        FileFormatError: If `size`, in bytes, exceeds the limit; `fix` is the remedy in the message.
     """
     if size > _MAX_BYTES:
         raise FileFormatError(f"{path}: unpacks to more than 1 GiB, the most that is read: {fix}")
 
 
 def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
-    """Return the files of an archive by name, in its order; a compressed file alone is called as without its ending.
+    """Return the files of an archive by name, in order; a compressed file is named without its suffix.
 
     Args:
-        path: The archive, whose kind its name tells.
-        zipped: What is in it, of a ZIP file with any name.
+        path: The archive; its suffix determines the kind.
+        zipped: Content of a ZIP file with any name.
 
     Raises:
-        FileFormatError: It does not read, or would unpack to more than a GiB.
+        FileFormatError: If it cannot be read, or would unpack to more than 1 GiB.
     """
     found: dict[str, bytes] = {}
     size = 0
@@ -67,13 +67,13 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
             check_unpacked(path, size)
     except FileFormatError:
         raise
-    except Exception as error:  # each library has exceptions of its own for what is no archive
+    except Exception as error:  # each library raises its own exceptions
         raise FileFormatError(f"{path}: does not unpack: {describe_exception(error)}") from None
     return found
 
 
 def _read(stream: _Stream, most: int) -> bytes:
-    """Read up to `most` bytes; in pieces, since libraries hold what they read at once twice."""
+    """Read up to `most` bytes, in pieces, since libraries hold data read at once twice."""
     buffer = io.BytesIO()
     while piece := stream.read(min(_PIECE, most - buffer.tell())):
         buffer.write(piece)
@@ -81,7 +81,7 @@ def _read(stream: _Stream, most: int) -> bytes:
 
 
 def _members(path: Path, zipped: bytes | None) -> Iterator[tuple[str, _Stream, int]]:
-    """Yield the files of an archive, and the size that the archive gives for each, 0 if it gives none."""
+    """Yield the files of an archive, with the size stored in the archive, or 0 if not stored."""
     name = path.name.lower()
     if zipped is not None or name.endswith(_ZIPS):
         with zipfile.ZipFile(path if zipped is None else io.BytesIO(zipped)) as archive:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lidars' scans as messages of ROS 2: a LaserScan, and the fields of a PointCloud2."""
+"""Lidar scans as ROS 2 messages: a LaserScan, and the fields of a PointCloud2."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from warpvis.errors import ArrayError, MessageError
 from warpvis.sensors import Rays
 
 CloudLayout = Literal["velodyne", "ouster", "livox"]
-"""Whose driver's fields a PointCloud2 has."""
+"""Driver whose fields a PointCloud2 has."""
 
 # sensor_msgs/PointField
 DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
@@ -29,10 +29,10 @@ _OUSTER = (
     *_VELODYNE[:4], ("t", "<u4"), ("reflectivity", "<u2"), ("ring", "<u2"), ("ambient", "<u2"), ("range", "<u4"),
 )  # fmt: skip
 _LIVOX = (*_VELODYNE[:4], ("tag", "u1"), ("line", "u1"), ("timestamp", "<f8"))
-# Units a field's number is of, in one of ours, and the most that it holds: nanoseconds, millimeters, 1 / 255.
+# Units per unit of the source field, and maximum value: nanoseconds, millimeters, 1 / 255.
 _SCALES = {"t": (1e9, 2**32 - 1), "range": (1e3, 2**32 - 1), "reflectivity": (255.0, 2**16 - 1)}
 
-# Of a point in Livox's own message, CustomPoint.
+# Fields of a point in Livox's CustomPoint message.
 _LIVOX_POINT = (
     ("offset_time", "<u4"), *_VELODYNE[:3], ("reflectivity", "u1"), ("tag", "u1"), ("line", "u1"),
 )  # fmt: skip
@@ -41,10 +41,10 @@ _STRAIGHT = 1e-6  # rad
 
 
 def check_cloud(cloud: object) -> NDArray[np.void]:
-    """Return a structured array with the fields x, y and z, of shape ``(N,)`` or ``(H, W)``.
+    """Check for a structured array with the fields x, y and z, of shape ``(N,)`` or ``(H, W)``, and return it.
 
     Raises:
-        ArrayError: It is none, or a field is not a number.
+        ArrayError: If it is not one, or a field is not a number.
     """
     if not isinstance(cloud, np.ndarray) or cloud.dtype.names is None:
         raise ArrayError("a cloud must be a NumPy array with named fields, as warpvis.sensors.point_clouds makes them")
@@ -58,11 +58,11 @@ def check_cloud(cloud: object) -> NDArray[np.void]:
 
 
 def as_layout(cloud: NDArray[np.void], layout: CloudLayout | None, stamp: Stamp = 0.0) -> NDArray[np.void]:
-    """Return a cloud, packed, with the fields that a driver gives; `stamp` is what its times are counted from.
+    """Return a packed cloud with the fields of a driver; `stamp` is the origin of its times.
 
     Raises:
-        ArrayError: The cloud has not what the driver's fields are made of.
-        MessageError: The layout is unknown.
+        ArrayError: If the cloud lacks a source of the driver's fields.
+        MessageError: If the layout is unknown.
     """
     if layout is None:
         wanted = [(name, cloud.dtype[name].newbyteorder("<").str) for name in cloud.dtype.names or ()]
@@ -78,7 +78,7 @@ def as_layout(cloud: NDArray[np.void], layout: CloudLayout | None, stamp: Stamp 
 
 
 def _field(cloud: NDArray[np.void], name: str, layout: CloudLayout | None) -> Any:
-    """Return what a field of a driver's is made of; 0 for what no ray caster knows."""
+    """Return the values of a driver's field; 0 for fields that a ray caster does not compute."""
     names = cloud.dtype.names or ()
     if layout is None or name in ("x", "y", "z"):
         return cloud[name]
@@ -94,10 +94,10 @@ def _field(cloud: NDArray[np.void], name: str, layout: CloudLayout | None) -> An
 
 
 def as_livox_points(cloud: NDArray[np.void]) -> NDArray[np.void]:
-    """Return the points of a cloud as Livox's driver gives them, in the order of their times; 0 for what is not known.
+    """Return the points of a cloud in the format of Livox's driver, in order of time; unavailable fields are 0.
 
     Raises:
-        ArrayError: The cloud has no times, or a field of Livox's does not hold its numbers.
+        ArrayError: If the cloud has no times, or a value is out of range of its field.
     """
     names = cloud.dtype.names or ()
     if "time" not in names:
@@ -116,28 +116,28 @@ def as_livox_points(cloud: NDArray[np.void]) -> NDArray[np.void]:
 
 
 def _as_livox_cloud(cloud: NDArray[np.void], stamp: Stamp) -> NDArray[np.void]:
-    """Return a cloud with the fields of a PointCloud2 of Livox's driver, whose times are nanoseconds of the clock."""
+    """Return a cloud with the fields of the PointCloud2 of Livox's driver, whose times are absolute nanoseconds."""
     points = as_livox_points(cloud)
     packed = np.zeros(len(points), dtype=list(_LIVOX))
     for name in ("x", "y", "z", "tag", "line"):
         packed[name] = points[name]
     packed["intensity"] = points["reflectivity"]
-    # As the driver does: a double holds today's nanoseconds to 256.
+    # As in the driver: a double resolves today's nanoseconds to 256 ns.
     packed["timestamp"] = (stamp_nanoseconds(stamp) + points["offset_time"].astype(np.int64)).astype(np.float64)
     return packed
 
 
 def _scaled(values: NDArray[Any], name: str, source: str) -> NDArray[np.float64]:
-    """Return whole numbers of the unit of a field of Ouster's; 0 where nothing was measured."""
+    """Return whole numbers in the unit of an Ouster field; 0 where nothing was measured."""
     scale, most = _SCALES[name]
     return _whole(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0), scale, most, name, source)
 
 
 def _whole(values: NDArray[Any], scale: float, most: int, name: str, source: str) -> NDArray[np.float64]:
-    """Return whole numbers of a field's unit.
+    """Return whole numbers in the unit of a field.
 
     Raises:
-        ArrayError: The field does not hold them.
+        ArrayError: If they are out of the field's range.
     """
     scaled = np.rint(values.astype(np.float64) * scale)
     if scaled.size and not 0 <= scaled.min() <= scaled.max() <= most:
@@ -158,20 +158,20 @@ def to_laserscan(
     intensities: ArrayInput | None = None,
     types: MessageTypes | None = None,
 ) -> Message:
-    """Make a ``sensor_msgs/LaserScan`` of one view of a scanner of one plane. It shares no memory with it.
+    """Create a ``sensor_msgs/LaserScan`` from one view of a planar scanner. It shares no memory with the arguments.
 
     Args:
-        ranges: Depth of one view [m], float, as many as there are rays: +inf for nothing, -inf for too near (REP 117).
-        rays: What was rendered, `warpvis.sensors.lidars.laser_scan` or others in the plane z = 0, evenly spaced.
+        ranges: Depth of one view [m], float, one per ray: +inf for no return, -inf for too near (REP 117).
+        rays: The rendered rays: `warpvis.sensors.lidars.laser_scan` or others in the plane z = 0, evenly spaced.
         frame_id: The scanner's frame: x forward, y left, z up.
-        stamp: When the first ray was cast [s], or a Time message.
-        scan_time: From scan to scan [s]: by default as long as this one takes.
-        intensities: Intensities, of the same number.
-        types: A type store of rosbags; by default ROS's own classes, which must be there then.
+        stamp: Time of the first ray [s], or a Time message.
+        scan_time: Time between scans [s]; by default the duration of this scan.
+        intensities: Intensities, one per ray.
+        types: A type store of rosbags; by default ROS's own classes, which must be installed.
 
     Raises:
-        ArrayError: The arrays are not what they have to be, or rays are in no plane or not evenly spaced.
-        MessageError: Another argument is not, or ROS is not there.
+        ArrayError: If the arrays are invalid, or the rays are not in the plane or not evenly spaced.
+        MessageError: If another argument is invalid, or ROS is not installed.
     """
     maker = MessageMaker(types)
     if not isinstance(rays, Rays):
@@ -204,7 +204,7 @@ def _one_row(values: Any, name: str, count: int) -> NDArray[np.float32]:
 
 
 def _even_angles(rays: Rays) -> tuple[float, float, float, int]:
-    """Return the first and last angle of a scanner of one plane, and the increment [rad], and how many there are."""
+    """Return the first and last angle of a planar scanner, the increment [rad], and the number of angles."""
     directions = np.asarray(rays.directions).reshape(-1, 3)
     if np.abs(directions[:, 2]).max() > _STRAIGHT or rays.origins is not None:
         raise ArrayError("rays of a LaserScan must be in the plane z = 0, from one point")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Write lidars' point clouds to files: KITTI's ``.bin``, ``.pcd``, ``.las``, ``.npy``."""
+"""Writers of lidar point clouds: KITTI's ``.bin``, ``.pcd``, ``.las``, ``.npy``."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from warpvis.core.checks import as_items, as_path, check_choice, check_text, che
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._cloud_messages import check_cloud
 
-# What PCD and LAS say of a number of NumPy's kind.
+# TYPE of a PCD field by the kind of a NumPy dtype.
 _PCD_KINDS = {"f": "F", "i": "I", "u": "U"}
 
-# Fields of LAS that a cloud's become; the others are extra dimensions.
+# Resolution of LAS coordinates.
 _LAS_SCALE = 0.0001  # m
 
 
 def save_cloud(path: str | os.PathLike[str], cloud: NDArray[np.void]) -> None:
-    """Write a point cloud, in the format of the file's name.
+    """Write a point cloud, in the format given by the file name's suffix.
 
     Args:
         path: ``.bin``, KITTI's: x, y, z and intensity, float32; ``.pcd``, the Point Cloud Library's, binary, all
             fields; ``.las``, with `laspy` (``pip install 'warpvis[lidar]'``): coordinates of 0.1 mm, intensity from 0
             to 1 as 0 to 65535, time as ``gps_time``, and other fields as extra dimensions; ``.npy``, NumPy's, all
             fields.
-        cloud: Points with named fields, as `warpvis.sensors.point_clouds` makes them. Points that are NaN are left out
-            of all but ``.pcd`` and ``.npy``, which keep rows and columns.
+        cloud: Points with named fields, as returned by `warpvis.sensors.point_clouds`. Points that are NaN are left out
+            of all formats except ``.pcd`` and ``.npy``, which keep rows and columns.
 
     Raises:
-        ArrayError: It is no cloud.
-        FileFormatError: The format is unknown, or the file cannot be written.
+        ArrayError: If `cloud` is not a cloud.
+        FileFormatError: If the format is unknown, or the file cannot be written.
     """
     path = as_path(path)
     write = _writer(path.suffix.lower(), "path")
@@ -49,20 +49,20 @@ def save_cloud(path: str | os.PathLike[str], cloud: NDArray[np.void]) -> None:
 def save_clouds(
     folder: str | os.PathLike[str], clouds: Iterable[NDArray[np.void]], suffix: str = ".bin", *, first: int = 0
 ) -> list[Path]:
-    """Write point clouds as numbered files, ``000000.bin``, ``000001.bin`` and so on, as KITTI's are.
+    """Write point clouds as numbered files, ``000000.bin``, ``000001.bin`` and so on, as in KITTI.
 
     Args:
-        folder: Where; it is made if it is not there.
+        folder: Output folder, which is created if it does not exist.
         clouds: Point clouds, as for `save_cloud`.
         suffix: The format, ``".bin"``, ``".pcd"``, ``".las"`` or ``".npy"``.
         first: Number of the first file.
 
     Returns:
-        The files.
+        Paths of the files.
 
     Raises:
-        ArrayError: One is no cloud.
-        FileFormatError: The format is unknown, or a file cannot be written.
+        ArrayError: If one is not a cloud.
+        FileFormatError: If the format is unknown, or a file cannot be written.
     """
     folder = as_path(folder, "folder")
     _writer(check_text(suffix, "suffix", FileFormatError), "suffix")
@@ -123,7 +123,7 @@ def _write_pcd(path: Path, cloud: NDArray[np.void]) -> None:
 
 
 def _write_las(path: Path, cloud: NDArray[np.void]) -> None:
-    """Write LAS 1.4, point format 6, with laspy, which is imported only then."""
+    """Write LAS 1.4, point format 6, with laspy, an optional dependency."""
     try:
         import laspy
     except ImportError:

@@ -18,24 +18,24 @@ from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, FileFormatError
 
 NO_DEPTH_UINT16 = 65_535
-"""What 16-bit depth images of others hold where nothing was measured, besides 0 (7-Scenes), or saturate to."""
+"""Value of 16-bit depth images from other programs for no depth, as is 0 (7-Scenes), or for saturation."""
 
-# On a 16-bit depth image, filter Up and zlib's level 1 take a third to half of the time of Pillow's level 1, which
-# tries every filter on every row, and no more bytes: 0.5 to 1.7 ms and 0.05 to 0.24 of the pixels' bytes for 320x240
-# pixels of a room or of 60 balls. Level 6 takes four times as long for about a fifth less.
+# On a 16-bit depth image, filter Up and zlib level 1 take a third to half of the time of Pillow's level 1, which tries
+# every filter on every row, and no more bytes: 0.5 to 1.7 ms and 0.05 to 0.24 of the pixels' bytes for 320x240 pixels
+# of a room or of 60 balls. Level 6 takes four times as long for about a fifth less.
 _UP = 2
 _LEVEL = 1
 
 
 def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
-    """Turn depth into what 16-bit depth images hold: whole units, 0 where there is none.
+    """Convert depth to whole units for 16-bit depth images, 0 where there is no depth.
 
-    Depth that 16 bits cannot hold becomes 0 as well, not the greatest value: to readers 0 is no depth, and 65535, which
-    is no depth to some and a limit to others, is never written.
+    Depth out of the 16-bit range becomes 0 as well, not the maximum: readers treat 0 as no depth. 65535 is never
+    written, since some readers treat it as no depth, others as a limit.
 
     Args:
         depth: Depth [m], any shape.
-        scale: Units of a meter: 1000 for millimeters, 5000 for TUM's datasets.
+        scale: Units per meter: 1000 for millimeters, 5000 for TUM's datasets.
 
     Returns:
         Depth in units, the same shape.
@@ -43,21 +43,21 @@ def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
     depth = as_numpy(depth, name="depth")
     units = np.multiply(depth, scale, out=np.empty(depth.shape), dtype=np.float64)
     np.rint(units, out=units)
-    np.fmax(units, 0, out=units)  # which is 0 of NaN, too
+    np.fmax(units, 0, out=units)  # also replaces NaN by 0
     np.copyto(units, 0, where=units >= NO_DEPTH_UINT16)
     return units.astype(np.uint16)
 
 
 def count_lost(depth: NDArray[np.floating], units: NDArray[np.uint16]) -> int:
-    """Count the depths [m] that are 0, no depth, in units: too far for 16 bits, or less than half a unit.
+    """Count the depths [m] that become 0 in units: too far for 16 bits, or less than half a unit.
 
-    What is no depth is not lost: infinities, NaN, 0 and what is negative.
+    Pixels without depth are not counted: infinities, NaN, 0 and negative values.
     """
     return int(np.count_nonzero((depth > 0) & (depth < np.inf)) - np.count_nonzero(units))
 
 
 def describe_lost(scale: float) -> str:
-    """Describe the pixels that `count_lost` counts, of `scale` units in a meter, for a warning."""
+    """Return the text of a warning about the pixels that `count_lost` counts, with `scale` units per meter."""
     return (
         f"pixels have a depth that 16 bits of {scale:g} units a meter cannot hold (they hold {0.5 / scale:g} to "
         f"{(NO_DEPTH_UINT16 - 0.5) / scale:g} m), and are 0, no depth"
@@ -65,14 +65,14 @@ def describe_lost(scale: float) -> str:
 
 
 def warn_of_lost(depth: NDArray[np.floating], units: NDArray[np.uint16], scale: float) -> None:
-    """Warn of depths [m] that are not in `units` of `scale` in a meter, if there are any."""
+    """Warn of depths [m] that `units`, with `scale` per meter, cannot represent, if there are any."""
     lost = count_lost(depth, units)
     if lost:
         warn_user(f"{describe_lost(scale)}: {lost} in all", UserWarning)
 
 
 def units_to_depth(units: NDArray[np.integer], unit: float) -> NDArray[np.float32]:
-    """Return depth [m] of whole units; NaN where they are 0, or 65535 in an array of 16 bits.
+    """Return depth [m] from whole units; NaN where they are 0, or 65535 in a 16-bit array.
 
     Args:
         units: Depth in units, any shape.
@@ -84,22 +84,22 @@ def units_to_depth(units: NDArray[np.integer], unit: float) -> NDArray[np.float3
 
 
 def missing_units(units: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Return which whole units are no depth: 0, and 65535 in an array of 16 bits."""
+    """Return where whole units are no depth: 0, and 65535 in a 16-bit array."""
     missing = units == 0
     return missing | (units == NO_DEPTH_UINT16) if units.dtype.itemsize == 2 else missing
 
 
 def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
-    """Encode an image as the bytes of a gray PNG file.
+    """Encode an image as a grayscale PNG file.
 
-    They depend on the image and on the version of zlib. Most of the time the interpreter is not held, so that threads
-    encode as many images at once.
+    The bytes depend on the image and on the version of zlib. Most of the time is spent without the GIL, so that several
+    threads can encode in parallel.
 
     Args:
         image: Pixels of 8 or 16 bits, shape ``(H, W)``.
 
     Raises:
-        ArrayError: Its shape or dtype is another.
+        ArrayError: If its shape or dtype differs.
     """
     if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16) or not image.size:
         raise ArrayError(f"a PNG image must be uint8 or uint16 of shape (H, W), got {image.dtype} of {image.shape}")
@@ -109,7 +109,7 @@ def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
 def encode_pngs(images: NDArray[np.uint8] | NDArray[np.uint16]) -> Iterator[bytes]:
     """Encode images ``(n, H, W)`` as `encode_png` does, one after the other.
 
-    Of some images at once it takes the interpreter less often than of each.
+    Encoding several images in one call takes the GIL less often than one call per image.
     """
     count, height, width = images.shape
     bytes_per_pixel = images.dtype.itemsize

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read single depth images that other programs wrote: 16-bit PNG and NumPy's files."""
+"""Readers of single depth images from other programs: 16-bit PNG and NumPy files."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from warpvis.io._depth import units_to_depth
 from warpvis.io._files import read_array
 
 DEPTH_SUFFIXES = (".png", ".npy")
-"""What `read_depth` reads."""
+"""File name suffixes that `read_depth` supports."""
 
 
 def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[np.float32]:
     """Read one depth image.
 
     Args:
-        path: A gray PNG of 16 bits, or an array of NumPy's, shape ``(H, W)``: whole numbers are units, others meters.
-        unit: What one unit is [m].
+        path: A grayscale 16-bit PNG, or a NumPy array, shape ``(H, W)``: integers are units, floats meters.
+        unit: Length of one unit [m].
 
     Returns:
         Depth [m], ``(H, W)`` float32; NaN where the file has 0, or 65535 in 16 bits, which is no depth in 7-Scenes and
         a limit elsewhere.
 
     Raises:
-        ArrayError: `unit` is no length.
-        FileFormatError: The file is missing, or no such image.
+        ArrayError: If `unit` is not a positive number.
+        FileFormatError: If the file is missing, or not such an image.
     """
     path = as_path(path)
     if check_number(unit, "unit", least=0.0) == 0.0:
@@ -58,20 +58,20 @@ def _read(path: Path) -> NDArray:
     try:
         with Image.open(path, formats=("PNG",)) as picture:
             mode, image = picture.mode, np.asarray(picture)
-    except Exception as error:  # each kind of damage has its own
+    except Exception as error:  # each kind of damage raises its own exception
         raise FileFormatError(f"{path}: not a PNG image: {describe_exception(error)}") from None
     if mode not in ("I;16", "I;16B", "I"):
         raise FileFormatError(
             f"{path}: expected a grey PNG of 16 bits, as depth cameras' programs write, got mode {mode}"
         )
-    return image.astype(np.uint16)  # Pillow has 32 bits for some of these files
+    return image.astype(np.uint16)  # Pillow returns 32 bits for some of these files
 
 
 def find_depth_images(folder: str | os.PathLike[str]) -> list[Path]:
-    """List the depth images of a folder by name.
+    """Return the depth images in a folder, sorted by name.
 
     Raises:
-        FileFormatError: There is no such folder, or none in it.
+        FileFormatError: If the folder does not exist, or contains no depth images.
     """
     folder = as_path(folder)
     if not folder.is_dir():

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What readers of mesh files give, in the file's own frame."""
+"""Results of mesh file readers, in the file's frame."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from warpvis.scene.looks import Look
 
 
 class FileMesh(NamedTuple):
-    """The triangles of a mesh where the file has it, or a mesh that others have too and where it is."""
+    """A mesh in the file's frame, or a mesh shared with others and its pose."""
 
     name: str
-    """Empty if the file does not name it. Of glTF its node's, or else its mesh's, and the primitive's number if there
-    are several."""
+    """Empty if not defined in the file. For glTF, the name of the node, or else of the mesh, followed by the
+    primitive's number if there are several."""
     vertices: NDArray[np.float64]
     """Shape ``(n, 3)``."""
     faces: NDArray[np.integer]
     extras: dict[str, Any]
-    """What the file says of it besides."""
+    """Metadata of the mesh in the file."""
     row: NDArray[np.float64] | None = None
     """Mesh to file, ``x y z qx qy qz qw``; None if its vertices are in the file's frame."""
     shares_movable: bool = True
-    """Whether one that may move shares its vertices, too, and begins there; else one that stays does."""
+    """Whether movable objects share its vertices, too, with `row` as their initial pose; if false, only static ones."""
     look: Look | None = None
-    """What it looks like, if the file says it."""
+    """Its appearance, if defined in the file."""
 
 
 @dataclass
 class FileMeshes:
-    """What a file holds."""
+    """Contents of a mesh file."""
 
     meshes: list[FileMesh] = field(default_factory=list)
     empty: list[str] = field(default_factory=list)
-    """Names of what has no triangles."""
+    """Names of items without triangles."""
     notes: list[str] = field(default_factory=list)
-    """What else is left out, as parts of a sentence."""
+    """Other items that were skipped, as parts of a sentence."""
     lights: list[Light] = field(default_factory=list)
     unlit: list[str] = field(default_factory=list)
-    """Which lights do not read, and why, as parts of a sentence: no error, whatever is wanted of the rest."""
+    """Lights that cannot be read, and why, as parts of a sentence. Not an error even with ``strict``."""
     up: str | None = None
-    """The file's vertical axis, if its format or the file says it."""
+    """The file's vertical axis, if defined by its format or the file."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read text and NumPy files: all readers say what is wrong with one in the same words."""
+"""Readers of text and NumPy files with uniform error messages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def read_array(path: Path) -> NDArray[np.generic]:
     """Read the array of a ``.npy`` file.
 
     Raises:
-        FileFormatError: It cannot be read, or is something else.
+        FileFormatError: If it cannot be read, or has another format.
     """
     loaded = _load_numpy(path, "NPY")
     if isinstance(loaded, NpzFile):
@@ -35,16 +35,16 @@ def read_array(path: Path) -> NDArray[np.generic]:
 
 
 def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, NDArray[np.generic]]:
-    """Read some arrays of a ``.npz`` file.
+    """Read selected arrays of a ``.npz`` file.
 
     Args:
         path: The file.
         wanted: Names of the arrays; others are not read.
-        needed: The one that has to be there.
+        needed: Name of the required array.
 
     Raises:
-        FileFormatError: It cannot be read, is something else, has no such array, or something else in its place; or
-            compressed arrays unpack to more than a GiB.
+        FileFormatError: If it cannot be read, has another format, lacks the required array, or contains an object that
+            is not an array, or if compressed arrays unpack to more than 1 GiB.
     """
     loaded = _load_numpy(path, "NPZ")
     if not isinstance(loaded, NpzFile):
@@ -57,7 +57,7 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
         check_unpacked(path, size, "write it with numpy.savez, without compression")
         try:
             arrays = {name: loaded[name] for name in wanted if name in names}
-        except Exception as error:  # so do damaged archives
+        except Exception as error:  # damaged archives may raise any exception
             raise FileFormatError(f"{path}: does not read as NPZ: {describe_exception(error)}") from None
     other = [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]
     if other:
@@ -72,28 +72,28 @@ def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
         return np.load(path, allow_pickle=False)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
-    except Exception as error:  # a file that looks like an archive has errors of its own
-        pickled = str(error).startswith("This file contains pickled")  # so NumPy calls any file without its first bytes
+    except Exception as error:  # damaged archives may raise any exception
+        pickled = str(error).startswith("This file contains pickled")  # NumPy's message for any unknown file type
         reason = "it holds no arrays of NumPy" if pickled else describe_exception(error)
         raise FileFormatError(f"{path}: does not read as {kind}: {reason}") from None
 
 
 def as_numbers(value: Json, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
-    """Take a value of a JSON file for finite numbers of a shape.
+    """Convert a JSON value to an array of finite numbers.
 
     Args:
-        value: Lists of numbers. True and false are none.
-        shape: Their wanted shape.
-        what: What the message begins with: where the value is, and its name.
+        value: Nested lists of numbers; Booleans are not numbers.
+        shape: Expected shape.
+        what: Beginning of the message: the location of the value, and its name.
 
     Raises:
-        FileFormatError: It is something else.
+        FileFormatError: If it has another shape or type.
     """
     leaves = _leaves(value, shape)
     if leaves is not None and all(type(leaf) is float or type(leaf) is int for leaf in leaves):
         try:
             numbers = np.array(leaves, dtype=np.float64)
-        except OverflowError:  # whole numbers have any number of digits
+        except OverflowError:  # integers may have any number of digits
             numbers = np.array([np.inf])
         if np.isfinite(numbers).all():
             return numbers.reshape(shape)
@@ -102,7 +102,7 @@ def as_numbers(value: Json, shape: tuple[int, ...], what: str) -> NDArray[np.flo
 
 
 def shorten(value: Json) -> str:
-    """Show a value as messages do: what it is, and its beginning."""
+    """Return a short text of a value for messages: its kind, or its beginning."""
     if isinstance(value, dict):
         return "an object"
     if isinstance(value, list) and value and isinstance(value[0], list | dict):
@@ -115,7 +115,7 @@ def shorten(value: Json) -> str:
 
 
 def _leaves(value: Json, shape: tuple[int, ...]) -> list[Json] | None:
-    """Return the elements of lists of a shape; None if they are others."""
+    """Return the elements of nested lists; None if their shape differs."""
     items = [value]
     for size in shape:
         lists = [item for item in items if isinstance(item, list) and len(item) == size]
@@ -126,13 +126,13 @@ def _leaves(value: Json, shape: tuple[int, ...]) -> list[Json] | None:
 
 
 def read_lines(path: Path, line: str) -> list[str]:
-    """Read the lines of a file that should hold some like `line`.
+    """Read the lines of a text file; `line` is the expected format of a line, for the message.
 
     Raises:
-        FileFormatError: The file cannot be read, or is not text.
+        FileFormatError: If the file cannot be read, or is not text.
     """
     try:
-        return path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets write a mark
+        return path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets write a byte order mark
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""glTF 2.0: meshes at their nodes, named as the file names them, in the file's order.
+"""glTF 2.0: meshes at their nodes, with the names and the order of the file.
 
-trimesh's reader draws names by lot where a mesh has several materials, and takes for zeros, or leaves out, what it
-cannot read (sparse, normalized and compressed accessors, triangle fans, what hangs below a camera). Sections are those
-of the glTF 2.0 specification.
+trimesh's reader generates random names where a mesh has several materials, and reads as zeros, or leaves out, what it
+does not support (sparse, normalized and compressed accessors, triangle fans, children of cameras). Section numbers are
+those of the glTF 2.0 specification.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility", INSTANCES}
 
 _MAX_CORNERS = 100_000_000
-"""Of all instances of a mesh that do not share it."""
+"""Maximum number of corners of all instances of a mesh that cannot share it."""
 
-# Extensions that change colors, lights, motion or notes, and no triangle at rest.
+# Extensions that affect colors, lights, motion or metadata, but not triangles at rest.
 _HARMLESS = re.compile(
     r"[A-Z0-9]+_(materials?|textures?|lights?|image|animation|audio|physics|interactivity|xmp)(_|$)"
     r"|KHR_(xmp\w*|techniques_webgl|node_selectability|node_hoverability)$"
@@ -41,17 +41,17 @@ _HARMLESS = re.compile(
 
 
 def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
-    """Read the meshes of a file's default scene, in the order of its nodes: parents first, each with its children.
+    """Read the meshes of a file's default scene, in depth-first order of its nodes.
 
     Args:
-        name: The file's, for warnings.
+        name: Name of the file, for warnings.
         file: Its bytes, ``.gltf`` or ``.glb``.
-        find: Finds the buffers that it names.
-        locate: Finds the images that it names.
+        find: Reads the buffers that it references.
+        locate: Finds the images that it references.
 
     Raises:
-        ValueError: It does not parse, or needs an extension that is not read; any other exception that what is no
-            glTF leads to.
+        ValueError: If it does not parse, or requires an unsupported extension. Malformed files may raise any other
+            exception.
     """
     data = GltfData(file, find)
     unread = [name for name in data.names("extensionsRequired") if name not in _READ and not _HARMLESS.match(name)]
@@ -72,17 +72,17 @@ def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
 def _add_light(
     data: GltfData, index: int, node: dict[str, Any], placement: NDArray[np.float64], found: FileMeshes
 ) -> None:
-    """Add a node's light; a note where it does not read."""
+    """Add a node's light, or a note if it cannot be read."""
     try:
         light = gltf_light(data.get("extensions"), node, placement)
-    except Exception as error:  # what is no glTF leads to any
+    except Exception as error:  # malformed files may raise any exception
         found.unlit.append(f"node {index} ({truncate(describe_exception(error))})")
     else:
         found.lights += [] if light is None else [light]
 
 
 class _Shapes:
-    """The meshes of a file, of which those that several nodes have are read once."""
+    """The meshes of a file; meshes shared by several nodes are read once."""
 
     def __init__(self, data: GltfData, materials: GltfMaterials) -> None:
         self.data, self._materials = data, materials
@@ -91,11 +91,11 @@ class _Shapes:
         self._known: dict[tuple[int, int], Shape | None] = {}
 
     def is_shared(self, node: dict[str, Any]) -> bool:
-        """Tell whether a node's mesh is another one's, too, and the same there."""
+        """Return whether other nodes use the same mesh with the same shape."""
         return self._uses[node["mesh"]] > 1 and node.get("skin") is None and "weights" not in node
 
     def of_primitive(self, node: dict[str, Any], number: int) -> Shape | None:
-        """Return a primitive of a node's mesh; None if it is of points or lines."""
+        """Return a primitive of a node's mesh; None if it consists of points or lines."""
         key = node["mesh"], number
         if self.is_shared(node):
             if key not in self._known:
@@ -131,7 +131,7 @@ def _add_mesh(
     shared: Split | None,
     found: FileMeshes,
 ) -> None:
-    """Add the primitives of a node's mesh, which others share if its placement is split."""
+    """Add the primitives of a node's mesh, which is shared with others if its placement is split."""
     mesh = shapes.data.one("meshes", node["mesh"])
     name = str(node.get("name") or mesh.get("name") or "")
     extras = {**_said(mesh), **_said(node)}
@@ -143,7 +143,7 @@ def _add_mesh(
         if shape is None:
             found.empty.append(own or f"node_{index}")
             continue
-        above = np.eye(4) if _is_skinned(node, primitive) else placement  # the place of a skinned node does not count
+        above = np.eye(4) if _is_skinned(node, primitive) else placement  # transforms of skinned nodes are ignored
         if copies is not None:
             matrices = above @ copies
             parts = split(matrices)
@@ -163,7 +163,7 @@ def _said(item: dict[str, Any]) -> dict[str, Any]:
 
 
 def _triangles(data: GltfData, primitive: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
-    """Read vertices and faces of a primitive (3.7.2); no faces if it is of points or lines."""
+    """Read vertices and faces of a primitive (3.7.2); no faces if it consists of points or lines."""
     attributes, mode = primitive.get("attributes", {}), primitive.get("mode", _TRIANGLES)
     nothing = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
     if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
@@ -216,7 +216,7 @@ def _points(rows: NDArray[np.generic]) -> NDArray[np.float64]:
 
 
 def _faces(corners: NDArray[np.integer], mode: int) -> NDArray[np.integer]:
-    """Make triangles of a list of corners: three by three, a strip, or a fan (3.7.2.1)."""
+    """Convert a list of corners to triangles: three by three, a strip, or a fan (3.7.2.1)."""
     if mode == _TRIANGLES:
         if len(corners) % 3:
             raise ValueError(f"triangles must have three corners each, got {len(corners)} corners")

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a glTF file holds: its JSON, and the numbers of its accessors, compressed or not.
+"""JSON and accessors of glTF files, compressed or not.
 
-Sections are those of the glTF 2.0 specification. What is wrong is a `ValueError` of one sentence.
+Section numbers are those of the glTF 2.0 specification. Errors are `ValueError` with a message of one sentence.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
 
 Find = Callable[[str], bytes]
-"""Finds a file that another one names."""
+"""Reads a file that another one references."""
 
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -29,7 +29,7 @@ _HEADER, _CHUNK_HEADER = 12, 8
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
-# An accessor may have a number of zeros that no bytes of the file stand for: a short file could ask for any memory.
+# Accessors without data are zeros of any count: a short file could allocate any amount of memory.
 _MAX_ZEROS = 1 << 24
 
 
@@ -37,14 +37,14 @@ class GltfData:
     """The JSON of a glTF file, and its buffers."""
 
     def __init__(self, file: bytes, find: Find) -> None:
-        """Read the JSON of a file, ``.gltf`` or ``.glb``, which its first bytes tell apart.
+        """Parse the JSON of a file; its first bytes tell ``.gltf`` and ``.glb`` apart.
 
         Args:
             file: Its bytes.
-            find: Finds its buffers.
+            find: Reads its buffers.
 
         Raises:
-            ValueError: It is no glTF 2.
+            ValueError: If it is not glTF 2.
         """
         self._find = find
         self._chunk: bytes | None = None
@@ -62,11 +62,11 @@ class GltfData:
         self._buffers: dict[int, bytes] = {}
 
     def names(self, key: str) -> list[str]:
-        """Return a list of texts, such as ``extensionsUsed``."""
+        """Return a list of strings, such as ``extensionsUsed``."""
         return [str(name) for name in self.all(key)]
 
     def all(self, key: str) -> list[Any]:
-        """Return a list of the JSON; an empty one if there is none."""
+        """Return a list of the JSON; an empty one if not given."""
         found = self._content.get(key, [])
         if not isinstance(found, list):
             raise ValueError(f"{key} is no list")
@@ -76,7 +76,7 @@ class GltfData:
         """Return an object of a list of the JSON.
 
         Raises:
-            ValueError: There is none of that index.
+            ValueError: If the index is out of range.
         """
         items = self.all(key)
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(items):
@@ -93,7 +93,7 @@ class GltfData:
         """Read an accessor (3.6.2), shape ``(count, components)``; normalized integers become float64.
 
         Raises:
-            ValueError: It reaches beyond its bytes, or is of no known type.
+            ValueError: If it exceeds its buffer view, or has an unknown type.
         """
         item = self.one("accessors", index)
         count, dtype, width = _layout(item)
@@ -108,9 +108,9 @@ class GltfData:
         return self.scaled(rows, index)
 
     def scaled(self, rows: NDArray[np.generic], index: Json) -> NDArray[np.generic]:
-        """Return the numbers that integers stand for, if their accessor says that they are normalized (3.6.2.2).
+        """Dequantize integers, if their accessor is normalized (3.6.2.2).
 
-        What counts is the accessor's type: a decoder may give integers as floats.
+        The accessor's type counts, since a decoder may return integers as floats.
         """
         item = self.one("accessors", index)
         kind = _component(item["componentType"])
@@ -119,7 +119,7 @@ class GltfData:
         return np.maximum(rows.astype(np.float64) / np.iinfo(kind.str).max, -1.0)
 
     def has_data(self, index: Json) -> bool:
-        """Tell whether an accessor has bytes, or waits for what an extension decodes."""
+        """Return whether an accessor has uncompressed data; if not, an extension decodes it."""
         item = self.one("accessors", index)
         return "bufferView" in item or "sparse" in item
 
@@ -127,7 +127,7 @@ class GltfData:
         """Return the bytes of a buffer view (3.6.1), decoded.
 
         Raises:
-            ValueError: It reaches beyond its buffer, does not decode, or needs a package that is missing.
+            ValueError: If it exceeds its buffer, does not decode, or needs a package that is missing.
         """
         item = self.one("bufferViews", index)
         extensions = item.get("extensions") or {}
@@ -171,7 +171,7 @@ class GltfData:
         return np.ndarray((count, width), dtype, data.data, first, (stride, dtype.itemsize))
 
     def _with_sparse(self, rows: NDArray[np.generic], sparse: dict[str, Any]) -> NDArray[np.generic]:
-        """Return rows of which some are replaced (3.6.2.3)."""
+        """Return rows with the sparse replacements applied (3.6.2.3)."""
         count = _whole(sparse["count"], "count")
         where, values = sparse["indices"], sparse["values"]
         kind = _component(where["componentType"])
@@ -188,7 +188,7 @@ class GltfData:
         try:
             import meshoptimizer
         except ImportError:
-            if self.one("buffers", item["buffer"]).get("uri") is not None:  # the same, not compressed
+            if self.one("buffers", item["buffer"]).get("uri") is not None:  # uncompressed fallback data
                 return self._bytes(item)
             raise ValueError(missing(name, "meshoptimizer")) from None
         count, stride = _whole(packed["count"], "count"), _whole(packed["byteStride"], "byteStride")
@@ -198,7 +198,7 @@ class GltfData:
                 raise ValueError(f"{name}: byteStride must be a multiple of 4 up to 256, got {stride}")
             found = meshoptimizer.decode_vertex_buffer(count, stride, source, dtype=np.dtype(f"V{stride}"))
         elif mode in ("TRIANGLES", "INDICES"):
-            # Its C code asserts what files may break.
+            # The C code aborts on these errors of a file.
             if stride not in (2, 4) or (mode == "TRIANGLES" and count % 3):
                 raise ValueError(f"{name}: {mode} must be indices of 2 or 4 bytes, got {count} of {stride}")
             decode = meshoptimizer.decode_index_buffer if mode == "TRIANGLES" else meshoptimizer.decode_index_sequence
@@ -216,10 +216,10 @@ class GltfData:
 
 
 def decode_draco(data: bytes) -> Any:
-    """Decode a mesh of `DRACO`: what has ``faces``, and ``attributes`` with ``unique_id`` and ``data``.
+    """Decode a `DRACO` mesh to an object with ``faces``, and ``attributes`` with ``unique_id`` and ``data``.
 
     Raises:
-        ValueError: It does not decode, or the decoder is missing.
+        ValueError: If it does not decode, or the decoder is missing.
     """
     try:
         import DracoPy
@@ -227,17 +227,17 @@ def decode_draco(data: bytes) -> Any:
         raise ValueError(missing(DRACO, "DracoPy")) from None
     try:
         return DracoPy.decode(data)
-    except Exception as error:  # it has exceptions of its own
+    except Exception as error:  # the decoder raises its own exceptions
         raise ValueError(f"{DRACO}: {describe_exception(error)}") from None
 
 
 def missing(extension: str, package: str) -> str:
-    """Say that a decoder is missing."""
+    """Return the message for a missing decoder."""
     return f"it is compressed by {extension}, and reading that needs {package}: pip install 'warpvis[gltf]'"
 
 
 def _chunks(file: bytes) -> tuple[bytes, bytes | None]:
-    """Return the JSON and the bytes of a binary file (4.4)."""
+    """Return the JSON and the binary chunk of a GLB file (4.4)."""
     chunks: dict[bytes, bytes] = {}
     place = _HEADER
     if int.from_bytes(file[4:8], "little") != 2:
@@ -259,18 +259,18 @@ def _resource(uri: str, find: Find) -> bytes:
 
 
 def uri_bytes(uri: str) -> bytes:
-    """Return the bytes that a ``data:`` URI holds."""
+    """Return the bytes of a ``data:`` URI."""
     kind, _, text = uri.partition(",")
     return base64.b64decode(text) if kind.endswith(";base64") else urllib.parse.unquote_to_bytes(text)
 
 
 def uri_name(uri: str) -> str:
-    """Return the name of the file that a URI names."""
+    """Return the file name of a URI."""
     return urllib.parse.unquote(uri)
 
 
 def _layout(item: dict[str, Any]) -> tuple[int, np.dtype, int]:
-    """Return the number of an accessor's elements, the type of their components, and how many those are."""
+    """Return the number of an accessor's elements, and the type and number of their components."""
     width = _WIDTHS.get(item["type"])
     if width is None:
         raise ValueError(f"accessors must be of {', '.join(_WIDTHS)}, got {item['type']!r}")

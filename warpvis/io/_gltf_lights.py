@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lights of a glTF file (KHR_lights_punctual)."""
+"""Lights of glTF files (KHR_lights_punctual)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ _KINDS = ("directional", "point", "spot")
 
 
 def gltf_light(root: Any, node: dict[str, Any], placement: NDArray[np.float64]) -> Light | None:
-    """Read the light of a node, which shines along its -z and has no size; None without one.
+    """Read the light of a node, which shines along its -z; scale does not affect it. None for nodes without a light.
 
     Args:
         root: The file's ``extensions``.
         node: The node.
-        placement: Its matrix to the file's frame, ``(4, 4)``.
+        placement: Matrix from the node to the file's frame, ``(4, 4)``.
 
     Raises:
-        ValueError: It is malformed; any other exception that what is no glTF leads to.
+        ValueError: If it is malformed. Malformed files may raise any other exception.
     """
     packed = (node.get("extensions") or {}).get(LIGHTS)
     if packed is None:

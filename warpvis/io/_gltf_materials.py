@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a glTF file says of color: materials, base color textures, and colors of vertices.
+"""Materials, base color textures and vertex colors of glTF files.
 
-It is read when it is asked for. trimesh's reader keeps neither wrap modes and filters nor transforms of textures, nor
-second texture coordinates. Sections are those of the glTF 2.0 specification.
+They are read on first use. trimesh's reader drops wrap modes and filters, texture transforms, and second texture
+coordinates. Section numbers are those of the glTF 2.0 specification.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap
 
 Locate = Callable[[str], Path | bytes | None]
-"""Finds an image that a file names, without reading it; its bytes where it is in an archive; None if it is nowhere."""
+"""Finds a referenced image without reading it; returns its bytes if it is in an archive, None if it is missing."""
 
 TRANSFORM = "KHR_texture_transform"
 _OLD = "KHR_materials_pbrSpecularGlossiness"
@@ -36,7 +36,7 @@ Attribute = Callable[[str], NDArray[np.generic]]
 
 
 class GltfMaterials:
-    """The materials and textures of a file, of which each is read once."""
+    """The materials and textures of a file; each is read once."""
 
     def __init__(self, file: str, data: GltfData, locate: Locate) -> None:
         self._file, self._data, self._locate = file, data, locate
@@ -45,7 +45,7 @@ class GltfMaterials:
         self._plain: dict[int, Look] = {}
 
     def look(self, primitive: dict[str, Any], attribute: Attribute, vertices: int, name: str) -> Look | None:
-        """Remember what a primitive of so many vertices looks like; None if it says nothing."""
+        """Return the deferred appearance of a primitive; None if it defines none."""
         if primitive.get("material") is None and "COLOR_0" not in primitive["attributes"]:
             return None
         said = self._numbers_alone(primitive)
@@ -57,20 +57,20 @@ class GltfMaterials:
         return self._plain[index]
 
     def _numbers_alone(self, primitive: dict[str, Any]) -> dict[str, Any] | None:
-        """Return the material of a primitive that has no more: it can wait without the file's bytes in memory."""
+        """Return the material of a primitive without arrays and textures, which needs no bytes of the file later."""
         if "COLOR_0" in primitive["attributes"]:
             return None
         try:
             said = self._data.one("materials", primitive["material"])
             return said if _base(said)[1] is None else None
-        except Exception:  # what is no glTF leads to any; it is said when it is asked for
+        except Exception:  # malformed files may raise any exception; it is reported on first use
             return None
 
     def _appearance(self, primitive: dict[str, Any], attribute: Attribute) -> Appearance:
-        """Read what a primitive looks like.
+        """Read the appearance of a primitive.
 
         Raises:
-            ValueError: It is malformed; any other exception that what is no glTF leads to.
+            ValueError: If it is malformed. Malformed files may raise any other exception.
         """
         attributes, index = primitive["attributes"], primitive.get("material")
         colors = _vertex_colors(attribute("COLOR_0")) if "COLOR_0" in attributes else None
@@ -87,7 +87,7 @@ class GltfMaterials:
         return Appearance((self._known[index],), uv=uv, vertex_colors=colors)
 
     def _texture(self, index: Any) -> Texture:
-        """Read a texture (3.8), whose image is decoded when it is asked for."""
+        """Read a texture (3.8); its image is decoded on first use."""
         said = self._data.one("textures", index)
         if index in self._textures:
             return self._textures[index]
@@ -122,11 +122,11 @@ class GltfMaterials:
 def _read_or_warn(
     file: str, name: str, vertices: int, read: Callable[..., Appearance], *given: Any
 ) -> Appearance | None:
-    """Read what a primitive looks like; None, and a warning, where that does not read: its triangles do."""
+    """Read the appearance of a primitive; warn and return None if it cannot be read, and keep the triangles."""
     try:
         found = read(*given)
         found.check_fits(vertices, 0, name)
-    except Exception as error:  # what is no glTF leads to any
+    except Exception as error:  # malformed files may raise any exception
         warn_user(f"{file}: left out the colours of {name} ({truncate(describe_exception(error))})", UserWarning)
         return None
     return found
@@ -157,7 +157,7 @@ def _material(said: dict[str, Any], texture: Texture | None) -> Material:
 
 
 def _base(said: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:
-    """Return a material's base color, and where its texture is."""
+    """Return a material's base color, and its texture info."""
     old = (said.get("extensions") or {}).get(_OLD)
     if old is not None and "pbrMetallicRoughness" not in said:
         return old.get("diffuseFactor", (1, 1, 1, 1)), old.get("diffuseTexture")
@@ -166,18 +166,18 @@ def _base(said: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:
 
 
 def _vertex_colors(rows: NDArray[np.generic]) -> NDArray[np.float32]:
-    """Read colors of vertices, which the specification has from 0 to 1 (3.7.2.1)."""
+    """Read vertex colors, which the specification limits to 0 to 1 (3.7.2.1)."""
     return np.clip(rows.astype(np.float32), 0.0, 1.0)
 
 
 def _coordinates(rows: NDArray[np.generic], transform: dict[str, Any]) -> NDArray[np.float32]:
-    """Transform texture coordinates (KHR_texture_transform: scaled, turned, moved), and count v upwards."""
+    """Transform texture coordinates (KHR_texture_transform: scale, rotate, translate), and flip v upwards."""
     uv: NDArray[Any] = rows.astype(np.float64) if transform else rows
     if uv.ndim != 2 or uv.shape[1] != 2:
         raise ValueError("texture coordinates must be of two numbers each")
     if transform:
-        # The extension's sentence says that coordinates turn counterclockwise as seen, and so do Khronos's sample
-        # viewer and three.js; its lines of GLSL turn them the other way.
+        # The extension's text rotates counterclockwise as seen, as do Khronos's sample viewer and three.js; its GLSL
+        # code rotates clockwise.
         angle = float(transform.get("rotation", 0.0))
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         scale = np.array(transform.get("scale", (1, 1)), dtype=np.float64).reshape(2)

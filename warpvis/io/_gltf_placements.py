@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the meshes of a glTF file are: at nodes, and as instances; and which of them share their triangles.
+"""Placements of glTF meshes: at nodes, and as instances; and which of them share their triangles.
 
-Sections are those of the glTF 2.0 specification.
+Section numbers are those of the glTF 2.0 specification.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from warpvis.scene.looks import Look
 
 INSTANCES = "EXT_mesh_gpu_instancing"
 
-# Nodes that are children of several others, which the specification forbids and files have, can stand for any number,
-# and so can instances: their accessors may be of zeros that no bytes of the file stand for.
+# Nodes with several parents, which the specification forbids but files contain, can expand to any number, and so can
+# instances: their accessors may be zeros without data.
 _MAX_NODES = 1_000_000
 _MAX_INSTANCES = 100_000
 
-# Of two axes of length 1: matrices that are written in single precision are off by as much.
+# Tolerance of the dot product of two unit axes: rounding error of matrices in single precision.
 _MAX_SKEW = 1e-6
 
 
 def nodes_in_order(data: GltfData) -> Iterator[tuple[int, dict[str, Any], NDArray[np.float64]]]:
-    """Go through the visible nodes of the default scene (3.5): index, node, and its matrix to the file's frame."""
+    """Yield the visible nodes of the default scene (3.5): index, node, and its matrix to the file's frame."""
     open_nodes = [(index, np.eye(4), 1) for index in reversed(_roots(data))]
     for count in itertools.count():
         if not open_nodes:
@@ -59,7 +59,7 @@ def _roots(data: GltfData) -> list[int]:
 
 
 def node_matrix(node: dict[str, Any]) -> NDArray[np.float64]:
-    """Make the matrix from a node to its parent (3.5.2)."""
+    """Return the matrix from a node to its parent (3.5.2)."""
     if "matrix" in node:
         matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     else:
@@ -75,7 +75,7 @@ def node_matrix(node: dict[str, Any]) -> NDArray[np.float64]:
 
 
 def instance_matrices(data: GltfData, packed: dict[str, Any]) -> NDArray[np.float64]:
-    """Make the matrices from a node's instances to the node (EXT_mesh_gpu_instancing), shape ``(n, 4, 4)``."""
+    """Return the matrices from a node's instances to the node (EXT_mesh_gpu_instancing), shape ``(n, 4, 4)``."""
     attributes = packed["attributes"]
     counts = sorted({data.one("accessors", index)["count"] for index in attributes.values()})
     if len(counts) != 1 or not 0 <= counts[0] <= _MAX_INSTANCES:
@@ -100,31 +100,31 @@ def instance_matrices(data: GltfData, packed: dict[str, Any]) -> NDArray[np.floa
 
 
 class Split(NamedTuple):
-    """Placements as what changes a mesh's shape, and a pose after it."""
+    """Placements decomposed into a scale and a subsequent pose."""
 
     factors: NDArray[np.float64]
-    """Along the mesh's axes, all negative where it is mirrored, shape ``(n, 3)``."""
+    """Scale factors along the mesh's axes, all negative for mirrored meshes, shape ``(n, 3)``."""
     rows: NDArray[np.float64]
     """``x y z qx qy qz qw``, shape ``(n, 7)``."""
     fits: NDArray[np.bool_]
-    """Whether a placement is these two; one that shears or flattens is not."""
+    """Whether the decomposition is exact; it is not for placements that shear or flatten."""
 
     @property
     def copies(self) -> int:
-        """How often a mesh is kept for all of them: in every size, and wherever it is no pose."""
+        """Number of copies of the mesh in memory: one per size, and one per placement that cannot be decomposed."""
         return len(np.unique(_sizes(self.factors[self.fits]), axis=0)) + int((~self.fits).sum())
 
     def one_by_one(self) -> Iterator[Split]:
-        """Go through them; to split them one by one takes long."""
+        """Yield the placements one by one; splitting matrices in a batch is much faster than one by one."""
         for number in range(len(self.rows)):
             one = slice(number, number + 1)
             yield Split(self.factors[one], self.rows[one], self.fits[one])
 
 
 def split(matrices: NDArray[np.float64]) -> Split:
-    """Split placements into factors and poses: the axes that are left have to be at right angles."""
+    """Decompose placements into scale factors and poses, which requires orthogonal axes."""
     linear = matrices[:, :3, :3]
-    with np.errstate(all="ignore"):  # what is no number does not fit
+    with np.errstate(all="ignore"):  # NaN does not fit
         factors = np.linalg.norm(linear, axis=1)
         factors[np.linalg.det(linear / factors[:, None]) < 0] *= -1
         axes = linear / factors[:, None]
@@ -138,7 +138,7 @@ def split(matrices: NDArray[np.float64]) -> Split:
 
 
 class Shape:
-    """A mesh as a file has it, which is kept once for each size that it comes in."""
+    """A mesh of a file, stored once per size."""
 
     def __init__(self, vertices: NDArray[np.float64], faces: NDArray[np.integer], look: Look | None = None) -> None:
         self.vertices, self.faces, self.look = vertices, faces, look
@@ -146,21 +146,21 @@ class Shape:
 
     def placed(self, name: str, placement: NDArray[np.float64], extras: dict[str, Any]) -> FileMesh:
         """Return the mesh in the file's frame."""
-        with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
+        with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
             corners = self.vertices @ placement[:3, :3].T + placement[:3, 3]
         return FileMesh(name, corners, keep_winding(self.faces, placement[:3, :3]), extras, look=self.look)
 
     def shared(
         self, names: list[str], placements: NDArray[np.float64], parts: Split, extras: dict[str, Any], *, movable: bool
     ) -> Iterator[FileMesh]:
-        """Give the mesh at placements: at poses that share it, or in the file's frame where a placement is no pose.
+        """Yield the mesh at placements: with poses that share it, or in the file's frame where it cannot be decomposed.
 
         Args:
-            names: One for each.
+            names: One name per placement.
             placements: From the mesh to the file's frame, shape ``(n, 4, 4)``.
-            parts: These, split.
-            extras: What the file says of all of them.
-            movable: Whether they share it where they may move, too.
+            parts: These, decomposed.
+            extras: Metadata of all of them.
+            movable: Whether movable objects share it, too.
         """
         sizes = _sizes(parts.factors)
         for name, matrix, size, factors, row, fits in zip(names, placements, sizes, *parts, strict=True):
@@ -171,7 +171,7 @@ class Shape:
             yield FileMesh(name, vertices, faces, extras, row, movable, self.look)
 
     def _of_size(self, key: bytes, factors: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
-        """Return the mesh scaled."""
+        """Return the scaled mesh."""
         if key not in self._scaled:
             with np.errstate(invalid="ignore", over="ignore"):
                 self._scaled[key] = self.vertices * factors, keep_winding(self.faces, np.diag(factors))
@@ -179,6 +179,6 @@ class Shape:
 
 
 def _sizes(factors: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return factors in single precision, in which vertices end: what is the same there is one size."""
+    """Return factors in single precision, the precision of vertices, so that equal sizes compare equal."""
     with np.errstate(over="ignore"):
         return factors.astype(np.float32)

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The shape of glTF's meshes while nothing is animated: morph targets by their weights, skins by their joints' nodes.
+"""Rest shape of glTF meshes without animation: morph targets by their weights, skins by their joints' nodes.
 
-Sections are those of the glTF 2.0 specification. What is wrong is a `ValueError` of one sentence.
+Section numbers are those of the glTF 2.0 specification. Errors are `ValueError` with a message of one sentence.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ Rows = Callable[[str], NDArray[np.generic]]
 """Reads an attribute of a primitive."""
 
 _MAX_SETS = 16
-"""Of four joints each."""
+"""Maximum number of sets of four joints each."""
 
 
 def morphed(data: GltfData, vertices: NDArray[np.float64], targets: Json, weights: Json) -> NDArray[np.float64]:
-    """Move vertices by morph targets (3.7.2.2), of which those count that have a weight.
+    """Apply the morph targets (3.7.2.2) that have a nonzero weight.
 
     Args:
         data: The file.
         vertices: Shape ``(n, 3)``.
-        targets: The primitive's.
-        weights: The node's, or else the mesh's; none if neither has any.
+        targets: Targets of the primitive.
+        weights: Weights of the node, or else of the mesh; None if neither has any.
     """
     if not (isinstance(targets, list) and isinstance(weights, list)):
         return vertices
@@ -48,15 +48,15 @@ def morphed(data: GltfData, vertices: NDArray[np.float64], targets: Json, weight
 def skinned(
     vertices: NDArray[np.float64], attributes: dict[str, Any], rows: Rows, joints: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Move vertices with the joints of their skin (3.7.3.3), to the frame of the file.
+    """Apply the skin (3.7.3.3) to vertices; the result is in the file's frame.
 
-    Where all of a vertex's weights are 0, it stays.
+    Vertices whose weights are all 0 do not move.
 
     Args:
         vertices: Shape ``(n, 3)``.
-        attributes: The primitive's: ``JOINTS_0``, ``WEIGHTS_0``, ``JOINTS_1``, ...
+        attributes: Attributes of the primitive: ``JOINTS_0``, ``WEIGHTS_0``, ``JOINTS_1``, ...
         rows: Reads one of them.
-        joints: Of `joint_matrices`.
+        joints: Result of `joint_matrices`.
     """
     turn, total = np.zeros((len(vertices), 4, 4)), np.zeros(len(vertices))
     for number in range(_MAX_SETS):
@@ -72,7 +72,7 @@ def skinned(
         total += weights.sum(axis=1)
     still = ~(np.abs(total) > 0)
     turn[still], total[still] = np.eye(4), 1.0
-    with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
+    with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
         turn /= total[:, None, None]
         return np.einsum("vij,vj->vi", turn[:, :3, :3], vertices) + turn[:, :3, 3]
 
@@ -80,12 +80,12 @@ def skinned(
 def joint_matrices(
     data: GltfData, skin: Json, transform: Callable[[dict[str, Any]], NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Make the matrices from a skin's mesh to the file's frame, one a joint, shape ``(joints, 4, 4)``.
+    """Return the matrices from a skin's mesh to the file's frame, one per joint, shape ``(joints, 4, 4)``.
 
     Args:
         data: The file.
-        skin: Its number.
-        transform: Makes the matrix from a node to its parent.
+        skin: Index of the skin.
+        transform: Returns the matrix from a node to its parent.
     """
     item = data.one("skins", skin)
     joints = list(item["joints"])

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes as binary glTF 2.0: a node for every object, and a mesh once for all objects that share it.
+"""Export of scenes as binary glTF 2.0: a node per object; shared meshes are written once.
 
-Sections are those of the glTF 2.0 specification.
+Section numbers are those of the glTF 2.0 specification.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from warpvis.scene import Y_UP_TO_Z_UP, Axis, SceneObject
 
 _FLOAT, _UNSIGNED = 5126, 5125
 _VERTICES, _INDICES = 34962, 34963
-"""What buffer views are for (3.6.2.1): some programs need to be told."""
+"""Targets of buffer views (3.6.2.1), which some programs require."""
 _MAX_BYTES = 2**32 - 1
-"""Of a file, whose length is a number of 32 bits (4.4.2)."""
+"""Maximum size of a file, whose length is a 32-bit number (4.4.2)."""
 
 
 class _Buffer:
-    """The bytes of a file, and what it says of them."""
+    """The bytes of a file, and the JSON that describes them."""
 
     def __init__(self) -> None:
         self.chunks: list[bytes] = []
@@ -35,7 +35,7 @@ class _Buffer:
         self.accessors: list[dict[str, Any]] = []
 
     def add(self, rows: np.ndarray, target: int, **more: Any) -> int:
-        """Add an accessor of what is a multiple of four bytes long, and return its index."""
+        """Add an accessor whose data is a multiple of four bytes long, and return its index."""
         data = rows.tobytes()
         self.views.append({"buffer": 0, "byteOffset": self.length, "byteLength": len(data), "target": target})
         self.accessors.append({"bufferView": len(self.views) - 1, "count": len(rows), **more})
@@ -44,7 +44,7 @@ class _Buffer:
         return len(self.accessors) - 1
 
     def add_mesh(self, vertices: NDArray[np.float32], faces: NDArray[np.int32], name: str) -> dict[str, Any]:
-        """Add the arrays of a mesh, and return what is said of it; a `ValueError` if a vertex is not finite."""
+        """Add the arrays of a mesh, and return its JSON; raise a `ValueError` if a vertex is not finite."""
         if not np.isfinite(vertices).all():
             raise ValueError(f"vertices of {name!r} must be finite")
         box = {"min": vertices.min(axis=0).tolist(), "max": vertices.max(axis=0).tolist()}
@@ -59,19 +59,19 @@ def gltf_chunks(objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis
 
     Args:
         objects: The objects.
-        extras: What the node of each one says besides.
+        extras: ``extras`` of the objects' nodes.
         up: The objects' vertical axis; that of the file is y.
 
     Returns:
-        Parts of the file, in their order.
+        Parts of the file, in order.
 
     Raises:
-        ValueError: A vertex is not finite, or the file would be too long for its format.
+        ValueError: If a vertex is not finite, or the file would exceed the format's maximum length.
     """
     upright = Y_UP_TO_Z_UP.T if up == "z" else np.eye(4)
     buffer, meshes, nodes = _Buffer(), list[dict[str, Any]](), list[dict[str, Any]]()
     known: dict[tuple[int, int], int] = {}
-    kept = []  # arrays whose ids are known must not go away
+    kept = []  # keeps the arrays alive whose ids are in `known`
     for item, said, placement in zip(objects, extras, _placements(objects, upright), strict=True):
         vertices = _frame_vertices(item)
         if vertices is None:
@@ -96,9 +96,9 @@ def gltf_chunks(objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis
 
 
 def _frame_vertices(item: SceneObject) -> NDArray[np.float32] | None:
-    """Return the vertices of an object in a frame of its own, where others may share them; None of those in the world.
+    """Return the vertices of an object in its own frame, where they may be shared; None for those in the world's frame.
 
-    What deforms has them where they are now.
+    Deforming objects are exported with their current vertices in the world's frame.
     """
     if item.shared_mesh is not None:
         return item.shared_mesh.rounded
@@ -106,7 +106,7 @@ def _frame_vertices(item: SceneObject) -> NDArray[np.float32] | None:
 
 
 def _placements(objects: Sequence[SceneObject], upright: NDArray[np.float64]) -> Iterator[dict[str, list[float]]]:
-    """Say where each object's node is; nothing of those in the world."""
+    """Yield the transform of each object's node; an empty one for vertices in the world's frame."""
     apart = np.array([_frame_vertices(item) is not None for item in objects])
     rows = np.array([item.place for item, own in zip(objects, apart, strict=True) if own]).reshape(-1, 7)
     placed = iter(poses_to_opencv(upright @ poses_to_matrices(rows)).tolist() if len(rows) else ())
@@ -116,7 +116,7 @@ def _placements(objects: Sequence[SceneObject], upright: NDArray[np.float64]) ->
 
 
 def _chunks(text: bytes, buffer: _Buffer) -> list[bytes]:
-    """Put a header and chunks around JSON and data (4.4), both of which end at a multiple of four bytes."""
+    """Add the header and chunk headers to JSON and data (4.4), both padded to a multiple of four bytes."""
     text += b" " * (-len(text) % 4)
     length = 12 + 8 + len(text) + 8 + buffer.length
     if length > _MAX_BYTES:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds of Livox lidars as the messages of Livox's own driver, livox_ros_driver2, which odometry packages take."""
+"""Clouds of Livox lidars as messages of Livox's driver, livox_ros_driver2, which odometry packages subscribe to."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _DEFINITIONS = {
 
 
 def register_livox_types(types: MessageTypes) -> None:
-    """Teach a type store of rosbags the messages of livox_ros_driver2, CustomMsg and CustomPoint, if it has them not.
+    """Add the messages of livox_ros_driver2, CustomMsg and CustomPoint, to a type store of rosbags, if missing.
 
     Args:
-        types: A type store of ROS 2, such as `rosbags.typesys.get_typestore` gives.
+        types: A type store of ROS 2, such as from `rosbags.typesys.get_typestore`.
 
     Raises:
-        MessageError: It is none.
+        MessageError: If `types` is not a type store.
     """
-    MessageMaker(types)  # which says what a type store is
+    MessageMaker(types)  # checks the type store
     store: Any = types
     if not hasattr(store, "register"):
         raise MessageError(f"types must be a type store of rosbags, got {types!r}")
@@ -52,25 +52,25 @@ def to_livox_msg(
     lidar_id: int = 0,
     types: MessageTypes | None = None,
 ) -> Message:
-    """Make a ``livox_ros_driver2/CustomMsg`` of a lidar's cloud. It shares no memory with it.
+    """Create a ``livox_ros_driver2/CustomMsg`` from a lidar's cloud. It shares no memory with the cloud.
 
-    Points are in the order of their times, and what was not measured is left out. FAST-LIO and Point-LIO take points
-    whose ``line`` is below their ``scan_line`` and bit 5 of whose ``tag`` is 0, and the last one's time for the end of
+    Points are in order of time; points without a return are left out. FAST-LIO and Point-LIO use points whose ``line``
+    is below their ``scan_line`` and whose ``tag`` has bit 5 cleared, and take the time of the last point as the end of
     the frame.
 
     Args:
-        cloud: A cloud with times, one of those that `warpvis.sensors.point_clouds` makes of a frame of
-            `warpvis.sensors.lidars.livox`. Its ``time`` becomes ``offset_time`` [ns], ``ring`` is the ``line``, an
-            ``intensity`` of 1 a ``reflectivity`` of 255, and ``tag``, if there is one, the ``tag``; else these are 0.
+        cloud: A cloud with times, as `warpvis.sensors.point_clouds` returns for a frame of
+            `warpvis.sensors.lidars.livox`. Its ``time`` becomes ``offset_time`` [ns], ``ring`` the ``line``, an
+            ``intensity`` of 1 a ``reflectivity`` of 255, and ``tag`` the ``tag``; missing fields become 0.
         frame_id: The lidar's frame.
-        stamp: What times are counted from, the frame's start [s], or a Time message: the ``timebase``.
+        stamp: Origin of the times, the start of the frame [s], or a Time message: the ``timebase``.
         lidar_id: Number of the lidar, 0 to 255.
-        types: A type store of rosbags that has the messages, by `register_livox_types`; by default livox_ros_driver2's
-            own classes, which must be there then.
+        types: A type store of rosbags with these messages, see `register_livox_types`; by default livox_ros_driver2's
+            own classes, which must be installed.
 
     Raises:
-        ArrayError: The cloud is none, has no times, or numbers that do not fit.
-        MessageError: Another argument is not what it has to be, or the classes are not there.
+        ArrayError: If it is not a cloud, has no times, or has values out of range.
+        MessageError: If another argument is invalid, or the classes are not installed.
     """
     maker = MessageMaker(types)
     if types is not None and _MESSAGE not in types.types:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lengths in MCAP files: rosbags asks for as much memory as they say, which of a damaged file may be any.
+"""Check of the lengths in MCAP files: rosbags allocates what they specify, which may be anything in a damaged file.
 
 Format: https://mcap.dev/spec
 """
@@ -14,25 +14,25 @@ from warpvis.io._archives import check_unpacked
 
 _MAGIC = b"\x89MCAP0\r\n"
 _HEAD = 9
-"""Bytes before what a record holds: its kind, and its length."""
+"""Bytes before the content of a record: its kind, and its length."""
 _FOOTER, _CHUNK, _CHUNK_INDEX = 2, 6, 8
 _UNPACKED = slice(16, 24)
-"""Bytes of a chunk that give its length unpacked."""
+"""Bytes of a chunk that store its uncompressed length."""
 _FIX = "write it in smaller chunks"
 _SIZES = 16
-"""Bytes at the end of a chunk's index: its length as it is stored, and unpacked."""
+"""Bytes at the end of a chunk index: its stored and its uncompressed length."""
 
 
 def check_mcap(bag: Path) -> None:
-    """Refuse MCAP files of a bag in which a record is longer than the file, or a chunk unpacks to more than a GiB.
+    """Reject MCAP files of a bag in which a record is longer than the file, or a chunk unpacks to more than 1 GiB.
 
     Args:
-        bag: A file, or a folder of some; others are not looked at.
+        bag: A file, or a folder of files; files with other suffixes are skipped.
 
     Raises:
-        ValueError: There is such a record.
-        FileFormatError: There is such a chunk.
-        OSError: A file cannot be read.
+        ValueError: If a record is too long.
+        FileFormatError: If a chunk is too large.
+        OSError: If a file cannot be read.
     """
     for path in sorted(bag.glob("*.mcap")) if bag.is_dir() else [bag]:
         if path.suffix.lower() == ".mcap" and path.is_file():
@@ -43,7 +43,7 @@ def _check_file(path: Path) -> None:
     size = os.path.getsize(path)
     with path.open("rb") as file:
         if file.read(len(_MAGIC)) != _MAGIC:
-            return  # rosbags says so
+            return  # rosbags reports it
         while len(head := file.read(_HEAD)) == _HEAD and head[0] != _FOOTER:
             start, length = file.tell(), int.from_bytes(head[1:], "little")
             if start + length > size:

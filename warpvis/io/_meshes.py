@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mesh files and archives of them: glTF by a reader of our own, OBJ, STL, PLY, COLLADA and others by trimesh."""
+"""Mesh files and archives of them: glTF by our own reader, OBJ, STL, PLY, COLLADA and others by trimesh."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ from warpvis.scene.looks import look_of
 
 _GLTF = ("glb", "gltf")
 _NAMELESS = ("geometry_0", "geometry")
-"""What trimesh calls the mesh of a file without names."""
+"""trimesh's names for the mesh of a file without names."""
 _MAX_NAMED = 5
 _NEEDED = {"dae": "pycollada: pip install 'warpvis[collada]'", "3mf": "lxml and networkx: pip install lxml networkx"}
-"""What is missing where trimesh has no reader for a format that it knows."""
+"""Packages that trimesh's readers of these formats need."""
 
 
 def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
     """Read the parts of a mesh file, or of all mesh files of an archive; see `warpvis.Scene.load`.
 
     Raises:
-        FileFormatError: The file does not parse, or a part of it has no triangles and `strict` is set.
-        SceneError: `search_path` is given, and such a file names no other files that hold geometry.
+        FileFormatError: If the file does not parse, or a part has no triangles and `strict` is set.
+        SceneError: If `search_path` is given, but the format does not reference other files with geometry.
     """
     kind = _kind(path.name)
     if search_path and kind != "gltf":
@@ -86,10 +86,10 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
 
 
 def _classes(path: Path, meshes: Sequence[FileMesh]) -> LabelRules:
-    """Collect what `Scene.export` writes beside labels: names of classes, and which are ground.
+    """Return the classes that `Scene.export` writes in addition to labels: their names, and which are ground.
 
     Raises:
-        FileFormatError: A class has two names, or what is written are none.
+        FileFormatError: If a class has two names, or the metadata is invalid.
     """
     names: dict[int, str] = {}
     for mesh in meshes:
@@ -106,7 +106,7 @@ def _classes(path: Path, meshes: Sequence[FileMesh]) -> LabelRules:
 
 
 def _number(label: object) -> int | None:
-    """Return the number of a label as `Scene.export` writes it; None for others."""
+    """Return the number of a label as written by `Scene.export`; None for other values."""
     if isinstance(label, str):
         return Label.__members__.get(label)
     return int(label) if is_whole(label) else None
@@ -117,10 +117,10 @@ def _kind(name: str) -> str:
 
 
 def _require_reader(name: str, suffix: str, kind: str) -> None:
-    """Refuse what nothing reads.
+    """Raise an error for formats that cannot be read.
 
     Raises:
-        FileFormatError: It is of no format of meshes, or a package is missing that reads it.
+        FileFormatError: If it is not a mesh format, or the package that reads it is missing.
     """
     import trimesh
     from trimesh.exchange.load import mesh_loaders
@@ -139,7 +139,7 @@ def _load_archive(path: Path) -> FileMeshes:
     """Read all mesh files of an archive.
 
     Raises:
-        FileFormatError: It holds none, or one does not parse, or they do not agree on which axis is up.
+        FileFormatError: If it contains none, one does not parse, or their vertical axes differ.
     """
     import trimesh
 
@@ -150,7 +150,8 @@ def _load_archive(path: Path) -> FileMeshes:
         known = ", ".join(sorted(readable))
         raise FileFormatError(f"{path}: holds no mesh file; those are {known}")
     whole, axes = FileMeshes(), {}
-    others = {name: file for name, file in files.items() if name not in members}  # what looks keep until asked for
+    # Deferred appearances keep these alive until first use.
+    others = {name: file for name, file in files.items() if name not in members}
     for member in members:
         loaded = _load(
             f"{path}/{member}",
@@ -174,7 +175,7 @@ def _load_archive(path: Path) -> FileMeshes:
 
 
 def _is_litter(member: str) -> bool:
-    """Tell whether a file is of those that macOS leaves in archives."""
+    """Return whether a file is metadata that macOS adds to archives."""
     return member.startswith("__MACOSX/") or posixpath.basename(member).startswith("._")
 
 
@@ -186,7 +187,7 @@ def _find_member(files: dict[str, bytes], member: str, name: str) -> bytes:
 
 
 def _finder(path: Path, search_path: Sequence[Path]) -> Find:
-    """Make what finds the files that a glTF file names, beside it or in the folders."""
+    """Return a function that reads the files that a glTF file references, relative to it or in the folders."""
     from trimesh.resolvers import FilePathResolver
 
     places = [FilePathResolver(str(path)), *map(FilePathResolver, map(str, search_path))]
@@ -195,7 +196,7 @@ def _finder(path: Path, search_path: Sequence[Path]) -> Find:
         for place in places:
             try:
                 found = place.get(name)
-            except (FileNotFoundError, ValueError):  # the second for what lies outside of the folder
+            except (FileNotFoundError, ValueError):  # ValueError for paths outside of the folder
                 continue
             require_content(found, "a buffer of glTF", name=f"{path}: {name}", images=False)
             return found
@@ -206,7 +207,7 @@ def _finder(path: Path, search_path: Sequence[Path]) -> Find:
 
 
 def _locator(path: Path, search_path: Sequence[Path]) -> Locate:
-    """Make what says where images are that a file names, beside it or below it, or in the folders."""
+    """Return a function that finds the images that a file references, relative to it or in the folders."""
     folders = [folder.absolute() for folder in (path.parent, *search_path)]  # the working directory may change
 
     def locate(name: str) -> Path | None:
@@ -215,7 +216,7 @@ def _locator(path: Path, search_path: Sequence[Path]) -> Locate:
             try:
                 if place.is_file() and place.resolve().is_relative_to(folder.resolve()):
                     return place
-            except (OSError, ValueError):  # no name of a file
+            except (OSError, ValueError):  # not a valid file name
                 continue
         return None
 
@@ -230,7 +231,7 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
     """Read one file.
 
     Raises:
-        FileFormatError: It does not parse.
+        FileFormatError: If it does not parse.
     """
     require_content(file, "a mesh", name=name)
     if not file:
@@ -247,18 +248,18 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
         return _load_obj(name, file, locate) if kind == "obj" else _load_by_trimesh(file, kind)
     except FileFormatError:
         raise
-    except Exception as error:  # readers raise what they like
+    except Exception as error:  # third-party readers may raise any exception
         raise FileFormatError(f"{name}: does not read as {kind.upper()}: {describe_exception(error)}") from None
 
 
 class _Textures:
-    """Finds the images that a COLLADA file names, for trimesh."""
+    """Finds the images that a COLLADA file references, for trimesh."""
 
     def __init__(self, locate: Locate) -> None:
         self._locate = locate
 
     def get(self, name: str) -> bytes:
-        """Return an image file."""
+        """Return the bytes of an image file."""
         found = self._locate(uri_name(name.removeprefix("file://")).removeprefix("./"))
         if found is None:
             raise FileNotFoundError(name)
@@ -266,7 +267,7 @@ class _Textures:
 
 
 def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
-    """Read COLLADA in meters, and with the axis up that the file names; one of x up is turned to y up."""
+    """Read COLLADA in meters, with the vertical axis defined in the file; files with x up are rotated to y up."""
     metres, axis = unit_and_axis(file)
     found = _load_by_trimesh(without_skins(file), "dae", resolver=_Textures(locate))
     turn = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
@@ -276,7 +277,7 @@ def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
 
 
 def _load_3mf(path: Path, file: bytes) -> FileMeshes:
-    """Read 3MF in meters, and in the file's order; z is up, as its specification says."""
+    """Read 3MF in meters, in the file's order; z is up, as specified by the format."""
     metres, names = unit_and_names(unpack(path, file))
     found = _load_by_trimesh(file, "3mf")
     order = {name: number for number, name in enumerate(names)}
@@ -291,7 +292,7 @@ def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     materials = ObjMaterials(name, text, locate)
     try:
         found = _load_by_trimesh(text, "obj", group_material=False, skip_materials=True, **obj_splits(text))
-    except Exception:  # trimesh's say nothing of the line
+    except Exception:  # trimesh's exceptions do not name the line
         require_obj_elements(file)
         raise
     found.meshes = [mesh._replace(look=materials.look(mesh.name, mesh.look, len(mesh.faces))) for mesh in found.meshes]
@@ -304,11 +305,11 @@ def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
 def _load_by_trimesh(file: bytes, kind: str, **options: Any) -> FileMeshes:
     import trimesh
 
-    # It logs tracebacks of what it then raises, or reads all the same; a user's own handlers still see them.
+    # trimesh logs tracebacks of exceptions that it raises or handles; a user's own handlers still receive them.
     log = logging.getLogger("trimesh")
     if not log.handlers:
         log.addHandler(logging.NullHandler())
-    # Face order and shared corners stay as they are in the file.
+    # Preserve face order and shared corners of the file.
     loaded = trimesh.load_scene(io.BytesIO(file), file_type=kind, process=False, **options)
     found = FileMeshes()
     for node in loaded.graph.nodes_geometry:
@@ -318,7 +319,7 @@ def _load_by_trimesh(file: bytes, kind: str, **options: Any) -> FileMeshes:
             found.empty.append(name or str(node))
             continue
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
-        with np.errstate(invalid="ignore", over="ignore"):  # the scene says what is not finite
+        with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
             corners = vertices @ placement[:3, :3].T + placement[:3, 3]
         look = look_of(None, mesh, name or kind.upper(), (len(vertices), len(mesh.faces)), color_space="srgb")
         found.meshes.append(FileMesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}, look=look))
@@ -326,7 +327,7 @@ def _load_by_trimesh(file: bytes, kind: str, **options: Any) -> FileMeshes:
 
 
 def _unique(names: Sequence[str]) -> list[str]:
-    """Give names that come again numbers, ``_1``, ``_2``, ..., which no other name ends in."""
+    """Append ``_1``, ``_2``, ... to repeated names, so that all names are unique."""
     taken, given = set(names), set[str]()
     numbers: dict[str, itertools.count[int]] = {}
     unique = []
