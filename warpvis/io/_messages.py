@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth images and points as messages of ROS 2, and depth images from messages."""
+"""Conversion of depth images and points to ROS 2 messages, and of messages to depth images."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from warpvis.io._cloud_messages import DATATYPES, CloudLayout, as_layout, check_
 from warpvis.io._depth import depth_to_units, units_to_depth, warn_of_lost
 
 DepthEncoding = Literal["32FC1", "16UC1"]
-"""How an Image holds depth, as REP 118 says."""
+"""Encoding of depth in an Image, as defined by REP 118."""
 
 _MILLIMETRES = 1000.0
 
-# Bytes of a pixel, and what they are; some drivers call 16UC1 mono16.
+# NumPy types of pixels; some drivers call 16UC1 mono16.
 _PIXELS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2"}
 
 
@@ -38,20 +38,20 @@ def to_image_msg(
     encoding: DepthEncoding = "32FC1",
     types: MessageTypes | None = None,
 ) -> Message:
-    """Make a ``sensor_msgs/Image`` of a depth image. It shares no memory with it.
+    """Create a ``sensor_msgs/Image`` from a depth image. It shares no memory with the image.
 
     Args:
         depth: Planar depth [m], float, shape ``(H, W)`` or ``(1, H, W)``, of NumPy, Warp, PyTorch, ..., on any device.
         frame_id: The camera's optical frame.
-        stamp: When the image was taken [s], or a Time message.
-        encoding: ``"32FC1"``, meters: +inf for nothing, -inf for too near, NaN for not measured (REP 117); or
-            ``"16UC1"``, whole millimeters, rounded, 0 for all of these (REP 118). Depth that 16 bits cannot hold is 0,
-            too, and a warning says of how many pixels.
-        types: A type store of rosbags; by default ROS's own classes, which must be there then.
+        stamp: Time of the image [s], or a Time message.
+        encoding: ``"32FC1"``, meters: +inf for no return, -inf for too near, NaN for not measured (REP 117); or
+            ``"16UC1"``, whole millimeters, rounded, 0 for all of these (REP 118). Depth out of the 16-bit range is 0,
+            too, with a warning that counts such pixels.
+        types: A type store of rosbags; by default ROS's own classes, which must be installed.
 
     Raises:
-        ArrayError: The image is not what it has to be.
-        MessageError: Another argument is not, or ROS is not there.
+        ArrayError: If the image is invalid.
+        MessageError: If another argument is invalid, or ROS is not installed.
     """
     maker = MessageMaker(types)
     check_choice(encoding, "encoding", ("32FC1", "16UC1"), MessageError)
@@ -62,7 +62,7 @@ def to_image_msg(
         warn_of_lost(image, units, _MILLIMETRES)
         pixels = np.ascontiguousarray(units, dtype="<u2")
     else:
-        pixels = np.array(image, dtype="<f4", order="C")  # a copy: renderers write into the same arrays again
+        pixels = np.array(image, dtype="<f4", order="C")  # a copy, since renderers reuse their arrays
     height, width = pixels.shape
     return maker.make(
         "sensor_msgs/msg/Image",
@@ -79,15 +79,15 @@ def to_image_msg(
 def from_image_msg(message: Message) -> NDArray[np.float32]:
     """Return the depth image of a ``sensor_msgs/Image`` [m], shape ``(H, W)`` float32.
 
-    Of 32FC1 it is what the message holds: +inf, -inf and NaN mean what REP 117 says. Of 16UC1, which holds millimeters,
-    0 becomes NaN, not measured, and so does 65535, which some write for the same or for a limit. Either order of bytes
-    is read, and rows that are padded.
+    32FC1 is returned unchanged, with +inf, -inf and NaN as defined by REP 117. 16UC1 is in millimeters: 0 becomes NaN,
+    not measured, and so does 65535, which some drivers write for the same or for a limit. Both byte orders and padded
+    rows are supported.
 
     Args:
-        message: Of ROS 2, rosbags or ROS 1, or any object with its fields.
+        message: A message of ROS 2, rosbags or ROS 1, or any object with its fields.
 
     Raises:
-        MessageError: It is no Image, of another encoding, or has too few or too many bytes.
+        MessageError: If it is not an Image, has another encoding, or has too few or too many bytes.
     """
     encoding = field(message, "encoding")
     if encoding not in _PIXELS:
@@ -118,29 +118,29 @@ def to_pointcloud2(
     layout: CloudLayout | None = None,
     types: MessageTypes | None = None,
 ) -> Message:
-    """Make a ``sensor_msgs/PointCloud2``. It shares no memory with what it is of.
+    """Create a ``sensor_msgs/PointCloud2``. It shares no memory with the arguments.
 
-    Of depth images and points it has the fields x, y and z, float32; of a lidar's cloud those of the cloud.
+    For depth images and points it has the fields x, y and z, float32; for a lidar's cloud those of the cloud.
 
     Args:
         points: With `camera`, its depth image [m], shape ``(H, W)`` or ``(1, H, W)``: the cloud has the image's rows
-            and columns and is in the camera's optical frame, NaN where no depth is, or none within its range. Else
-            points [m] of any frame, shape ``(N, 3)``, or ``(H, W, 3)`` or ``(1, H, W, 3)`` for a cloud with rows and
-            columns. Or a lidar's cloud, one of those that `warpvis.sensors.point_clouds` makes, whose times
-            are counted from `stamp`.
-        camera: The camera that a depth image is of, which may be a `warpvis.sensors.LensCamera`.
-        frame_id: The frame of the points; of a depth image, the camera's optical frame.
-        stamp: When the image was taken [s], or a Time message.
-        layout: Whose driver's fields a lidar's cloud gets: ``"velodyne"``, x y z intensity float32, ring uint16, time
+            and columns and is in the camera's optical frame, NaN where there is no depth within the camera's range.
+            Without, points [m] in any frame, shape ``(N, 3)``, or ``(H, W, 3)`` or ``(1, H, W, 3)`` for a cloud with
+            rows and columns; or a lidar's cloud, as returned by `warpvis.sensors.point_clouds`, whose times are
+            relative to `stamp`.
+        camera: The camera of a depth image, which may be a `warpvis.sensors.LensCamera`.
+        frame_id: The frame of the points; for a depth image, the camera's optical frame.
+        stamp: Time of the image [s], or a Time message.
+        layout: Driver whose fields a lidar's cloud gets: ``"velodyne"``, x y z intensity float32, ring uint16, time
             float32 [s]; ``"ouster"``, x y z intensity float32, t uint32 [ns], reflectivity ring ambient uint16,
-            range uint32 [mm]; or ``"livox"``, x y z intensity float32, tag line uint8, timestamp float64 [ns], of the
-            clock and not from `stamp`, in the order of times and without NaN. Odometry packages look for these.
-            Intensity is 0 if the cloud has none, reflectivity and Livox's intensity 255 for an intensity of 1, and
-            ambient light, which is not simulated, 0. By default the cloud's own fields.
-        types: A type store of rosbags; by default ROS's own classes, which must be there then.
+            range uint32 [mm]; or ``"livox"``, x y z intensity float32, tag line uint8, timestamp float64 [ns], absolute
+            and not relative to `stamp`, in order of time and without NaN. Odometry packages expect these fields.
+            Intensity is 0 if the cloud has none, reflectivity and Livox's intensity are 255 for an intensity of 1, and
+            ambient light, which is not simulated, is 0. By default the cloud's fields.
+        types: A type store of rosbags; by default ROS's own classes, which must be installed.
 
     Raises:
-        WarpvisError: An argument is not what it has to be, or ROS is not there.
+        WarpvisError: If an argument is invalid, or ROS is not installed.
     """
     maker = MessageMaker(types)
     if camera is None and isinstance(points, np.ndarray) and points.dtype.names is not None:
@@ -148,14 +148,14 @@ def to_pointcloud2(
     if layout is not None:
         raise MessageError(f"layout is for a lidar's cloud, an array with named fields, got {layout!r}")
     cloud = _read_points(points) if camera is None else _back_project(_read_image(points), require_image_camera(camera))
-    # A depth image's points may be NaN, whether or not these are.
+    # Points of a depth image may be NaN in other messages, so these are never declared dense.
     dense = camera is None and bool(np.isfinite(cloud).all())
     named = np.ascontiguousarray(cloud).view([(axis, "<f4") for axis in "xyz"])[..., 0]
     return _cloud_message(named, maker, maker.header(frame_id, stamp), dense=dense)
 
 
 def _cloud_message(cloud: NDArray[np.void], maker: MessageMaker, header: Message, dense: bool | None = None) -> Message:
-    """Make a PointCloud2 of a packed cloud with named fields, shape ``(columns,)`` or ``(rows, columns)``."""
+    """Create a PointCloud2 from a packed cloud with named fields, shape ``(columns,)`` or ``(rows, columns)``."""
     rows, columns = cloud.shape if cloud.ndim == 2 else (1, len(cloud))
     return maker.make(
         "sensor_msgs/msg/PointCloud2",
@@ -172,14 +172,14 @@ def _cloud_message(cloud: NDArray[np.void], maker: MessageMaker, header: Message
 
 
 def _point_field(kind: np.dtype[np.void], name: str, maker: MessageMaker) -> Message:
-    """Make the PointField of a field of a packed cloud."""
+    """Create the PointField of a field of a packed cloud."""
     offset = kind.fields[name][1] if kind.fields is not None else 0
     datatype = DATATYPES[kind[name].str[1:]]
     return maker.make("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=datatype, count=1)
 
 
 def _on_host(value: ArrayInput, name: str) -> NDArray[Any]:
-    """Return an array of any library and device as NumPy's."""
+    """Return an array of any library and device as a NumPy array."""
     if on_gpu(value):
         value = (value if isinstance(value, wp.array) else wp.from_dlpack(value)).numpy()
     return as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
@@ -211,7 +211,7 @@ def _read_points(points: ArrayInput) -> NDArray[np.float32]:
 
 
 def _back_project(depth: NDArray[Any], camera: ImageCamera) -> NDArray[np.float32]:
-    """Return the points of a depth image in the camera's frame, shape ``(H, W, 3)``, NaN where no depth is."""
+    """Return the points of a depth image in the camera's frame, shape ``(H, W, 3)``, NaN where there is no depth."""
     if depth.shape != (camera.height, camera.width):
         raise ArrayError(f"depth must have the camera's shape ({camera.height}, {camera.width}), got {depth.shape}")
     check_meters(depth, "depth", camera.near, camera.far)
@@ -231,7 +231,7 @@ def _back_project(depth: NDArray[Any], camera: ImageCamera) -> NDArray[np.float3
 
 
 def _bytes_of(data: Any) -> NDArray[np.uint8]:
-    """Return the bytes of a message's field: bytes, an `array.array`, an array of NumPy, or a list of numbers."""
+    """Return the bytes of a message field: bytes, an `array.array`, a NumPy array, or a list of numbers."""
     try:
         if isinstance(data, (list, tuple)):
             data = bytes(data)

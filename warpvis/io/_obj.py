@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What trimesh's reader of OBJ files takes amiss, put right in the text before it reads it.
+"""Workarounds for trimesh's OBJ reader, applied to the text before it is parsed.
 
-It wants one space after a keyword at the beginning of a line, counts relative indices from the end of the file instead
-of from their line, clips all vertices to the shortest one, and gives objects back to front.
+The reader requires one space after a keyword at the beginning of a line, resolves relative indices from the end of the
+file instead of from their line, truncates all vertices to the shortest one, and returns objects in reverse order.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ import re
 
 from warpvis.core.checks import pluralize
 
-# All begin with the end of the line before, which is found fast, and none goes back once it has read on: a file has
-# millions of lines.
+# All patterns start with the preceding newline, which is found fast, and never backtrack: files have millions of lines.
 _INDENTED = re.compile(rb"\n *+(v|vn|vt|f|o|g|s|usemtl|mtllib) ++")
 _RELATIVE = re.compile(rb"\nf [^\n-]*+-")
 _SHORT_VERTEX, _SHORT_FACE = (
@@ -27,11 +26,11 @@ _PART = {"object": re.compile(rb"\no ++([^\n]*)"), "group": re.compile(rb"\ng ++
 def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
     """Return an OBJ file's text with keywords at the beginning of lines, one space after, and no relative indices.
 
-    An empty line is before it, and another one after it. Faces of fewer than three corners are removed; the second
-    value describes them, as a part of a sentence.
+    The text starts and ends with an empty line. Faces of fewer than three corners are removed; the second value
+    describes them, as a part of a sentence.
 
     Raises:
-        ValueError: A vertex has fewer than three numbers, or a face has the index 0; the line is named.
+        ValueError: If a vertex has fewer than three numbers, or a face has the index 0; the message names the line.
     """
     text, joined = _lines(file)
     zero = _ZERO.search(joined)
@@ -51,10 +50,10 @@ def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
 
 
 def require_obj_elements(file: bytes) -> None:
-    """Refuse vertices that are no numbers, and faces that index no vertex: a slow pass that names the line.
+    """Reject vertices that are not numbers, and faces that index no vertex; a slow pass that names the line.
 
     Raises:
-        ValueError: There is one.
+        ValueError: If there is one.
     """
     text, joined = _lines(file)
     count = len(re.findall(rb"\nv ", joined))
@@ -83,20 +82,20 @@ def _lines(file: bytes) -> tuple[bytes, bytes]:
 
 
 def obj_splits(text: bytes) -> dict[str, bool]:
-    """Choose what becomes parts: the file's objects; its groups where it names no objects."""
+    """Return the options that split the file into its objects, or into its groups if it has no objects."""
     objects = bool(_PART["object"].search(text))
     return {"split_objects": objects, "split_groups": not objects}
 
 
 def obj_order(text: bytes) -> dict[str, int]:
-    """Give the names of a file's objects, or of its groups where it has no objects, numbers in the file's order."""
+    """Return the index of each object's name in the file, or of each group's if the file has no objects."""
     kind = "object" if obj_splits(text)["split_objects"] else "group"
     names = dict.fromkeys(match[1].strip().decode("utf-8", errors="replace") for match in _PART[kind].finditer(text))
     return {name: number for number, name in enumerate(names)}
 
 
 def _line(text: bytes, joined: bytes, match: re.Match[bytes]) -> tuple[int, str]:
-    """Return number and content of the line that a match begins with, in the text whose continued lines are joined."""
+    """Return number and content of the line where a match starts; `joined` is `text` with continued lines joined."""
     place = match.start()
     joins, passed = 0, 0
     for piece in text.split(b"\\\n")[:-1]:
@@ -109,7 +108,7 @@ def _line(text: bytes, joined: bytes, match: re.Match[bytes]) -> tuple[int, str]
 
 
 def _absolute(text: bytes) -> bytes:
-    """Count relative indices, of which -1 is the last vertex before the face, from the file's beginning."""
+    """Replace relative indices, where -1 is the last vertex before the face, by absolute ones."""
     counts = {b"v": 0, b"vt": 0, b"vn": 0}
     lines = text.split(b"\n")
     for number, line in enumerate(lines):

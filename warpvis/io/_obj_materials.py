@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an OBJ file and its MTL files say of color: which material each face has.
+"""Materials of OBJ and MTL files: the material of each face.
 
-trimesh's reader gives an object one material, or makes an object of each; texture coordinates are those that it reads.
+trimesh's reader assigns one material per object, or splits objects by material; texture coordinates come from it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _DIRECTIVE = {
 _LIBRARY = re.compile(rb"\nmtllib ++([^\n]*)")
 _FACE = re.compile(rb"\nf ([^\n]*)")
 
-# Options of maps, and how many words follow each at most; numbers that follow are fewer where the name comes.
+# Options of maps, and the maximum number of values of each; fewer numbers may precede the file name.
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 _WORD = ("-clamp", "-blendu", "-blendv", "-cc", "-bm", "-boost", "-texres", "-imfchan", "-type")
 _WHITE = np.array([1.0, 1.0, 1.0])
@@ -36,14 +36,14 @@ _ONCE = (1.0, 1.0)
 
 
 class ObjMaterials:
-    """The materials of an OBJ file, and which of them its faces have."""
+    """The materials of an OBJ file, and those of its faces."""
 
     def __init__(self, name: str, text: bytes, locate: Locate) -> None:
-        """Read the file's MTL files, and how many faces of each object have which material.
+        """Read the MTL files, and collect the runs of faces with the same object and material.
 
         Args:
-            name: The file's, for messages.
-            text: What `straighten_obj` returns.
+            name: Name of the file, for messages.
+            text: Result of `straighten_obj`.
             locate: Finds MTL files and images.
         """
         self._name, self._locate = name, locate
@@ -58,14 +58,14 @@ class ObjMaterials:
         self._collect_runs(text)
 
     def look(self, mesh: str, given: Look | None, faces: int) -> Look | None:
-        """Return what an object looks like.
+        """Return the deferred appearance of an object.
 
         Args:
-            mesh: Its name, as in the file; empty for that of faces before any name.
-            given: Texture coordinates and colors of vertices, as trimesh reads them.
-            faces: How many it has.
+            mesh: Its name in the file; empty for faces before any name.
+            given: Texture coordinates and vertex colors, as read by trimesh.
+            faces: Its number of triangles.
         """
-        runs = self._runs.pop(mesh, None)  # nobody asks twice, and it is text of the file
+        runs = self._runs.pop(mesh, None)  # used once; frees the text of the file
         if not runs:
             return given
         names = list(dict.fromkeys(run[0] for run in runs))
@@ -87,7 +87,7 @@ class ObjMaterials:
         return Look(make)
 
     def _read_library(self, words: str, locate: Locate) -> None:
-        """Read the MTL files of a line: one whose name may have spaces, or else several."""
+        """Read the MTL files of a line: one file whose name may contain spaces, or else several."""
         found = locate(words)
         names = [words] if found is not None else words.split()
         for name in names:
@@ -103,7 +103,7 @@ class ObjMaterials:
                 self._said.setdefault(said["name"], said)
 
     def _material(self, name: str) -> Material:
-        """Make a material when it is first asked for."""
+        """Return a material, created on first use."""
         if name not in self._known:
             self._known[name] = mtl_material(self._said.get(name, {"name": name}), self._locate)
         return self._known[name]
@@ -118,7 +118,7 @@ class ObjMaterials:
         for place, keyword, value, end in [*places, (len(text), b"", "", len(text))]:
             count = text.count(b"\nf ", start, place)
             if count:
-                # The text of triangles is not needed again, and which these are is found out later.
+                # Keep the text: the number of triangles per face is computed later, if needed.
                 self._runs.setdefault(mesh, []).append((material, count, text[start:place]))
             start = end
             if keyword == b"usemtl":
@@ -127,7 +127,7 @@ class ObjMaterials:
                 mesh = value
 
     def _rows(self, runs: list[tuple[str, int, bytes]], names: list[str], faces: int) -> NDArray[np.int32] | None:
-        """Give each triangle its material's index; None where they are not as many as trimesh made."""
+        """Return each triangle's material index; None if their number differs from that of trimesh's triangles."""
         numbers = np.array([names.index(run[0]) for run in runs], dtype=np.int32)
         counts = np.array([run[1] for run in runs])
         if counts.sum() == faces:
@@ -137,7 +137,7 @@ class ObjMaterials:
         if len(corners) != len(polygons):
             return None
         alike = len({len(line.replace(b"/", b" ").split()) for line in lines}) == 1
-        if alike and set(corners) == {4}:  # trimesh puts the second halves of such quads behind all first ones
+        if alike and set(corners) == {4}:  # trimesh puts the second halves of all quads after the first halves
             rows = np.concatenate([polygons, polygons])
         else:
             rows = np.repeat(polygons, np.array(corners) - 2)
@@ -145,7 +145,7 @@ class ObjMaterials:
 
 
 def read_mtl(file: bytes) -> list[dict[str, str]]:
-    """Read what an MTL file says of each of its materials, by keyword; their names are ``name``."""
+    """Return the statements of each material of an MTL file, by keyword; names are in ``name``."""
     found: list[dict[str, str]] = []
     for line in file.replace(b"\r", b"\n").replace(b"\\\n", b" ").split(b"\n"):
         words = _decoded(line.partition(b"#")[0]).split(None, 1)
@@ -160,7 +160,7 @@ def read_mtl(file: bytes) -> list[dict[str, str]]:
 
 
 def mtl_material(said: dict[str, str], locate: Locate) -> Material:
-    """Make a material of what an MTL file says of it; what is no number there is left as it is by default."""
+    """Create a material from the statements of an MTL file; invalid numbers are replaced by defaults."""
     texture, repeat = _texture(said["map_kd"], locate) if said.get("map_kd") else (None, _ONCE)
     color = _numbers(said.get("kd", ""), 3)
     opacity = _numbers(said.get("d", "").replace("-halo", ""), 1)
@@ -187,7 +187,7 @@ def mtl_material(said: dict[str, str], locate: Locate) -> Material:
 
 
 def _texture(words: str, locate: Locate) -> tuple[Texture, tuple[float, float]]:
-    """Read a map, and how often it is repeated: options, and a file's name, which may have spaces."""
+    """Parse a map statement, options and a file name that may contain spaces; return the texture and its repetition."""
     rest, clamp, repeat = words.split(), False, _ONCE
     while len(rest) > 1 and rest[0].startswith("-"):
         option = rest.pop(0).lower()
@@ -195,7 +195,7 @@ def _texture(words: str, locate: Locate) -> tuple[Texture, tuple[float, float]]:
             given: list[float] = []
             while len(given) < _OPTIONS[option] and len(rest) > 1 and _numbers(rest[0], 1) is not None:
                 given.append(float(rest.pop(0)))
-            if option == "-s" and given and min(given[:2]) >= 0:  # what is not given is 1
+            if option == "-s" and given and min(given[:2]) >= 0:  # missing values are 1
                 repeat = (given[0], given[1] if len(given) > 1 else 1.0)
         elif option in _WORD and len(rest) > 1:
             clamp |= option == "-clamp" and rest[0].lower() == "on"
@@ -208,7 +208,7 @@ def _texture(words: str, locate: Locate) -> tuple[Texture, tuple[float, float]]:
 
 
 def _numbers(text: str, count: int) -> NDArray[np.float64] | None:
-    """Return finite numbers that a text begins with; None if they are fewer. One of three stands for all."""
+    """Return the first `count` finite numbers of a text; None if there are fewer. One of three is repeated."""
     words: Sequence[str] = text.split()[:count]
     try:
         numbers = np.array([float(word) for word in words])

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What trimesh's reader of PLY files takes amiss, put right in the bytes before it reads them.
+"""Workarounds for trimesh's PLY reader, applied to the bytes before they are parsed.
 
-It wants headers with line ends of Unix, and binary faces that all have as many corners; Rhino writes those of a Mac of
-old, and Blender and MeshLab triangles among quads.
+The reader requires Unix line ends in headers, and binary faces with equal numbers of corners; Rhino writes old Mac line
+ends, and Blender and MeshLab write triangles among quads.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ _Element = tuple[str, int, list[list[str]]]
 
 
 def straighten_ply(file: bytes) -> bytes:
-    """Return a PLY file that trimesh reads, where it is one that it does not; others, and what is none, as they are."""
+    """Convert PLY files that trimesh cannot read to an equivalent one that it can; return other data unchanged."""
     if file.startswith(b"ply\r") and not file.startswith(b"ply\r\n"):
         head, end, body = file.partition(_END)
         file = (head + end).replace(b"\r", b"\n") + body if end else file
     try:
         return _with_triangles(file)
-    except (IndexError, KeyError, ValueError):  # trimesh says what is wrong
+    except (IndexError, KeyError, ValueError):  # trimesh reports the error
         return file
 
 
 def _with_triangles(file: bytes) -> bytes:
-    """Make triangles of the faces of a binary file, if they have different numbers of corners; leave out the rest.
+    """Triangulate the faces of a binary file with different numbers of corners, and drop all other face properties.
 
     Raises:
-        ValueError: It is another file, or a damaged one; as do IndexError and KeyError say.
+        ValueError: If it is another or a damaged file; IndexError and KeyError mean the same.
     """
     start = file.index(b"\n", file.index(b"end_header")) + 1
     lines = [line.split() for line in file[:start].decode("ascii").splitlines()]
@@ -63,7 +63,7 @@ def _with_triangles(file: bytes) -> bytes:
 
 
 class _Property:
-    """A number or a list of a face."""
+    """A scalar or list property of a face."""
 
     def __init__(self, words: list[str], order: str) -> None:
         self.is_list = words[1] == "list"
@@ -83,10 +83,10 @@ def _elements(lines: list[list[str]]) -> list[_Element]:
 
 
 def _are_alike(file: bytes, place: int, count: int, layout: list[_Property]) -> bool:
-    """Tell whether all faces have as many corners as the first, and lists as long, or no corners at all.
+    """Return whether all faces have as many corners and list items as the first, or there are no corners at all.
 
     Raises:
-        ValueError: The file is too short.
+        ValueError: If the file is too short.
     """
     if not count or not any(item.is_list and item.is_corners for item in layout):
         return True
@@ -108,10 +108,10 @@ def _are_alike(file: bytes, place: int, count: int, layout: list[_Property]) -> 
 
 
 def _corners(file: bytes, place: int, count: int, layout: list[_Property]) -> list[NDArray[np.int64]]:
-    """Read the corners of each face, one after the other: where one ends, the next begins.
+    """Read the corners of each face sequentially, since the faces have different lengths.
 
     Raises:
-        ValueError: The file is too short, or a list has fewer items than none.
+        ValueError: If the file is too short, or a list length is negative.
     """
     faces = []
     for _ in range(count):

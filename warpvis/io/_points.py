@@ -22,20 +22,21 @@ _LINE = "x y z"
 
 
 def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
-    """Read points of the world.
+    """Read points in the world's frame.
 
-    A ``.npy`` file holds an array of shape ``(N, 3)``, a ``.ply`` file a point cloud or the corners of a mesh.
-    Every other file is text of lines ``x y z``, in which commas count as spaces; empty lines and lines that begin with
-    ``#`` are skipped, and so is a first line of the words x, y and z.
+    A ``.npy`` file contains an array of shape ``(N, 3)``, a ``.ply`` file a point cloud or the vertices of a mesh.
+    All other files are text with lines ``x y z``, separated by spaces or commas; empty lines, lines that begin with
+    ``#``, and a header line ``x y z`` are skipped.
 
     Args:
         path: The file.
 
     Returns:
-        Points as the file has them, shape ``(N, 3)``.
+        Points in the file's order, shape ``(N, 3)``.
 
     Raises:
-        FileFormatError: The file is missing, holds no points, or a line or a row is malformed; it is named.
+        FileFormatError: If the file is missing or contains no points, or a line or a row is malformed; the message
+            names it.
     """
     path = as_path(path)
     if not path.is_file():
@@ -89,5 +90,5 @@ def _read_ply(path: Path) -> NDArray[np.float64]:
     try:
         loaded = trimesh.load(io.BytesIO(straighten_ply(path.read_bytes())), file_type="ply", process=False)
         return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
-    except Exception as error:  # trimesh's readers raise what they like
+    except Exception as error:  # trimesh's readers may raise any exception
         raise FileFormatError(f"{path}: does not read as PLY: {describe_exception(error)}") from None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files that hold scenes: which reader reads them, and how a scene is written."""
+"""Choice of the reader for a scene file, and export of scenes."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def read_parts(
     """Read the objects of a file; see `warpvis.Scene.load` for the arguments.
 
     Raises:
-        FileFormatError: The file is missing or does not parse, or something cannot be shown and `strict` is set.
-        SceneError: `search_path` has no meaning for such a file.
+        FileFormatError: If the file is missing or does not parse, or has unsupported content and `strict` is set.
+        SceneError: If `search_path` does not apply to such a file.
     """
     path, strict = as_path(path), check_flag(strict, "strict", FileFormatError)
     folders = (
@@ -57,7 +57,7 @@ def read_parts(
 def export_scene(
     path: str | os.PathLike[str], objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis
 ) -> None:
-    """Write objects as binary glTF, with what each one's node says besides; see `Scene.export`."""
+    """Write objects as binary glTF, with `extras` for their nodes; see `Scene.export`."""
     path = as_path(path)
     if path.suffix.lower() != ".glb":
         raise FileFormatError(f"{path}: scenes are exported as binary glTF, so the name must end in .glb")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What 3MF files say that trimesh's reader does not heed: their unit, and the order of their parts."""
+"""Parts of 3MF files that trimesh's reader ignores: the unit, and the order of the parts."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _NAME = re.compile(rb"""\b(?:partnumber|name)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 
 
 def unit_and_names(files: dict[str, bytes]) -> tuple[float, list[str]]:
-    """Read the unit of a 3MF file [m], and the names in it, in its order.
+    """Read the unit of a 3MF file [m], and the names of its parts, in order.
 
     Args:
-        files: The files that it is an archive of.
+        files: The files in the 3MF archive.
 
     Raises:
-        ValueError: The unit is none of those that there are.
+        ValueError: If the unit is unknown.
     """
     models = [files[name] for name in sorted(files) if name.lower().endswith(".model")]
     found: dict[str, None] = {}

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read cameras: `_files` chooses the reader; one module a format."""
+"""Camera readers, one module per format; `_files` chooses one."""

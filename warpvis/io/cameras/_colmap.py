@@ -21,7 +21,7 @@ from warpvis.io.cameras._pinhole import NoPinholeError, make_calibrated, make_pi
 from warpvis.sensors import CalibratedCamera
 from warpvis.sensors.lenses import COLMAP_NUMBERS, colmap_count
 
-# Parameters before those of the lens, by their places: fx fy cx cy; and how many there are.
+# Indices of fx fy cx cy among the parameters, and the number of parameters including those of the lens.
 _MODELS = {
     "SIMPLE_PINHOLE": ((0, 0, 1, 2), 3),
     "PINHOLE": ((0, 1, 2, 3), 4),
@@ -43,10 +43,10 @@ class ColmapImage(NamedTuple):
 
 
 def colmap_lens_camera(path: Path, used: set[int] | None = None) -> CalibratedCamera | None:
-    """Read the camera of a file with its lens, of any of COLMAP's models; see `colmap_camera`.
+    """Read the camera of a file with its lens, for all of COLMAP's models; see `colmap_camera`.
 
     Raises:
-        FileFormatError: It does not read, or its numbers make no camera.
+        FileFormatError: If it cannot be read, or its numbers are invalid.
     """
     rows = _binary_rows(path) if path.suffix == ".bin" else _text_rows(path)
     listed = list(rows)
@@ -54,7 +54,7 @@ def colmap_lens_camera(path: Path, used: set[int] | None = None) -> CalibratedCa
     if not chosen:
         raise FileFormatError(f"{path}: holds no camera" + (" of the images" if listed else ""))
     kinds = {(row.model, row.size, tuple(row.parameters)): row for row in chosen}
-    some = list(kinds.values())[:2]  # two of them are several
+    some = list(kinds.values())[:2]  # two are enough to know that there are several
     makes = [partial(Camera.from_colmap, row.model, row.parameters, *row.size) for row in some]
     return one_camera([make_calibrated(row.place, make) for row, make in zip(some, makes, strict=True)], str(path))
 
@@ -64,11 +64,11 @@ def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
 
     Args:
         path: The file.
-        used: The cameras that count; all by default.
+        used: Ids of the cameras to consider; all by default.
 
     Raises:
-        NoPinholeError: The lens of a camera is of another model.
-        FileFormatError: It does not read.
+        NoPinholeError: If the lens model of a camera is not supported.
+        FileFormatError: If it cannot be read.
     """
     rows = _binary_rows(path) if path.suffix == ".bin" else _text_rows(path)
     found = {row.number: _make(path, row) for row in rows}
@@ -79,17 +79,17 @@ def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
 
 
 def colmap_images(path: Path) -> list[ColmapImage]:
-    """Read ``images.txt`` or ``images.bin``, in the order of the images' names.
+    """Read ``images.txt`` or ``images.bin``, sorted by the images' names.
 
     Raises:
-        FileFormatError: It does not read.
+        FileFormatError: If it cannot be read.
     """
     images = list(_binary_images(path) if path.suffix == ".bin" else _text_images(path))
     return sorted(images, key=lambda image: image.name)
 
 
 class _Row(NamedTuple):
-    """What a file says of a camera, and where."""
+    """A camera of a file, and its location in messages."""
 
     number: int
     place: str
@@ -125,7 +125,7 @@ def _text_rows(path: Path) -> Iterator[_Row]:
 
 
 def _text_images(path: Path) -> Iterator[ColmapImage]:
-    """Go through the lines of images, each of which a line of points follows that may be empty."""
+    """Yield the images; each line is followed by a line of points, which may be empty."""
     lines = enumerate(read_lines(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"), start=1)
     for number, line in lines:
         words = line.split(maxsplit=9)
@@ -141,7 +141,7 @@ def _text_images(path: Path) -> Iterator[ColmapImage]:
 
 
 class _Bytes:
-    """A binary file, from its beginning to its end."""
+    """A sequential reader of a binary file."""
 
     def __init__(self, path: Path) -> None:
         try:

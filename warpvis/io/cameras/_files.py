@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras by name, or from a file of any format that is read."""
+"""Cameras by name, or from a file of any supported format."""
 
 from __future__ import annotations
 
@@ -44,26 +44,27 @@ def load_camera(name_or_path: str, *, distortion: bool) -> CalibratedCamera: ...
 def load_camera(name_or_path: str, *, distortion: bool = False) -> CalibratedCamera:
     """Return the camera ``kinect``, or read one from a file.
 
-    - JSON of our own: ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov``
+    - warpvis JSON: ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov``
       [rad] (optionally ``vertical``), or ``K`` (3x3, optionally ``pixel_center``); see `Camera.from_fov` and
-      `Camera.from_K`. With `distortion` it may have a ``lens``, as ``render_batch`` writes it.
+      `Camera.from_K`. With `distortion` it may have a ``lens``, as written by ``render_batch``.
     - ``transforms.json`` of nerfstudio and instant-ngp; BOP's ``camera.json`` and ``scene_camera.json``.
-    - COLMAP's ``cameras.txt`` and ``cameras.bin``, of a single camera.
-    - ``calibration.txt`` beside the images of TUM's layout: ``fx fy cx cy``, and ``k1 k2 p1 p2 k3`` of a lens.
-    - YAML of ROS's camera_calibration, of which `P` counts, and Kalibr's camchain (``camchain.yaml:cam1``).
+    - COLMAP's ``cameras.txt`` and ``cameras.bin`` with a single camera.
+    - ``calibration.txt`` next to the images of TUM's layout: ``fx fy cx cy``, and ``k1 k2 p1 p2 k3`` of a lens.
+    - YAML of ROS's camera_calibration, and Kalibr's camchain (``camchain.yaml:cam1``).
     - With `distortion`: YAML and XML of OpenCV's calibration, too.
 
-    Other systems' cameras have no range: `near` is 0 and `far` infinite; `dataclasses.replace` gives them one.
+    Other systems' cameras have no range: `near` is 0 and `far` infinite; use `dataclasses.replace` to set them.
 
     Args:
         name_or_path: ``"kinect"``, or a file.
-        distortion: Whether to read the lens: a `warpvis.sensors.LensCamera` where it has distortion, of any model that
-            the format has, and of ROS's calibration the raw image's camera. By default the camera is a pinhole, and a
-            warning says that distortion is not rendered.
+        distortion: Whether to read the lens: the result is a `warpvis.sensors.LensCamera` if it has distortion, with
+            any model of the format. For ROS's calibration, the result is then the camera of the raw images (`K` and
+            `D`), otherwise that of the rectified images (`P`). By default the camera is a pinhole, and a warning is
+            issued if the file has distortion, which is not rendered.
 
     Raises:
-        FileFormatError: There is no such file, or it holds no camera, or several.
-        CameraError: A JSON file of our own does not describe a camera.
+        FileFormatError: If the file does not exist, or contains no camera, or several.
+        CameraError: If a warpvis JSON file does not describe a camera.
     """
     if isinstance(name_or_path, str) and name_or_path == "kinect":
         return Camera.kinect()
@@ -107,7 +108,7 @@ def _read(path: Path, name: str) -> Camera | None:
 
 
 def _read_lens(path: Path, name: str) -> CalibratedCamera | None:
-    """Read what may have a lens; BOP's cameras and our own have none."""
+    """Read a camera that may have a lens; BOP's and warpvis's files without ``lens`` have none."""
     kind = path.suffix.lower()
     if kind in (".yaml", ".yml"):
         return yaml_lens_camera(path, name)
@@ -143,7 +144,7 @@ def _camera_from_fields(fields: Json, path: Path) -> Camera:
     if unknown or missing:
         problem = f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}"
         raise CameraError(f"{path}: {problem}; a camera file may hold {', '.join(sorted(known))}")
-    given: dict[str, Any] = fields  # whose values `Camera` checks
+    given: dict[str, Any] = fields  # `Camera` checks the values
     try:
         return Camera.from_K(**given) if "K" in fields else Camera.from_fov(**given)
     except CameraError as error:

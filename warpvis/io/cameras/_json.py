@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of JSON files: nerfstudio's and instant-ngp's ``transforms.json``, and BOP's two files.
+"""Cameras from JSON files: ``transforms.json`` of nerfstudio and instant-ngp, and BOP's two files.
 
 Formats: https://docs.nerf.studio/quickstart/data_conventions.html,
 https://github.com/NVlabs/instant-ngp/blob/master/src/nerf_loader.cu,
@@ -34,20 +34,20 @@ _BOP_IMAGES = ("depth", "rgb", "gray")
 
 
 def is_nerfstudio(fields: Mapping[str, Json]) -> bool:
-    """Tell whether a JSON object is a ``transforms.json``."""
+    """Return whether a JSON object is a ``transforms.json``."""
     return "frames" in fields or any(name in fields for name in ("fl_x", *_NERF_ANGLES))
 
 
 def is_bop(fields: Mapping[str, Json]) -> bool:
-    """Tell whether a JSON object is BOP's ``camera.json``."""
+    """Return whether a JSON object is BOP's ``camera.json``."""
     return fields.keys() >= _BOP_CAMERA
 
 
 def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> CalibratedCamera | None:
-    """Read the camera of all frames with its lens; None if the file has none, or, with a warning, several.
+    """Read the camera of all frames with its lens; None if not given, or, with a warning, if there are several.
 
     Raises:
-        FileFormatError: Its numbers make no camera.
+        FileFormatError: If its numbers are invalid.
     """
     kinds: dict[str, dict[str, Json]] = {}
     for entry, frames in _nerfstudio_entries(fields):
@@ -56,13 +56,13 @@ def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> Calibrated
             said = {name: entry[name] for name in (*_NERF_LENS, *_NGP_LENS) if name in entry}
             said |= dict(zip(_NERF_NUMBERS, (*numbers[1], *numbers[0]), strict=True))
             kinds.setdefault(repr(said), said)
-    some = list(kinds.values())[:2]  # two of them are several
+    some = list(kinds.values())[:2]  # two are enough to know that there are several
     makes = [partial(Camera.from_nerfstudio, said) for said in some]
     return one_camera([make_calibrated(str(path), make) for make in makes], str(path))
 
 
 def _nerfstudio_entries(fields: Mapping[str, Json]) -> list[tuple[dict[str, Json], list[dict[str, Json]]]]:
-    """List what may describe a camera: frames that have their own, or else the file."""
+    """List the objects that may describe a camera: frames with their own intrinsics, or else the file."""
     frames = fields.get("frames")
     listed = [frame for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
     names = (*_NERF_NUMBERS, *_NERF_ANGLES, *_NERF_LENS, *_NGP_LENS)
@@ -71,11 +71,11 @@ def _nerfstudio_entries(fields: Mapping[str, Json]) -> list[tuple[dict[str, Json
 
 
 def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
-    """Read the camera of all frames; None if the file has none, or, with a warning, several.
+    """Read the camera of all frames; None if not given, or, with a warning, if there are several.
 
     Raises:
-        NoPinholeError: Its lens is of another model.
-        FileFormatError: Its numbers make no camera.
+        NoPinholeError: If its lens model is not supported.
+        FileFormatError: If its numbers are invalid.
     """
     cameras = [_nerfstudio_camera(path, entry, frames) for entry, frames in _nerfstudio_entries(fields)]
     return one_camera([camera for camera in cameras if camera is not None], str(path))
@@ -98,7 +98,7 @@ def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[
 def _nerfstudio_numbers(
     path: Path, fields: Mapping[str, Json], frames: Sequence[Mapping[str, Json]]
 ) -> tuple[tuple[float, float], tuple[float, ...]] | None:
-    """Read width and height, and ``fx fy cx cy`` [px]; None if they are not said."""
+    """Read width and height, and ``fx fy cx cy`` [px]; None if not given."""
     size = _nerfstudio_size(path, fields, frames)
     if size is None:
         if any(fields.get(name) is not None for name in ("fl_x", "fl_y", *_NERF_ANGLES)):
@@ -117,7 +117,7 @@ def _nerfstudio_numbers(
 
 
 def _nerfstudio_focal(path: Path, fields: Mapping[str, Json], axis: str, side: float) -> float | None:
-    """Return a focal length [px]; instant-ngp's field of view in degrees comes first, as there."""
+    """Return a focal length [px]; as in instant-ngp, its field of view in degrees has precedence."""
     degrees, focal = (_number(path, fields, name) for name in (f"{axis}_fov", f"fl_{axis}"))
     angle = _number(path, fields, f"camera_angle_{axis}")
     if degrees is None and (focal is not None or angle is None):
@@ -133,7 +133,7 @@ def _nerfstudio_focal(path: Path, fields: Mapping[str, Json], axis: str, side: f
 def _nerfstudio_size(
     path: Path, fields: Mapping[str, Json], frames: Sequence[Mapping[str, Json]]
 ) -> tuple[float, float] | None:
-    """Return width and height; of the first picture if the file does not say it, as of Blender's."""
+    """Return width and height; those of the first picture if not given, as in Blender's files."""
     width, height = (_number(path, fields, name) for name in ("w", "h"))
     if width is not None and height is not None:
         return width, height
@@ -147,7 +147,7 @@ def bop_camera(path: Path, fields: Mapping[str, Json]) -> Camera:
     """Read BOP's ``camera.json``.
 
     Raises:
-        FileFormatError: Its numbers make no camera.
+        FileFormatError: If its numbers are invalid.
     """
     width, height, *intrinsics = (
         as_numbers(fields[name], (), f"{path}: {name}").item() for name in ("width", "height", "fx", "fy", "cx", "cy")
@@ -158,11 +158,11 @@ def bop_camera(path: Path, fields: Mapping[str, Json]) -> Camera:
 def bop_images_camera(path: Path, images: Mapping[str, Json]) -> Camera | None:
     """Read the camera of all images of a ``scene_camera.json``.
 
-    The images' size is that of a picture beside it, or that of the dataset's ``camera.json``; None if neither is there,
+    The image size is that of a picture next to it, or that of the dataset's ``camera.json``. None if neither exists,
     or, with a warning, if the images have several cameras.
 
     Raises:
-        FileFormatError: A matrix is none.
+        FileFormatError: If a matrix is malformed.
     """
     given = [entry["cam_K"] for entry in images.values() if isinstance(entry, dict) and "cam_K" in entry]
     size = _bop_size(path, images) if given else None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of other systems' numbers: what is a pinhole, and what is said of lenses."""
+"""Pinhole cameras from the numbers of other systems, and warnings about lenses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _Camera = TypeVar("_Camera", Camera, CalibratedCamera)
 
 
 class NoPinholeError(FileFormatError):
-    """A file has a camera whose lens is of a model that is not rendered, such as a fisheye's."""
+    """A file's camera has a lens model that cannot be rendered, such as a fisheye."""
 
 
 def make_pinhole(
@@ -30,17 +30,17 @@ def make_pinhole(
     pixel_center: float,
     distortion: Sequence[float] = (),
 ) -> Camera:
-    """Make the camera of a file.
+    """Create the camera of a file.
 
     Args:
-        place: Where it is, as messages say it.
+        place: Location of the camera, for messages.
         size: Width and height [px].
         intrinsics: ``fx fy cx cy`` [px].
         pixel_center: See `Camera.from_K`.
-        distortion: Coefficients of the lens; a warning says so if one is not 0.
+        distortion: Coefficients of the lens; warns if one is not 0.
 
     Raises:
-        FileFormatError: These numbers make no camera.
+        FileFormatError: If these numbers are invalid.
     """
     fx, fy, cx, cy = intrinsics
     try:
@@ -58,10 +58,10 @@ def make_pinhole(
 
 
 def make_calibrated(place: str, make: Callable[[], CalibratedCamera]) -> CalibratedCamera:
-    """Make the camera of a file, with its lens.
+    """Create the camera of a file, with its lens.
 
     Raises:
-        FileFormatError: Its numbers make no camera.
+        FileFormatError: If its numbers are invalid.
     """
     try:
         return make()
@@ -83,10 +83,10 @@ def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:
 
 
 def camera_of_poses(read: Callable[[], CalibratedCamera | None]) -> CalibratedCamera | None:
-    """Read the camera that a file of poses brings; None, with a warning, if it is no pinhole: poses are of use alone.
+    """Read the camera in a file of poses; warn and return None if it is not a pinhole, since poses are useful alone.
 
     Raises:
-        FileFormatError: The file does not read.
+        FileFormatError: If the file cannot be read.
     """
     try:
         return read()
@@ -96,13 +96,13 @@ def camera_of_poses(read: Callable[[], CalibratedCamera | None]) -> CalibratedCa
 
 
 def image_size(folder: Path, names: Sequence[str]) -> tuple[int, int] | None:
-    """Read width and height of the first image that is there, of `names` in a folder; None if none is."""
+    """Read width and height of the first image in a folder, of `names`, that exists; None if none does."""
     from PIL import Image
 
     for name in names:
         try:
             with Image.open(folder / name) as picture:
                 return picture.size
-        except Exception:  # each kind of damage has its own
+        except Exception:  # each kind of damage raises its own exception
             continue
     return None

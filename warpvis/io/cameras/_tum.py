@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of ``calibration.txt``, beside TUM's trajectories: ``fx fy cx cy``, and ``k1 k2 p1 p2 k3`` of a lens.
+"""Cameras of ``calibration.txt``, next to TUM trajectories: ``fx fy cx cy``, and ``k1 k2 p1 p2 k3`` of a lens.
 
 Format: https://www.eth3d.net/slam_documentation, and for the coefficients the table of
 https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
@@ -23,14 +23,14 @@ from warpvis.sensors import CalibratedCamera
 TUM_FILE = "calibration.txt"
 
 _IMAGES = ("depth.txt", "rgb.txt", "associated.txt")
-"""Lists of images, which say how large they are."""
+"""Lists of images, from which the image size is read."""
 
 
 def tum_camera(path: Path, *, distortion: bool) -> CalibratedCamera:
-    """Read the camera, whose pixels have their centers at whole numbers; the images' size is that of one beside it.
+    """Read the camera, whose pixel centers are at whole numbers; the image size is that of an image next to it.
 
     Raises:
-        FileFormatError: The file does not read, or no image is there.
+        FileFormatError: If the file cannot be read, or there is no image.
     """
     wanted = "fx fy cx cy, or those and k1 k2 p1 p2 k3"
     for number, line in enumerate(read_lines(path, wanted), start=1):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of YAML files: ROS's camera_calibration and Kalibr's camchain.
+"""Cameras from YAML files: ROS's camera_calibration, Kalibr's camchain and OpenCV's calibration.
 
 Formats: https://wiki.ros.org/camera_calibration_parsers, https://github.com/ethz-asl/kalibr/wiki/yaml-formats
 """
@@ -28,20 +28,20 @@ _NAMES = {
     "width": ("image_width", "image_Width", "imageWidth"),
     "height": ("image_height", "image_Height", "imageHeight"),
 }
-"""What OpenCV's own samples, of now and of old, and ROS call it."""
+"""Keys in files of OpenCV's samples, old and new, and of ROS."""
 
 _MATRICES = {"camera_matrix": 9, "projection_matrix": 12}
 
 
 def yaml_camera(path: Path, name: str = "") -> Camera:
-    """Read a camera of a YAML file, without its lens.
+    """Read a camera of a YAML file, without its lens: for ROS, that of the rectified images.
 
     Args:
         path: The file.
-        name: Which camera of Kalibr's, ``cam0``; needed where there are several.
+        name: Name of a Kalibr camera, ``cam0``; required if there are several.
 
     Raises:
-        FileFormatError: It does not read, or holds no pinhole, or several.
+        FileFormatError: If it cannot be read, or contains no pinhole camera, or several.
     """
     data = _load(path)
     if "image_width" in data:
@@ -50,10 +50,10 @@ def yaml_camera(path: Path, name: str = "") -> Camera:
 
 
 def yaml_lens_camera(path: Path, name: str = "") -> CalibratedCamera:
-    """Read a camera of a YAML file with its lens, of ROS and OpenCV that of the raw image; see `yaml_camera`.
+    """Read a camera of a YAML file with its lens: for ROS and OpenCV, that of the raw images; see `yaml_camera`.
 
     Raises:
-        FileFormatError: It does not read, or holds no camera, or several.
+        FileFormatError: If it cannot be read, or contains no camera, or several.
     """
     data = _load(path)
     if any(found in data for names in _NAMES.values() for found in names):
@@ -63,10 +63,10 @@ def yaml_lens_camera(path: Path, name: str = "") -> CalibratedCamera:
 
 
 def xml_lens_camera(path: Path) -> CalibratedCamera:
-    """Read the camera of an XML file of OpenCV's, with its lens.
+    """Read the camera of an OpenCV XML file, with its lens.
 
     Raises:
-        FileFormatError: It does not read, or holds no camera.
+        FileFormatError: If it cannot be read, or contains no camera.
     """
     from xml.etree import ElementTree
 
@@ -74,7 +74,7 @@ def xml_lens_camera(path: Path) -> CalibratedCamera:
         root = ElementTree.parse(path).getroot()
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the last two of encodings
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the last two for unknown encodings
         raise FileFormatError(f"{path}: is not XML: {describe_exception(error)}") from None
     data: dict[str, Any] = {}
     for item in root:
@@ -87,10 +87,10 @@ def xml_lens_camera(path: Path) -> CalibratedCamera:
 
 
 def opencv_lens_camera(path: Path, data: Mapping[str, Any]) -> CalibratedCamera:
-    """Make the camera of the raw images of what OpenCV's and ROS's calibrations write.
+    """Create the camera of the raw images from OpenCV's or ROS's calibration.
 
     Raises:
-        FileFormatError: Something is missing, or its numbers make no camera.
+        FileFormatError: If something is missing, or its numbers are invalid.
     """
     entries = {}
     for what, names in _NAMES.items():
@@ -124,7 +124,7 @@ def _only(path: Path, data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 
 def _choose(path: Path, data: Mapping[str, Any], name: str) -> tuple[str, Mapping[str, Any]]:
-    """Choose a camera of Kalibr's, and say where it is."""
+    """Choose one of Kalibr's cameras, and return its location for messages."""
     cameras = {str(key): value for key, value in data.items() if isinstance(value, dict) and "intrinsics" in value}
     if not cameras:
         raise FileFormatError(f"{path}: holds no camera of ROS (image_width, ...) or Kalibr (cam0: intrinsics, ...)")
@@ -145,7 +145,7 @@ def _load(path: Path) -> Mapping[str, Any]:
 
 
 def _ros_camera(path: Path, data: Mapping[str, Any]) -> Camera:
-    """Make the camera of the rectified images, as of a message CameraInfo."""
+    """Create the camera of the rectified images, as from a CameraInfo message; of the raw ones without `P`."""
     matrices = {name: _matrix(path, data, name, count) for name, count in _MATRICES.items()}
     lens = data.get("distortion_coefficients")
     info = SimpleNamespace(
@@ -186,4 +186,4 @@ def _kalibr_camera(place: str, entry: Mapping[str, Any]) -> Camera:
 def _floats(value: object) -> list[float]:
     items = value if isinstance(value, list) else []
     numbers = [item for item in items if isinstance(item, int | float)]
-    return [float(item) if is_number(item) else math.inf for item in numbers]  # YAML's have any number of digits
+    return [float(item) if is_number(item) else math.inf for item in numbers]  # YAML integers have any number of digits

@@ -24,7 +24,7 @@ def parse_bop(path: Path, data: Json) -> FilePoses:
     """Read poses in the order of image ids, which are the timestamps.
 
     Raises:
-        FileFormatError: The file is something else, or an image is malformed or has no pose; it is named by its id.
+        FileFormatError: If the file has another format, or an image is malformed or has no pose; the message names it.
     """
     if not isinstance(data, dict):
         raise FileFormatError(f"{path}: must be an object of images by their ids, got {shorten(data)}")
@@ -42,7 +42,7 @@ def parse_bop(path: Path, data: Json) -> FilePoses:
         translations[index] = as_numbers(given["cam_t_w2c"], (3,), f"{path}: cam_t_w2c of image {image}")
     poses = np.tile(np.eye(4), (len(images), 1, 1))
     poses[:, :3, :3] = rotations.swapaxes(1, 2)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is too large is named with the frames
+    with np.errstate(over="ignore", invalid="ignore"):  # overflow is reported with the frames
         poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations / _MILLIMETRES)
     times = np.array(images, dtype=np.float64)
     camera = bop_images_camera(path, data)

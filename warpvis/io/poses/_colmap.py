@@ -19,14 +19,14 @@ from warpvis.io.cameras._pinhole import camera_of_poses
 from warpvis.io.poses._file_poses import FilePoses
 
 FILES = ("images.txt", "images.bin")
-"""Names of the files."""
+"""File names of images in COLMAP models."""
 
 
 def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
-    """Read the poses of a model's images, in the order of the images' names, and their camera if they have one.
+    """Read the poses of a model's images, sorted by the images' names, and their camera if they share one.
 
     Raises:
-        FileFormatError: The file, or that of the cameras beside it, does not read.
+        FileFormatError: If the file, or the cameras file next to it, cannot be read.
     """
     images = colmap_images(path)
     turns = np.array([image.rotation for image in images]).reshape(-1, 4)
@@ -40,7 +40,7 @@ def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
     translations = np.array([image.translation for image in images]).reshape(-1, 3)
     poses = np.tile(np.eye(4), (len(images), 1, 1))
     poses[:, :3, :3] = rotations.swapaxes(1, 2)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is too large is named with the frames
+    with np.errstate(over="ignore", invalid="ignore"):  # overflow is reported with the frames
         poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations)
     beside = path.with_name("cameras" + path.suffix)
     used = {image.camera for image in images}

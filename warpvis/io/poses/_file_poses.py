@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What readers of pose files give, and how it becomes frames."""
+"""Results of pose file readers, and their conversion to frames."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from warpvis.errors import FileFormatError, PoseError, WarpvisError
 
 @dataclass(frozen=True, eq=False)
 class FilePoses:
-    """What a pose file holds, before its values are checked."""
+    """The content of a pose file, before its values are checked."""
 
     poses: NDArray[np.generic]
     """Camera to world: rows ``(V, 7)`` or matrices ``(V, 4, 4)``."""
     place: Callable[[int], str]
-    """Where in which file a pose is, as messages say it: ``walk.csv:12``."""
+    """Location of a pose for messages: ``walk.csv:12``."""
     convention: Convention = "opencv"
-    """Axes of the camera frame that poses of this kind are for unless the caller says otherwise."""
+    """Default axes of the camera frame for the format."""
     timestamps: NDArray[np.generic] | None = None
     """Time of every pose [s], shape ``(V,)``."""
     object_poses: ObjectPoses = None
@@ -35,17 +35,17 @@ class FilePoses:
     world_index: ArrayInput | None = None
     """See `Frames`."""
     camera: ImageCamera | None = None
-    """The camera of all poses, if the file says which it is."""
+    """The camera of all poses, if defined in the file."""
     details: Mapping[str, Json] = field(default_factory=dict)
-    """What else says where the poses come from."""
+    """Further details of the source of the poses."""
 
     def to_frames(
         self, path: Path, file_format: str, convention: Convention | None, quaternion: QuaternionOrder = "xyzw"
     ) -> Frames:
-        """Make the frames, of what has its quaternions in that order.
+        """Convert to frames; `quaternion` is the order of the quaternions in `poses` and `object_poses`.
 
         Raises:
-            FileFormatError: There are no poses, or values are not what they have to be; the first is named.
+            FileFormatError: If there are no poses, or values are invalid; the message names the first.
         """
         if not len(self.poses):
             raise FileFormatError(f"{path}: holds no poses")
@@ -69,7 +69,7 @@ class FilePoses:
             raise FileFormatError(f"{path}: {error}") from None
 
     def _refuse_first(self, convention: Convention, quaternion: QuaternionOrder) -> None:
-        """Name the first malformed pose by its place, if one is: halving finds it."""
+        """Raise an error that names the first malformed pose, if there is one, found by bisection."""
 
         def problem(count: int) -> str:
             try:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames from pose files of every kind that is read."""
+"""Reader of frames from pose files of all supported formats."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from warpvis.io.poses._nerfstudio import parse_nerfstudio
 from warpvis.io.poses._tables import read_csv, read_parquet
 from warpvis.io.poses._tum import read_poses
 
-# Where a folder's poses are, of one kind a line; the first of a line that is there is read.
+# Pose files in a folder, one format per line; the first existing one of a line is read.
 _IN_FOLDERS = (
     (
         "images.bin",
@@ -61,46 +61,47 @@ def read_frames(
     topic: str | None = None,
     distortion: bool = False,
 ) -> Frames:
-    """Read camera poses, and what else a pose file says of its frames.
+    """Read camera poses and other data of frames from a pose file.
 
-    - ``tum``: text of lines ``timestamp tx ty tz qx qy qz qw``; every suffix that is not named below.
+    - ``tum``: text of lines ``timestamp tx ty tz qx qy qz qw``; the default for all suffixes not listed below.
     - ``npy``: an array ``(V, 7)``, rows ``x y z qx qy qz qw``, or ``(V, 4, 4)``.
     - ``npz``: such an array, ``camera_to_world``, and optionally ``timestamps`` (or ``timestamp``) ``(V,)``,
-      ``object_poses`` ``(W, M, 7)`` and ``world_index`` ``(V,)``, see `Frames`; other arrays are not read. What
-      ``warpvis render`` writes is one.
+      ``object_poses`` ``(W, M, 7)`` and ``world_index`` ``(V,)``, see `Frames`; other arrays are not read. Outputs of
+      ``warpvis render`` have this format.
     - ``csv``, ``parquet``: columns ``x y z qx qy qz qw`` (``tx ty tz``), optionally ``timestamp`` (``time``, ``t``);
       in any order, among others.
-    - ``nerfstudio``: ``transforms.json``. The frames' order is the file's, in its world frame (``applied_transform``
-      is not undone), and their timestamps are 0, 1, 2, ...
+    - ``nerfstudio``: ``transforms.json``. The frames are in the file's order and in its world frame
+      (``applied_transform`` is not undone), and their timestamps are 0, 1, 2, ...
     - ``bop``: ``scene_camera.json`` with world-to-camera poses in millimeters. The frames are in the order of image
       ids, which are their timestamps.
-    - ``colmap``: ``images.txt`` or ``images.bin``, in the order of the images' names.
+    - ``colmap``: ``images.txt`` or ``images.bin``, sorted by the images' names.
     - ``ros``: a topic of a ROS 2 bag, a folder or one ``.mcap`` or ``.db3`` file; see
       `warpvis.io.poses._ros_bags.read_bag`.
 
-    Poses are camera to world [m], timestamps seconds. Where the file says which camera all of them have (nerfstudio;
-    BOP, with a picture or ``camera.json`` that says the images' size; COLMAP; a bag's CameraInfo), it is their
+    Poses are camera to world [m], timestamps seconds. If the file defines one camera for all of them (nerfstudio;
+    BOP, with a picture or ``camera.json`` that gives the image size; COLMAP; a bag's CameraInfo), it is returned as
     `Frames.camera`, without a range.
 
     Args:
-        path: The file, or the folder of a ROS 2 bag, or one that holds a file of COLMAP, nerfstudio or BOP.
-        convention: Axes of the camera frame that the poses are for. By default the format's: ``"opengl"`` for
-            nerfstudio; for ROS ``"opencv"`` where the frame's name ends in ``_optical_frame`` and ``"ros_body"``
-            elsewhere; ``"opencv"`` for every other.
+        path: The file, the folder of a ROS 2 bag, or a folder with a file of COLMAP, nerfstudio or BOP.
+        convention: Axes of the camera frame of the poses. By default that of the format: ``"opengl"`` for
+            nerfstudio; for ROS ``"opencv"`` if the frame's name ends in ``_optical_frame``, else ``"ros_body"``;
+            ``"opencv"`` for all others.
         quaternion: Order of the quaternions of ``npy`` and ``npz``, of cameras and objects: ``"xyzw"`` or ``"wxyz"``.
-            The other formats define theirs.
-        file_format: The file's format; by default its suffix tells, and of JSON files the content.
-        topic: Of a ROS 2 bag: the topic to read.
-        distortion: Whether the frames' camera has its lens, as of `warpvis.io.load_camera`: of a bag it is that of the
-            raw images. By default it is a pinhole's, and a warning says what was left out.
+            The other formats define the order.
+        file_format: The file's format; by default determined from its suffix, or the content of JSON files.
+        topic: For ROS 2 bags, the topic to read.
+        distortion: Whether the frames' camera has its lens, as for `warpvis.io.load_camera`; for a bag, it is then the
+            camera of the raw images, otherwise of the rectified ones. By default it is a pinhole, and a warning is
+            issued if distortion was dropped.
 
     Returns:
-        The frames, in the file's order; their `source` says the file's name, its format and the convention.
+        The frames, in the file's order; their `source` contains the file's name, its format and the convention.
 
     Raises:
-        FileFormatError: The file is missing, holds no poses, or is malformed: it is named, and the line, row, frame,
-            image or message. Or `topic` or `quaternion` has no effect on such a file.
-        PoseError: `convention` or `quaternion` is none.
+        FileFormatError: If the file is missing, contains no poses, or is malformed; the message names the file and the
+            line, row, frame, image or message. Or if `topic` or `quaternion` does not apply to such a file.
+        PoseError: If `convention` or `quaternion` is invalid.
     """
     path = as_path(path)
     if convention is not None:
@@ -120,10 +121,10 @@ def read_frames(
 
 
 def _file_in(folder: Path) -> Path:
-    """Find the one file of poses that a folder of COLMAP, nerfstudio or BOP holds.
+    """Find the pose file in a folder of COLMAP, nerfstudio or BOP.
 
     Raises:
-        FileFormatError: There is none, or there are several.
+        FileFormatError: If it contains no such file, or several.
     """
     kinds = [[folder / name for name in names if (folder / name).is_file()] for names in _IN_FOLDERS]
     found = [files[0] for files in kinds if files]
@@ -139,12 +140,12 @@ def _file_in(folder: Path) -> Path:
 
 
 def leaves_order_open(path: Path, file_format: PoseFormat | None = None) -> bool:
-    """Tell whether a pose file is of a format that does not define the order of quaternions."""
+    """Return whether a pose file has a format that does not define the order of quaternions."""
     return _known_kind(path, file_format) in ("npy", "npz")
 
 
 def _known_kind(path: Path, file_format: PoseFormat | None) -> PoseFormat | None:
-    """Name the format that the caller or the file's name says, if one does."""
+    """Return the format given by the caller or the file name; None if it depends on the content."""
     if file_format is None and path.name in COLMAP_FILES:
         return "colmap"
     return file_format or ("ros" if os.path.isdir(path) else _SUFFIXES.get(path.suffix.lower()))

@@ -21,10 +21,10 @@ from warpvis.io.poses._file_poses import FilePoses
 
 
 def parse_nerfstudio(path: Path, data: Json, *, distortion: bool = False) -> FilePoses:
-    """Read the poses of the file's ``frames``, in the order in which it has them and in its world frame.
+    """Read the poses of the file's ``frames``, in the file's order and world frame.
 
     Raises:
-        FileFormatError: The file is something else, or a frame is malformed; it is named by its index.
+        FileFormatError: If the file has another format, or a frame is malformed; the message gives its index.
     """
     if isinstance(data, dict) and "frames" not in data:
         raise FileFormatError(f'{path}: has no list "frames", which holds the poses of nerfstudio\'s files')

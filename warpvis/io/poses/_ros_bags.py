@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of ROS 2 bags, read without ROS: sqlite3 and MCAP storage."""
+"""Poses from ROS 2 bags with sqlite3 or MCAP storage, read without ROS."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 _OPTICAL = "_optical_frame"
 _LONGEST_LIST = 500
-"""Of names, in a message [characters]."""
+"""Maximum length of a list of names in a message [characters]."""
 
 
 class _Stamped(NamedTuple):
@@ -58,22 +58,23 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
     """Read the poses of one topic of a bag, in the order of the bag's messages.
 
     The topic is one of geometry_msgs/PoseStamped, PoseWithCovarianceStamped, TransformStamped or PoseArray,
-    nav_msgs/Odometry or Path, or tf2_msgs/TFMessage. A pose is that of the camera in ``header.frame_id``, and a
-    transform's and an odometry's is of the frame ``child_frame_id``. Both are the same in all messages, since frames
-    are not chained; of a TFMessage topic with several child frames, the topic's name says which is the camera, after a
-    colon: ``/tf:camera_optical_frame``. Of a Path topic the last message counts, of a PoseArray topic all do.
+    nav_msgs/Odometry or Path, or tf2_msgs/TFMessage. A pose is that of the camera in ``header.frame_id``; transforms
+    and odometry are poses of ``child_frame_id``. Both frames must be the same in all messages, since transforms are not
+    chained. For a TFMessage topic with several child frames, append the camera's frame to the topic's name after a
+    colon: ``/tf:camera_optical_frame``. Only the last message of a Path topic is read, and all of a
+    PoseArray topic.
 
-    Timestamps are the headers' [s]; if all are 0, there are none. Poses are of the OpenCV camera frame if the child
+    Timestamps are the headers' [s]; if all are 0, they are omitted. Poses are of the OpenCV camera frame if the child
     frame's name ends in ``_optical_frame``, else of a ROS body frame.
 
     Args:
         path: A folder with ``metadata.yaml``, or one ``.mcap`` or ``.db3`` file.
-        topic: The topic; not needed where one topic has poses.
+        topic: The topic; not needed if only one topic has poses.
         distortion: Whether the camera is that of the raw images, with its lens, or of the rectified ones.
 
     Raises:
-        FileFormatError: rosbags is missing, the bag does not read, the topic is not in it or not of poses, or frames
-            differ.
+        FileFormatError: If rosbags is missing, the bag cannot be read, it has no such topic or one without poses, or
+            the frames of the poses differ.
     """
     try:
         from rosbags.rosbag2 import Reader
@@ -105,7 +106,7 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
         raise
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
-    except Exception as error:  # damaged bags raise what they like
+    except Exception as error:  # damaged bags may raise any exception
         raise FileFormatError(f"{path}: does not read as a ROS 2 bag: {describe_exception(error)}") from None
     return _as_poses(
         path, name, child, poses, [_Eye(info.header.frame_id, partial(_camera, info, distortion)) for info in found]
@@ -134,7 +135,7 @@ def _all(types: dict[str, str]) -> str:
 
 
 def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[_Eye]) -> FilePoses:
-    """Choose one camera's poses, which are in one frame."""
+    """Select the poses of one child frame, and check that they have the same parent frame."""
     place = f"{path}: topic {truncate(topic)}"
     if not poses:
         raise FileFormatError(f"{place} holds no poses")
@@ -166,7 +167,7 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras
 
 
 def _choose_camera(path: Path, eyes: Sequence[_Eye], child: str) -> CalibratedCamera | None:
-    """Make the camera of a bag's first CameraInfo of the frame that the poses are of, or of the only one."""
+    """Return the camera of the bag's first CameraInfo with the poses' frame, or of its only CameraInfo."""
     of_frame = [eye for eye in eyes if child and eye.frame == child]
     chosen = of_frame or (eyes if len(eyes) == 1 else [])
     try:
@@ -177,14 +178,14 @@ def _choose_camera(path: Path, eyes: Sequence[_Eye], child: str) -> CalibratedCa
 
 
 class _Eye(NamedTuple):
-    """A camera of a bag's, made when it is needed."""
+    """A camera of a bag, created when needed."""
 
     frame: str
     make: Callable[[], CalibratedCamera]
 
 
 def _camera(info: CameraInfo, distortion: bool) -> CalibratedCamera:
-    """Make the camera of the rectified images; with their distortion, where there is any, of the raw ones."""
+    """Create the camera of the raw images if `distortion` is set and `D` is not zero, else of the rectified images."""
     return Camera.from_ros(info) if distortion and np.any(info.d) else Camera.from_camera_info(info)
 
 
@@ -205,7 +206,7 @@ def _from_odometry(message: Odometry) -> Iterator[_Stamped]:
 
 
 def _from_path(message: PathMessage) -> Iterator[_Stamped]:
-    for item in message.poses:  # whose own frame_id is left empty by many
+    for item in message.poses:  # their own frame_id is often empty
         yield _stamped(item.header, item.pose)._replace(parent=message.header.frame_id)
 
 
@@ -231,7 +232,7 @@ def _stamped(header: Header, pose: Pose, child: str = "") -> _Stamped:
 _PATH = "nav_msgs/msg/Path"
 _CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
-# A bag names the type of its messages, so the functions take one each.
+# Readers by message type.
 _POSES: dict[str, Callable[[Any], Iterator[_Stamped]]] = {
     "geometry_msgs/msg/PoseStamped": _from_pose,
     "geometry_msgs/msg/PoseWithCovarianceStamped": _from_covariance,

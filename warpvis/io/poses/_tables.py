@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of tables, CSV and Parquet: columns ``x y z qx qy qz qw``, and ``timestamp`` if there is one."""
+"""Poses from CSV and Parquet tables: columns ``x y z qx qy qz qw``, and optionally ``timestamp``."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def read_csv(path: Path) -> FilePoses:
     Other columns, empty lines, and lines that begin with ``#`` are skipped.
 
     Raises:
-        FileFormatError: The file is something else, or a line is malformed; it is named.
+        FileFormatError: If the file has another format, or a line is malformed; the message names it.
     """
     lines = read_lines(path, "x,y,z,qx,qy,qz,qw")
     reader = csv.reader(lines)
@@ -72,8 +72,8 @@ def read_parquet(path: Path) -> FilePoses:
     """Read the poses of a Parquet file; other columns are not read.
 
     Raises:
-        FileFormatError: pyarrow is missing, the file is something else, or a row is malformed; it is named, counted
-            from 0.
+        FileFormatError: If pyarrow is missing, the file has another format, or a row is malformed; the message gives
+            its index.
     """
     try:
         import pyarrow.parquet as parquet
@@ -94,13 +94,13 @@ def read_parquet(path: Path) -> FilePoses:
         raise
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
-    except Exception as error:  # damaged files raise what they like
+    except Exception as error:  # damaged files may raise any exception
         raise FileFormatError(f"{path}: does not read as Parquet: {describe_exception(error)}") from None
     return _as_poses(np.stack(arrays, axis=1), list(columns), lambda index: f"{path}: row {index}")
 
 
 def _as_floats(column: pyarrow.ChunkedArray, what: str) -> NDArray[np.float64]:
-    """Return a column's values; NaN where it has none."""
+    """Return a column's values; NaN for null."""
     import pyarrow
 
     if not (pyarrow.types.is_floating(column.type) or pyarrow.types.is_integer(column.type)):
@@ -124,7 +124,7 @@ def _parse_number(word: str, place: str) -> float:
 
 
 def _find_columns(names: Sequence[str], place: str) -> dict[str, int]:
-    """Find the columns that are read, by the names that this module has for them."""
+    """Find the columns that are read, by their names and aliases."""
     given = [name.strip().lower() for name in names]
     columns: dict[str, int] = {}
     for column, aliases in _NAMES.items():

@@ -33,7 +33,7 @@ def read_poses(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArr
         Timestamps [s], shape ``(V,)``, and rows ``x y z qx qy qz qw``, shape ``(V, 7)``.
 
     Raises:
-        FileFormatError: The file is missing, holds no poses, or a line is malformed; it is named.
+        FileFormatError: If the file is missing or contains no poses, or a line is malformed; the message names it.
     """
     path = as_path(path)
     lines = read_lines(path, _LINE)
