@@ -57,7 +57,7 @@ LOWEST_TESTS := $(addprefix tests/test_,$(addsuffix .py,camera pose scene scene_
 test-lowest:
 	./scripts/make_venv.sh $(LOWEST)
 	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check uv
-	$(LOWEST_INSTALL) -e '.[test]'
+	$(LOWEST_INSTALL) -e . --group test
 	$(LOWEST_INSTALL) --upgrade -e .
 	$(LOWEST)/bin/python -m pytest -q -m "not gl" $(LOWEST_TESTS)
 
@@ -98,19 +98,20 @@ $(VENV)/pyvenv.cfg: scripts/make_venv.sh
 	touch $@
 
 $(CORE): $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+	$(INSTALL) 'pip>=25.1'  # for dependency groups
 	$(INSTALL) -e .
 	touch $@
 
 $(VIEW): $(CORE)
-	$(INSTALL) -e '.[view]'
+	$(INSTALL) -e '.[cli,view]'
 	touch $@
 
 $(STAMP): $(CORE)
-	$(INSTALL) -e '.[test,lint]'
+	$(INSTALL) -e . --group test --group lint
 	touch $@
 
 $(DOCS): $(STAMP)
-	$(INSTALL) -e '.[docs]'
+	$(INSTALL) -e . --group docs
 	touch $@
 
 clean:

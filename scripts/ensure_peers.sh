@@ -1,10 +1,7 @@
 #!/bin/sh
 # Install the peers that `make bench` compares with, as far as this machine takes them: ensure_peers.sh PYTHON
-# Never fails: a peer that is missing is named in the table.
+# Never fails: the table names a peer that is missing.
 python=$1
-as_root=
-[ "$(id -u)" -eq 0 ] || as_root="sudo -n"
-
 for peer in open3d mitsuba; do
     "$python" -c "import importlib.util as u, sys; sys.exit(u.find_spec('$peer') is None)" ||
         "$python" -m pip install --quiet --disable-pip-version-check -c constraints.txt "$peer" ||
@@ -15,8 +12,5 @@ done
 packages=
 ldconfig -p | grep -q 'libusb-1\.0\.so\.0' || packages="libusb-1.0-0"
 ldconfig -p | grep -q 'libLLVM' || packages="$packages llvm"
-if [ -n "$packages" ] && command -v apt-get >/dev/null 2>&1; then
-    echo "installing $packages, for the peers"
-    $as_root apt-get update -qq && $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $packages >/dev/null
-fi
+[ -z "$packages" ] || "$(dirname "$0")/apt_install.sh" "the peers of the benchmark" $packages
 exit 0

@@ -145,5 +145,7 @@ def test_constraints_hold_names_and_versions_only():
             match = re.fullmatch(r"([A-Za-z0-9._-]+)==([A-Za-z0-9.]+)", line)
             assert match, line
             pins[match[1].lower().replace("_", "-")] = match[2]
-    for requirement in PROJECT["project"]["dependencies"] + PROJECT["project"]["optional-dependencies"]["test"]:
+    groups = PROJECT["dependency-groups"]
+    named = [*PROJECT["project"]["dependencies"], *groups["test-core"], *groups["test"], *groups["lint"]]
+    for requirement in [entry for entry in named if isinstance(entry, str)]:
         assert re.match(r"[A-Za-z0-9-]+", requirement)[0].lower() in pins, requirement

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import sys
 import time
@@ -46,6 +47,8 @@ from warpvis.sensors import CalibratedCamera, require_calibrated
 from warpvis.visibility import choose_objects
 
 if TYPE_CHECKING:
+    from tqdm import tqdm
+
     from warpvis.scene import Scene
 
 Engine = Literal["local", "ray"]
@@ -148,7 +151,8 @@ def render_batch(
         resume: Whether to resume a dataset that an earlier call began. A shard counts as complete if its record exists
             and its files have the recorded sizes; their contents are not read.
         repair: With `resume`, whether to first read all files, as `verify` does, and render damaged shards again.
-        quiet: Whether to hide the progress bar; it is also hidden if standard error is not a terminal.
+        quiet: Whether to hide the progress bar; it is also hidden if standard error is not a terminal or
+            tqdm is not installed.
         source: Origin of the scene for the manifest; the name of the scene's file by default.
 
     Raises:
@@ -337,26 +341,31 @@ class _Progress:
     def __init__(self, plan: Plan, dataset: Dataset, missing: Sequence[int], scene: Scene, *, quiet: bool) -> None:
         self._plan, self._dataset, self._missing, self._scene = plan, dataset, missing, scene
         self._tells = missing[0] if len(missing) >= _LONG_JOB else None
-        self._hidden = quiet or not sys.stderr.isatty()
+        self._hidden = quiet or not sys.stderr.isatty() or importlib.util.find_spec("tqdm") is None
+        self._bar: tqdm | None = None
 
     def __enter__(self) -> _Progress:
-        from tqdm import tqdm
-
         frames = sum(self._frames(shard) for shard in self._missing)
         whole = len(self._plan.frames) - frames
-        self._bar = tqdm(total=whole + frames, initial=whole, unit=" frames", unit_scale=True, disable=self._hidden)
+        if not self._hidden:
+            from tqdm import tqdm
+
+            self._bar = tqdm(total=whole + frames, initial=whole, unit=" frames", unit_scale=True)
         return self
 
     def __call__(self, shard: int, record: Record) -> None:
         self._dataset.add(shard, record)
-        self._bar.update(self._frames(shard))
+        if self._bar:
+            self._bar.update(self._frames(shard))
         seen, empty = self._dataset.frames, self._dataset.empty_frames
         if shard == self._tells and empty == seen:
-            self._bar.clear()
+            if self._bar:
+                self._bar.clear()
             warnings.warn(f"so far {describe_empty(empty, seen, self._plan, self._scene)}", stacklevel=2)
 
     def __exit__(self, *error: object) -> None:
-        self._bar.close()
+        if self._bar:
+            self._bar.close()
 
     def _frames(self, shard: int) -> int:
         part = self._plan.shard_slice(shard)

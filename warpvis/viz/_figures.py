@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_items, as_path, check_mapping, check_text
 from warpvis.core.labels import Label
-from warpvis.errors import ArrayError, FileFormatError
+from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,8 +32,15 @@ Bounds = tuple[float, float, float, float]
 """A map's left, right, bottom and top border [m]: matplotlib's ``extent``."""
 
 
+def require_matplotlib() -> None:
+    """Raise `WarpvisError` if matplotlib is not installed."""
+    if importlib.util.find_spec("matplotlib") is None:
+        raise WarpvisError("pictures need matplotlib, which is missing: pip install 'warpvis[viz]'")
+
+
 def new_figure(width: float, height: float, *, gap: float = 0.04167) -> Figure:
     """Make a figure of that size [inches] with gaps between its panels [inches, matplotlib's by default]."""
+    require_matplotlib()
     # Not pyplot: that keeps figures, and picks a screen, for the whole process.
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine

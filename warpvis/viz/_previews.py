@@ -15,6 +15,7 @@ from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_items, as_path, check_text, is_number
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, FileFormatError
+from warpvis.viz._figures import require_matplotlib
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
@@ -42,6 +43,7 @@ def depth_colors(depth: ArrayInput, depth_range: tuple[float, float]) -> NDArray
     Raises:
         ArrayError: The range is none.
     """
+    require_matplotlib()
     from matplotlib import colormaps
 
     low, high = _check_range(depth_range)
