@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Triangles, set up for the image: a leaf's together, one in each lane.
+// Triangle setup: the values of a leaf's triangles in the image, one triangle per lane.
 
-// A value that is linear in u and v, of each lane's triangle.
+// A value that is linear in u and v, for each lane's triangle.
 struct Linear {
     Floats u, v, one;
 
@@ -14,27 +14,27 @@ struct Linear {
     }
 };
 
-// A leaf's triangles in the image.
+// A leaf's triangles, set up for an image.
 struct Triangles {
     const float* corners;  // [LEAF_ROWS][lane] in the frame of the tree
     int first_id;
     const int* owners;
-    Linear edge[3];  // positive inside
-    Floats doubt;  // an edge's value of no more than this, either way, may have the wrong sign
-    Ints inexact;  // lanes where single precision is not enough for inv_z, whatever is looked at
+    Linear edge[3];  // edge functions, positive inside
+    Floats doubt;  // rounding error bound of the edge functions: smaller magnitudes may have the wrong sign
+    Ints inexact;  // lanes in which single precision does not suffice for inv_z, whatever the pixel
     Linear inv_z;
-    Floats min_inv_z, max_inv_z;  // at the corners: no point of a triangle is nearer or farther
-    Floats area;  // in pixels, of the whole triangle; endless where it reaches behind the camera
+    Floats min_inv_z, max_inv_z;  // at the corners: every point of a triangle lies within this range
+    Floats area;  // in pixels, of the whole triangle; NOWHERE if it reaches behind the camera
     Ints shown;  // lanes that may cover a pixel
-    Ints x0, x1, y0, y1;  // pixels of the strip whose centres may be inside
-    Ints view_y0, view_y1;  // the same rows in the whole view, counted from the view's first
-    // Where RAY_ORIGINS:
-    Points side[3];  // twice the edges, signed as they are
-    Ints beside;  // lanes that rays may see from another side than the eye does, or only just
-    Floats place[4];  // least u and v, greatest u and v that rays from the eye see
+    Ints x0, x1, y0, y1;  // pixels of the strip whose centers may be inside
+    Ints view_y0, view_y1;  // the same rows of the whole view
+    // Only if RAY_ORIGINS:
+    Points side[3];  // twice the edges, with the sign of the edge functions
+    Ints beside;  // lanes of triangles of which rays may see another side than the eye does, or nearly so
+    Floats place[4];  // least u and v, greatest u and v of rays from the eye
 };
 
-// What is decided in double precision, of one triangle of a leaf.
+// Evaluation of one triangle of a leaf in double precision.
 struct Exactly {
     static inline ExactCorners corners(const Camera& camera, const float* corners, int lane) {
         ExactCorners seen;
@@ -43,7 +43,7 @@ struct Exactly {
                 seen.corner[k][i] = corners[(3 * k + i) * LANES + lane] - camera.exact_origin[i];
         return seen;
     }
-    // Whether it covers a place of the image, on its edges too.
+    // Whether the triangle covers an image point, edges included.
     static __attribute__((noinline, cold)) bool covers(const Camera& camera, const float* leaf, int lane, double u,
                                                        double v) {
         double ray[3];
@@ -52,37 +52,40 @@ struct Exactly {
     }
 };
 
-// How far the rounding of a triangle's corners may turn its plane, as a part of 1 / z.
+// Greatest rotation of a triangle's plane by rounding of its corners, as a fraction of 1 / z, for which single
+// precision suffices.
 constexpr float MAX_TURN = 5e-5f;
 
-// How many times inv_z the terms may be that it is a sum of.
+// Greatest ratio of the terms of inv_z to their sum for which single precision suffices.
 constexpr float MAX_TERMS = 16.0f;
 
 struct Setup {
-    // cross(a - b, a + b) is 2 a x b, and exactly its negative when a and b change places.
+    // cross(a - b, a + b) is 2 a x b, and exactly its negative if a and b are swapped.
     static inline Linear edge(Points a, Points b, Floats sign) {
         const Points product = Points::cross(Points::minus(a, b), Points::plus(a, b));
         return Linear{product.x * sign, product.y * sign, product.z * sign};
     }
 
-    // Triangles that the view must not see.
+    // Lanes of triangles that the view excludes.
     static inline Ints excluded_lanes(const unsigned char* excluded, const int* owners) {
         Ints mask;
         for (int k = 0; k < LANES; ++k) mask[k] = excluded[Bvh::object_of(owners[k])] ? -1 : 0;
         return mask;
     }
 
-    // Where triangles are, in pixels, whether in the image or not: how far across, and from the principal point.
+    // Bounding rectangles of the triangles, in pixels, whether inside the image or not: their size, and their greatest
+    // distance from the principal point.
     struct Box {
         Floats width, height, reach_u, reach_v;
     };
 
-    // Where a row of x begins, below which are y and z.
+    // Load a corner, from the row of its x coordinates; y and z are the next rows.
     static inline Points corner(const Camera& camera, const float* rows) {
         return camera.relative(Lanes::load(rows), Lanes::load(rows + LANES), Lanes::load(rows + 2 * LANES));
     }
 
-    // Of triangles that single precision sees edge-on, volumes of the right sign; 0 where double precision does, too.
+    // Replace volumes of triangles that are edge-on in single precision by values of the correct sign; 0 if they are
+    // edge-on in double precision too.
     static __attribute__((noinline, cold)) void settle_volumes(const Camera& camera, const float* corners, Ints edge_on,
                                                                Floats least, Floats& volume) {
         for (unsigned left = Lanes::bits(edge_on); left; left &= left - 1) {
@@ -92,16 +95,17 @@ struct Setup {
         }
     }
 
-    // False if no lane can show: all face away, or none reaches a pixel's centre.
+    // Set up a leaf; returns false if no lane can be visible: all face away, or none reaches a pixel center.
     static inline bool leaf(const Camera& camera, const Image& image, Triangles& out) {
         const float* p = out.corners;
         Points c[3];
         for (int k = 0; k < 3; ++k) c[k] = camera.turn(corner(camera, p + 3 * LANES * k));
         const Points ab = Points::minus(c[1], c[0]), ac = Points::minus(c[2], c[0]);
         const Points normal = Points::cross(ab, ac);
-        Floats volume = Points::dot(normal, c[0]);  // negative where the camera sees the front
+        Floats volume = Points::dot(normal, c[0]);  // negative if the camera sees the front
         const Floats zmin = Lanes::min(c[0].z, c[1].z, c[2].z), zmax = Lanes::max(c[0].z, c[1].z, c[2].z);
-        // In pixels times depth, how far its corners are apart, and away, if any of it is in the image.
+        // The extent of the corners, and their distance from the camera if any part is in the image, in pixels times
+        // depth.
         const Floats apart = ((Lanes::abs(ab.x) + Lanes::abs(ac.x)) + (Lanes::abs(ab.y) + Lanes::abs(ac.y))) +
                              camera.extent * (zmax - zmin);
         const Floats away = (2.0f * camera.extent) * zmax + apart;
@@ -120,7 +124,7 @@ struct Setup {
 
         const Floats one = Lanes::all(1.0f), none = Lanes::all(0.0f);
         const Floats inverse[3] = {one / c[0].z, one / c[1].z, one / c[2].z};
-        // Triangles that reach behind the camera may be anywhere in the image.
+        // Triangles that reach behind the camera may cover any part of the image.
         const Ints crossing = zmin <= 1e-6f * zmax + Lanes::all(1e-30f);
         out.shown = shown & (zmax > none);
         Box box;
@@ -139,7 +143,7 @@ struct Setup {
         out.max_inv_z = crossing ? Lanes::all(3e37f) : Lanes::max(inverse[0], inverse[1], inverse[2]);
         out.area = crossing ? Lanes::all(NOWHERE) : 0.5f * Lanes::abs(volume) * (inverse[0] * inverse[1] * inverse[2]);
         const Floats slope_u = Lanes::abs(out.inv_z.u), slope_v = Lanes::abs(out.inv_z.v);
-        // Seen at a grazing angle, inv_z is a small difference of large terms.
+        // At a grazing angle, inv_z is a small difference of large terms.
         const Floats terms = slope_u * box.reach_u + (slope_v * box.reach_v + Lanes::abs(out.inv_z.one));
         const Floats turn = camera.blur * (box.width + box.height) * (slope_u * box.width + slope_v * box.height);
         out.inexact =
@@ -147,7 +151,8 @@ struct Setup {
         return true;
     }
 
-    // Triangles that rays may see from another side than the eye does, or only just.
+    // Find triangles of which rays may see another side than the eye does, or nearly so: 1 - N . (p, q, 0), the
+    // denominator of 1 / z (apart_drawing.h), is not always above 0.5.
     static inline Ints set_beside(const ApartRays& apart, const Points& normal, Floats volume, Floats least,
                                   Triangles& out) {
         const Floats aside = Lanes::abs(normal.x) * apart.most_p + Lanes::abs(normal.y) * apart.most_q;
@@ -160,12 +165,12 @@ struct Setup {
             out.side[e] = Points{side.x * twice, side.y * twice, side.z * twice};
         }
     }
-    // What rounding changes of a side times a ray's moment about the eye, which is less than this.
+    // Rounding error bound of the product of a side and a ray's moment about the eye.
     static inline float moment_doubt(const Camera& camera, const ApartRays& apart) {
         return camera.edge_doubt * (4.0f * (apart.most_p + apart.most_q));
     }
 
-    // Bounds in pixels, a little wider than rounding can be wrong; false if no lane that may be shown has any.
+    // Compute bounds in pixels, with a margin for rounding; returns false if no lane can be visible.
     static inline bool bound(const Image& image, const Points* c, const Floats* inverse, Ints crossing, Triangles& out,
                              Box& box) {
         const Floats one = Lanes::all(1.0f), none = Lanes::all(0.0f);
@@ -210,7 +215,7 @@ struct Setup {
     }
 };
 
-// One triangle in double precision: its first corner seen from the camera, and its normal, of any length.
+// A triangle in double precision: its first corner relative to the camera, and its normal, not normalized.
 struct ExactTriangle {
     double a[3], normal[3];
 
@@ -227,12 +232,12 @@ struct ExactTriangle {
         t.normal[2] = ab[0] * ac[1] - ab[1] * ac[0];
         return t;
     }
-    // Negative where the camera sees the front.
+    // Negative if the camera sees the front.
     inline double volume() const { return normal[0] * a[0] + normal[1] * a[1] + normal[2] * a[2]; }
 };
 
-// The plane of one triangle in double precision. In single precision, inv_z loses its digits where a plane is seen at a
-// grazing angle: it is a small difference of large terms.
+// The plane of a triangle in double precision. In single precision, inv_z loses its digits at grazing angles: it is a
+// small difference of large terms.
 struct ExactPlane {
     double u, v, one;
 

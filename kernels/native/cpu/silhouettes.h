@@ -1,34 +1,34 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How much of each object a view sees: the object is drawn alone, on the part of the canvas that its box may cover, and
-// compared block by block with an image of all objects. See kernels/silhouettes.py, which does the same by rays.
+// Visible fractions of objects: each object is rasterized in isolation, on the part of the canvas that its box may
+// cover, and compared block by block with an image of all objects. kernels/silhouettes.py does the same by ray casting.
 
 struct SilhouetteJob {
     int count;  // of chosen objects
-    const int* chosen;  // which they are, of all objects
+    const int* chosen;  // object indices
     int objects;  // of the scene
-    int canvas[4];  // x0, y0, x1, y1 in pixels of the image; the ends are not in it
-    bool seen_only;  // whether what is beyond the image counts only for objects that are visible in it
+    int canvas[4];  // x0, y0, x1, y1 in pixels of the image, end exclusive
+    bool seen_only;  // whether pixels outside the image count only for objects that are visible in it
     float near, far;
-    const int* seen;  // [view][y][x]: object that is seen, -1 for none
-    const float* depth;  // [view][y][x]; null where delta is 0
-    float delta;  // how far behind what is seen a surface still counts as visible, along its ray
+    const int* seen;  // [view][y][x]: visible object, -1 for none
+    const float* depth;  // [view][y][x]; null if delta is 0
+    float delta;  // distance behind the visible surface, along the ray, up to which a surface counts as visible
     char* counts;  // [counter][view][chosen]: ints
-    long long count_stride, view_stride;  // bytes from a counter to the next, and from a view
-    int* hidden_by;  // [view][chosen][object]: pixels
-    unsigned char* masks;  // [view][chosen][y][x], or null: 1 for a silhouette, 2 where it is visible
+    long long count_stride, view_stride;  // bytes between counters and between views
+    int* hidden_by;  // [view][chosen][object]: pixels occluded by that object
+    unsigned char* masks;  // [view][chosen][y][x]: MASK_VISIBLE or MASK_HIDDEN in the silhouette; or null
 
-    // Whether counting is all there is to do, of any depth.
+    // Whether all depths are in range and no masks are requested, so that only counts are needed.
     inline bool counts_all() const { return near <= 0.0f && far == __builtin_inff() && !masks; }
 };
 
-// Pixels of an object in a view, by what became of them.
+// Counters of an object's pixels in a view, by visibility.
 struct PixelCounts {
     int visible, image, silhouette, too_near, too_far;
-    int visible_box[4], silhouette_box[4];  // greatest codes of what was met, 0 for nothing
+    int visible_box[4], silhouette_box[4];  // greatest codes so far, 0 if none (see SilhouetteCounter)
 
-    // The pixels of a block of 4 x 4 whose bits are set, where its first one is at (x, y).
+    // Grow a box by the pixels of a 4 x 4 block, starting at (x, y), whose bits are set.
     static inline void grow(int* box, unsigned bits, int x, int y) {
         if (holds(box, x, y, BLOCK_SIDE)) return;
         unsigned columns = 0;
@@ -42,14 +42,14 @@ struct PixelCounts {
 
     static inline int last_bit(unsigned bits) { return 31 - __builtin_clz(bits); }
 
-    // Whether a square of pixels lies within a box that is known: then nothing in it makes the box larger.
+    // Whether a box already contains a square of pixels, which then cannot grow it.
     static inline bool holds(const int* box, int x, int y, int side) {
         return BOX_MIDDLE - x <= box[0] && BOX_MIDDLE - y <= box[1] && BOX_MIDDLE + x + side - 1 <= box[2] &&
                BOX_MIDDLE + y + side - 1 <= box[3];
     }
 
     inline void write(const SilhouetteJob& asked, int view, int place) const {
-        const int* values = &visible;  // all of them, in the counters' order
+        const int* values = &visible;  // all counters, in order
         for (int counter = 0; counter < SILHOUETTE_COUNTERS; ++counter) {
             char* to = asked.counts + counter * asked.count_stride + view * asked.view_stride + place * sizeof(int);
             *(int*)to = values[counter];
@@ -61,15 +61,15 @@ static_assert(VISIBLE_PIXELS == 0 && IMAGE_PIXELS == 1 && SILHOUETTE_PIXELS == 2
                   TOO_FAR_PIXELS == 4 && VISIBLE_BOX == 5 && SILHOUETTE_BOX == 9,
               "the counters' order");
 
-// What is compared with a strip of an object's silhouette.
+// Comparison of a strip of an object's silhouette with the image.
 struct Comparison {
     const SilhouetteJob& asked;
     const Job& job;  // of the image
     const int* edge;  // of the canvas
     int view, place, index;
-    int x0, y0;  // where the strip begins, in pixels of the image
+    int x0, y0;  // first pixel of the strip, in the image
 
-    // Count a strip's pixels, and leave it empty.
+    // Count a strip's pixels, and clear it.
     inline void count(const Image& image, PixelCounts& counts) const {
         for (int ty = 0; ty < image.tiles_y; ++ty)
             for (int tx = 0; tx < image.tiles_x; ++tx) {
@@ -99,7 +99,7 @@ struct Comparison {
         }
     }
 
-    // A tile in the image whose silhouette makes no box larger: what the image shows there decides.
+    // Count a tile inside the image that cannot grow the silhouette's box: only the visible objects there matter.
     inline void count_inside(float* tile, int x, int y, PixelCounts& counts) const {
         const bool known = PixelCounts::holds(counts.visible_box, x, y, TILE_SIDE);
         Ints silhouette = Lanes::all_ints(0), seen = silhouette;
@@ -137,7 +137,7 @@ struct Comparison {
         return __builtin_reduce_add(sum);
     }
 
-    // Which pixels of a block are between least and greatest coordinates; the ends are not.
+    // Mask of a block's pixels inside a rectangle, end exclusive.
     static inline Ints inside(const int* edge, int x, int y) {
         const Ints column = Grid::column(), row = Grid::row();
         return (column + x >= edge[0]) & (column + x < edge[2]) & (row + y >= edge[1]) & (row + y < edge[3]);
@@ -173,7 +173,7 @@ struct Comparison {
         if (asked.masks) write_masks(in_image, bits, x, y);
     }
 
-    // How far a surface lies behind what is seen, along its rays.
+    // Distance of a surface behind the visible surface, along the rays.
     inline Floats behind(Floats z, unsigned in_image, bool whole, int x, int y) const {
         const Floats column = Grid::column_floats(), row = Grid::row_floats();
         const Floats u = (column + (float)(x + 0.5 - job.center[0])) * (float)(1.0 / job.focal[0]);
@@ -184,7 +184,7 @@ struct Comparison {
         return (z - depth) * __builtin_elementwise_sqrt(u * u + (v * v + 1.0f));
     }
 
-    // A block of an image, of any kind of four bytes, that is all inside of it.
+    // Load a block of an image of four-byte values; the block lies inside the image.
     inline Ints load_block(const int* image, int x, int y) const {
         typedef int RowOfBlock __attribute__((ext_vector_type(BLOCK_SIDE)));
         const int* from = image + ((long long)view * job.height + y) * job.width + x;
@@ -195,7 +195,7 @@ struct Comparison {
         return __builtin_shufflevector(upper, lower, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     }
 
-    // One that may reach beyond it: -1 there.
+    // Load a block that may extend beyond the image: -1 outside.
     inline Ints gather(const int* image, unsigned in_image, bool whole, int x, int y) const {
         if (whole) return load_block(image, x, y);
         const int* from = image + ((long long)view * job.height + y) * job.width + x;
@@ -227,13 +227,12 @@ struct Comparison {
     }
 };
 
-// A worker's memory for parts of a canvas. Pixels are at the same place whatever a part's size: counting them leaves
-// them empty.
+// A worker's memory for parts of a canvas. The layout does not depend on a part's size; counting pixels clears them.
 struct SilhouetteMemory {
-    // Tiles that are drawn at a time: they stay in a core's cache.
+    // Tiles that are rasterized at a time: they stay in a core's cache.
     enum { TILES_AT_A_TIME = 512 };
 
-    int tiles;  // that it is for: at least one row of them, which may begin anywhere in a tile of the canvas
+    int tiles;  // capacity: at least one row of tiles, which may begin at any pixel of a tile of the canvas
     Image image;
     Traversal traversal;
 
@@ -249,7 +248,7 @@ struct SilhouetteMemory {
         return memory;
     }
 
-    // The image of some rows of a part of the canvas.
+    // The image for some rows of a part of the canvas.
     inline Image rows_of(const Job& part, int first_row, int rows) const {
         Image rectangle = image;
         rectangle.set_size(part.width, rows, first_row, part.height);
@@ -265,7 +264,7 @@ struct Silhouettes {
     const SilhouetteJob& asked;
     const SilhouetteMemory& memory;
 
-    // The camera's job for a part of the canvas, from (x0, y0) on in the image's pixels.
+    // The camera's job for a part of the canvas, from (x0, y0) in pixels of the image.
     static inline Job part_of(const Job& job, int x0, int y0, int x1, int y1) {
         Job part = job;
         part.width = x1 - x0;
@@ -281,7 +280,7 @@ struct Silhouettes {
         if (!world.exists || world.excludes(index)) return;
         const int in_image[4] = {0, 0, job.width, job.height};
         PixelCounts counts = PixelCounts();
-        // What hides it is counted twice then, which does not change what hides most.
+        // Its occluders are then counted twice, which does not change their order.
         if (asked.seen_only) measure(world, in_image, view, place, counts);
         if (!asked.seen_only || counts.visible) {
             counts = PixelCounts();
@@ -290,7 +289,7 @@ struct Silhouettes {
         counts.write(asked, view, place);
     }
 
-    // Count an object's pixels on a canvas, whose edges are as in `SilhouetteJob`.
+    // Count an object's pixels on a canvas, given its edges as in `SilhouetteJob`.
     inline void measure(const World& world, const int* edge, int view, int place, PixelCounts& counts) const {
         const int index = asked.chosen[place];
         const Pose pose = job.pose_of(view);
@@ -300,7 +299,7 @@ struct Silhouettes {
         whole.set_center(canvas.center);
         Visit visit;
         if (!Queue::find(View::of(scene, canvas, world, pose), whole, index, visit)) return;
-        // Whole tiles: what of them is beyond the canvas is drawn, and not counted.
+        // Use whole tiles: pixels beyond the canvas are rasterized, but not counted.
         const int x0 = edge[0] + visit.x0, y0 = edge[1] + visit.y0;
         const int tiles_x = Grid::tiles(visit.x1 - visit.x0 + 1), tiles_y = Grid::tiles(visit.y1 - visit.y0 + 1);
         const int width = tiles_x * TILE_SIDE, height = tiles_y * TILE_SIDE;
@@ -316,7 +315,7 @@ struct Silhouettes {
         }
     }
 
-    // Take units of work, an object in a view each, until none are left.
+    // Take units of work, one object in one view each, until none remain.
     inline void run(int* counter) const {
         const int units = job.views * asked.count;
         for (int next; (next = Workers::take(counter)) < units;) unit(next);

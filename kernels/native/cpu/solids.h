@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// SolidSetup solids seen from outside: rays meet the true surface instead of triangles.
+// Analytic intersection of rays and solids seen from outside.
 //
-// The frame is the object's, divided by the solid's factors along x, y and z: there it is a unit ball, or a unit
-// cylinder with flat ends or half balls. A ray is camera + z * d, where z is the depth and d is linear in u and v. With
-// C the square of the camera's distance from a ball's centre less 1, and with p and s the parts of d towards the centre
-// and across, inv_z (w here) solves C w^2 - 2 sqrt(C + 1) p w + p^2 + s^2 = 0. The same holds for a cylinder, without
-// z.
+// Coordinates are the object's, divided by the solid's factors along x, y and z: there it is a unit ball, or a unit
+// cylinder with flat ends or hemispheres. A ray is camera + z * d, where z is the depth and d is linear in u and v. Let
+// C be the square of the camera's distance from a ball's center minus 1, and p and s the components of d toward the
+// center and perpendicular to it: then inv_z (w here) solves C w^2 - 2 sqrt(C + 1) p w + p^2 + s^2 = 0. The same holds
+// for a cylinder, without the z coordinate.
 
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
-// Three coordinates of a point in each lane, where single precision is not enough.
+// Points in double precision, one per lane.
 struct ExactPoints {
     Doubles x, y, z;
 
@@ -21,11 +21,11 @@ struct ExactPoints {
     }
 };
 
-// A solid and a camera in double precision: whether it is seen from outside, and how it faces.
+// A solid and a camera in double precision: decides whether the camera is outside, and computes normals.
 struct Solid {
-    double inverse[3], half;  // what the object's frame is scaled by; half length of the straight part after that
+    double inverse[3], half;  // scale of the object's frame; half length of the straight part after scaling
     double viewpoint[3];
-    double ray[3][3];  // d is the sum of these by u, v and 1
+    double ray[3][3];  // d is the linear combination of these with coefficients u, v and 1
     int kind;
 
     static inline Solid none() {
@@ -45,33 +45,34 @@ struct Solid {
         return solid;
     }
 
-    // How far beyond the straight part the camera is, along it; negative for alongside.
+    // Distance of the camera beyond the straight part, along the axis; negative if it is alongside.
     inline double beyond() const { return __builtin_fabs(viewpoint[2]) - half; }
     inline double end_ahead() const { return viewpoint[2] < 0 ? -half : half; }
 
-    // By the very sums that the quadrics begin with: outside, one of them can be hit.
+    // Computed by the same sums as the quadrics: if this is true, one of them has a positive C.
     inline bool outside() const {
         const double along = beyond() > 0 ? beyond() : 0.0,
                      from[3] = {viewpoint[0], viewpoint[1], kind == SOLID_CYLINDER ? 0.0 : along};
         return dot(from, from) > 1.0 || (kind == SOLID_CYLINDER && along > 0);
     }
 
-    // Height of the ball that a part belongs to.
+    // Height of the center of the ball that a part belongs to.
     inline double height(int part) const {
         return kind != SOLID_CAPSULE || part == PART_SIDE ? 0.0 : part == PART_UPPER ? half : -half;
     }
-    // Parts 0 but of a ball are cylinders, parts 1 of a cylinder the end ahead, and all others balls.
+    // Whether a part is a cylinder: PART_SIDE except that of a ball. PART_UPPER of a cylinder is its visible end; all
+    // other parts are balls.
     inline bool is_side(int part) const { return kind != SOLID_BALL && part == PART_SIDE; }
 
-    // What a quadric is solved for: a camera and a ray as seen from its middle.
+    // The camera relative to the center of a part's quadric.
     inline void from_middle(int part, double* from) const {
         from[0] = viewpoint[0];
         from[1] = viewpoint[1];
         from[2] = is_side(part) ? 0.0 : viewpoint[2] - height(part);
     }
 
-    // Unit normals of the parts that rays show, in the object's frame: the gradient there, times 1 / z, which stays
-    // exact where the camera is far away.
+    // Unit normals of the parts at rays, in the object's frame: the gradient at the intersection, times 1 / z, which
+    // stays exact if the camera is far away.
     inline ExactPoints normals(Ints part, Doubles u, Doubles v) const {
         const Doubles one = (Doubles)(1.0), none = (Doubles)(0.0), above = flag(part == (int)PART_UPPER),
                       below = flag(part == (int)PART_LOWER);
@@ -97,13 +98,13 @@ struct Solid {
     static inline double dot(const double* a, const double* b) { return a[0] * b[0] + (a[1] * b[1] + a[2] * b[2]); }
 };
 
-// Where linear forms are expanded, a place in the image near what they are of: single precision is enough from there.
-// It depends on the view and the object alone, so that a strip or a packet changes no digit.
+// Image point about which linear forms are expanded, near the projection of the solid, so that single precision
+// suffices. It depends only on the view and the object, so that results do not depend on strips or packets.
 struct Expansion {
     double u, v;
-    float x, y;  // the same in the coordinates that lanes come in: pixels' indices in the view, or points' u and v
+    float x, y;  // the same in the coordinates of the lanes: pixel indices in the view, or u and v of points
 
-    // Where the height `z` of the solid's axis is in the image, or what of the image is nearest to that.
+    // Projection of the point at height `z` on the solid's axis, clamped to the image.
     static inline Expansion of(const Solid& solid, double z, const Camera& camera, const Image& image,
                                const double* center) {
         const ExactRow* m = camera.exact_to_camera;
@@ -129,12 +130,12 @@ struct Expansion {
     static inline int pixel(double place, int count) { return place > 0 ? place < count ? (int)place : count - 1 : 0; }
 };
 
-// A value that is linear in u and v, about a place; for where single precision is not enough even from there: w of a
-// plane at a grazing angle is a small difference of large terms.
+// A linear function of u and v, expanded about an image point, for cases in which single precision does not suffice
+// even there: w of a plane at a grazing angle is a small difference of large terms.
 struct ExactLinearForm {
     double u, v, one;
 
-    // The part of d along a direction.
+    // The component of d along a direction.
     static inline ExactLinearForm of(const double* along, const Solid& solid, const Expansion& at) {
         const double du = Solid::dot(along, solid.ray[0]), dv = Solid::dot(along, solid.ray[1]);
         return ExactLinearForm{du, dv, Solid::dot(along, solid.ray[2]) + du * at.u + dv * at.v};
@@ -145,7 +146,7 @@ struct ExactLinearForm {
     }
 };
 
-// The same where it is enough.
+// The same in single precision.
 struct LinearForm {
     float u, v, one;
 
@@ -154,17 +155,17 @@ struct LinearForm {
         return LinearForm{(float)exact.u, (float)exact.v, (float)exact.one};
     }
     inline Floats at(Floats from_x, Floats from_y) const { return u * from_x + (v * from_y + one); }
-    // The most by which it changes as far away along x and y.
+    // Greatest change within a distance along x and y.
     inline float change(float away) const { return away * (__builtin_fabsf(u) + __builtin_fabsf(v)); }
 };
 
-// A unit ball or an endless cylinder: w = (distance * p + sqrt(p^2 - t^2)) / C, where t = sqrt(C) s.
+// A unit ball or an infinite cylinder: w = (distance * p + sqrt(p^2 - t^2)) / C, where t = sqrt(C) s.
 struct Quadric {
     Expansion local;
-    LinearForm towards, across[2];  // p, and the two parts of t
+    LinearForm towards, across[2];  // p, and the two components of t
     float distance, inverse;  // sqrt(C + 1), 1 / C
 
-    // All zero, which no ray hits, for the side of a solid where the camera is between its ends' balls or beyond its
+    // All zero, which no ray hits, for the side of a solid if the camera is inside the infinite cylinder, beyond an
     // end.
     static inline Quadric of(const Solid& solid, int part, const Expansion& local) {
         Quadric q = {local, {0, 0, 0}, {{0, 0, 0}, {0, 0, 0}}, 0.0f, 0.0f};
@@ -177,7 +178,7 @@ struct Quadric {
         q.distance = (float)distance;
         q.inverse = (float)(1.0 / rest);
         q.towards = LinearForm::of(n, solid, local);
-        // Two directions at right angles to n (Duff et al. 2017); of a cylinder, only the one across its axis.
+        // Two directions perpendicular to n (Duff et al. 2017); of a cylinder, only the one perpendicular to its axis.
         const double sign = n[2] < 0 ? -1.0 : 1.0, a = -1.0 / (sign + n[2]), b = n[0] * n[1] * a;
         if (solid.is_side(part)) {
             const double right[3] = {-n[1] * stretch, n[0] * stretch, 0.0};
@@ -193,21 +194,21 @@ struct Quadric {
     }
 };
 
-// What rays meet: 1 / z, 0 where they miss, and the part of the solid.
+// Intersections of rays: 1 / z, 0 if a ray misses, and the part of the solid.
 struct SolidHit {
     Floats inv_z;
     Ints part;
 };
 
-// A solid, set up for the image.
+// A solid, set up for an image.
 struct SolidSetup {
     int kind;
-    Quadric quadric[SOLID_PARTS];  // of the parts, where they are such
-    LinearForm along;  // C * (half the sum of both roots' places along the axis) * inv_z
+    Quadric quadric[SOLID_PARTS];  // of the parts that are quadrics
+    LinearForm along;  // C * inv_z * (mean of both roots' coordinates along the axis)
     float camera_z, half;
-    Expansion end_local;  // the end of a cylinder that the camera sees, if any does
-    ExactLinearForm end_inv_z;  // inv_z, times the camera's distance from that end's plane
-    LinearForm end_x, end_y;  // where rays meet the plane, by inv_z and the same
+    Expansion end_local;  // of the end of a cylinder that the camera sees, if any
+    ExactLinearForm end_inv_z;  // inv_z times the camera's distance from the plane of that end
+    LinearForm end_x, end_y;  // intersections with that plane, times the same factor
     float end_inverse, end_slack;
 
     static inline SolidSetup of(const Solid& solid, const Camera& camera, const Image& image, const double* center) {
@@ -251,8 +252,8 @@ struct SolidSetup {
         return kind == SOLID_CAPSULE ? capsule(x, y) : cylinder(x, y);
     }
 
-    // The balls are whole, so that no ray slips between them and the side. They touch it from inside: where both are
-    // hit, the side counts, though w may be the same.
+    // The balls are complete, so that no ray slips between them and the side. They touch the side from inside: if both
+    // are hit, the side counts, even at equal w.
     inline SolidHit capsule(Floats x, Floats y) const {
         const Side side = Side::of(*this, x, y);
         const Ints straight = side.hit & side.within(half);
@@ -261,8 +262,8 @@ struct SolidSetup {
         return SolidHit{straight ? side.inv_z : Lanes::max(above, below), straight ? Lanes::all_ints(PART_SIDE) : part};
     }
 
-    // Whether rays up to this far away along x and y may meet the solid. All of it is in part 0's ball or endless
-    // cylinder, which says nothing where the camera is in that too.
+    // Whether rays within a distance along x and y may hit the solid. All of it is inside the ball or infinite cylinder
+    // of PART_SIDE, which excludes nothing if the camera is inside too.
     inline Ints near(Floats x, Floats y, float away) const {
         const Quadric& q = quadric[PART_SIDE];
         if (!(q.distance > 0)) return Lanes::all_ints(-1);
@@ -281,8 +282,9 @@ struct SolidSetup {
         return ((square >= none) & (p > none)) ? inv_z : none;
     }
 
-    // Where rays meet the endless cylinder. How far along, by `reach`: from the roots' mean, which is a form of its
-    // own, since the sum of the camera's place and the way from there loses digits.
+    // Intersections with the infinite cylinder. The coordinate along the axis, times `reach`, is computed from the mean
+    // of the roots, a separate linear form: the sum of the camera's coordinate and the distance from there would lose
+    // digits.
     struct Side {
         Floats inv_z, along, reach;
         Ints hit;
@@ -300,7 +302,8 @@ struct SolidSetup {
         inline Ints within(float half_length) const { return Lanes::abs(along) <= half_length * reach; }
     };
 
-    // A ray that misses both the side and the end by no more than rounding goes through the rim between them, and hits.
+    // A ray that misses both the side and the end by no more than rounding passes through the rim between them, and
+    // counts as a hit.
     inline SolidHit cylinder(Floats x, Floats y) const {
         const Side side = Side::of(*this, x, y);
         const Floats dx = x - end_local.x, dy = y - end_local.y, none = Lanes::all(0.0f);
@@ -315,8 +318,8 @@ struct SolidSetup {
 };
 
 struct Solids {
-    // Each triangle's id stands for one of the solid's parts, in the parts' order. Not part of what calls it: that
-    // stays as small and fast as it is without solids.
+    // The ids from `id` on stand for the solid's parts, in order. Not inlined, so that the caller stays as small and
+    // fast as without solids.
     static __attribute__((noinline)) void draw(const Solid& solid, const Camera& camera, const Image& image,
                                                const double* center, const Visit& visit, int id, Mode mode) {
         const SolidSetup setup = SolidSetup::of(solid, camera, image, center);
@@ -340,13 +343,13 @@ struct Solids {
             }
     }
 
-    // Those of a tile's blocks that may show the solid.
+    // Bit mask of a tile's blocks that may show the solid.
     static inline unsigned blocks(const SolidSetup& setup, const Camera& camera, const Image& image, const Visit& visit,
                                   int tx, int ty) {
         const int last = BLOCK_SIDE - 1;
         const Ints x = Grid::block_x() + tx * TILE_SIDE, y = Grid::block_y() + ty * TILE_SIDE;
         const Ints inside = (x + last >= visit.x0) & (x <= visit.x1) & (y + last >= visit.y0) & (y <= visit.y1);
-        // How far it is from a block's middle to its outermost centres, or to its edges; and a little for rounding.
+        // Distance from a block's middle to its outermost pixel centers, or to its edges, and a margin for rounding.
         const float to_centres = 0.5f * last, to_edges = 0.5f * BLOCK_SIDE, rounding = 0.05f;
         Floats u = __builtin_convertvector(x, Floats) + to_centres;
         Floats v = __builtin_convertvector(y + image.first_row, Floats) + to_centres;

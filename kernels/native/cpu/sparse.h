@@ -1,20 +1,20 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rays through any points of the image instead of the pixels' centres. The image's blocks of 4 x 4 pixels become cells
-// that hold the points inside them, in packets of as many as there are lanes: each has its own u and v. A cell without
-// points hides everything, so that the walk passes over what no point can see.
+// Rays through arbitrary points of the image instead of pixel centers. The image's blocks of 4 x 4 pixels become cells
+// that hold the points inside them, in packets of LANES points, each with its own u and v. A cell without points
+// occludes everything, so that the traversal skips geometry that no point can see.
 
-// Points of the world, in double precision: for where single precision does not tell whether a surface hides them.
+// Occlusion of world points in double precision, for cases that single precision cannot decide.
 struct ExactOcclusion {
     const float* place;  // [point]: x y z
     Pose pose;
     double focal[2], tolerance;
 
-    // Whether a point is farther along its ray, by more than the tolerance, than where that meets a triangle's plane.
+    // Whether a triangle's plane intersects a point's ray in front of the point by more than the tolerance.
     inline bool hides(const Camera& camera, const float* corners, int lane, int point) const {
         const double at[3] = {place[point * 3LL], place[point * 3LL + 1], place[point * 3LL + 2]};
-        double seen[3], ray[3];  // in the camera's frame, and in that of the triangle
+        double seen[3], ray[3];  // in the camera frame, and in the frame of the triangle
         pose.move_into(at, seen);
         const double way = __builtin_sqrt(seen[0] * seen[0] + (seen[1] * seen[1] + seen[2] * seen[2]));
         const ExactRow* m = camera.exact_to_camera;
@@ -27,13 +27,13 @@ struct ExactOcclusion {
 };
 
 struct Sparse {
-    // Lanes that the packets of so many points in so many cells have at most: one may be emptier than full by all but
-    // one.
+    // Greatest number of lanes of the packets of `points` points in `cells` cells: each cell may leave all but one lane
+    // of a packet empty.
     static inline long long most_lanes(long long points, long long cells) {
         return (points + (LANES - 1) * (points < cells ? points : cells)) / LANES * LANES;
     }
 
-    // Sort the points of a strip into cells: count, sum up, place. `at` is x y x y ... in pixels of the view.
+    // Sort the points of a strip into cells (counting sort). `at` is x y x y ... in pixels of the view.
     static inline void place(const Image& image, const float* at, int count, const double* center) {
         const int cells = image.tiles() * TILE_BLOCKS;
         for (int c = 0; c <= cells; ++c) image.first_packet[c] = 0;
@@ -46,7 +46,7 @@ struct Sparse {
         const int lanes = image.first_packet[cells] * LANES;
         for (int i = 0; i < lanes; ++i) {
             image.point_index[i] = -1;
-            image.inv_z[i] = NOWHERE;  // a lane without a point hides, and never shows
+            image.inv_z[i] = NOWHERE;  // an empty lane occludes everything and is never written
             image.point_u[i] = image.point_v[i] = 0.0f;
         }
         for (int i = 0; i < count; ++i) {
@@ -68,13 +68,13 @@ struct Sparse {
         __builtin_memset(image.block_stale, 0, cells);
     }
 
-    // The first lane of a cell counts those that are taken, in its id, which nobody needs before drawing begins.
+    // The id of a cell's first lane counts the occupied lanes; ids are not needed before rasterization.
     static inline int next_lane(const Image& image, int first) {
         image.id[first] = image.inv_z[first + 1] == NOWHERE ? 1 : image.id[first] + 1;
         return first + image.id[first];
     }
 
-    // -1 for points outside the strip, and for those that are no numbers.
+    // -1 for points outside the strip, and for NaN.
     static inline int cell_of(const Image& image, const float* at) {
         const float x = at[0], y = at[1] - (float)image.first_row;
         if (!(x >= 0.0f && x < (float)image.width && y >= 0.0f && y < (float)image.height)) return -1;
@@ -95,13 +95,13 @@ struct Sparse {
         }
     }
 
-    // One of a leaf's triangles.
+    // A triangle of a leaf.
     struct One {
         const Triangles& triangles;
-        int k;  // its lane
+        int k;  // lane
         Linear edge[3];
         float doubt;
-        bool rounded;  // whether single precision is not enough for inv_z
+        bool rounded;  // whether single precision does not suffice for inv_z
         int id;
 
         static inline One of(const Triangles& t, int k, bool rounded, Mode mode) {
@@ -114,7 +114,7 @@ struct Sparse {
         }
     };
 
-    // The cells of a tile that the triangle touches: an edge's value is greatest at one of a cell's corners.
+    // Find the cells of a tile that the triangle touches: an edge function is greatest at one of a cell's corners.
     static inline void draw_tile(const Camera& camera, const Image& image, const One& one, int tx, int ty, Mode mode) {
         const float margin = 0.001f, first = 0.5f + margin, side = BLOCK_SIDE + 2 * margin;
         const Floats cell_x = __builtin_convertvector(Grid::block_x(), Floats);
@@ -149,7 +149,7 @@ struct Sparse {
             draw_unsure(camera, image, one, cell, packet, Lanes::bits(unsure), mode);
     }
 
-    // Lanes of which an edge's value leaves in doubt whether the triangle covers them.
+    // Rasterize lanes in which an edge function leaves coverage uncertain.
     static __attribute__((noinline, cold)) void draw_unsure(const Camera& camera, const Image& image, const One& one,
                                                             int cell, int packet, unsigned unsure, Mode mode) {
         Ints inside = Lanes::all_ints(0);
@@ -161,7 +161,7 @@ struct Sparse {
         if (Lanes::any(inside)) draw_lanes(camera, image, one, cell, packet, inside, mode);
     }
 
-    // Lanes that the triangle covers.
+    // Rasterize lanes that the triangle covers.
     static inline void draw_lanes(const Camera& camera, const Image& image, const One& one, int cell, int packet,
                                   Ints inside, Mode mode) {
         const Triangles& t = one.triangles;
@@ -182,8 +182,8 @@ struct Sparse {
             settle(image, packet, cell, inside & (inv_z > old));
     }
 
-    // Of the lanes that a triangle covers, without those whose points it does not hide though rounding may say that it
-    // does; and inv_z where it is the other way round. What is hidden already need not be looked at.
+    // Remove covered lanes whose points the triangle does not occlude, though rounding may suggest it; adjust inv_z in
+    // the opposite case. Points that are already occluded are not checked.
     static inline Ints check(const Camera& camera, const Image& image, const One& one, int packet, Ints inside,
                              Floats& inv_z) {
         const Triangles& t = one.triangles;
@@ -200,7 +200,7 @@ struct Sparse {
         return inside;
     }
 
-    // Something hides these points: now their lanes hide all that comes.
+    // These points are occluded: their lanes now occlude everything.
     static inline void settle(const Image& image, int packet, int cell, Ints hit) {
         if (!Lanes::any(hit)) return;
         const Floats old = Lanes::load(image.inv_z + packet * LANES);
@@ -208,7 +208,7 @@ struct Sparse {
         image.touch(cell);
     }
 
-    // Each point's results, to its place among the view's.
+    // Write the results of each point to its index among the view's points.
     static inline void write(Writer& writer) {
         const Image& image = writer.image;
         const Job& job = writer.job;
@@ -219,7 +219,7 @@ struct Sparse {
                 write_point(writer, first + image.point_index[i],
                             Ray{image.inv_z[i], image.id[i], image.point_u[i], image.point_v[i]});
         if (image.first_row > 0) return;
-        // Points outside the image belong to no strip; the first one answers for them.
+        // Points outside the image belong to no strip; the first strip writes them.
         const float* at = job.at + first * 2;
         for (int i = 0; i < job.points; ++i)
             if (!(at[2 * i] >= 0.0f && at[2 * i] < (float)job.width && at[2 * i + 1] >= 0.0f &&
@@ -227,7 +227,7 @@ struct Sparse {
                 write_point(writer, first + i, Ray{0.0f, -1, 0.0f, 0.0f});
     }
 
-    // A point's ray, and what it meets.
+    // A point's ray and its hit.
     struct Ray {
         float inv_z;
         int id;

@@ -1,15 +1,15 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Images whose rays are of a table, in units of bundles: each is an image of its own through a pinhole that faces along
-// one of the camera's axes, of which the pixels are much smaller than rays are apart.
+// Rendering with rays of a ray table, in units of bundles: each is rendered as a separate image of a pinhole camera
+// that faces along one of the camera's axes, with pixels much smaller than the spacing of the rays.
 
-// How a bundle is made of the camera: what is right, down and forward there. Axes are 0, 1, 2 for x, y, z; the
-// complement is the other way.
+// A bundle: its right, down and forward axes in the camera frame. Axes are 0, 1, 2 for x, y, z; the complement is the
+// opposite direction.
 struct Bundle {
     int first_group, groups;
     int axis[3];
-    int width, height;  // in its pixels
+    int width, height;  // in pixels of the bundle
     int center[2];
 
     inline Pose face(const Pose& camera) const {
@@ -26,19 +26,19 @@ struct TableJob {
     int views, height, width;
     int bundles;
     const Bundle* bundle;
-    const float* bundle_far;  // the greatest z there of what is in range
+    const float* bundle_far;  // greatest z of rays that are in range
     double focal;
     float near, far, most_inv_z, clip_reach;
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
     RayTree tree;  // of all bundles
-    const int* without_ray;  // pixels
+    const int* without_ray;  // pixel indices
     int without_rays;
-    int most_groups;  // of a bundle
-    const double* eye;  // [bundle]: where it is in the face, and null where that is the camera
-    const float* apart;  // [bundle]: most_p, most_q and reach of an `ApartRays`
+    int most_groups;  // of any bundle
+    const double* eye;  // [bundle]: its position in the bundle's frame; null if it is the camera's
+    const float* apart;  // [bundle]: most_p, most_q and reach of its `ApartRays`
 
-    // The bundle as a view of a pinhole.
+    // The bundle as a job of a pinhole camera.
     inline Job job_of(int index) const {
         const Bundle& from = bundle[index];
         Job job = Job();
@@ -53,7 +53,7 @@ struct TableJob {
         job.most_inv_z = most_inv_z;
         job.clip_reach = clip_reach;
         job.cull_back_faces = cull_back_faces;
-        // Rays begin as far from the eye as that: boxes that they may begin in are no others'.
+        // Rays begin up to this far from the eye: boxes within that distance may contain their origins.
         if (RAY_ORIGINS) job.clip_reach += apart[3 * index + 2];
         return job;
     }
@@ -79,7 +79,7 @@ struct TableJob {
         }
         return part;
     }
-    // The bundle's face, from its eye.
+    // The pose of the bundle's pinhole camera, at its eye.
     inline Pose face_of(int index, const Pose& camera) const {
         Pose pose = bundle[index].face(camera);
         for (int i = 0; RAY_ORIGINS && i < 3; ++i)
@@ -105,7 +105,7 @@ struct TableMemory {
         image.inv_z = arena.floats(packets * LANES);
         image.id = arena.ints(packets * LANES);
         image.take_blocks(arena, (long long)job.most_groups * LANES);
-        image.first_packet = image.id;  // not null: rays may go through any place of a pixel
+        image.first_packet = image.id;  // not null: rays may pass through any point of a pixel
         memory.traversal = Traversal::carve(arena, movables, levels);
         return memory;
     }
@@ -118,12 +118,12 @@ struct TableMemory {
     }
 };
 
-// Writes what a bundle's rays see to their pixels, packet by packet.
+// Writes the results of a bundle's rays to their pixels, packet by packet.
 struct TableWriter {
     Writer writer;
     const TableJob& table;
     const RayTree& tree;
-    long long first;  // pixel of the view
+    long long first;  // index of the view's first pixel
 
     inline void tiles(int groups) {
         const bool depth_alone = writer.mode == MODE_DEPTH && writer.out.depth && !writer.out.points;
@@ -141,7 +141,7 @@ struct TableWriter {
         }
     }
 
-    // Which depths there are to see.
+    // Depth, and a mask of rays with a hit in range.
     struct InRange {
         Floats depth;
         Ints seen;
@@ -153,7 +153,7 @@ struct TableWriter {
         return InRange{seen ? depth : (far_enough ? infinity : -infinity), seen};
     }
 
-    // What rays of a packet see.
+    // Results of the rays of a packet.
     struct Row {
         Floats depth;
         Points point, normal;
@@ -199,7 +199,7 @@ struct TableWriter {
         return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
     }
 
-    // Normals towards where rays come from, which may be another side than the eye's.
+    // Flip normals toward the origins of the rays, which may see another side than the eye does.
     inline Points towards(int packet, Points n) const {
         const Rays& rays = writer.rays;
         const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
@@ -209,7 +209,7 @@ struct TableWriter {
         return Points{away ? -n.x : n.x, away ? -n.y : n.y, away ? -n.z : n.z};
     }
 
-    // A tile of the image of which depth is all that is asked for.
+    // Write a tile of the image if only depth is requested.
     inline void depth_blocks(int tile) const {
         float* to = writer.out.depth + (first + tree.corner[tile]);
         const float near = table.near, far = table.far;
@@ -229,7 +229,7 @@ struct TableWriter {
         }
     }
 
-    // A tile of the image, four rows of pixels at a time, whole cache lines of them past the caches.
+    // Write a tile of the image, four rows of pixels at a time, with whole cache lines that bypass the caches.
     inline void blocks(int tile) {
         const Images& out = writer.out;
         for (int y = 0; y < TILE_SIDE; y += BLOCK_SIDE) {
@@ -256,7 +256,7 @@ struct TableWriter {
         if (writer.mode == MODE_TRIANGLES && out.faces) face_blocks(tile);
     }
 
-    // The faces of both kinds of tiles, apart from what is asked for more often.
+    // Write the faces of both kinds of tiles, separately because they are rarely requested.
     inline void face_blocks(int tile) {
         int* to = writer.out.faces + (first + tree.corner[tile]);
         for (int y = 0; y < BLOCKS_ACROSS; ++y) {
@@ -283,7 +283,7 @@ struct TableWriter {
         return writer.faces(Lanes::load(writer.image.id + packet * LANES), seen);
     }
 
-    // Blocks side by side, of which one lies a `Row` after the other, to rows.
+    // Convert the blocks of adjacent `Row`s to rows of pixels.
     static inline void turn(const Floats* block, Floats* rows) {
         float side_by_side[BLOCKS_ACROSS * BLOCK_PIXELS];
         for (int x = 0; x < BLOCKS_ACROSS; ++x) {
@@ -300,7 +300,7 @@ struct TableWriter {
             Write::row(to + 3LL * r * table.width, Points{rows[0][r], rows[1][r], rows[2][r]}, LANES);
     }
 
-    // Another tile, packet by packet.
+    // Write a tile whose packets are not blocks of the image, packet by packet.
     inline void packets(int tile) {
         const Images& out = writer.out;
         const float* bounds = tree.bounds_of_packets(tile);
@@ -324,7 +324,7 @@ struct TableWriter {
         if (writer.mode == MODE_TRIANGLES && out.faces) face_packets(tile);
     }
 
-    // Pixels without a ray see nothing.
+    // Write pixels without a ray as empty.
     static inline void empty(const TableJob& table, const Images& out, long long first) {
         const float nothing = __builtin_nanf("");
         for (int i = 0; i < table.without_rays; ++i) {
@@ -356,7 +356,7 @@ struct TablePackets {
         const double* viewpoint = view.pose.position;
         const Frame* frames = memory.traversal.frames;
         const long long first = (long long)index * table.height * table.width;
-        // Two copies of the code, as for pixels: one knows that no triangle belongs to a movable object.
+        // Two instantiations, as for pixels: one for scenes without movable objects.
         const Rays rays = Rays::of(view.camera);
         if (scene.movables.count > 0 && mode == MODE_TRIANGLES)
             TableWriter{{Lookup::of(scene, frames, viewpoint, true), view.camera, rays, image, job, out, index, mode},
@@ -379,7 +379,7 @@ struct TablePackets {
         for (int next; (next = Workers::take(counter)) < units;) unit(scene, table, out, memory, next, mode);
     }
 
-    // Take units of work, bundles of views, until none are left, as `Packets::run` does.
+    // Take units of work, bundles of views, until none remain, as `Packets::run` does.
     static inline void run(const Scene& scene, const TableJob& table, const Images& out, const TableMemory& memory,
                            int* counter) {
         if (out.of_triangles())

@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Down the BVH, nearest first, past what is outside the view or hidden behind what has been drawn.
+// Traversal of the BVH front to back, with frustum culling and occlusion culling by the hierarchical z-buffer.
 
-// Nearer than anything that is seen: such lanes come last where the nearest does.
+// Greater than every inv_z: sorts lanes that are not shown to the end, where the nearest one is.
 constexpr float BEHIND_ALL = 3.2e38f;
 
-// Where boxes are in the image.
+// Bounds of boxes in the image.
 struct ScreenBounds {
     Floats nearest_inv_z, left, top, right, bottom;
     Ints shown;
 
-    // Of the boxes' corners in camera space, as sums of one term an axis.
+    // The boxes' corners in camera space are given as sums of one term per axis.
     static inline ScreenBounds of(const Points (*term)[2], float far, float blur, const Image& image, Ints shown) {
         Floats zmin = Lanes::all(0.0f), size = Lanes::all(0.0f);
         for (int axis = 0; axis < 3; ++axis) {
@@ -21,8 +21,8 @@ struct ScreenBounds {
         shown &= zmin <= Lanes::all(far);
         const Ints crossing = zmin <= BOX_CROSSING_SHARE * size;
 
-        // Wider than rounding can be wrong, and hardly more: where triangles are small, most boxes lie between the
-        // centres of pixels. Boxes that reach behind the camera may be anywhere.
+        // The margin covers rounding and little more: if triangles are small, most boxes lie between pixel centers.
+        // Boxes that reach behind the camera may cover any part of the image.
         ScreenBounds bounds;
         float slack = SMALL_BOX_SLACK + SMALL_BOX_SLACK_BLURS * blur;
         if (Lanes::any(shown & ~bounds.set_reach(term, zmin, crossing))) {
@@ -47,10 +47,10 @@ struct ScreenBounds {
         return ScreenBounds{nearest_inv_z, left, top, right, bottom, shown};
     }
 
-    // x - u z is linear, and 0 in the middle of a box where u is the middle's: as far as it reaches on either side, by
-    // the least z, so far does the box reach in the image. Returns for which boxes that is not much too far.
+    // Fast bounds: with u of a box's center, x - u z is linear and 0 at the center, so its extent divided by the least
+    // z bounds the box's extent in the image. Returns the boxes for which these bounds are not much too wide.
     inline Ints set_reach(const Points (*term)[2], Floats zmin, Ints crossing) {
-        // Twice the middle, and twice the halves of the edges.
+        // Twice the center, and twice the half edges.
         Points middle = Points::plus(term[0][0], term[0][1]);
         for (int axis = 1; axis < 3; ++axis) middle = Points::plus(middle, Points::plus(term[axis][0], term[axis][1]));
         const Floats inverse = 1.0f / middle.z, u = middle.x * inverse, v = middle.y * inverse;
@@ -82,7 +82,7 @@ struct ScreenBounds {
         }
     }
 
-    // The bounds of each lane for itself, a little nearer by a factor where their corners come of longer sums.
+    // The bounds of each lane, nearer by a factor if their corners are longer sums.
     struct Lane {
         float near[LANES];
         int x0[LANES], y0[LANES], x1[LANES], y1[LANES];
@@ -109,8 +109,8 @@ struct Walk {
 
     static inline Floats row(const float* node, int index) { return Lanes::load(node + index * LANES); }
 
-    // All triangles of the child face away: the directions from the camera, or as far beside it as rays begin, to
-    // anywhere in its box make less than a right angle with every normal in the cone.
+    // Whether all triangles of the child face away: the directions from the camera, or from ray origins up to `aside`
+    // away, to all points of its box form acute angles with every normal in the cone.
     static inline Ints faces_away(const float* node, Points low, Points high, float aside) {
         const Points to_center = Points{0.5f * (low.x + high.x), 0.5f * (low.y + high.y), 0.5f * (low.z + high.z)};
         const Points half = Points{0.5f * (high.x - low.x), 0.5f * (high.y - low.y), 0.5f * (high.z - low.z)};
@@ -122,7 +122,7 @@ struct Walk {
         return Points::dot(to_center, axis) >= row(node, CONE_CUTOFF_ROW) * distance + 1.0001f * radius;
     }
 
-    // The children of a node that may be seen, as visits, the nearest last; returns how many.
+    // Find the children of a node that may be visible, as visits, the nearest last; returns their number.
     static inline int open(const Bvh& bvh, const Camera& camera, const Frustum& frustum, const Image& image, int index,
                            Visit* out) {
         const float* node = bvh.node(index);
@@ -135,7 +135,7 @@ struct Walk {
         if (camera.skip_back_faces) shown &= ~faces_away(node, low, high, RAY_ORIGINS ? image.tree->apart.reach : 0.0f);
         if (!Lanes::any(shown)) return 0;
 
-        // The eight corners in camera space, as sums of one term an axis.
+        // The eight corners in camera space, as sums of one term per axis.
         Points term[3][2];
         for (int k = 0; k < 2; ++k) {
             const Points corner = k ? high : low;
@@ -158,8 +158,8 @@ struct Walk {
         return __builtin_popcount(found);
     }
 
-    // Where each lane's value stands among all of them in ascending order; of equal ones, the lesser lane first.
-    // Counting takes no branches, which a sort would mispredict.
+    // Rank of each lane's value in ascending order; of equal values, the lower lane comes first. Counting needs no
+    // branches, which a sort would mispredict.
     static inline Ints places(Floats values) {
         const Ints lane = Lanes::index();
         Ints place = Lanes::all_ints(0);
@@ -170,26 +170,27 @@ struct Walk {
         return place;
     }
 
-    // Of a tree of one leaf, that leaf: its node is no smaller.
+    // If the tree is a single leaf, push that leaf: the node's box would be no smaller.
     static inline int begin(const Bvh& bvh, const Image& image, int root, Visit* stack) {
         const int* children = bvh.children_of(root);
         if (children[0] >= 0 || children[1] != 0) return 0;
-        // As near as can be: nothing hides it. Whoever asks where it is has to look at all of the image.
+        // Infinitely near: nothing occludes it. Ray tables read the visit's rectangle, which must cover the whole
+        // image.
         const int right = RAY_TABLE ? image.width - 1 : 0, bottom = RAY_TABLE ? image.height - 1 : 0;
         stack[0] = Visit{children[0], NOWHERE, 0, 0, right, bottom};
         return 1;
     }
 
-    // Ask for what is visited next while this one is at work: a leaf's cache lines, and as many of a node.
+    // Prefetch the next visit during this one: the cache lines of a leaf, and as many of a node.
     static inline void fetch(const Bvh& bvh, int child) {
         const char* rows = (const char*)(child >= 0 ? bvh.node(child) : bvh.leaf(~child));
         for (int line = 0; line < LEAF_ROWS; ++line) __builtin_prefetch(rows + line * Arena::ALIGNMENT);
     }
 
-    // How many visits wait at most: all children of a node on every level.
+    // Greatest number of pending visits: all children of a node on every level.
     static inline long long stack_size(int levels) { return (levels + 1LL) * LANES; }
 
-    // Draw all that is seen. Two copies of the code: the one that knows that nobody asks for objects is faster.
+    // Rasterize all that is visible. Two instantiations: the one without ids is faster.
     static inline void draw(const Bvh& bvh, const Instance& instance, const Camera& camera, const Image& image,
                             Visit* stack, Mode mode) {
         if (mode == MODE_DEPTH)

@@ -1,45 +1,45 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Workers of a job share its counters. None of them ever waits long: it may have a core that another one needs. Whoever
-// launched them sees by the counters what is left to do, and sleeps.
+// Shared counters of the workers of a job. No worker waits long, because it may occupy a core that another one needs;
+// the thread that launched them reads from the counters how much is left to do, and sleeps.
 struct Workers {
-    enum { SPINS = 1 << 14 };  // some ten microseconds
+    enum { SPINS = 1 << 14 };  // about ten microseconds
 
-    // This worker's number, of memory that is its own.
+    // Index of this worker, which selects its memory.
     static inline int enter(int* counter) { return __atomic_fetch_add(counter + COUNTER_ENTERED, 1, __ATOMIC_SEQ_CST); }
 
-    // The next unit of work.
+    // Take the next unit of work.
     static inline int take(int* counter) {
         return __atomic_fetch_add(counter + COUNTER_NEXT_UNIT, 1, __ATOMIC_RELAXED);
     }
 
-    // A unit of work that is known to be the next one; if it is not any more, `unit` becomes the one that is.
+    // Take a unit if it is still the next one; otherwise, set `unit` to the next one and return false.
     static inline bool take_this(int* counter, int& unit) {
         return __atomic_compare_exchange_n(counter + COUNTER_NEXT_UNIT, &unit, unit + 1, false, __ATOMIC_RELAXED,
                                            __ATOMIC_RELAXED);
     }
 
-    // Wait for a moment until so many units are done; whether they are.
+    // Spin briefly until `count` units are done; returns whether they are.
     static inline bool wait_for_units(const int* counter, int count) {
         for (int spin = 0; spin < SPINS; ++spin)
             if (__atomic_load_n(counter + COUNTER_DONE, __ATOMIC_ACQUIRE) >= count) return true;
         return false;
     }
 
-    // Where workers come and go, they share pieces of memory that have a flag each. There are as many as workers.
+    // If workers come and go, they share pieces of memory, each with a flag. There are as many pieces as workers.
     static inline int take_memory(int* flags) {
         for (int i = 0;; ++i)
             if (!__atomic_exchange_n(flags + i, 1, __ATOMIC_ACQUIRE)) return i;
     }
     static inline void give_back_memory(int* flags, int i) { __atomic_store_n(flags + i, 0, __ATOMIC_RELEASE); }
 
-    // Go before there is nothing left.
+    // Leave while work remains.
     static inline void leave(int* counter) { __atomic_fetch_sub(counter + COUNTER_ENTERED, 1, __ATOMIC_SEQ_CST); }
 
-    // Say that there is nothing left, and look for a moment whether the others that have begun are done too.
+    // Mark this worker as finished, and spin briefly until all workers that entered have finished.
     static inline void finish(int* counter) {
-        __atomic_thread_fence(__ATOMIC_SEQ_CST);  // what was written past the caches has to be there
+        __atomic_thread_fence(__ATOMIC_SEQ_CST);  // non-temporal stores must be visible
         __atomic_fetch_add(counter + COUNTER_FINISHED, 1, __ATOMIC_SEQ_CST);
         for (int spin = 0; spin < SPINS; ++spin)
             if (__atomic_load_n(counter + COUNTER_FINISHED, __ATOMIC_ACQUIRE) >=

@@ -1,47 +1,50 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is drawn: what stays, and objects that move; where they are in a view's world, and whose a triangle is.
+// The geometry of a scene: static triangles and movable objects, their poses in a view's world, and the owners of
+// triangles.
 
-// An object's axes in the world, and the camera in its frame: what normals take of a pose and a size.
+// An object's axes in the world and the camera in its frame, as needed for normals.
 struct Frame {
     double axis[3][3], viewpoint[3];
-    double shrink[3];  // 1 / factors by which it is stretched, of which the viewpoint is a multiple too
-    Solid solid;  // with the camera outside; of another kind than none, it is what the object is drawn as
+    double shrink[3];  // inverse stretch factors, by which the viewpoint is scaled too
+    // the solid with the camera outside; if its kind is not SOLID_NONE, the object is rendered as this solid
+    Solid solid;
 };
 
-// What one view sees: where movable objects are, and what is left out.
+// The world of one view: poses of movable objects, and excluded objects.
 struct World {
-    bool exists;  // if it does not, nothing is seen
+    bool exists;  // if false, nothing is visible
     const float* poses;  // [movable]: x y z qx qy qz qw, object to world
-    const float* sizes;  // [movable][SOLID_WORDS]; null if all are as they were made
-    const unsigned char* excluded;  // [object]: not 0 for what is not seen; null if nothing is excluded
+    const float* sizes;  // [movable][SOLID_WORDS]; null if all objects have their original sizes
+    const unsigned char* excluded;  // [object]: not 0 for excluded objects; null if none is excluded
 
     // -1 stands for several objects.
     inline bool excludes(int object) const { return excluded && object >= 0 && excluded[object]; }
 };
 
-// Objects with frames of their own: those that are movable, and behind them instances, which stay.
+// Objects with separate frames: movable objects, followed by static instances.
 struct Movables {
     int count;
-    int moving;  // those that are movable
-    const int* object;  // [movable, instance], and so the others: its index among all objects, -1 for several together
-    const int* root;  // node
-    const int* first_leaf;  // of its tree
+    int moving;  // number of movable objects
+    const int* object;  // [movable or instance], like the arrays below: its object index, -1 for several objects
+    const int* root;  // root node of its tree
+    const int* first_leaf;  // first leaf of its tree
     const int* first_id;  // number of its first triangle, ascending
-    const int* closed;  // whether its back faces are hidden from outside of its box
+    const int* closed;  // whether it is closed, so that its back faces are hidden from outside its box
     const float* boxes;  // [movable or instance][BOX_WORDS]: least and greatest corner in its frame
-    const int* solid;  // its kind
-    const float* size;  // [][SOLID_WORDS]: of a solid, factors along x, y and z, and half length before them
+    const int* solid;  // kind of solid
+    const float* size;  // [][SOLID_WORDS]: of a solid, factors along x, y and z, and the unscaled half length
     const float* instance_poses;  // [instance][POSE_WORDS]
     const float* poses;  // [world][movable][POSE_WORDS]
-    const float* sizes;  // [world][movable][SOLID_WORDS]: of a mesh, factors; null if all are as they were made
+    // [world][movable][SOLID_WORDS]: factors of a mesh; null if all objects have their original sizes
+    const float* sizes;
     int worlds;
-    const int* world;  // [view]; null: the one world, or if there are several, for each view its own
+    const int* world;  // [view]: index of its world; null for a single world, or one world per view
     const unsigned char* excluded;  // [view or 1][object], or null
     int excluded_views;
     int objects;  // of the scene
-    const int* static_object;  // those that stay
+    const int* static_object;  // indices of static objects
     int static_count;
 
     inline World of_view(int view) const {
@@ -56,28 +59,29 @@ struct Movables {
         return result;
     }
 
-    // Whether a view leaves out anything that stays where it is.
+    // Whether a view excludes any static object.
     inline bool excludes_static(const World& world) const {
         for (int i = 0; i < static_count && world.excluded; ++i)
             if (world.excluded[static_object[i]]) return true;
         return false;
     }
 
-    // The poses of an object and of those that follow it, as many as `end_of` says.
+    // The poses of the objects from `movable` to `end_of(movable)`.
     inline const float* poses_from(int movable, const World& world) const {
         return movable < moving ? world.poses + (long long)movable * POSE_WORDS
                                 : instance_poses + (long long)(movable - moving) * POSE_WORDS;
     }
     inline int end_of(int movable) const { return movable < moving ? moving : count; }
 
-    // How its triangles are stretched in a world.
+    // Stretch of an object's triangles in a world.
     inline Stretch stretch_of(int movable, const World& world) const {
         if (!world.sizes || movable >= moving) return Stretch::none();
         const long long row = (long long)movable * SOLID_WORDS;
         return Stretch::of(solid[movable], size + row, world.sizes + row);
     }
 
-    // The solid as which it is seen by a camera in its frame: from inside, triangles are seen whatever it is.
+    // The solid as which a camera in the object's frame sees it; none if the camera is inside, where triangles are
+    // used.
     inline Solid solid_of(int movable, const World& world, const Camera& camera) const {
         if (solid[movable] == SOLID_NONE) return Solid::none();
         const float* sizes_there = world.sizes && movable < moving ? world.sizes : size;
@@ -86,14 +90,14 @@ struct Movables {
         return found;
     }
 
-    // Its tree; `owner` is its index among all objects, in every lane.
+    // The object's tree; `owner` is its object index in every lane.
     inline Instance instance(const Bvh& bvh, int movable, const int* owner) const {
         const int number = first_id[movable] - first_leaf[movable] * LANES;
         return object[movable] < 0 ? Instance{root[movable], number, bvh.owners, LANES}
                                    : Instance{root[movable], number, owner, 0};
     }
 
-    // The object that a triangle belongs to, by the triangle's number; the first one also answers for lesser numbers.
+    // Find the movable object that owns a triangle number; numbers below the first object's also give the first.
     inline int find(int id) const {
         int low = 0;
         for (int left = count; left > 1;) {
@@ -106,11 +110,11 @@ struct Movables {
 };
 
 struct Scene {
-    Bvh bvh;  // of what stays, and of each mesh that moves
+    Bvh bvh;  // of static geometry, and of each mesh of movable objects
     Movables movables;
 
-    // Whether a camera is outside the boxes of all closed objects that stay where they are and may be seen, and cuts
-    // nothing of them away, so that their back faces are hidden behind their front faces.
+    // Whether a camera is outside the boxes of all closed static objects that are not excluded, and clips none of them,
+    // so that their back faces are hidden by their front faces.
     inline bool outside_all(const World& world, const Pose& pose, float clip_reach) const {
         for (int i = 0; i < bvh.closed_count; ++i) {
             const bool inside = pose.inside(bvh.closed_boxes + i * BOX_WORDS, clip_reach);
@@ -133,16 +137,17 @@ struct View {
     }
 };
 
-// Triangles by their numbers: whose they are, and how they face. Neighbouring pixels mostly ask for the same object.
+// Owners and normals of triangles by number. Adjacent pixels mostly look up the same object.
 struct Lookup {
     const Bvh& bvh;
     const Movables& movables;
-    const Frame* frames;  // of movable objects that were drawn
+    const Frame* frames;  // of the movable objects that were rasterized
     const double* viewpoint;  // in the world
-    int first_movable;  // numbers from here on are of movable objects
-    int first, end;  // numbers of the object found last
-    int movable;  // which that is
-    bool moving;  // whether any can be; a constant, so that there is code that knows that none is
+    int first_movable;  // numbers from here on belong to movable objects
+    int first, end;  // range of numbers of the last object found
+    int movable;  // that object
+    // whether any object may be movable; a constant, so that an instantiation without movable objects exists
+    bool moving;
 
     static inline Lookup of(const Scene& scene, const Frame* frames, const double* viewpoint, bool moving) {
         return Lookup{scene.bvh, scene.movables, frames, viewpoint, moving ? scene.movables.first_id[0] : 0, 0, 0,
@@ -163,7 +168,7 @@ struct Lookup {
         return alone >= 0 ? alone : Bvh::object_of(bvh.owners[id - first + movables.first_leaf[movable] * LANES]);
     }
 
-    // A triangle's place in the leaves; -1 of a solid, which has triangles only where it is seen from inside.
+    // Slot of a triangle in the leaves; -1 for a solid, whose triangles are rendered only from inside.
     inline int slot_of(int id) {
         if (!moving || id < first_movable) return id;
         find(id);
@@ -171,7 +176,7 @@ struct Lookup {
         return id - first + movables.first_leaf[movable] * LANES;
     }
 
-    // Unit normal of a triangle in the world, towards the camera.
+    // Unit normal of a triangle in the world, facing the camera.
     inline void normal_of(int id, float* n) {
         if (!moving || id < first_movable)
             normal_there(viewpoint, nullptr, id, n);
@@ -187,7 +192,7 @@ struct Lookup {
             n[k] = (float)(there[0] * frame.axis[0][k] + there[1] * frame.axis[1][k] + there[2] * frame.axis[2][k]);
     }
 
-    // Unit normals where rays show solids, into those lanes of `n`; which these are.
+    // Unit normals at rays that hit solids, stored in those lanes of `n`; returns a mask of the lanes.
     inline Ints solid_normals(Ints ids, Ints seen, Doubles u, Doubles v, Points& n) {
         int id[LANES];
         Ints solid = Lanes::all_ints(0);
@@ -217,7 +222,7 @@ struct Lookup {
         return Points{n[0], n[1], n[2]};
     }
 
-    // In the frame of its tree, of the triangle at a place in the leaves, which `shrink` undoes the stretching of.
+    // Unit normal of the triangle in a slot, in the frame of its tree; `shrink` undoes stretching.
     inline void normal_there(const double* from, const double* shrink, int slot, float* n) const {
         const float* corners = bvh.leaf((unsigned)slot / LANES);
         ExactTriangle t = ExactTriangle::of(from, corners, (unsigned)slot % LANES);

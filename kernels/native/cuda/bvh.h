@@ -1,9 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // The packet caster on CUDA: a warp traverses the BVH with a packet, PACKET_WIDTH x PACKET_HEIGHT pixels of a view.
+//
 // Coordinates are the camera's, with x and y scaled by the focal lengths: the ray of a pixel is (u, v, 1), where u and
 // v are its distances in pixels from the principal point. The edge functions of a triangle, whose signs give the side
 // on which the ray passes, and 1 / z of the triangle's plane are then linear in u and v.
+//
 // An edge function and 1 / z evaluate to the same value for a pixel in every packet, so an image does not depend on the
 // packet size. If rounding leaves the sign of an edge function uncertain, it is evaluated in double precision
 // (shared/edges.h), so that no ray slips between triangles.

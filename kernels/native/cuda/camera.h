@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Camera data of packets.
 
 // Error bound of a triangle's volume, as a fraction of the product of the lengths of two sides, the distance of their

@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Z-buffer key if object ids were not requested: 1 / z of the nearest surface. The bit patterns of nonnegative floats
 // sort like the floats. See depth_id.h for the other kind.
 

@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Z-buffer key if objects or normals were requested: 1 / z of the nearest surface and the id of its triangle. The
 // greatest key is the nearest; at equal depth the lesser id wins, independent of the order of drawing.
 

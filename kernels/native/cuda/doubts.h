@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Pixels where single precision cannot decide whether a triangle covers them; they are decided in double precision (see
 // shared/edges.h). They are rare, so they are recorded and drawn in batches by separate code, which adds neither
 // registers nor instruction-cache pressure to the common path.

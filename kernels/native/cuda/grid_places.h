@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Rays of a packet of pixels pass through the pixel centers. See table_places.h for the other kind.
 
 struct Places : NoPoints {

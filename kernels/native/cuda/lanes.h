@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // The lanes of a CUDA warp, and number types for one lane.
 // The text of this file and the next is pasted into a function: local structs may have static functions only.
 
@@ -16,7 +17,7 @@ struct Warp {
     static inline unsigned ballot(bool condition) { return __ballot_sync(all, condition); }
     static inline bool any(bool condition) { return __any_sync(all, condition); }
     static inline int shuffle(int value, int lane) { return __shfl_sync(all, value, lane); }
-    // A value that is equal in all lanes, returned so that the compiler knows it to be uniform: it needs no vector
+    // A value that is equal in all lanes, returned so that the compiler knows it to be uniform: it needs no per-lane
     // register.
     static inline int uniform(int value) { return (int)reduce_max((unsigned)value); }
     static inline int first_lane(unsigned lanes) { return __ffs(lanes) - 1; }

@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Clipping near plane: surfaces nearer than the near plane are removed.
 
 struct NearPlane {

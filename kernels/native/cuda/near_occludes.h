@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Occluding near plane: surfaces nearer than the near plane hide what lies behind them. See near_clips.h for the other
 // kind.
 

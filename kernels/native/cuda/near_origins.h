@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Occluding near plane as in near_occludes.h, for rays with distinct origins.
 
 struct NearPlane {

@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Packets of pixels need no search for points. See point_cells.h for the other kind.
 
 struct CellGrid {};

@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // All rays start at the eye. See ray_origins.h for the other kind.
 
 typedef ImagePoint RayPlace;

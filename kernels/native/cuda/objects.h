@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Movable objects: each has a BVH in its own frame and is drawn by the camera transformed into that frame. Depth and
 // pixel coordinates are the same in both frames.
 
@@ -16,7 +17,7 @@ struct ObjectQueue {
     inline void unset_solid(int at) { objects[at] = ~objects[at]; }
 };
 
-// as many as fit into the memory of the levels
+// As many as fit into the memory of the levels.
 enum { SOLIDS_AT_A_TIME = (int)(LEVELS * sizeof(Walk::Level) / sizeof(Solid)) };
 static_assert(SOLIDS_AT_A_TIME >= 1 && SOLIDS_AT_A_TIME <= (int)LANES, "a lane sets up a solid");
 

@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Write a packet's pixels to depth, points, normals, labels, segmentation and faces, row by row, each pixel once.
 
 // The pixels of a packet that one lane writes: they are in one column.

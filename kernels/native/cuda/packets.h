@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Processing of one packet, from its view's pose to its part of the images.
 
 // For the camera: factor by which traversal exceeds `far`; bound on the displacement of a corner by rounding, per pixel

@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Bounds of the blocks of a packet's points in its image.
 
 struct PointBlocks {

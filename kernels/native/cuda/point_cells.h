@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // The cells of a packet's points (points.h), used to find the points that a small triangle may cover. See no_cells.h
 // for packets of pixels.
 

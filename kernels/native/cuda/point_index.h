@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Search for the points of a packet that a surface may cover: by the cells of a grid, and by blocks.
 
 struct PointIndex {

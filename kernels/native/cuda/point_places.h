@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
+//
 // Rays of a packet of points pass anywhere in its image (points.h). See grid_places.h for pixels.
 
 struct Places : PointIndex {

@@ -1,9 +1,13 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-// Packets of arbitrary image points. The bounding rectangle of a packet's points is divided into the packet's pixels,
-// by which nodes and triangles are culled as in other packets. But a slot of the z-buffer is a point, and a block is 32
-// consecutive points with known bounds. A triangle is drawn by all lanes: each tests whether the triangle may cover
-// points of one block, and then each draws a point of the blocks that pass.
+//
+// Packets of arbitrary image points.
+//
+// The bounding rectangle of a packet's points is divided into the packet's pixels, by which nodes and triangles are
+// culled as in other packets. But a slot of the z-buffer is a point, and a block is 32 consecutive points with known
+// bounds. A triangle is rasterized by all lanes: each tests whether the triangle may cover points of one block, and
+// then each tests a point of the blocks that pass.
+//
 // The size of the packet's pixels is 2^n camera pixels, chosen so that the rectangle spans at most 32 of them. All
 // numbers are those of the camera times a power of two, which rounds nothing: the result of a point does not depend on
 // the other points of its packet.
@@ -62,11 +66,11 @@ struct PointBounds {
 };
 
 struct PointPacket {
-    // Greatest distance of a point from the center of its pixel in pixels, with a margin for rounding; the greatest
-    // extent of a rectangle in packet pixels; the greatest number of packet pixels per camera pixel, both for one pixel
-    // and for the image as a whole.
+    // Greatest distance of a point from the center of its pixel [packet pixels], with a margin for rounding.
     static inline float spread() { return 0.501f; }
+    // Greatest extent of the bounding rectangle [packet pixels].
     static inline float most_across() { return min((int)PACKET_WIDTH, (int)PACKET_HEIGHT) - 0.52f; }
+    // Greatest number of packet pixels per camera pixel: at most 16, and at most 2^21 along a side of the image.
     static inline float most_scale(float side) { return fminf(16.0f, (float)(1 << 21) / side); }
 
     static inline bool inside(const View& view, ImagePoint at) {

@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How triangles are drawn into a packet's pixels: small ones a lane each, larger ones by all lanes together, a block of
-// pixels at a time.
+// Rasterization of triangles into a packet's pixels: small ones one per lane, larger ones by all lanes together, one
+// block of pixels at a time.
 
 struct Raster {
-    // A triangle of at most this many pixels is drawn by its lane alone, if enough others are.
+    // Triangles of at most this many pixels are rasterized by a single lane, if enough others are.
     enum { SMALL_AREA = 64, STEPS_PER_LANE = 5 };
 
-    // Draw each lane's triangle, of the first so many lanes. `broadcast` has room for one.
+    // Rasterize each lane's triangle, in the first `count` lanes. `broadcast` holds one triangle.
     static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int count,
                             Triangle* broadcast, Doubts& doubts) {
         const int lane = Warp::lane();
@@ -35,7 +35,7 @@ struct Raster {
         }
     }
 
-    // Each lane goes through the pixels of its own triangle's bounds, all lanes at the same time.
+    // Each lane steps through the pixels of its own triangle's bounds, all lanes in parallel.
     static inline void draw_small(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int area,
                                   int steps, Doubts& doubts) {
         unsigned touched = 0;
@@ -52,7 +52,7 @@ struct Raster {
         Warp::sync();
     }
 
-    // Each lane goes through the points in the cells of its own triangle.
+    // Each lane steps through the points in the cells of its own triangle.
     static inline void draw_near(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, bool mine,
                                  Doubts& doubts) {
         unsigned touched = 0;
@@ -74,11 +74,11 @@ struct Raster {
         Warp::sync();
     }
 
-    // A pixel, or a point, which is nowhere but in its slot.
+    // A pixel, or a point, which has only a slot.
     struct Spot {
         int x, y, index;
     };
-    // Draw it if a lane's triangle covers it, and note its block.
+    // Rasterize it if a lane's triangle covers it, and record its block.
     static inline void draw_spot(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, bool cut,
                                  Spot spot, Doubts& doubts, unsigned& touched) {
         const int x = spot.x, y = spot.y, index = spot.index;
@@ -101,7 +101,8 @@ struct Raster {
         }
     }
 
-    // All lanes on one triangle: first each on a block, to see which are touched, then each on a pixel of those.
+    // Rasterize one triangle with all lanes: first each tests one block, then each tests one pixel of the touched
+    // blocks.
     static inline void draw_large(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle t,
                                   Doubts& doubts) {
         const int lane = Warp::lane();
@@ -122,8 +123,8 @@ struct Raster {
         }
         bool above = true, below = true, covered = true;
         for (int e = 0; e < 3; ++e) {
-            // An edge's value is greatest, and least, at corners of a block. Rounding keeps the order, so that the test
-            // of the corner pixel never contradicts that of another pixel.
+            // The extremes of an edge function are at corners of a block. Rounding is monotonic, so the test of a
+            // corner pixel never contradicts that of another pixel.
             const bool right = t.edge[e].u >= 0.0f, down = t.edge[e].v >= 0.0f;
             const float most = camera.origins.most(t.edge[e], right ? u1 : u0, down ? v1 : v0);
             const float least = camera.origins.least(t.edge[e], right ? u0 : u1, down ? v0 : v1);
@@ -163,9 +164,9 @@ struct Raster {
     }
 };
 
-// Triangles that wait until there are enough for all lanes. Of most leaves, only few are seen.
+// Triangles that wait until there are enough for all lanes: of most leaves, only few triangles are visible.
 struct TriangleQueue {
-    enum { SIZE = 2 * LANES };  // less than a lane each waits when as many are added
+    enum { SIZE = 2 * LANES };  // fewer than LANES triangles wait when LANES more are added
 
     unsigned* slots;
     int count;
@@ -177,7 +178,7 @@ struct TriangleQueue {
         Warp::sync();
     }
 
-    // One for each lane, as far as there are; the others wait on. Where those may have waited, the taken ones are kept
+    // Take one triangle per lane, as far as available; the others keep waiting. The taken ones are stored behind those
     // until more are added.
     inline int take(unsigned& slot) {
         const int lane = Warp::lane(), taken = min(count, (int)LANES);

@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rays that pass beside the eye, since they begin apart from each other: a lidar's. The eye is amidst a packet's rays,
-// and behind all their origins.
+// Rays with distinct origins, as of a lidar. The eye of a packet lies amid its rays, behind all their origins.
 //
-// A ray (p, q, 0) + z (u, v, 1) has the moment m = (-q, p, u q - v p) about the eye, and passes an edge from a to b on
-// the side that the sign of (a x b) . (u, v, 1) + (a - b) . m says: two terms, of which the first is that of a ray from
-// the eye. Of a plane whose 1 / z is N . (u, v, 1) there, it is that divided by 1 - N . (p, q, 0) here. What is seen
-// from the eye at u is seen at u - p / z by such a ray: bounds in the image are that much wider.
+// A ray (p, q, 0) + z (u, v, 1) has Plücker coordinates with direction d = (u, v, 1) and moment m = (-q, p, u q - v p)
+// about the eye. The edge function of an edge from a to b is their side product (a x b) . d + (a - b) . m: its sign
+// gives the side on which the ray passes, and its first term is the edge function of a ray from the eye. If N . d is 1
+// / z of a plane for a ray from the eye, N . d / (1 - N . (p, q, 0)) is 1 / z for this ray. A point that the eye sees
+// at u is seen at u - p / z by such a ray: bounds in the image are wider by that.
 //
 // See no_origins.h for rays from the eye.
 
-// Where a ray passes: 1 ahead of the eye, in pixels, and beside it, in pixels times depth.
+// Position of a ray: u and v [px] at z = 1, and its offset p and q from the eye [px m].
 struct RayPlace : ImagePoint {
     float p, q;
 };
@@ -19,9 +19,9 @@ struct ExactRayPlace : ExactImagePoint {
     double p, q;
 };
 
-// An edge of a triangle: a value that is positive where rays pass inside of it.
+// Edge function of a triangle: positive for rays that pass inside the edge.
 struct Edge : Linear {
-    Vec3 side;  // from its end to its beginning, as long as `Linear` is of their product
+    Vec3 side;  // edge vector a - b, scaled like the coefficients of `Linear`
 
     static inline Edge of(Vec3 product, Vec3 side) {
         Edge edge;
@@ -35,49 +35,51 @@ struct Edge : Linear {
     }
 };
 
-// What is known of where rays of a packet begin.
+// Bounds of the ray origins of a packet.
 struct Origins {
     float most_p, most_q;
-    float most_turn;  // of u q - v p
-    float reach;  // how far from the eye a ray begins
-    float first_inv_z;  // 1 / z where the last one begins
+    float most_turn;  // greatest magnitude of u q - v p
+    float reach;  // greatest distance of a ray origin from the eye
+    float first_inv_z;  // 1 / z of the farthest ray origin
 
-    // Roundings of moments, in parts of the doubt of an edge.
+    // Rounding errors of moments, relative to the error bound of an edge function.
     static inline float doubts() { return 16.0f; }
 
-    // Of a place in the image, what an edge is at most, or at least.
+    // Bounds of an edge function at an image point, for all rays there.
     inline float most(const Edge& edge, float u, float v) const { return edge.at(u, v) + differs(edge); }
     inline float least(const Edge& edge, float u, float v) const { return edge.at(u, v) - differs(edge); }
     inline float differs(const Edge& edge) const {
         const Vec3 side = {fabsf(edge.side.x), fabsf(edge.side.y), fabsf(edge.side.z)};
         return 1.0001f * __fmaf_rn(most_p, side.y, __fmaf_rn(most_q, side.x, most_turn * side.z));
     }
-    // How far beside the eye a ray passes [px m], and how much wider that makes what is no nearer than 1 / z [px].
+    // Greatest distance of rays from the eye [px m], and the margin that it adds to bounds of surfaces no nearer than 1
+    // / z [px].
     inline ImagePoint aside() const { return ImagePoint{most_p, most_q}; }
     inline ImagePoint aside_at(float inv_z) const { return ImagePoint{most_p * inv_z, most_q * inv_z}; }
-    // Where in the image is what a ray meets at 1 / z.
+    // Image point at which the eye sees a ray's intersection at 1 / z.
     static inline ImagePoint seen(RayPlace r, float inv_z) {
         return ImagePoint{__fmaf_rn(r.p, inv_z, r.u), __fmaf_rn(r.q, inv_z, r.v)};
     }
-    // Of a normal of any length, how much of it that may be.
+    // Greatest magnitude of N . (p, q, 0).
     inline float along(Vec3 normal) const { return __fmaf_rn(most_p, fabsf(normal.x), most_q * fabsf(normal.y)); }
-    // Of twice a box from the eye: how far it has to be along a direction for all origins, if it has so for the eye.
+    // Threshold of twice a box's distance along a direction, raised from the eye's to one that holds for all ray
+    // origins.
     inline float past(float along) const { return along + 4.0f * reach; }
-    // How far away corners are, as roundings of an edge are part of.
+    // Distance of the corners to which the error bound of an edge function is proportional.
     inline float away(float farthest) const { return farthest + doubts() * (most_p + most_q); }
-    // Of 1 / z, which is divided by no less than a half.
+    // Error bound of 1 / z, which is divided by at least 1/2.
     static inline float error(float of_inv_z) { return 2.0f * of_inv_z; }
-    // What is wrong with the volume of a triangle and the eye, as that of one and an origin.
+    // Error bound of the volume of a triangle and the eye as that of the triangle and any ray origin.
     inline float volume(float rounding, Vec3 normal) const { return rounding + along(normal); }
-    // Whether rays begin so near to a triangle's plane that they may see it from another side than the eye does.
+    // Whether rays begin so close to a triangle's plane that they may see another side than the eye does.
     inline bool is_beside(float of_eye, float rounding, Vec3 normal) const {
         return fabsf(of_eye) < rounding + 2.0f * along(normal);
     }
-    // The greatest 1 / z of a plane, given that of a ray from the eye.
+    // Greatest 1 / z of a plane, given that of a ray from the eye.
     inline float nearest(float inv_z, float slope_u, float slope_v) const {
         return 1.0001f * inv_z / (1.0f - fminf(along(Vec3{slope_u, slope_v, 0.0f}), 0.5f));
     }
-    // Whether a ray may begin behind a place.
+    // Whether a ray may begin behind a surface.
     inline bool may_hide(float inv_z) const { return inv_z > first_inv_z; }
     static inline float along(float inv_z, float slope_u, float slope_v, RayPlace r) {
         return inv_z / (1.0f - __fmaf_rn(slope_u, r.p, __fmul_rn(slope_v, r.q)));
@@ -85,7 +87,7 @@ struct Origins {
     static inline double along(double inv_z, double slope_u, double slope_v, ExactRayPlace r) {
         return inv_z / (1.0 - (slope_u * r.p + slope_v * r.q));
     }
-    // Where a ray passes the plane of the eye, in the frame of the eye and of what (u, v, 1) are the coordinates of.
+    // Intersection of a ray with the plane of the eye, in the frame of the eye's position and the basis vectors.
     static inline Vec3d start(ExactRayPlace r, Vec3d eye, const Vec3d* rays) {
         return Vec3d{eye.x + (r.p * rays[0].x + r.q * rays[1].x), eye.y + (r.p * rays[0].y + r.q * rays[1].y),
                      eye.z + (r.p * rays[0].z + r.q * rays[1].z)};
@@ -97,10 +99,10 @@ struct Origins {
     }
 };
 
-// Where rays of a table begin, in the order of the z-buffer.
+// Ray origins of a ray table, in the order of the z-buffer.
 struct RayStarts {
-    const ImagePoint* aside;  // where they pass the plane of the eye
-    const float* begin;  // z
+    const ImagePoint* aside;  // p and q of each ray
+    const float* begin;  // z of each origin
 
     inline RayPlace of(ImagePoint at, int slot) const {
         const ImagePoint by = aside[slot];
@@ -118,7 +120,7 @@ struct RayStarts {
     inline bool is_behind(float inv_z, int slot) const { return inv_z * begin[slot] > 1.0f; }
 };
 
-// Of a table's packet, where its eye is in the space of the table's camera, and what is known of its rays.
+// Eye of a packet of a ray table, in the camera frame of the table, and bounds of its ray origins.
 struct TableEye {
     const double* numbers;  // [TABLE_EYE_WORDS]
 
@@ -137,9 +139,9 @@ struct TableEye {
         return Origins{(float)numbers[P], (float)numbers[Q], (float)numbers[TURN], (float)numbers[REACH],
                        last > 0.0f ? 0.9999f / last : NOWHERE};
     }
-    // Of a place so far ahead of where a ray begins, how far ahead of the eye it is at most.
+    // Greatest z from the eye of a point at distance z from a ray origin.
     inline float farthest(float z) const { return z + (float)numbers[LAST]; }
-    // How far from the eye a ray begins.
+    // Greatest distance of a ray origin from the eye.
     inline float reach(float) const { return (float)numbers[REACH]; }
 };
 static_assert((int)TableEye::WORDS == (int)TABLE_EYE_WORDS, "Python makes rows of numbers");

@@ -1,39 +1,40 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a view is of: the triangles that stay, and the objects that move.
+// The geometry of a scene: static triangles and movable objects.
 
-// Objects that are closed and stay.
+// Closed static objects.
 struct ClosedObjects {
     const float* boxes;  // [closed object][BOX_WORDS] in the world
-    const int* object;  // the index of each among all objects
+    const int* object;  // object index of each
     int count;
 };
 
-// Objects with frames of their own: the movable ones of one view's world, and behind them instances, which stay.
+// Objects with separate frames: the movable objects of one view's world, followed by static instances.
 struct Movables {
     int count;
-    int moving;  // those that are movable
-    const int* object;  // -1 where several objects move together: then the owners of triangles tell
-    const int* root;  // of the BVH in the nodes
-    const int* leaf;  // the first leaf of the BVH
-    const int* first_id;  // the number of the first triangle, ascending
+    int moving;  // number of movable objects
+    const int* object;  // object index; -1 if several objects move together, whose owners are stored per triangle
+    const int* root;  // root node of its BVH
+    const int* leaf;  // first leaf of its BVH
+    const int* first_id;  // number of its first triangle, ascending
     const int* closed;
-    const float* boxes;  // [movable][BOX_WORDS] in its frame
-    const int* solid;  // a SolidKind
+    const float* boxes;  // [movable][BOX_WORDS] in the object's frame
+    const int* solid;  // SolidKind
     const float* size;  // [movable][SOLID_WORDS]
     const float* instance_poses;  // [instance][POSE_WORDS], object to world
-    // [movable][POSE_WORDS], object to world; null where the view's world does not exist, and what is movable decides
+    // [movable][POSE_WORDS], object to world; null if the view's world does not exist, unless there are no movable
+    // objects
     const float* poses;
-    const float* sizes;  // [movable][SOLID_WORDS] there; nothing but for kernels that are RESIZED
-    const unsigned char* excluded;  // [object]; null for none
+    const float* sizes;  // [movable][SOLID_WORDS] in that world; only in kernels that are RESIZED
+    const unsigned char* excluded;  // [object]; null if none is excluded
 
-    // What the number of a triangle is more than its slot in the leaves.
+    // Number of a triangle minus its slot in the leaves.
     inline int id_offset(int m) const { return __ldg(first_id + m) - __ldg(leaf + m) * LANES; }
     inline const float* box(int m) const { return boxes + BOX_WORDS * (long long)m; }
     inline bool is_resized(int m) const { return RESIZED && m < moving; }
     inline const float* solid_size(int m) const { return (is_resized(m) ? sizes : size) + SOLID_WORDS * (long long)m; }
-    // How its triangles are stretched.
+    // Stretch of an object's triangles.
     inline Stretch stretch(int m) const {
         const long long row = SOLID_WORDS * (long long)m;
         return is_resized(m) ? Stretch::of(__ldg(solid + m), size + row, sizes + row) : Stretch::none();
@@ -50,7 +51,7 @@ struct Movables {
         return m < moving ? poses + POSE_WORDS * (long long)m : instance_poses + POSE_WORDS * (long long)(m - moving);
     }
 
-    // Which of them a triangle belongs to; -1 for what stays.
+    // The object that owns a triangle; -1 for static triangles.
     inline int owner_of(unsigned id) const {
         int low = -1, high = count;
         while (high - low > 1) {
@@ -64,14 +65,14 @@ struct Movables {
     }
 };
 
-// Objects with frames of their own that a view may see, found before its packets are drawn, and sorted into tiles of
-// the image: no packet goes through all there are. In Python, `FoundObjects` of kernels/packets_cuda.py.
+// Objects with separate frames that a view may see, found before its packets are rendered and sorted into tiles of the
+// image, so that no packet examines all objects. The Python counterpart is `FoundObjects` of kernels/packets_cuda.py.
 struct FoundObjects {
     enum { TILE = 1 << TILE_BITS };
 
     struct Entry {
-        float nearest_inv_z;  // NOWHERE if it comes so near to the camera that it may be anywhere
-        unsigned columns, rows;  // the first pixel that it may cover and, in the upper half, the last
+        float nearest_inv_z;  // NOWHERE if it is so close to the camera that it may cover any part of the image
+        unsigned columns, rows;  // first pixel that it may cover, and in the upper half the last one
         int movable;
 
         static inline unsigned pair(float first, float last) { return (unsigned)first | (unsigned)last << 16; }
@@ -80,16 +81,17 @@ struct FoundObjects {
     };
     static_assert(sizeof(Entry) == 4 * sizeof(float), "Python makes room for rows of four numbers");
 
-    Entry* entries;  // [movable]: from the first on those in few tiles, from the last on others; null: nothing is known
-    int* count;  // of those in few tiles, of others
-    int* tile_count;  // [tile]; not for packets, which come when it is used up
-    const int* tile_end;  // [tile]: where in `order` its objects end, and those of the next tile begin
+    // [movable]: objects in few tiles from the front, others from the back; null if objects were not searched
+    Entry* entries;
+    int* count;  // number of those in few tiles, and of others
+    int* tile_count;  // [tile]; not available to packets, which run after it has been consumed
+    const int* tile_end;  // [tile]: end of its objects in `order`, where those of the next tile begin
     const int* order;  // objects in few tiles, sorted by tiles
-    int tiles_x, first_tile;  // of all views' tiles
+    int tiles_x, first_tile;  // index among the tiles of all views
 
-    // The objects of a tile, and all that are in many.
+    // The objects of a tile, and all objects in many tiles.
     struct Listed {
-        int first, count;  // in `order`
+        int first, count;  // range in `order`
         int others;
 
         inline int all() const { return count + others; }
@@ -103,7 +105,7 @@ struct FoundObjects {
         return entries[i < listed.others ? movable_count - 1 - i : order[listed.first + i - listed.others]];
     }
 
-    // Note an object: any thread, in no order.
+    // Record an object; called by any thread, in any order.
     inline void add(const Entry& entry, int movable_count) const {
         const int x0 = Entry::first(entry.columns) >> TILE_BITS, x1 = Entry::last(entry.columns) >> TILE_BITS;
         const int y0 = Entry::first(entry.rows) >> TILE_BITS, y1 = Entry::last(entry.rows) >> TILE_BITS;
@@ -119,19 +121,19 @@ struct FoundObjects {
 static_assert((int)PACKET_WIDTH <= FoundObjects::TILE && (int)PACKET_HEIGHT <= FoundObjects::TILE, "it is in one tile");
 
 struct Scene {
-    Bvh bvh;  // of what stays, and in the same arrays those of what moves
+    Bvh bvh;  // of the static geometry; the arrays also contain those of movable objects
     ClosedObjects closed;
     Movables movables;
     FoundObjects found;
 
-    // The object that a triangle belongs to.
+    // Index of the object that owns a triangle.
     inline int object_of(unsigned id) const {
         const int m = movables.owner_of(id);
         const int alone = m < 0 ? -1 : __ldg(movables.object + m);
         if (alone >= 0) return alone;
         return Bvh::object_of(__ldg(bvh.owners + (m < 0 ? id : id - movables.id_offset(m))));
     }
-    // A triangle's place in the leaves; -1 of a solid, which has triangles only where it is seen from inside.
+    // Slot of a triangle in the leaves; -1 for a solid, whose triangles are rendered only from inside.
     inline int slot_of(unsigned id) const {
         const int m = MOVABLE ? movables.owner_of(id) : -1;
         if (m < 0) return (int)id;
@@ -139,13 +141,13 @@ struct Scene {
     }
 };
 
-// One image that is asked for.
+// One requested image.
 struct View {
-    int index;  // in the images
+    int index;  // index in the output images
     int width, height;
     double focal[2], center[2];
     float near, far;
     float most_inv_z, clip_reach;
     const float* pose;  // [POSE_WORDS], camera to world
-    bool cull_back_faces;  // those of all objects
+    bool cull_back_faces;  // of all objects
 };

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Triangles, set up for the image: each lane its own.
+// Triangle setup: the values of a triangle in the image, one triangle per lane.
 
-// The plane of one triangle in double precision: 1 / z is linear in u and v.
+// The plane of a triangle in double precision: 1 / z is linear in u and v.
 struct ExactPlane {
     double u, v, one;
 
@@ -17,42 +17,43 @@ struct ExactPlane {
     inline float at(ExactRayPlace p) const { return (float)Origins::along(u * p.u + (v * p.v + one), u, v, p); }
 };
 
-// One triangle, set up for the image.
+// A triangle, set up for an image.
 struct alignas(16) Triangle {
     Edge edge[3];
-    float doubt;  // an edge's value of no more than this, either way, may have the wrong sign
+    float doubt;  // rounding error bound of the edge functions: smaller magnitudes may have the wrong sign
     float slope_u, slope_v;  // of 1 / z
-    float u, v, inv_z;  // where it is known: at a corner
-    float min_inv_z, max_inv_z;  // at the corners: no point of a triangle is nearer or farther
-    int x0, x1, y0, y1;  // pixels of the packet whose centres may be inside, or cells whose points may
-    bool exact;  // single precision is not enough for 1 / z
-    bool beside;  // some rays may see it from another side than the eye does
+    float u, v, inv_z;  // reference point of 1 / z: a corner
+    float min_inv_z, max_inv_z;  // at the corners: every point of a triangle lies within this range
+    int x0, x1, y0, y1;  // pixels of the packet whose centers may be inside, or cells whose points may be
+    bool exact;  // single precision does not suffice for 1 / z
+    bool beside;  // rays may see another side than the eye does
     unsigned slot;  // in the leaves
 
     inline bool sees_both_sides() const { return RAY_ORIGINS && beside; }
-    // How far within its edges a ray passes; no more than is in doubt if it may do so on the other side.
+    // Minimum of the edge functions at a ray; at most the error bound if the ray may see the other side.
     inline float within(RayPlace p) const {
         const float a = edge[0].of_ray(p), b = edge[1].of_ray(p), c = edge[2].of_ray(p);
         const float least = Three::min(a, b, c);
         return sees_both_sides() ? fminf(fmaxf(least, -Three::max(a, b, c)), doubt) : least;
     }
-    // Whether it may be seen where the z-buffer keeps something.
+    // Whether the triangle may be visible where the z-buffer holds a key.
     inline bool may_show(Key there) const { return __float_as_uint(max_inv_z) >= DepthKey::inv_z_bits(there); }
     inline float clamp(float value) const { return fmaxf(fminf(value, max_inv_z), min_inv_z); }
     inline float inv_z_at(RayPlace p) const { return clamp(Origins::along(plane_at(p.u, p.v), slope_u, slope_v, p)); }
-    // Of a ray from the eye.
+    // For a ray from the eye.
     inline float plane_at(float at_u, float at_v) const {
         return __fmaf_rn(slope_u, at_u - u, __fmaf_rn(slope_v, at_v - v, inv_z));
     }
 };
 
-// How much rounding may be wrong, in pixels: a little, and so many times what it may move a corner.
+// Margin for rounding in pixels: a constant part, and a multiple of `blur`, the distance by which rounding may move a
+// corner.
 constexpr float TRIANGLE_SLACK = 0.002f, TRIANGLE_SLACK_BLURS = 4.0f;
-// A corner is behind the camera if it is no farther than this part of the farthest one, or than next to nothing.
+// A corner counts as behind the camera if its depth is at most this fraction of the farthest one's, or negligible.
 constexpr float CROSSING_SHARE = 1e-6f, CROSSING_LEAST = 1e-30f;
-// Of 1 / z: the relative error of a rounded term, and the one that is allowed.
+// Relative error of a rounded term of 1 / z, and the allowed relative error of 1 / z.
 constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
-// So many times as far apart as the nearest corner is away, corners are turned to the camera one by one.
+// If the extent of the corners exceeds the depth of the nearest one by this factor, each is transformed separately.
 constexpr float COARSE = 4.0f;
 
 // Bounds in the image.
@@ -63,7 +64,7 @@ struct ImageBox {
     inline bool holds(ImagePoint p, float slack) const {
         return p.u >= left - slack && p.u <= right + slack && p.v >= top - slack && p.v <= bottom + slack;
     }
-    // Where points may be that it holds.
+    // Cells whose points may be inside.
     inline Cells cells(const Camera& camera, float slack) const {
         return Cells::between(camera.cells, left - camera.first_u - slack, top - camera.first_v - slack,
                               right - camera.first_u + slack, bottom - camera.first_v + slack);
@@ -71,9 +72,9 @@ struct ImageBox {
 };
 
 struct Setup {
-    enum { LARGE = 64 };  // pixels of the bounds, from which a triangle is worth a look at its edges
+    enum { LARGE = 64 };  // pixels of the bounds from which the edge functions of a triangle are tested
 
-    // cross(a - b, a + b) is 2 a x b, and exactly its negative when a and b change places.
+    // cross(a - b, a + b) is 2 a x b, and exactly its negative if a and b are swapped.
     static inline Edge edge(Vec3 a, Vec3 b, float sign) {
         const Vec3 side = Vec3::minus(a, b), product = Vec3::cross(side, Vec3::plus(a, b));
         const float twice = 2.0f * sign;
@@ -81,19 +82,19 @@ struct Setup {
                         Vec3{side.x * twice, side.y * twice, side.z * twice});
     }
 
-    // Its corners in the image: where they are, in pixels from the principal point, and 1 / z.
+    // A triangle's corners in the image, in pixels from the principal point, and their 1 / z.
     struct ProjectedTriangle {
         float u[3], v[3], inv_z[3];
         float u0, u1, v0, v1;  // bounds
         float zmax;
-        bool crossing;  // reaches behind the camera: it may be anywhere in the image
+        bool crossing;  // reaches behind the camera: may cover any part of the image
 
-        // Its area, in pixels.
+        // Area in pixels.
         inline float area() const {
             return 0.5f * fabsf((u[1] - u[0]) * (v[2] - v[0]) - (u[2] - u[0]) * (v[1] - v[0]));
         }
         inline void widen(ImagePoint by) { u0 -= by.u, u1 += by.u, v0 -= by.v, v1 += by.v; }
-        // About how many are inside of so many in its bounds.
+        // Estimated number of covered pixels, given the number in the bounds.
         inline int cover(int bounds) const {
             return crossing || !(area() < (float)bounds) ? bounds : min(bounds, (int)area() + 1);
         }
@@ -104,7 +105,7 @@ struct Setup {
             p.zmax = Three::max(a.z, b.z, c.z);
             p.crossing = zmin <= CROSSING_SHARE * p.zmax + CROSSING_LEAST;
             p.inv_z[0] = Reciprocal::of(a.z), p.inv_z[1] = Reciprocal::about(b.z), p.inv_z[2] = Reciprocal::about(c.z);
-            // Rounded here, though the compiler would rather fuse them with what they are subtracted from.
+            // Rounded explicitly: the compiler would fuse these products with later subtractions.
             p.u[0] = __fmul_rn(a.x, p.inv_z[0]), p.u[1] = __fmul_rn(b.x, p.inv_z[1]),
             p.u[2] = __fmul_rn(c.x, p.inv_z[2]);
             p.v[0] = __fmul_rn(a.y, p.inv_z[0]), p.v[1] = __fmul_rn(b.y, p.inv_z[1]),
@@ -116,13 +117,13 @@ struct Setup {
         }
     };
 
-    // How much wider than rounding can be wrong the bounds of a triangle are, in pixels.
+    // Margin of a triangle's bounds for rounding, in pixels.
     static inline float rounding_of(const Camera& camera) {
         return TRIANGLE_SLACK + TRIANGLE_SLACK_BLURS * camera.blur;
     }
     static inline float slack_of(const Camera& camera) { return camera.wider(rounding_of(camera)); }
 
-    // Pixels of the view whose centres may be inside a triangle.
+    // Pixels of the view whose centers may be inside a triangle.
     struct Bounds {
         float left, right, top, bottom;
 
@@ -135,7 +136,7 @@ struct Setup {
             b.bottom = fminf(p.crossing ? camera.last_y : floorf(p.v1 - camera.first_v + slack), camera.last_y);
             return b;
         }
-        // The part in the packet that begins at a pixel, if there is one.
+        // Intersect with the packet that begins at a pixel; may be empty.
         inline void cut(int first_x, int first_y, bool has_area, Triangle& t) const {
             const float x0 = fmaxf(left - (float)first_x, 0.0f),
                         x1 = fminf(right - (float)first_x, PACKET_WIDTH - 1.0f);
@@ -147,7 +148,7 @@ struct Setup {
         }
     };
 
-    // Of points, the cells where those may be that are inside of a triangle.
+    // Set the cells whose points may be inside a triangle.
     static inline void cut_cells(const Camera& camera, const ProjectedTriangle& p, bool has_area, Triangle& t) {
         const ImageBox box = {p.u0, p.u1, p.v0, p.v1};
         const Cells cells = p.crossing ? Cells::all() : box.cells(camera, rounding_of(camera));
@@ -156,16 +157,16 @@ struct Setup {
         t.y0 = some ? cells.y0 : 0, t.y1 = some ? cells.y1 : -1;
     }
 
-    // How far from a place points may be that are between two others and not beyond the image's sides. Nothing is
-    // rounded to pixels, which are of another size in every packet.
+    // Greatest distance from a reference point to points that lie between two coordinates and inside the image. Not
+    // rounded to pixels, whose size differs between packets.
     static inline float farthest(float least, float most, float from, bool crossing, float side) {
         const float first = crossing ? -side : fmaxf(least, -side), last = crossing ? side : fminf(most, side);
         return fmaxf(fabsf(first - from), fabsf(last - from));
     }
 
-    // Whether 1 / z may be wrong by more than a little: by rounding of its terms, by that of where the corner is, and
-    // by that of the slopes, which is great where the triangle is a sliver or seen at a grazing angle. Judged by the
-    // whole view, so that a pixel's 1 / z is the same in every packet.
+    // Whether 1 / z may exceed its allowed error: by rounding of its terms, by that of the corner's position, and by
+    // that of the slopes, which is large for slivers and at grazing angles. Evaluated for the whole view, so that 1 / z
+    // of a pixel is the same in every packet.
     static inline bool loses_digits(const Camera& camera, const ProjectedTriangle& p, const Bounds& b,
                                     const Triangle& t, float sides, float scale) {
         float du, dv;
@@ -184,7 +185,7 @@ struct Setup {
         return p.crossing || !(Origins::error(error) <= ALLOWED_ERROR * t.min_inv_z);
     }
 
-    // The corners of a triangle as they are stored.
+    // The corners of a triangle as stored.
     struct Corners {
         Vec3 a, b, c;
 
@@ -193,8 +194,8 @@ struct Setup {
         }
     };
 
-    // A triangle in camera space. How far its corners are apart is found before they are turned: they are nearer to
-    // each other than to the camera, so that less of it is lost.
+    // A triangle in camera space. Differences of corners are computed before the transformation: the corners are closer
+    // to each other than to the camera, so that less precision is lost.
     struct CameraTriangle {
         Vec3 a, b, c, ab, ac, normal;
         float volume;  // negative where the camera sees the front
@@ -206,7 +207,7 @@ struct Setup {
             const Vec3 a = camera.relative(stored.a), ab = Vec3::minus(stored.b, stored.a),
                        ac = Vec3::minus(stored.c, stored.a);
             t.a = camera.turn(a), t.ab = camera.turn(ab), t.ac = camera.turn(ac);
-            // Proportional to both sides: of a sliver, far less than what its longest side alone bounds.
+            // Proportional to both sides: for a sliver, far less than the bound by its longest side alone.
             t.sides = __fmul_rn(camera.world_length(ab), camera.world_length(ac));
             t.volume_error = __fmul_rn(__fmul_rn(camera.volume_error, camera.world_length(a)), t.sides);
             t.b = Vec3::plus(t.a, t.ab);
@@ -219,18 +220,19 @@ struct Setup {
             t.volume = Vec3::dot(t.normal, t.a);
             return t;
         }
-        // Whether a corner may be so much nearer than others that it must not get the rounding of how far these are.
+        // Whether a corner may be so much nearer than the others that it must not inherit the rounding error of their
+        // depth.
         inline bool is_coarse(const Camera& camera) const {
             return zmax() > 0.0f && spread(camera) > COARSE * camera.extent * zmin();
         }
         inline bool has_area() const { return volume != 0.0f && fabsf(volume) <= NOWHERE; }
         inline float zmin() const { return Three::min(a.z, b.z, c.z); }
         inline float zmax() const { return Three::max(a.z, b.z, c.z); }
-        // How far apart the corners are [px m].
+        // Extent of the corners [px m].
         inline float spread(const Camera& camera) const {
             return __fmaf_rn(camera.extent, zmax() - zmin(), (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
         }
-        // Error bound of an edge's value where the triangle is in the image; see EDGE_DOUBT.
+        // Error bound of the edge functions inside the image; see EDGE_DOUBT.
         inline float edge_error(const Camera& camera) const {
             const float apart = spread(camera);
             const float away = camera.origins.away(__fmaf_rn(2.0f * camera.extent, zmax(), apart));
@@ -238,9 +240,9 @@ struct Setup {
         }
     };
 
-    // A packet's pixels, as distances from the principal point, and as much wider as rounding may be wrong.
+    // A packet's pixels as distances from the principal point, with a margin for rounding.
     struct PacketBounds {
-        // Of the first column and row: their centres less the slack, and more.
+        // Center of the first column and row, minus and plus the margin.
         float left_less, left_more, top_less, top_more;
 
         static inline PacketBounds of(const Camera& camera, int first_x, int first_y) {
@@ -248,15 +250,15 @@ struct Setup {
             const float slack = slack_of(camera);
             return PacketBounds{u - slack, u + slack, v - slack, v + slack};
         }
-        // Whether the centre of one of so many pixels is between two places.
+        // Whether the center of one of `pixels` pixels lies between two coordinates.
         static inline bool has_center(float least, float most, float less, float more, float pixels) {
             const float begin = least - more;
             return floorf(most - less) >= fmaxf(begin, 0.0f) && begin <= pixels - 1.0f;
         }
     };
 
-    // Whether this lane's triangle of a leaf that is small in the image, and all in front of the camera, may cover a
-    // pixel's centre of the packet.
+    // Whether this lane's triangle of a leaf may cover a pixel center of the packet; the leaf is small in the image and
+    // entirely in front of the camera.
     static inline bool may_cover(const Bvh& bvh, const Camera& camera, const PacketBounds& bounds,
                                  const Corners& stored, unsigned slot, ImageBox& box, float& inv_z) {
         const Vec3 a = camera.turn(camera.relative(stored.a)), b = camera.turn(camera.relative(stored.b)),
@@ -282,24 +284,24 @@ struct Setup {
         return shown && (!sorted_out || wanted(bvh, camera, CameraTriangle::of(camera, stored), slot));
     }
 
-    // Whether a view is to show a triangle of an object: not by a back that is hidden or culled.
+    // Whether a view shows a triangle: it is not excluded, and not hidden or culled as a back face.
     static inline bool wanted(const Bvh& bvh, const Camera& camera, const CameraTriangle& t, unsigned slot) {
         bool shown = true;
         if (camera.cull_back_faces || camera.skip_back_faces) {
             const float doubt = camera.origins.volume(t.volume_error, t.normal);
-            const bool front = t.volume < doubt;  // or may be
+            const bool front = t.volume < doubt;  // or uncertain
             shown = front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0);
         }
         if (bvh.excluded) shown = shown && !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
         return shown;
     }
 
-    // Whether this lane's triangle of a leaf may cover a pixel's centre of the packet that begins at a pixel, and if
-    // so, about how many.
+    // Estimated number of pixels of the packet that this lane's triangle of a leaf covers; 0 if it covers no pixel
+    // center.
     static inline int area(const Bvh& bvh, const Camera& camera, int first_x, int first_y, int leaf) {
         const unsigned slot = leaf * LANES + Warp::lane();
         const CameraTriangle c = CameraTriangle::of(camera, Corners::of(bvh.corners(slot)));
-        // What has no area, or is seen edge-on, Setup::triangle looks at.
+        // Triangles without area or seen edge-on are decided in Setup::triangle.
         bool shown = fabsf(c.volume) <= NOWHERE && wanted(bvh, camera, c, slot);
         if (!Warp::any(shown)) return 0;
         const ProjectedTriangle p = ProjectedTriangle::of(camera, c.a, c.b, c.c);
@@ -312,7 +314,7 @@ struct Setup {
         const int x1 = p.crossing ? PACKET_WIDTH - 1 : min(__float2int_rd(p.u1 - to_x + slack), PACKET_WIDTH - 1);
         const int y1 = p.crossing ? PACKET_HEIGHT - 1 : min(__float2int_rd(p.v1 - to_y + slack), PACKET_HEIGHT - 1);
         const int count = shown && x0 <= x1 && y0 <= y1 ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0;
-        // Worth it where a packet meets much that is near: static scenes of small triangles are slower with it.
+        // Worthwhile if a packet sees much that is near: static scenes of small triangles become slower.
         const bool large = MOVABLE && count > LARGE;
         if (large && passes_by(camera, c, camera.before(SmallInt::to_float(first_x + x0) + camera.first_u),
                                camera.wider(SmallInt::to_float(first_x + x1) + camera.first_u),
@@ -322,7 +324,7 @@ struct Setup {
         return p.cover(count);
     }
 
-    // Whether a triangle is outside of a rectangle of the image, judged by its edges.
+    // Whether a triangle lies outside a rectangle of the image, by its edge functions.
     static inline bool passes_by(const Camera& camera, const CameraTriangle& c, float u0, float u1, float v0,
                                  float v1) {
         const float edge_error = c.edge_error(camera);
@@ -333,18 +335,18 @@ struct Setup {
                 beyond(camera.origins, edge(c.c, c.a, sign), edge_error, u0, u1, v0, v1) ||
                 beyond(camera.origins, edge(c.a, c.b, sign), edge_error, u0, u1, v0, v1));
     }
-    // An edge's value is greatest at a corner. Rounding keeps the order: no pixel of the rectangle contradicts the
+    // An edge function is greatest at a corner. Rounding is monotonic: no pixel of the rectangle contradicts the
     // corner.
     static inline bool beyond(const Origins& origins, const Edge& edge, float doubt, float u0, float u1, float v0,
                               float v1) {
         return origins.most(edge, edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -doubt;
     }
 
-    // A triangle of a leaf.
+    // Set up a triangle of a leaf.
     static inline Triangle triangle(const Bvh& bvh, const Camera& camera, int first_x, int first_y, unsigned slot) {
         const CameraTriangle c = CameraTriangle::of(camera, Corners::of(bvh.corners(slot)));
         const float edge_error = c.edge_error(camera);
-        // Single precision cannot tell then whether its front or its back is seen.
+        // Single precision cannot decide whether the front or the back is visible.
         const bool edge_on = fabsf(c.volume) < c.volume_error;
         const ProjectedTriangle p = ProjectedTriangle::of(camera, c.a, c.b, c.c);
         const Bounds bounds = Bounds::of(camera, p);
@@ -366,7 +368,8 @@ struct Setup {
         t.max_inv_z = p.crossing ? MAX_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
         t.beside = camera.origins.is_beside(c.volume, c.volume_error, c.normal);
         t.exact = edge_on || t.sees_both_sides() || loses_digits(camera, p, bounds, t, c.sides, scale);
-        // Within a triangle, no edge's value is more than the volume by the depth there.
+        // Inside a triangle, an edge function is at most the volume times 1 / z: this bounds it if the volume is within
+        // its error bound.
         t.doubt = edge_error;
         if (edge_on && !t.sees_both_sides())
             t.doubt = p.crossing ? NOWHERE : __fmaf_rn(2.0f * c.volume_error, t.max_inv_z, edge_error);

@@ -1,31 +1,32 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Round solids: an object that stands for one shows its true surface where the camera is outside of it.
+// Round solids: their analytic surface is rendered if the camera is outside.
 //
-// All is computed in the solid's shape: its object's frame, with x, y and z divided by three sizes. There the solid is
-// the unit ball, or all of the unit cylinder about z that is at most `half` from the middle, or the same with unit
-// balls about the middles of its ends. From a camera at o, the ray in direction d is at o + z d at depth z, and w = 1 /
-// z.
+// All computations are in the frame of the unit solid: the object's frame, with x, y and z divided by three sizes.
+// There the solid is the unit ball, or the part of the infinite unit cylinder about z at most `half` from the middle,
+// or the same with unit balls around the centers of its ends. From a camera at o, the ray in direction d is at o + z d
+// at depth z; w = 1 / z.
 //
-// A ray meets a unit ball about 0 where C w^2 - 2 B w + A = 0: A = d.d, B = -o.d, C = o.o - 1. That it meets it at all
-// is a small difference near the outline, B^2 - A C, which is A - e.e too, with e = o x d. Like d, e is linear in the
-// pixel's coordinates, and about a pixel by the object's middle its terms are small: single precision is enough for
-// each pixel, where the coefficients are computed in double precision. Where the camera almost touches the ball, C is
-// small, and so are both terms of the first difference: there it is the better one. The cylinder is the same without z.
+// A ray intersects a unit ball about 0 where C w^2 - 2 B w + A = 0, with A = d.d, B = -o.d and C = o.o - 1. The
+// discriminant B^2 - A C is a small difference near the outline; it equals A - e.e with e = o x d. Like d, e is linear
+// in the pixel coordinates, and its terms are small relative to a pixel near the object's center, so single precision
+// suffices at each pixel if the coefficients are computed in double precision. If the camera almost touches the ball, C
+// is small, as are both terms of the first form, which is then more accurate. The cylinder is the same without z.
 
-// How much rounding may be wrong: of what a solid reaches, and of where its side ends.
+// Factors that cover rounding: of the reach of a solid, and of the ends of its side.
 constexpr float REACH_SLACK = 1.001f, SIDE_SLACK = 1e-6f;
-// C of a ball or a side that the camera almost touches.
+// A smaller C means that the camera almost touches a ball or a side.
 constexpr float SMALL_C = 0.1f;
-// The root of less is slow, and next to nothing.
+// The square root of smaller values is slow, and negligible.
 constexpr float MIN_ROOT = 1e-30f;
-// From the first pixel of a block to its middle.
+// From the first pixel of a block to its center.
 constexpr float HALF_BLOCK_WIDTH = 0.5f * (BLOCK_WIDTH - 1), HALF_BLOCK_HEIGHT = 0.5f * (BLOCK_HEIGHT - 1);
 
-// A solid in its shape.
+// A solid in the frame of the unit solid.
 struct UnitSolid {
-    // The axes of a pose, divided by the sizes: they turn vectors into the shape, and gradients out of it.
+    // The axes of a pose divided by the sizes: they transform vectors into the frame of the unit solid, and gradients
+    // out of it.
     static inline void axes(const float* pose, const float* size, Vec3d* axis) {
         PoseRow::axes(pose, axis);
         for (int i = 0; i < 3; ++i) axis[i] = Vec3d::times(axis[i], 1.0 / __ldg(size + i));
@@ -36,19 +37,19 @@ struct UnitSolid {
 
     static inline double across(Vec3d o) { return __fma_rn(o.x, o.x, __dmul_rn(o.y, o.y)); }
 
-    // Whether the camera is outside of a solid. All that depends on it must ask for it in this way.
+    // Whether the camera is outside a solid. All code that depends on this must call this function.
     static inline bool outside(int kind, double half, Vec3d o) {
         const double beyond = fmax(fabs(o.z) - half, 0.0);
         return kind == SOLID_CYLINDER ? across(o) > 1.0 || beyond > 0.0 : __fma_rn(beyond, beyond, across(o)) > 1.0;
     }
 
-    // Where the middle of the ball or of the flat end is that a part belongs to.
+    // Height of the center of the ball or flat end that a part belongs to.
     static inline double middle(int kind, double half, double origin_z, int part) {
         if (kind == SOLID_BALL) return 0.0;
         return part == PART_LOWER || (kind == SOLID_CYLINDER && origin_z < 0.0) ? -half : half;
     }
 
-    // The gradient of a part where a ray in direction d meets it: outwards, of any length.
+    // Outward gradient of a part where a ray in direction d intersects it, not normalized.
     static inline Vec3d gradient(int kind, double half, Vec3d o, Vec3d d, int part) {
         if (kind == SOLID_CYLINDER && part != PART_SIDE) return Vec3d{0.0, 0.0, o.z < 0.0 ? -1.0 : 1.0};
         if (kind != SOLID_BALL && part == PART_SIDE)
@@ -61,39 +62,40 @@ struct UnitSolid {
     }
 };
 
-// One solid, set up for a view, in shared memory.
+// A solid, set up for a view, in shared memory.
 struct alignas(16) Solid {
-    enum { FEW_BLOCKS = 4 };  // that it takes as long to draw as to look which of them may show it
+    enum { FEW_BLOCKS = 4 };  // up to this many blocks, testing which may show the solid takes as long as rendering
 
-    // Linear in the coordinates of a pixel: the ray's direction, z of e, and B of the side.
+    // Linear in the pixel coordinates: the ray's direction, z of e, and B of the side.
     Linear dx, dy, dz, ez, toward;
-    float inverse;  // 1 / C of the side, 0 if the camera is not outside of the whole cylinder
-    float small_c;  // C of the side where it is small, else 0
+    float inverse;  // 1 / C of the side, 0 if the camera is inside the infinite cylinder
+    float small_c;  // C of the side if it is small, else 0
 
     struct End {
-        Linear ex, ey;  // of e, seen from the middle of the end
-        float z;  // of the camera, from there
-        float inverse;  // what w is a multiple of: 1 / C of a ball, -1 / z of a flat end, 0 if that faces away
-        float small_c;  // C of a ball where it is small, else 0
+        Linear ex, ey;  // of e, relative to the center of the end
+        float z;  // of the camera, relative to that center
+        float inverse;  // factor of w: 1 / C of a ball, -1 / z of a flat end, 0 if that faces away
+        float small_c;  // C of a ball if it is small, else 0
     } ends[2];
 
-    float reach;  // square of how far the solid reaches from its middle, and a little more
-    float low, high;  // the side's ends
+    float reach;  // square of the greatest distance of the solid from its center, with a margin
+    float low, high;  // ends of the side
     float z;  // of the camera
-    float x, y;  // the pixel of the view from which coordinates are counted
+    float x, y;  // anchor: the pixel of the view relative to which coordinates are given
     int kind;
     int first_id;
 
-    // The pixel where an object's middle is seen, or the nearest to it; of points, that place, from the principal
-    // point. It depends on the view and the object only.
+    // Find the pixel that shows an object's center, or the closest one; for points, that image point, relative to the
+    // principal point. It depends only on the view and the object.
     inline void find_anchor(const Camera& camera, Vec3 middle) {
         const float depth = Vec3::dot(camera.to_camera[2], middle), inv_z = depth > 0.0f ? __frcp_rn(depth) : 0.0f;
-        if (POINTS) {  // whose pixels are of another size in every packet
+        if (POINTS) {  // the size of pixels differs between packets
             x = fmaxf(fminf(__fmul_rn(Vec3::dot(camera.to_camera[0], middle), inv_z), camera.last_x), -camera.last_x);
             y = fmaxf(fminf(__fmul_rn(Vec3::dot(camera.to_camera[1], middle), inv_z), camera.last_y), -camera.last_y);
             return;
         }
-        // Pixels' middles are at halves in many a view, and so is what is in its middle: not where rounding would turn.
+        // Centers are often projected to the center of a pixel or to a boundary between pixels, as in the middle of a
+        // view: this offset avoids both, where rounding errors could change the pixel.
         const float turn = 0.8125f;
         x = floorf(__fmaf_rn(Vec3::dot(camera.to_camera[0], middle), inv_z, turn - camera.first_u));
         y = floorf(__fmaf_rn(Vec3::dot(camera.to_camera[1], middle), inv_z, turn - camera.first_v));
@@ -101,7 +103,7 @@ struct alignas(16) Solid {
         y = fmaxf(fminf(y, camera.last_y), 0.0f);
     }
 
-    // A lane sets up its own solid; false if the camera is not outside.
+    // Set up a lane's solid; returns false if the camera is not outside.
     inline bool set_up(const Camera& camera, const float* pose, int solid_kind, const float* size, int id) {
         kind = solid_kind, first_id = id;
         const double half = __ldg(size + 3);
@@ -146,7 +148,7 @@ struct alignas(16) Solid {
     }
     inline void set_sides(float origin_z, float half) {
         z = origin_z;
-        // No gap is left between the side and a flat end that is seen, however they are rounded.
+        // Leave no gap between the side and a visible flat end, whatever the rounding.
         const bool end = kind == SOLID_CYLINDER && ends[0].inverse != 0.0f;
         const float more = end ? __fmul_rn(SIDE_SLACK, fabsf(z) + half) : 0.0f;
         low = -half - (z < 0.0f ? more : 0.0f);
@@ -157,7 +159,7 @@ struct alignas(16) Solid {
         reach = REACH_SLACK * __fmaf_rn(ends, ends, kind == SOLID_CYLINDER ? 1.0f : 0.0f);
         if (kind == SOLID_BALL) reach = REACH_SLACK;
     }
-    // The coefficients of u, of v, or of neither: d are the direction's.
+    // Set the coefficients of u, of v, or the constants; d is the matching component of the direction.
     inline void set_column(float Linear::* column, Vec3d o, double above, double below, Vec3d d) {
         dx.*column = (float)d.x;
         dy.*column = (float)d.y;
@@ -170,17 +172,17 @@ struct alignas(16) Solid {
         ends[1].ey.*column = (float)__fma_rn(below, d.x, -__dmul_rn(o.x, d.z));
     }
 
-    // Of the quadratic equation, from A, A - e.e and B.
+    // Discriminant of the quadratic equation, from A, A - e.e and B.
     static inline float discriminant(float a, float rest, float b, float small_c) {
         return small_c > 0.0f ? __fmaf_rn(b, b, -__fmul_rn(a, small_c)) : rest;
     }
-    // w where a ray meets something round; 0 if it does not.
+    // w where a ray intersects a ball or cylinder; 0 if it misses.
     static inline float meet(float b, float discriminant, float inverse) {
         const float w = __fmul_rn(b + __fsqrt_rn(fmaxf(discriminant, MIN_ROOT)), inverse);
         return discriminant >= 0.0f && b > 0.0f ? w : 0.0f;
     }
 
-    // w where the ray of a pixel meets the solid first, and in which part; 0 if it does not.
+    // w where the ray of a pixel first intersects the solid, and the part; 0 if it misses.
     inline float at(float u, float v, int& part) const {
         const float to_x = dx.at(u, v), to_y = dy.at(u, v), to_z = dz.at(u, v), e_z = ez.at(u, v), b = toward.at(u, v);
         const float a = __fmaf_rn(to_x, to_x, __fmul_rn(to_y, to_y));
@@ -194,8 +196,8 @@ struct alignas(16) Solid {
             if (end_w > 0.0f) part = PART_UPPER;
             return end_w > 0.0f ? end_w : within ? w : 0.0f;
         }
-        // Where the ray enters the endless cylinder decides what it meets: the end by which it does so, if not the
-        // side.
+        // Where the ray enters the infinite cylinder decides which part it hits: the end through which it enters, if
+        // not the side.
         const bool to_end = !within && (w > 0.0f || inverse == 0.0f);
         if (!Warp::any(to_end)) return within ? w : 0.0f;
         const bool lower = (inverse == 0.0f ? z : height) < 0.0f;
@@ -214,7 +216,7 @@ struct alignas(16) Solid {
         return inside ? __fmul_rn(to_z, end.inverse) : 0.0f;
     }
 
-    // How much a linear value changes from the middle of a block to its pixels, and its greatest and least size there.
+    // Change of a linear function from the center of a block to its pixels, and its greatest and least magnitude there.
     static inline float spread(const Linear& l) {
         return __fmaf_rn(HALF_BLOCK_WIDTH, fabsf(l.u), HALF_BLOCK_HEIGHT * fabsf(l.v));
     }
@@ -224,8 +226,8 @@ struct alignas(16) Solid {
         return Linear{0.5f * (a.u + b.u), 0.5f * (a.v + b.v), 0.5f * (a.one + b.one)};
     }
 
-    // Of some blocks, those that have rays which may meet the endless cylinder and the ball that reaches as far as the
-    // solid, each tested by a lane. Rounding cannot make it leave one out that shows the solid.
+    // Mask of blocks with rays that may intersect the infinite cylinder and the bounding ball of the solid, one block
+    // per lane. Conservative with respect to rounding.
     inline unsigned blocks_met(const Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
         const float u = SmallInt::to_float(packet.first_x + Packet::block_x(lane)) - x + HALF_BLOCK_WIDTH;
@@ -242,7 +244,7 @@ struct alignas(16) Solid {
         return blocks & Warp::ballot(meets);
     }
 
-    // Where this lane's ray of a block passes, counted from there.
+    // Image coordinates of this lane's ray of a block, relative to the anchor.
     inline ImagePoint from_anchor(const Camera& camera, const Packet& packet, int block) const {
         const int lane = Warp::lane();
         if (RAY_TABLE) {
@@ -256,7 +258,8 @@ struct alignas(16) Solid {
                           v0 + SmallInt::to_float(Packet::block_y(block))};
     }
 
-    // Draw it into blocks of pixels. It is not cut; what is nearer than the near plane is so by rounding.
+    // Render the solid into blocks of pixels. It is not clipped: points nearer than the near plane are so only by
+    // rounding.
     inline void draw(const Camera& camera, Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
         const float most_inv_z = camera.near.most(MAX_INV_Z);

@@ -1,20 +1,20 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Packets of a table's rays, each an image of its own: turned, scaled and sheared so that neighbouring rays pass near
-// the centres of neighbouring pixels, one each, or turned and scaled so that rays in no order fill it
+// Packets of a ray table, each rendered as a separate image: rotated, scaled and sheared so that adjacent rays pass
+// near the centers of adjacent pixels, one each, or rotated and scaled so that unordered rays fill it
 // (warpvis/rendering/_ray_packets.py). All else is as in other packets.
 //
-// Rays may begin apart from each other (ray_origins.h). Then each packet has an eye of its own.
+// Rays may have distinct origins (ray_origins.h). Then each packet has its own eye.
 
-// What turns the space of the table's camera into that of a packet.
+// Transformation from the camera space of the table into that of a packet.
 struct TableFrame {
-    double rows[3][3];  // u times z, v times z, and z of a place, from the camera
+    double rows[3][3];  // u times z, v times z, and z of a point relative to the camera
     double rays[3][3];  // the inverse: a ray is u times the first, plus v times the second, plus the third
-    double first_u, first_v;  // of the centre of the packet's first pixel
-    double spread;  // how far from a pixel's centre its ray may pass, along each axis [px]
+    double first_u, first_v;  // of the center of the packet's first pixel
+    double spread;  // greatest distance of a ray from the center of its pixel, along each axis [px]
     double focal[2];  // lengths of the first two rows
-    double longest;  // the greatest z of the packet's rays where depth is 1
+    double longest;  // greatest z of the packet's rays at depth 1
 };
 static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double), "Python makes rows of numbers");
 
@@ -22,14 +22,14 @@ static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double), "Python 
 struct TablePacket {
     const TableFrame* frame;
     const ImagePoint *points, *rests;  // see `Places`
-    const float* scale;  // depth where z is 1; 0 where there is no ray
-    const int* place;  // of the pixel in the table's image; -1 where there is none
-    const ImageBox* bounds;  // of blocks of rays that are anywhere in the image
-    int pixels;  // of that image
+    const float* scale;  // depth at z = 1; 0 if there is no ray
+    const int* place;  // pixel in the table's image; -1 if there is none
+    const ImageBox* bounds;  // of blocks of rays, for rays anywhere in the image
+    int pixels;  // number of pixels of the table's image
     TableEye eye;
     RayStarts starts;
 
-    // Have the camera in shared memory. A lane takes a coordinate of a ray, or of a row.
+    // Set the camera in shared memory. Each lane computes one coordinate of a ray or of a row.
     inline void set_camera(const Scene& scene, const View& view, Camera& camera) const {
         const int lane = Warp::lane(), row = lane / 3, k = lane % 3;
         Vec3d axis[3];  // right, down and forward in the world
@@ -69,7 +69,7 @@ struct TablePacket {
         camera.blur = BLUR * (width + height + 2.0f * first + camera.last_x + camera.last_y);
     }
 
-    // Nothing seen yet. A pixel without a ray counts as very near, so that it hides and never shows.
+    // Clear the z-buffer. A pixel without a ray counts as very near, so that it hides everything and is never shown.
     inline void begin(const Camera& camera, Packet& packet) const {
         const int lane = Warp::lane();
         if (lane == 0) packet.memory->points = points, packet.memory->rests = rests, packet.memory->starts = starts;
@@ -109,7 +109,7 @@ struct TablePacket {
         }
     }
 
-    // Drawn and written, of a view. Where the view's world does not exist, nothing is seen.
+    // Render and write a packet of a view. If the view's world does not exist, nothing is visible.
     inline void cast(const Scene& scene, const View& view, const Images& out, WarpMemory& memory) const {
         set_camera(scene, view, memory.cameras[WarpMemory::WORLD]);
         Packet packet;

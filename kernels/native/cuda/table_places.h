@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where the rays of a packet's pixels pass: near their centres, as a table has it (warpvis/rendering/_ray_packets.py).
-// See grid_places.h for the other kind.
+// Rays of a packet's pixels, near the pixel centers, from a ray table (warpvis/rendering/_ray_packets.py). See
+// grid_places.h for the other kind.
 
 struct Places : NoPoints {
-    const ImagePoint* points;  // in the order of the z-buffer; of pixels without a ray, their centres
-    const ImagePoint* rests;  // what rounding took from them
+    const ImagePoint* points;  // in the order of the z-buffer; the centers of pixels without a ray
+    const ImagePoint* rests;  // rounding errors of the points
     RayStarts starts;
 
     inline RayPlace point(const Camera&, int, int, int index) const { return starts.of(points[index], index); }

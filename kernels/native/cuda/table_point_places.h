@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where rays of a table pass that are in no order: anywhere in their packet's image, as the table has it
-// (warpvis/rendering/_ray_images.py). See table_places.h for rays that pass near the centres of pixels.
+// Unordered rays of a ray table: anywhere in their packet's image (warpvis/rendering/_ray_images.py). See
+// table_places.h for rays near the centers of pixels.
 
 struct Places : PointIndex {
-    const ImagePoint* points;  // in the order of the z-buffer; of slots without a ray, one of the image
-    const ImagePoint* rests;  // what rounding took from them
+    const ImagePoint* points;  // in the order of the z-buffer; some point of the image for slots without a ray
+    const ImagePoint* rests;  // rounding errors of the points
     RayStarts starts;
 
     inline RayPlace point(const Camera&, int, int, int index) const { return starts.of(points[index], index); }

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Of a table's packets (table.h), those whose rays pass anywhere in their image, which they fill (points.h has such
-// packets of points of a view). See table_pixels.h for others.
+// Packets of a ray table (table.h) whose rays are anywhere in their image and fill it, like packets of points of a view
+// (points.h). See table_pixels.h for others.
 
 struct TableSlots {
-    // Where the image's sides are, from the principal point, and how cells divide it.
+    // Set the distances of the image's sides from the principal point, and the cells that divide it.
     static inline void set_sides(Camera& camera) {
         const float across = PACKET_WIDTH - 1.0f, along = PACKET_HEIGHT - 1.0f;
         camera.last_x = fmaxf(fabsf(camera.first_u), fabsf(camera.first_u + across)) + 1.0f;
@@ -14,7 +14,8 @@ struct TableSlots {
         camera.cells.per_v = PointBlocks::per_side(along);
     }
     static inline float farthest(const Camera& camera) { return fmaxf(camera.last_x, camera.last_y); }
-    // Before rays are added: a lane sets what is known of a block. Of one without rays, left is beyond right.
+    // Prepare for adding rays: each lane sets the bounds of one block. For a block without rays, left is greater than
+    // right.
     static inline void index(const Camera& camera, Places& places, const ImageBox* bounds) {
         const int block = Warp::lane();
         if (block < SLOT_BLOCKS) {

@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a packet knows of a node's children: how near they may be, and which pixels they may cover.
+// Bounds of a node's children in a packet: depth and pixels.
 
-// What a lane holds of one child of a node, in a word that orders them: how near it may be, as the bits of 1 / z
-// rounded up, and below them the blocks it may cover; 0 if there is nothing to visit.
+// Visit of one child of a node, in a sortable word: the bits of its greatest 1 / z, rounded up, and below them the
+// blocks it may cover; 0 if there is nothing to visit.
 struct Visit {
     enum {
         COLUMN_BITS = 2,
         ROW_BITS = 3,
         BLOCK_BITS = 2 * (COLUMN_BITS + ROW_BITS),
         BLOCK_MASK = (1 << BLOCK_BITS) - 1,
-        // Where the first and the last column and row are.
+        // Bit positions of the first and last column and row.
         X0 = 0,
         X1 = COLUMN_BITS,
         Y0 = 2 * COLUMN_BITS,
@@ -28,10 +28,10 @@ struct Visit {
     static inline int row(unsigned visit, int at) { return visit >> at & ((1 << ROW_BITS) - 1); }
     static inline bool touches(unsigned visit, int block) {
         const int bx = block % BLOCK_COLUMNS, by = block / BLOCK_COLUMNS;
-        // Without a branch: every step of a walk asks this.
+        // Without branches: this is evaluated at every step of a traversal.
         return (bx >= column(visit, X0)) & (bx <= column(visit, X1)) & (by >= row(visit, Y0)) & (by <= row(visit, Y1));
     }
-    // The same of blocks that are anywhere, each as a word of the pixels where its points are.
+    // The same for blocks anywhere in the packet, each given as a word of the pixels that contain its points.
     static inline bool meets(unsigned visit, unsigned other) {
         return (column(visit, X0) <= column(other, X1)) & (column(other, X0) <= column(visit, X1)) &
                (row(visit, Y0) <= row(other, Y1)) & (row(other, Y0) <= row(visit, Y1));
@@ -42,7 +42,7 @@ struct Visit {
 static_assert(BLOCK_COLUMNS <= 1 << Visit::COLUMN_BITS && BLOCK_ROWS <= 1 << Visit::ROW_BITS,
               "a word holds all blocks");
 
-// The pixels of a packet that a child may cover, in a word.
+// The rectangle of a packet's pixels that a child may cover, in a word.
 struct PixelRect {
     enum { BITS = 5, MASK = (1 << BITS) - 1, ANYWHERE = 1 << 4 * BITS };
 
@@ -53,21 +53,21 @@ struct PixelRect {
     static inline int y0(unsigned rect) { return rect >> BITS & MASK; }
     static inline int columns(unsigned rect) { return (rect >> 2 * BITS & MASK) + 1; }
     static inline int rows(unsigned rect) { return (rect >> 3 * BITS & MASK) + 1; }
-    // Of what is all in front of the camera, and no larger than a block, or, since objects that move are small trees of
-    // which most is seen at once, than a few blocks.
+    // A small rectangle is entirely in front of the camera and no larger than a block or, since movable objects are
+    // small trees of which most is visible at once, than a few blocks.
     enum { SMALL_COLUMNS = MOVABLE ? 16 : BLOCK_WIDTH, SMALL_ROWS = MOVABLE ? 16 : BLOCK_HEIGHT };
     static inline bool small(unsigned rect) {
         return columns(rect) <= SMALL_COLUMNS && rows(rect) <= SMALL_ROWS && !(rect & ANYWHERE);
     }
-    // Whether there are no more of them than one lane looks at: four in a row, or 2x2.
-    // Of points, nobody knows which are there.
+    // Whether there are few enough for one lane: up to four in a row, or 2x2. Always false for points, whose positions
+    // are unknown here.
     static inline bool few(unsigned rect) {
         return !POINTS && columns(rect) <= (rows(rect) == 1 ? 4 : 2) && rows(rect) <= 2;
     }
 };
 static_assert(PACKET_WIDTH <= 1 << PixelRect::BITS && PACKET_HEIGHT <= 1 << PixelRect::BITS, "a word holds a packet");
 
-// They are at these places, some of which may be the same.
+// Coordinates of these pixels; some may be repeated.
 struct FewPixels {
     int x[4], y[4];
 
@@ -78,7 +78,7 @@ struct FewPixels {
     }
 };
 
-// What a lane holds of one child of a node, when it is opened.
+// One child of an opened node, per lane.
 struct Child {
     unsigned visit, pixels;
 };

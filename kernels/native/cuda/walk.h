@@ -1,17 +1,16 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A packet's way down the BVH: nearest first, past what is outside of it, faces away, or is hidden behind what
-// has been drawn.
+// Traversal of the BVH by a packet, front to back, with frustum culling, back-face culling and occlusion culling by the
+// packet's z-buffer.
 
-// How much rounding of a radius may be wrong.
+// Factor that covers the rounding error of a radius.
 constexpr float WIDER = 1.0001f;
 
 struct Walk {
-    enum { FEW_CELLS = 4 };  // of points, that a lane looks at
+    enum { FEW_CELLS = 4 };  // greatest number of cells whose points a lane tests
 
-    // Where a walk goes on when a node's child is done: what is left of the nodes above. Which children those are is
-    // read again.
+    // State of a node while one of its children is traversed: its remaining visits. The children are read again.
     struct Level {
         unsigned visit[LANES];
         int node;
@@ -31,22 +30,23 @@ struct Walk {
         return __ldg(bvh.children + (long long)node * LANES + Warp::lane());
     }
 
-    // All triangles of the child face away: the directions from the camera to anywhere in its box make less than a
-    // right angle with every normal in the cone.
+    // Whether all triangles of the child face away: the directions from the camera to all points of its box form acute
+    // angles with every normal in the cone.
     static inline bool faces_away(const Origins& origins, Vec3 axis, float cutoff, Vec3 low, Vec3 high) {
         const Vec3 sum = Vec3::plus(low, high), size = Vec3::minus(high, low);
-        // Both sides twice what they are: of the centre, and of half the diagonal.
+        // Both sides are doubled: twice the center and twice half the diagonal.
         return Vec3::dot(sum, axis) >=
                origins.past(cutoff * Root::about(Vec3::dot(sum, sum)) + WIDER * Root::about(Vec3::dot(size, size)));
     }
 
-    // How far along a direction a box reaches.
+    // Greatest coordinate of a box along a direction.
     static inline float farthest_along(Vec3 direction, Vec3 low, Vec3 high) {
         return fmaxf(direction.x * low.x, direction.x * high.x) + fmaxf(direction.y * low.y, direction.y * high.y) +
                fmaxf(direction.z * low.z, direction.z * high.z);
     }
 
-    // Whether a box reaches into the pyramid of some pixels from one at (u, v) on, or so near it, by its five planes.
+    // Whether a box intersects the frustum of a rectangle of pixels whose first one is at (u, v), widened by `aside`;
+    // tests its five planes.
     static inline bool reaches_frustum(const Vec3* to_camera, float u, float v, float columns, float rows, Vec3 low,
                                        Vec3 high, ImagePoint aside) {
         const Vec3 x = to_camera[0], y = to_camera[1], z = to_camera[2];
@@ -61,12 +61,12 @@ struct Walk {
         return Vec3{of_z * z.x + of_x * x.x, of_z * z.y + of_x * x.y, of_z * z.z + of_x * x.z};
     }
 
-    // A box in the image, in pixels from the principal point.
+    // Bounds of a box in the image, in pixels from the principal point.
     struct ScreenBounds {
         float left, right, top, bottom;
         float zmin, zmax;
-        float slack;  // how much rounding may be wrong
-        bool crossing;  // comes so near to the camera, or behind it, that it may be anywhere
+        float slack;  // margin for rounding
+        bool crossing;  // reaches so close to the camera, or behind it, that it may cover any part of the image
 
         static inline ScreenBounds of(const Vec3* m, Vec3 low, Vec3 high, float blur, bool shown) {
             const Vec3 middle = half_of(Vec3::plus(low, high)), half = half_of(Vec3::minus(high, low));
@@ -81,7 +81,8 @@ struct Walk {
                 p.slack = BOX_SLACK + BOX_SLACK_BLURS * blur;
                 return p;
             }
-            // x - u z is 0 in the middle of the box where u is the middle's, and linear.
+            // With u of the box's center, x - u z is linear and 0 at the center, so its extent divided by the least z
+            // bounds the box's extent in the image.
             const float inv_z = Reciprocal::about(z), inv_zmin = Reciprocal::about(p.zmin);
             const float u = x * inv_z, v = y * inv_z;
             const float aside = across(combined(m[0], m[2], -u), half) * inv_zmin;
@@ -92,13 +93,13 @@ struct Walk {
         inline void widen(ImagePoint by) { left -= by.u, right += by.u, top -= by.v, bottom += by.v; }
         inline float nearest_inv_z() const { return crossing ? NOWHERE : NEARER * Reciprocal::about(zmin); }
 
-        // Whole numbers of pixels.
+        // Integer pixel coordinates.
         struct Pixels {
             float left, right, top, bottom;
 
             inline bool some() const { return left <= right && top <= bottom; }
         };
-        // Those whose centres may be inside, from the one that is at (u, v) to the last one.
+        // Pixels whose centers may be inside; the first pixel is at (u, v).
         inline Pixels pixels(float u, float v, float last_x, float last_y) const {
             return Pixels{fmaxf(crossing ? 0.0f : ceilf(left - u - slack), 0.0f),
                           fminf(crossing ? last_x : floorf(right - u + slack), last_x),
@@ -107,14 +108,14 @@ struct Walk {
         }
         static inline Vec3 half_of(Vec3 v) { return Vec3{0.5f * v.x, 0.5f * v.y, 0.5f * v.z}; }
         static inline Vec3 magnitude(Vec3 v) { return Vec3{fabsf(v.x), fabsf(v.y), fabsf(v.z)}; }
-        // How far a box reaches from its middle, along a direction.
+        // Half extent of a box along a direction.
         static inline float across(Vec3 direction, Vec3 half) { return Vec3::dot(magnitude(direction), half); }
         static inline Vec3 combined(Vec3 a, Vec3 b, float of_b) {
             return Vec3{__fmaf_rn(of_b, b.x, a.x), __fmaf_rn(of_b, b.y, a.y), __fmaf_rn(of_b, b.z, a.z)};
         }
 
         inline void set_corners(const Vec3* m, Vec3 low, Vec3 high) {
-            // The eight corners in camera space are sums of one term an axis.
+            // The eight corners in camera space are sums of one term per axis.
             const Vec3 x[2] = {scaled(m, 0, low.x), scaled(m, 0, high.x)};
             const Vec3 y[2] = {scaled(m, 1, low.y), scaled(m, 1, high.y)};
             const Vec3 z[2] = {scaled(m, 2, low.z), scaled(m, 2, high.z)};
@@ -133,12 +134,12 @@ struct Walk {
         }
     };
 
-    // This lane's child of a node, and its visit: 0 if it is not seen. Where nothing but small leaves is seen, `small`
-    // tells which, and there is nothing to visit: they are near to each other, and their order hardly counts.
+    // Open a node: returns the visit of this lane's child, 0 if it is not visible. If only small leaves are visible,
+    // `small` is their mask and nothing is left to visit: they are close together, so their order hardly matters.
     static inline unsigned open(const Bvh& bvh, const Camera& camera, const Packet& packet, int index, int& child,
                                 unsigned& small) {
         const float* node = bvh.nodes + (long long)index * NODE_WORDS + Warp::lane();
-        // All is read before anything of it is used: one wait.
+        // All loads are issued before the first use, so that there is a single wait.
         const Vec3 least = Place::load(node + NODE_LOW_ROW * LANES), most = Place::load(node + NODE_HIGH_ROW * LANES);
         child = child_of(bvh, index);
         Vec3 axis = {0.0f, 0.0f, 0.0f};
@@ -159,7 +160,8 @@ struct Walk {
         return found.visit;
     }
 
-    // Whether all pixels that a child may cover have been drawn nearer. They are few: a lane looks at its own child's.
+    // Whether all pixels that a child may cover show nearer surfaces. There are few: each lane tests those of its own
+    // child.
     static inline bool drawn_over(const Packet& packet, const Child& child) {
         const unsigned nearest = Visit::nearest_inv_z(child.visit);
         const FewPixels few = FewPixels::of(child.pixels);
@@ -167,7 +169,7 @@ struct Walk {
                packet.inv_z_bits(few.x[2], few.y[2]) > nearest && packet.inv_z_bits(few.x[3], few.y[3]) > nearest;
     }
 
-    // The visit of a box, given from the camera in a frame that turns into the camera's by three rows.
+    // The visit of a box, given relative to the camera in a frame whose rotation into camera space has three rows.
     static inline Child visit(const Camera& camera, const Vec3* to_camera, const Packet& packet, Vec3 low, Vec3 high,
                               bool shown) {
         if (!Warp::any(shown)) return Child{0, 0};
@@ -175,7 +177,8 @@ struct Walk {
         ImageBox box = {p.left, p.right, p.top, p.bottom};
         float inv_z = 0.0f;
         if (RAY_ORIGINS) {
-            // Never wider than what is nearest is moved, and the box as much as the others differ from the middle.
+            // The bounds are widened by the displacement at the nearest depth; the box, which is tested at the mean 1 /
+            // z, only by the deviation from the mean.
             const float most = p.nearest_inv_z(), least = Reciprocal::about(p.zmax) * (1.0f / NEARER);
             inv_z = 0.5f * (least + most);
             box.widen(camera.origins.aside_at(0.50001f * (most - least)));
@@ -205,10 +208,10 @@ struct Walk {
         return Child{Visit::of(nearest_inv_z, x0, y0, x1, y1), PixelRect::of(x0, y0, x1, y1)};
     }
 
-    // Blocks that the child may cover and that have not been drawn nearer.
+    // Blocks that the child may cover and that do not show nearer surfaces only.
     static inline bool open_block(const Packet& packet, unsigned visit) {
         const int lane = Warp::lane();
-        // What may be anywhere counts as so near as what there is no block for.
+        // Without the test of the lane, a visit at NOWHERE would match lanes without a block, which are at NOWHERE too.
         const bool met = POINTS ? (lane < SLOT_BLOCKS) & Visit::meets(visit, packet.memory->pixels_of(lane))
                                 : Visit::touches(visit, lane);
         return met && packet.block_min_inv_z <= Visit::nearest_inv_z(visit);
@@ -217,7 +220,7 @@ struct Walk {
         return Warp::ballot(open_block(packet, visit));
     }
     static inline bool hidden(const Packet& packet, unsigned visit) { return !Warp::any(open_block(packet, visit)); }
-    // Whether a ray passes through bounds of a few pixels; of more, one may.
+    // Whether a ray passes through bounds of few pixels; true for more pixels.
     static inline bool meets_rays(const Camera& camera, const Packet& packet, const ImageBox& box, float inv_z) {
         const float rounding = Setup::rounding_of(camera), slack = camera.wider(rounding);
         ImageBox wide = box;
@@ -229,7 +232,7 @@ struct Walk {
         const unsigned pixels = PixelRect::of((int)x0, (int)y0, (int)x1, (int)y1);
         return !PixelRect::few(pixels) || meets_few(camera, packet, pixels, box, inv_z, rounding);
     }
-    // Whether their rays pass through bounds, which are as much wider as what is there is nearer or farther than 1 / z.
+    // Whether a ray of these pixels passes through bounds, which are widened for surfaces nearer or farther than 1 / z.
     static inline bool meets_few(const Camera& camera, const Packet& packet, unsigned pixels, const ImageBox& box,
                                  float inv_z, float rounding) {
         const FewPixels few = FewPixels::of(pixels);
@@ -241,7 +244,8 @@ struct Walk {
         return some;
     }
 
-    // Whether a box of few cells has points in it that are not drawn nearer than 1 / z of some bits; of more, it may.
+    // Whether a box of few cells contains points that do not show surfaces nearer than the given bits of 1 / z; true
+    // for more cells.
     static inline bool shows_points(const Camera& camera, const Packet& packet, const ImageBox& box, float inv_z,
                                     float rounding, unsigned nearest_inv_z) {
         ImageBox wide = box;
@@ -258,7 +262,7 @@ struct Walk {
         return shown;
     }
 
-    // Queue triangles of leaves, until there are enough. The next leaf is read while the lanes look at one.
+    // Queue triangles of leaves until there are enough. The next leaf is loaded while the lanes test one.
     static inline void look_at_leaves(const Bvh& bvh, const Camera& camera, const Packet& packet, int child,
                                       unsigned& lanes, TriangleQueue& queue) {
         const Setup::PacketBounds bounds = Setup::PacketBounds::of(camera, packet.first_x, packet.first_y);
@@ -284,12 +288,12 @@ struct Walk {
         }
     }
 
-    // What a walk keeps in shared memory, but for the levels.
+    // Shared memory of a traversal, except for the levels.
     struct Memory {
         Triangle broadcast;
         unsigned triangles[TriangleQueue::SIZE];
         Doubts doubts;
-        // Where it goes on: `level` is -1 before it begins.
+        // Where to resume: `level` is -1 before the start.
         int level, queued;
         unsigned small;
 
@@ -299,21 +303,21 @@ struct Walk {
         }
     };
 
-    // Draw all that is seen of a bvh. `levels` has room for every level of it.
+    // Rasterize all visible triangles of a BVH. `levels` has one entry for each of its levels.
     static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, Level* levels, Memory& memory) {
         if (Warp::lane() == 0) memory.doubts.count = 0;
         memory.go_on_at(-1, 0, 0);
         for (bool more = true; more;) {
             more = go_on(bvh, camera, packet, levels, memory);
             if (memory.doubts.count == 0) return;
-            // Nothing of the walk is in registers here, which the call would take from it.
+            // At this point no state of the traversal is in registers, which the call would have to save.
             packet.stale_blocks =
                 Exactly::draw(bvh, &camera, packet, &memory.doubts, TriangleQueue::taken(memory.triangles));
             packet.refresh();
         }
     }
 
-    // Draw as many of the triangles that wait as there are lanes.
+    // Rasterize up to LANES of the queued triangles.
     static inline void draw_queued(const Bvh& bvh, const Camera& camera, Packet& packet, TriangleQueue& queue,
                                    Memory& memory) {
         unsigned slot;
@@ -323,15 +327,16 @@ struct Walk {
         packet.refresh();
     }
 
-    // Draw until all is drawn, or so much is in doubt that there may be no room for more. Returns whether it is the
-    // latter.
+    // Traverse until all is rasterized, or so many pixels are uncertain that their memory may overflow. Returns whether
+    // it is the latter.
     static inline bool go_on(const Bvh& bvh, const Camera& camera, Packet& packet, Level* levels, Memory& memory) {
         const int lane = Warp::lane();
         TriangleQueue queue = {memory.triangles, memory.queued};
         int level = memory.level, child = 0;
         unsigned visit = 0, small = memory.small;
-        int node = bvh.root;  // whose children are left
-        bool opened = level >= 0, at_once = false;  // whether it was opened, and whether what is queued must not wait
+        int node = bvh.root;  // whose children are being visited
+        // whether the node was opened, and whether queued triangles must not wait
+        bool opened = level >= 0, at_once = false;
         if (opened) {
             levels[level].get(bvh, visit, node, child);
         } else {
@@ -372,7 +377,7 @@ struct Walk {
             if (index < 0) {
                 const int area = Setup::area(bvh, camera, packet.first_x, packet.first_y, ~index);
                 queue.add(area > 0, ~index * LANES + lane);
-                at_once = Warp::any(area > Raster::SMALL_AREA);  // it may hide what comes next
+                at_once = Warp::any(area > Raster::SMALL_AREA);  // it may occlude what follows
             } else {
                 levels[level].put(visit, node);
                 ++level;
