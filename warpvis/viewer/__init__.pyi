@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-# The public names of warpvis.viewer and where each lives; `lazy_loader` reads this table.
+# The public names of warpvis.viewer and their modules; `lazy_loader` reads this file.
 
 from ._mujoco import MujocoStage as MujocoStage
 from ._rerun import save_rerun as save_rerun

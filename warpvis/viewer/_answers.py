@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the page answers when it is asked: where the robot should go, and what of the floor is seen."""
+"""Results behind the page's buttons: a better pose for the robot, and a map of the visible floor."""
 
 from __future__ import annotations
 
@@ -22,17 +22,20 @@ if TYPE_CHECKING:
     from warpvis.viewer._state import Look, ViewerState
 
 _MAP_CELLS = 160
-"""Cells of a floor map's longer side."""
+"""Number of cells along a floor map's longer side."""
 
 
 def propose(state: ViewerState, look: Look, *, max_distance: float, radius: float) -> Proposal | str:
-    """Find where the first agent should go to see what only the second one sees; or say why nowhere.
+    """Propose a pose of the first agent from which it sees objects that only the second one sees.
 
     Args:
-        state: The scene.
-        look: The situation.
-        max_distance: How far it may go [m].
-        radius: Its radius [m].
+        state: State with the scene.
+        look: The current situation.
+        max_distance: Maximum distance to the pose [m].
+        radius: Radius of the first agent [m].
+
+    Returns:
+        The proposal, or the reason why there is none.
     """
     if len(look.agents) < 2:
         return "There is nobody else who sees anything."
@@ -58,13 +61,13 @@ def propose(state: ViewerState, look: Look, *, max_distance: float, radius: floa
 
 
 def in_words(proposal: Proposal) -> str:
-    """Say what a proposal is."""
+    """Describe a proposal in a sentence."""
     shares = ", ".join(f"{name} {format_percent(share)}" for name, share in proposal.fractions.items())
     return f"{proposal.distance:.2f} m away it would see: {shares}."
 
 
 def map_picture(state: ViewerState, seen: Seen) -> NDArray[np.uint8]:
-    """Draw the floor as an agent's image shows it, from above, the second axis upwards, ``(h, w, 3)``: 2 x 2 a cell."""
+    """Return a floor map of an agent's image, from above, second axis upwards, 2 x 2 pixels per cell, ``(h, w, 3)``."""
     bounds = state.scene.bounds.astype(np.float64)
     sides = np.delete(bounds[1] - bounds[0], check_up(state.scene.up))
     found = floor_map(
@@ -80,7 +83,7 @@ def map_picture(state: ViewerState, seen: Seen) -> NDArray[np.uint8]:
 
 
 def _floor(state: ViewerState) -> float:
-    """Return how high the ground is [m]: its top, or the bottom of all where there is none."""
+    """Return the height of the ground [m]: its highest point, or the scene's lowest one without a ground."""
     vertical = check_up(state.scene.up)
     tops = [item.bounds[1, vertical] for item in state.scene.objects if item.label in state.scene.ground_labels]
     return float(max(tops)) if tops else float(state.scene.bounds[0, vertical])

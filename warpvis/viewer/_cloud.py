@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points of all surfaces, which say who sees them."""
+"""Point cloud of all surfaces, with the agents that see each point."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from warpvis.viewer._stage import Stage
 from warpvis.visibility import Agent, point_visibility
 
 _POINTS = 20_000
-"""About how many points there are."""
+"""Approximate number of points."""
 _MIN_SPACING = 0.005
 _SPARSER = 1.4
-"""How many times as far apart they are on the ground."""
+"""Spacing of points on the ground, relative to other surfaces."""
 
 
 class SurfaceCloud:
-    """Points spread evenly over a stage's surfaces, which move with their objects."""
+    """Points distributed evenly over a stage's surfaces; they move with their objects."""
 
     def __init__(self, stage: Stage, points: int = _POINTS) -> None:
-        """Spread them."""
+        """Sample about `points` points on the surfaces."""
         self.stage = stage
         objects = stage.scene.objects
         ground = [index for index, item in enumerate(objects) if item.label in stage.scene.ground_labels]
@@ -47,7 +47,7 @@ class SurfaceCloud:
         self._own_frames(stage.object_poses)
 
     def _own_frames(self, object_poses: NDArray[np.float64]) -> None:
-        """Bring the points of what moves into the frames of their meshes."""
+        """Transform the points of movable objects to the frames of their meshes."""
         if not self._moving.any():
             return
         frames = poses_to_matrices(object_poses)[self._columns[self._moving]]
@@ -59,7 +59,7 @@ class SurfaceCloud:
         return len(self.points)
 
     def at(self, object_poses: NDArray[np.float64], lift: float = 0.0) -> NDArray[np.float32]:
-        """Return where the points are in the world [m], ``(N, 3)``, `lift` above their surfaces [m]."""
+        """Return the points in the world [m], ``(N, 3)``, offset along their normals by `lift` [m]."""
         lifted = self.points + lift * self.normals
         points = lifted.astype(np.float32)
         if self._moving.any():
@@ -71,7 +71,7 @@ class SurfaceCloud:
     def seen_by(
         self, agent: Agent, object_poses: NDArray[np.float64], points: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """Tell which points an agent sees, ``(N,)``; none of its own body."""
+        """Return which points an agent sees, ``(N,)``; it does not see its own body."""
         seen = np.zeros(len(points), dtype=bool)
         for face in agent.faces:
             found = point_visibility(
@@ -82,13 +82,13 @@ class SurfaceCloud:
                 object_poses=object_poses if len(object_poses) else None,
                 exclude=agent.body or None,
             )
-            seen |= found.numpy()[0] == Visibility.VISIBLE  # type: ignore[union-attr]  # occluders were not asked for
+            seen |= found.numpy()[0] == Visibility.VISIBLE  # type: ignore[union-attr]  # occluders are not requested
         return seen & ~np.isin(self.objects, [self.stage.scene.index(name) for name in agent.body])
 
     def states(
         self, agents: Sequence[Agent], object_poses: NDArray[np.float64], points: NDArray[np.float32]
     ) -> NDArray[np.uint8]:
-        """Return a `State` for every point, ``(N,)``: which of the first two agents see it."""
+        """Return a `State` for each point, ``(N,)``: which of the first two agents see it."""
         states = np.zeros(len(points), dtype=np.uint8)
         for number, agent in enumerate(agents[:2]):
             states += np.uint8(1 + number) * self.seen_by(agent, object_poses, points)
@@ -96,7 +96,7 @@ class SurfaceCloud:
 
 
 def _area(stage: Stage, indices: Sequence[int]) -> float:
-    """Add up the areas of objects' surfaces [m^2]."""
+    """Return the total surface area of objects [m^2]."""
     total = 0.0
     for item in (stage.scene.objects[index] for index in indices):
         vertices, faces = item.vertices.astype(np.float64), item.faces

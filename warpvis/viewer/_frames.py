@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames to play: checked against the scene that they are of, and one of them at a time."""
+"""Frames to play: validation against the scene, and the object poses of a frame."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from warpvis.errors import ArrayError
 
 
 def check_frames(frames: Frames | None, moved: Sequence[str]) -> Frames | None:
-    """Return frames, if they are of a scene with these movable objects.
+    """Return frames if they match a scene with these movable objects.
 
     Raises:
-        ArrayError: They are none, or of another number of objects.
+        ArrayError: If `frames` is not a non-empty `Frames`, or has a different number of objects.
     """
     if frames is None:
         return None
@@ -30,7 +30,7 @@ def check_frames(frames: Frames | None, moved: Sequence[str]) -> Frames | None:
 
 
 def objects_in_frame(frames: Frames, number: int) -> NDArray[np.float32]:
-    """Return where the movable objects are in a frame, ``(M, 7)``; none where they stay where they were added."""
+    """Return the poses of the movable objects in a frame, ``(M, 7)``; ``(0, 7)`` if they keep their initial poses."""
     if frames.object_poses is None:
         return np.zeros((0, 7), dtype=np.float32)
     world = number if len(frames.object_poses) > 1 else 0

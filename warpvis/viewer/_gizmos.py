@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Handles that a user drags: at the agents' eyes, level with the ground, and on the objects that may be moved."""
+"""Handles that a user drags: level handles at the agents' eyes, and handles on movable objects."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _AGENT_SIZE, _MIN_SIZE, _MAX_SIZE = 0.4, 0.3, 0.6
 
 
 class Gizmos:
-    """All handles of a page. `dragged` is called after the state was told where something is."""
+    """All handles of a page. `dragged` is called after the state is updated with a handle's pose."""
 
     def __init__(self, scene: SceneApi, state: ViewerState, dragged: Callable[[], None]) -> None:
-        """Add them to the page."""
+        """Add the handles to the page."""
         self._state, self._dragged = state, dragged
         self.agents = {name: self._add_agent(scene, name) for name in state.agents}
         self.objects = {name: self._add_object(scene, name) for name in state.stage.handles}
@@ -34,7 +34,7 @@ class Gizmos:
 
     @property
     def visible(self) -> bool:
-        """Whether they are shown."""
+        """Whether the handles are shown."""
         return all(gizmo.visible for gizmo in (*self.agents.values(), *self.objects.values()))
 
     @visible.setter
@@ -43,7 +43,7 @@ class Gizmos:
             gizmo.visible = visible
 
     def follow(self) -> None:
-        """Go where agents and objects are, after they were moved in another way."""
+        """Move the handles to the agents and objects after these were moved in another way."""
         for name, gizmo in self.agents.items():
             eyes = poses_to_matrices(self._state.agents[name].poses)[0]
             handle = level_frame(eyes, check_up(self._state.scene.up))
@@ -79,15 +79,15 @@ class Gizmos:
 
 
 def level_frame(eyes: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    """Return the frame at a camera whose axes are ahead along the ground, to the left and up.
+    """Return the frame at a camera's position with axes forward along the ground, left and up.
 
     Args:
-        eyes: Camera to world, OpenCV's axes, ``(4, 4)``.
+        eyes: Camera to world, OpenCV axes, ``(4, 4)``.
         vertical: Index of the world's vertical axis.
     """
     up = np.eye(3)[vertical]
     ahead = eyes[:3, 2] - up * eyes[vertical, 2]
-    if np.linalg.norm(ahead) < 1e-6:  # it looks straight down or up: its image's top is ahead, or behind
+    if np.linalg.norm(ahead) < 1e-6:  # straight down or up: use the image's up or down direction
         ahead = -eyes[:3, 1] * np.sign(-eyes[vertical, 2])
         ahead = ahead - up * ahead[vertical]
     ahead = ahead / np.linalg.norm(ahead)
@@ -98,6 +98,6 @@ def level_frame(eyes: NDArray[np.float64], vertical: int) -> NDArray[np.float64]
 
 
 def _pose(gizmo: Any) -> NDArray[np.float64]:
-    """Return where a handle is, row ``x y z qx qy qz qw`` with a quaternion of unit length."""
+    """Return a handle's pose as a row ``x y z qx qy qz qw`` with a unit quaternion."""
     w, x, y, z = np.asarray(gizmo.wxyz, dtype=np.float64) / np.linalg.norm(gizmo.wxyz)
     return np.array([*gizmo.position, x, y, z, w], dtype=np.float64)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""One file that shows what a page shows, opened from disk: the 3D picture to turn about, the table and the images."""
+"""Export of a page to one HTML file with the interactive 3D view, the table and the images."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from warpvis.viewer._state import Look
 from warpvis.viewer._tables import legend_html, table_html
 
 _WIDE = 700
-"""Pages narrower than this begin with the panel closed [px]."""
+"""On pages narrower than this, the panel is initially closed [px]."""
 
 
 def write_page(page: Page, path: str | os.PathLike[str], title: str) -> None:
-    """Write a page as it is now, without its handles, which would move nothing.
+    """Write the current page to a file, without handles, which have no effect there.
 
     Raises:
-        FileFormatError: The file cannot be written.
+        FileFormatError: If the file cannot be written.
     """
     check_text(title, "title")
     file = as_path(path)
-    assert page.look is not None  # a page shows one from the beginning
+    assert page.look is not None  # set by the constructor of `Page`
     shown = page.gizmos.visible
     page.gizmos.visible = False
     try:
@@ -50,7 +50,7 @@ def write_page(page: Page, path: str | os.PathLike[str], title: str) -> None:
 
 
 def _panel(look: Look, title: str, dark: bool) -> str:
-    """Write the table and the images, which open and close, for the page's right border."""
+    """Return the HTML of a collapsible panel with the table and the images, at the page's right border."""
     paper, ink = ("#1b1b1b", "#ddd") if dark else ("#fff", "#111")
     images = "".join(
         f'<figure style="margin:0.6em"><figcaption style="font-size:0.8em">{escape(agent.name)} sees</figcaption>'

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A MuJoCo model as a stage: an object for each body, moved by joints."""
+"""A MuJoCo model as a stage: each body is an object, moved by joints."""
 
 from __future__ import annotations
 
@@ -34,35 +34,36 @@ _PICTURE = (320, 240)
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint with one number."""
+    """A joint with one degree of freedom."""
 
     name: str
     low: float
-    """Its least value [rad] or [m]."""
+    """Minimum value [rad] or [m]."""
     high: float
-    """Its greatest one."""
+    """Maximum value [rad] or [m]."""
     address: int
-    """Where its value is in qpos."""
+    """Index of its value in qpos."""
 
 
 class MujocoStage:
-    """A model's geoms, of which those of one body are one object, and where its joints put them.
+    """A MuJoCo model as a scene in which the geoms of a body form one object, moved by the model's joints.
 
-    What hangs on a body that moves freely is an object, what else has joints is a robot, unless labels say otherwise.
+    Unless labels are given, bodies in a kinematic tree with a free root are labeled as objects, and other bodies with
+    joints as robots.
     """
 
     def __init__(
         self, model: mujoco.MjModel, data: mujoco.MjData | None = None, *, labels: LabelInput | None = None
     ) -> None:
-        """Make a stage of a model.
+        """Create a stage from a model.
 
         Args:
             model: The model.
-            data: Where its joints are at the beginning; by default at its first keyframe, if it has one.
+            data: Initial joint positions; by default those of the model's first keyframe, if it has one.
             labels: Labels by name or pattern of geoms or bodies, as for `warpvis.mujoco.scene_from_mujoco`.
 
         Raises:
-            SceneError: An argument is not what it has to be.
+            SceneError: If an argument is invalid.
         """
         import mujoco
 
@@ -89,11 +90,11 @@ class MujocoStage:
         self._patterns = list(LabelRules.of(labels).labels)
         self.joints = self._one_number_joints()
         self._free: dict[str, tuple[int, NDArray[np.float64]]] = {}
-        """Of each object that moves freely, where its qpos begins, and body to object, ``(4, 4)``."""
+        """For each object with a free joint: the index of its first qpos value, and object to body, ``(4, 4)``."""
         self.stage = self._build()
 
     def set_joint(self, name: str, value: float) -> None:
-        """Put a joint at a value [rad] or [m]."""
+        """Set a joint's value [rad] or [m]."""
         self.data.qpos[self._joint(name).address] = value
         self._move()
 
@@ -102,36 +103,36 @@ class MujocoStage:
         return float(self.data.qpos[self._joint(name).address])
 
     def can_place(self, name: str) -> bool:
-        """Whether an object moves freely."""
+        """Return whether an object has a free joint."""
         return name in self._free
 
     def place(self, name: str, row: NDArray[np.float64]) -> None:
-        """Put an object that moves freely at a row ``x y z qx qy qz qw``, with all that hangs on it."""
+        """Set the pose of an object with a free joint, a row ``x y z qx qy qz qw``; attached bodies follow."""
         address, inside = self._free[name]
         body = poses_to_opencv((poses_to_matrices(row[None])[0] @ np.linalg.inv(inside))[None])[0]
         self.data.qpos[address : address + 7] = body[[0, 1, 2, 6, 3, 4, 5]]
         self._move()
 
     def reset(self) -> None:
-        """Put all joints where they began."""
+        """Reset all joints to their initial positions."""
         self.data.qpos[:] = self._start
         self._move()
 
     def object_poses(self) -> NDArray[np.float64]:
-        """Return where the movable objects are, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
+        """Return the poses of the movable objects, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
         from warpvis.mujoco import geom_poses
 
         return geom_poses(self.data, self._found).astype(np.float64).reshape(-1, 7)
 
     def cameras(self) -> list[str]:
-        """List the names of the model's cameras."""
+        """Return the names of the model's cameras."""
         return [self.model.camera(index).name for index in range(self.model.ncam)]
 
     def agent(self, name: str, camera: str) -> Agent:
-        """Make an agent of one of the model's cameras.
+        """Create an agent from one of the model's cameras.
 
         Raises:
-            SceneError: The model has no such camera.
+            SceneError: If the model has no such camera.
         """
         if not isinstance(camera, str) or camera not in self.cameras():
             raise SceneError(f"the model has no camera {camera!r}; it has {', '.join(self.cameras()) or 'none'}")
@@ -139,7 +140,7 @@ class MujocoStage:
         return Agent(name, lens, pose)
 
     def eyes(self, name: str) -> tuple[Camera, NDArray[np.float64]]:
-        """Return one of the model's cameras, 320 x 240 pixels, and where it is now, ``(7,)``."""
+        """Return one of the model's cameras, with 320 x 240 pixels, and its current pose, ``(7,)``."""
         from warpvis.mujoco import camera_poses
 
         index = self.model.camera(name).id
@@ -174,7 +175,7 @@ class MujocoStage:
         return found
 
     def _build(self) -> Stage:
-        """Join the geoms of each body."""
+        """Build the stage, with the geoms of each body joined to one object."""
         items = list(self._found.scene.objects)
         moving, staying = defaultdict(list), defaultdict(list)
         for index, item in enumerate(items):
@@ -207,7 +208,7 @@ class MujocoStage:
         return SceneObject.placed(name, label, _joined(meshes), item.pose)  # type: ignore[arg-type]  # likewise
 
     def _note_free(self, name: str, body: int, root: int) -> None:
-        """Remember an object whose own body moves freely."""
+        """Record the object of a body with a free joint."""
         import mujoco
 
         joint = int(self.model.body_jntadr[body])
@@ -220,14 +221,14 @@ class MujocoStage:
         self._free[name] = (int(self.model.jnt_qposadr[joint]), np.linalg.inv(frame) @ placed)
 
     def _group(self, index: int, item: SceneObject) -> tuple[str, int]:
-        """Choose what a geom that stays is joined with: the geoms of its body, where it has no name of its own."""
+        """Return the name and label by which static geoms are joined: the name of the body, or of a world's geom."""
         body = self._body(index)
         if body == 0 and not fnmatch.fnmatchcase(item.name, _UNNAMED):
             return item.name, item.label
         return self.model.body(body).name.rstrip("/") or item.name, item.label
 
     def _body(self, index: int) -> int:
-        """Return the body that a geom moves with."""
+        """Return the body that a geom moves with, through welds."""
         body = int(self.model.geom_bodyid[self._found.geom_ids[index]])
         return int(self.model.body_weldid[body]) or body
 
@@ -239,14 +240,14 @@ class MujocoStage:
         return joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
 
     def _is_said(self, index: int) -> bool:
-        """Whether the labels that were given name an object or its body."""
+        """Return whether the given labels match the name of an object or its body."""
         body = self.model.geom_bodyid[self._found.geom_ids[index]]
         words = (self._found.scene.objects[index].name, self.model.body(body).name)
         return any(fnmatch.fnmatchcase(word, pattern) for word in words for pattern in self._patterns)
 
 
 def as_mujoco_stage(scene: object) -> MujocoStage | None:
-    """Make a stage of a MuJoCo model; None of anything else. MuJoCo is imported only if it is one."""
+    """Return the stage of a MuJoCo model, or None for other scenes. Import MuJoCo only for a model."""
     if type(scene).__module__.partition(".")[0] != "mujoco":
         return None
     import mujoco
@@ -257,10 +258,10 @@ def as_mujoco_stage(scene: object) -> MujocoStage | None:
 def _joined(
     meshes: Iterable[tuple[NDArray[np.float32] | None, NDArray[np.int32]]],
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Make one mesh of several in one frame."""
+    """Concatenate meshes in the same frame."""
     vertices, faces, count = [], [], 0
     for corners, triangles in meshes:
-        assert corners is not None  # all of them move, or none
+        assert corners is not None  # all meshes of a group are movable, or none is
         vertices.append(corners)
         faces.append(triangles + count)
         count += len(corners)
@@ -268,7 +269,7 @@ def _joined(
 
 
 def _free_name(name: str, taken: set[str]) -> str:
-    """Return a name that no other object has, and take it."""
+    """Return a unique name, with a numeric suffix if necessary, and add it to `taken`."""
     free, number = name, 1
     while free in taken:
         free, number = f"{name}_{number}", number + 1

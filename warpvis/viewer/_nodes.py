@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in the page's 3D picture: meshes, agents, and the cloud."""
+"""Nodes of the page's 3D view: meshes, agents, the point cloud, lines of sight and the proposal."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from warpvis.viewer._state import Look, ViewerState
 
 AGENT_COLORS = (STATE_COLORS[State.FIRST], STATE_COLORS[State.SECOND])
-"""Colours of the first agent and of the second, which those of "this one only" are, too."""
+"""Colors of the first and the second agent, the same as those of objects that only this agent sees."""
 
 _FRUSTUM_SIZE, _FIELD_SIZE = 0.28, 0.45
 _ARC = 24
 _HIDDEN = (150, 150, 150)
 _DARK_GROUND = (52, 52, 56)
 _POINT_SIZE = 0.32
-"""Of a point, in spacings."""
+"""Size of a point, relative to the spacing of points."""
 
 
 class Meshes:
-    """The scene's objects. Those that share a mesh are sent once; what moves hangs on a frame of its own."""
+    """Meshes of the scene's objects. Shared meshes are sent once; movable objects are children of frames."""
 
     def __init__(self, scene: SceneApi, state: ViewerState, *, dark: bool = False) -> None:
-        """Add them to the page."""
+        """Add the meshes to the page."""
         self._state, self._dark = state, dark
         self._colors = self._all_colors({})
         self._frames = [
@@ -55,7 +55,7 @@ class Meshes:
                 self._add_mesh(scene, indices[0])
 
     def _all_colors(self, states: dict[str, State]) -> NDArray[np.uint8]:
-        """Return the colour of every object; on a dark page the ground is dark."""
+        """Return the color of every object; on a dark page, the ground is dark."""
         colors = self._state.colors(states)
         if self._dark:
             ground = self._state.scene.ground_labels
@@ -83,7 +83,7 @@ class Meshes:
     def _add_batch(self, scene: SceneApi, indices: NDArray[np.int64]) -> None:
         items = [self._state.scene.objects[index] for index in indices]
         mesh = items[0].shared_mesh
-        assert mesh is not None  # they share it
+        assert mesh is not None  # only objects with a shared mesh are batched
         places = np.array([item.place for item in items], dtype=np.float64)
         batch = scene.add_batched_meshes_simple(
             f"/objects/{indices[0]}",
@@ -101,7 +101,7 @@ class Meshes:
 
     @property
     def visible(self) -> bool:
-        """Whether they are shown."""
+        """Whether the meshes are shown."""
         return all(node.visible for node in self._nodes())
 
     @visible.setter
@@ -113,7 +113,7 @@ class Meshes:
         return [*self._meshes.values(), *(batch for batch, _ in self._batches)]
 
     def show(self, look: Look) -> None:
-        """Put them where they are, in the colours of who sees them."""
+        """Update poses and colors, which show which agents see each object."""
         for frame, pose in zip(self._frames, look.object_poses, strict=True):
             place(frame, pose)
         colors = self._all_colors(look.object_states)
@@ -127,10 +127,10 @@ class Meshes:
 
 
 class AgentMark:
-    """An agent's view: a frustum with its picture, or of a wide field its borders and what it attends to."""
+    """An agent's view: a frustum with its image, or the borders of a wide field and the frustum of attention."""
 
     def __init__(self, scene: SceneApi, agent: Agent, color: tuple[int, int, int]) -> None:
-        """Add it to the page."""
+        """Add the mark to the page."""
         self._path, self._color = f"/agents/{agent.name}", color
         self._scene = scene
         self.frame = scene.add_frame(self._path, show_axes=False)
@@ -139,7 +139,7 @@ class AgentMark:
         self._frustum: Any = None
 
     def show(self, agent: Agent, picture: NDArray[np.uint8]) -> None:
-        """Put it where the agent is, with what it sees."""
+        """Update the pose and the image."""
         place(self.frame, agent.poses[0])
         if agent.camera != self._camera:
             self._draw(agent)
@@ -173,10 +173,10 @@ class AgentMark:
 
 
 class CloudNode:
-    """The cloud of points."""
+    """The point cloud."""
 
     def __init__(self, scene: SceneApi, state: ViewerState) -> None:
-        """Add it to the page, empty."""
+        """Add an empty cloud to the page."""
         self._points = np.zeros((0, 3), dtype=np.float32)
         self.node = scene.add_point_cloud(
             "/cloud",
@@ -189,24 +189,24 @@ class CloudNode:
         )
 
     def show(self, look: Look) -> None:
-        """Show the points in their colours; only what changed is sent."""
+        """Update points and colors; points are sent only if they changed."""
         if not np.array_equal(look.points, self._points):
             self.node.points = self._points = look.points
         self.node.colors = look.point_colors
 
 
 class SightNode:
-    """Lines from eyes to what is hidden: as far as they see in the agent's colour, and on in grey."""
+    """Lines from agents to hidden objects: in the agent's color up to the occluder, gray behind it."""
 
     def __init__(self, scene: SceneApi, names: Sequence[str]) -> None:
-        """Add it to the page, empty."""
+        """Store the agents' names and colors."""
         self._scene, self._colors = scene, dict(zip(names, AGENT_COLORS, strict=False))
         self._node: Any = None
         self._segments = np.zeros((0, 2, 3))
         self.visible = True
 
     def show(self, look: Look) -> None:
-        """Show the lines."""
+        """Update the lines."""
         lines = look.lines if self.visible else ()
         segments = np.array([part for line in lines for part in ((line.eye, line.stop), (line.stop, line.target))])
         if np.array_equal(segments, self._segments):
@@ -223,15 +223,15 @@ class SightNode:
 
 
 class ProposalMark:
-    """The frustum of a camera at a pose that was proposed."""
+    """The frustum of a camera at the proposed pose."""
 
     def __init__(self, scene: SceneApi) -> None:
-        """Show nothing yet."""
+        """Start without a frustum."""
         self._scene = scene
         self.node: Any = None
 
     def show(self, camera: Camera, pose: NDArray[np.float64]) -> None:
-        """Show it at a pose, row ``x y z qx qy qz qw``."""
+        """Show the frustum at a pose, row ``x y z qx qy qz qw``."""
         self.clear()
         aspect = (camera.width / camera.fx) / (camera.height / camera.fy)
         self.node = self._scene.add_camera_frustum(
@@ -245,14 +245,14 @@ class ProposalMark:
         place(self.node, pose)
 
     def clear(self) -> None:
-        """Show nothing."""
+        """Remove the frustum."""
         if self.node is not None:
             self.node.remove()
             self.node = None
 
 
 def place(node: Any, pose: NDArray[np.floating]) -> None:
-    """Put a node at a pose, row ``x y z qx qy qz qw``; nothing is sent if it is there already."""
+    """Set the pose of a node, row ``x y z qx qy qz qw``; send only changes."""
     position, wxyz = pose[:3], pose[[6, 3, 4, 5]]
     if not np.array_equal(position, node.position):
         node.position = position
@@ -261,7 +261,7 @@ def place(node: Any, pose: NDArray[np.floating]) -> None:
 
 
 def _borders(field: FieldOfView) -> NDArray[np.float64]:
-    """Draw a wide field's width and height as two arcs with spokes, segments of the OpenCV frame, ``(n, 2, 3)``."""
+    """Return two arcs with spokes for the width and height of a field, segments in the OpenCV frame, ``(n, 2, 3)``."""
     half = min(field.hfov / 2, math.pi)
     sides = np.linspace(-half, half, _ARC + 1)
     level = np.stack([np.sin(sides), np.zeros_like(sides), np.cos(sides)], axis=1)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page: a viser server that shows a state, and computes it again whenever something is moved."""
+"""The page: a viser server that shows a state, and recomputes it whenever something moves."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ _BRAND = (0, 114, 178)
 
 
 class Page:
-    """Everything that a browser is shown of one state."""
+    """All elements of a browser page for one state."""
 
     def __init__(self, server: ViserServer, state: ViewerState, *, dark: bool = False) -> None:
-        """Fill the page, and begin to follow the state."""
+        """Create the elements and start the thread that updates them."""
         self.server, self.state, self.dark = server, state, dark
         self.look: Look | None = None
-        """What is shown now."""
+        """The snapshot that is shown."""
         self.updates = 0
-        """How many times it was computed."""
+        """Number of updates since the start."""
         self.proposed: Proposal | None = None
-        """Where the first agent should go."""
+        """Current proposal for the first agent's pose."""
         self._times: deque[float] = deque(maxlen=_RATE_OVER)
         self._wanted, self._shown = threading.Event(), threading.Condition()
         self._asked, self._done, self._closed = 0, 0, False
@@ -64,7 +64,11 @@ class Page:
         self.update(wait=True)
 
     def update(self, *, wait: bool = False) -> None:
-        """Have everything computed again; moves that come meanwhile are taken together."""
+        """Request an update; requests during an update are merged into one.
+
+        Args:
+            wait: Whether to wait until the update is shown.
+        """
         with self._shown:
             self._asked += 1
             asked = self._asked
@@ -74,26 +78,26 @@ class Page:
                 self._shown.wait_for(lambda: self._done >= asked or self._closed)
 
     def act(self, change: Callable[[], None]) -> None:
-        """Change the state, put the handles where things are then, and show it."""
+        """Change the state, move the handles accordingly, and update the page."""
         change()
         self.gizmos.follow()
         self.update()
 
     def propose(self) -> tuple[str, bool]:
-        """Show where the first agent should go; say it, and whether there is such a place."""
-        assert self.look is not None  # a page shows one from the beginning
+        """Show the proposed pose of the first agent; return its description and whether there is a proposal."""
+        assert self.look is not None  # set by the constructor
         found = propose(self.state, self.look, max_distance=_MAX_WAY, radius=_RADIUS)
         self.proposed = None if isinstance(found, str) else found
         if isinstance(found, str):
             self.proposal.clear()
             return found, False
         camera = self.look.agents[0].camera
-        assert isinstance(camera, Camera)  # else nothing is proposed
+        assert isinstance(camera, Camera)  # required for a proposal
         self.proposal.show(camera, found.pose)
         return in_words(found), True
 
     def go_there(self) -> None:
-        """Put the first agent where it should go."""
+        """Move the first agent to the proposed pose."""
         if self.proposed is not None:
             name, pose = next(iter(self.state.agents)), self.proposed.pose
             self.act(lambda: self.state.move_agent(name, pose))
@@ -101,7 +105,7 @@ class Page:
             self.proposed = None
 
     def close(self) -> None:
-        """Stop following the state."""
+        """Stop the thread that updates the page."""
         self._closed = True
         self._wanted.set()
         self._worker.join()
@@ -137,13 +141,13 @@ class Page:
         self.updates += 1
 
     def _rate(self) -> float:
-        """Return how many updates a second there are while something moves; 0 if that is not known."""
+        """Return the rate of updates during motion [1/s]; 0 if unknown."""
         recent = [later - earlier for earlier, later in zip(self._times, list(self._times)[1:], strict=False)]
         recent = [step for step in recent if step < 1]
         return len(recent) / sum(recent) if recent else 0.0
 
     def _set_view(self) -> None:
-        """Look at the scene from above and behind the first agent."""
+        """Set the initial view, from above and behind the first agent."""
         scene = self.server.scene
         vertical = check_up(self.state.scene.up)
         scene.set_up_direction("+z" if vertical == 2 else "+y")

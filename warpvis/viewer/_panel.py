@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page's panel: the table, what each agent sees, sliders and buttons."""
+"""The page's panel: the table, the agents' images, sliders and buttons."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from warpvis.viewer._state import Look, ViewerState
 
 Act = Callable[[Callable[[], None]], None]
-"""Calls what changes the state, and has it shown."""
+"""Function that calls its argument, which changes the state, and updates the page."""
 
 
 class Asked(Protocol):
-    """What answers the page's buttons."""
+    """Actions of the page's buttons."""
 
     def propose(self) -> tuple[str, bool]:
-        """Show where the first agent should go; say it, and whether there is such a place."""
+        """Show the proposed pose of the first agent; return its description and whether there is a proposal."""
 
     def go_there(self) -> None:
-        """Put it there."""
+        """Move the first agent to the proposed pose."""
 
 
 _PICTURES = {"depth": "depth", "who sees it": "objects"}
@@ -43,11 +43,11 @@ _CLOUDS = {"who sees it": "who", "labels of the depth image": "labels", "no poin
 _MAX_HEIGHT, _MIN_FAR, _MAX_FAR = 3.0, 0.5, 20.0
 _JPEG = 85
 _STEP = (0.05, 1.0)
-"""Least and most time between two frames that are played [s]."""
+"""Minimum and maximum time between two played frames [s]."""
 
 
 class Panel:
-    """The elements beside the 3D picture, in the order in which they stand there."""
+    """The elements of the panel next to the 3D view, created in their order on the page."""
 
     def __init__(
         self,
@@ -58,15 +58,15 @@ class Panel:
         shown: Mapping[str, Any],
         asked: Asked,
     ) -> None:
-        """Add them to the page.
+        """Add the elements to the page.
 
         Args:
             gui: The page's panel.
-            state: What is shown.
-            update: Has it computed and shown again.
-            act: Calls what changes it, and has it shown.
-            shown: What may be hidden, by name: `visible` of each says whether it is.
-            asked: Answers what buttons ask.
+            state: The state that is shown.
+            update: Function that updates the page.
+            act: Function that calls a function that changes the state, and updates the page.
+            shown: Nodes of the 3D view that can be hidden through their attribute `visible`, by name.
+            asked: Actions of the buttons.
         """
         self._gui, self._state, self._update, self._act = gui, state, update, act
         self._asked = asked
@@ -87,7 +87,7 @@ class Panel:
         self.status = gui.add_html("")
 
     def show(self, look: Look, rate: float) -> None:
-        """Show a look."""
+        """Update the panel."""
         self.table.content = table_html(look)
         self.status.content = status_html(look, rate)
         for agent, picture in zip(look.agents, look.pictures, strict=True):
@@ -96,7 +96,7 @@ class Panel:
             self.map.image = map_picture(self._state, look.views[0])
 
     def say(self, text: str) -> None:
-        """Show a sentence at the top; none for an empty one."""
+        """Show a message at the top; hide it if it is empty."""
         self.message.content, self.message.visible = text, bool(text)
 
     def _add_buttons(self) -> None:
@@ -126,7 +126,7 @@ class Panel:
                 self._follow(name)
             model = self._state.model
             for joint in [] if model is None else model.joints:
-                assert model is not None  # it has joints
+                assert model is not None  # implied by the loop over its joints
                 self.sliders[f"joint {joint.name}"].value = model.value(joint.name)
 
     def _add_choices(self, shown: Mapping[str, Any]) -> None:
@@ -150,16 +150,16 @@ class Panel:
 
         @cloud.on_update
         def _(_: object) -> None:
-            state.cloud_kind = _CLOUDS[cloud.value]  # type: ignore[assignment]  # one of its words
+            state.cloud_kind = _CLOUDS[cloud.value]  # type: ignore[assignment]  # a literal
             self._update()
 
         @picture.on_update
         def _(_: object) -> None:
-            state.picture_kind = _PICTURES[picture.value]  # type: ignore[assignment]  # likewise
+            state.picture_kind = _PICTURES[picture.value]  # type: ignore[assignment]  # a literal
             self._update()
 
     def _add_switch(self, name: str, nodes: Any) -> None:
-        """Add a box that hides some of the 3D picture."""
+        """Add a checkbox that shows or hides nodes of the 3D view."""
         box = self._gui.add_checkbox(name, True)
 
         @box.on_update
@@ -193,7 +193,7 @@ class Panel:
                 )
 
     def _add_frames(self) -> None:
-        """Add what plays frames."""
+        """Add a slider and a checkbox to play frames."""
         frames = self._state.frames
         if frames is None or len(frames) < 2:
             return
@@ -233,7 +233,7 @@ class Panel:
     def _widen(self, name: str) -> Callable[[float], None]:
         def change(degrees: float) -> None:
             camera = self._state.agents[name].camera
-            assert isinstance(camera, Camera)  # the slider is there for these
+            assert isinstance(camera, Camera)  # only these cameras have the slider
             self._state.set_camera(name, with_view(camera, hfov=math.radians(degrees)))
 
         return change
@@ -241,7 +241,7 @@ class Panel:
     def _reach(self, name: str) -> Callable[[float], None]:
         def change(metres: float) -> None:
             camera = self._state.agents[name].camera
-            assert isinstance(camera, Camera)  # likewise
+            assert isinstance(camera, Camera)  # only these cameras have the slider
             self._state.set_camera(name, with_view(camera, far=metres))
 
         return change
@@ -260,11 +260,11 @@ class Panel:
 
         @slider.on_update
         def _(event: Any) -> None:
-            if event.client_id is not None:  # else the program moved it, after what it shows
+            if event.client_id is not None:  # None if the program set the slider to match the state
                 self._try(lambda: change(float(slider.value)))
 
     def _try(self, change: Callable[[], None]) -> None:
-        """Change the state; say so if it is refused."""
+        """Change the state, and show the error message if that fails."""
         try:
             self._act(change)
             self.say("")
@@ -272,7 +272,7 @@ class Panel:
             self.say(str(error))
 
     def _follow(self, name: str) -> None:
-        """Put an agent's sliders to where it is."""
+        """Set an agent's sliders to match the state."""
         agent = self._state.agents[name]
         values = {"height": self._state.height(name)}
         if isinstance(agent.camera, Camera):

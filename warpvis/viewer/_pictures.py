@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an agent sees now, as a small picture: its depth image, or what its pixels show."""
+"""Small images of an agent's view: depth, or objects colored by the agents that see them."""
 
 from __future__ import annotations
 
@@ -24,44 +24,43 @@ PictureKind = Literal["depth", "objects"]
 
 _OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation")
 _WIDTH = 320
-"""Most columns of a picture."""
+"""Maximum width of a picture [px]."""
 _PIXELS_PER_DEGREE = 1.6
 _FINEST_RANGE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What an agent's pixels show, indexed ``[y, x]``."""
+    """Images of an agent's view, indexed ``[y, x]``."""
 
     depth: NDArray[np.float32]
-    """Depth along the axis of the pixel's image [m], not finite where there is none."""
+    """Depth along the axis of the pixel's face [m]; not finite without a surface in range."""
     points: NDArray[np.float32]
     """Seen points in the world [m], ``(h, w, 3)``."""
     labels: NDArray[np.uint8]
-    """Their labels."""
+    """Labels of the points."""
     objects: NDArray[np.int32]
-    """Their objects, -1 where there is none."""
+    """Indices of the objects of the points, -1 for none."""
 
     def cloud(self) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Return the points that were measured, ``(N, 3)``, and their labels, ``(N,)``."""
+        """Return the points with a finite depth, ``(N, 3)``, and their labels, ``(N,)``."""
         measured = np.isfinite(self.depth)
         return self.points[measured], self.labels[measured]
 
 
 class AgentPicture:
-    """Pictures of what one agent sees; a `FieldOfView` is shown by its angles, as on a globe."""
+    """Renders pictures of one agent's view; a `FieldOfView` is shown in an equirectangular projection."""
 
     def __init__(
         self, scene: Scene, camera: ImageCamera | FieldOfView, reach: float, sensor: DepthSensor | None = None
     ) -> None:
-        """Prepare renderers.
+        """Set up the renderers.
 
         Args:
-            scene: What is seen.
-            camera: How the agent sees.
-            reach: Half of the scene's diagonal [m]: depth of the last colour where the camera measures farther than
-                all of the scene.
-            sensor: A model of a depth camera, which a `FieldOfView` has none of; None for exact depth.
+            scene: The scene.
+            camera: The agent's camera or field of view.
+            reach: Half of the scene's diagonal [m]: depth of the last color if the camera's range exceeds the diagonal.
+            sensor: A depth camera model, ignored for a `FieldOfView`; None for exact depth.
         """
         self.scene, self.camera, self.reach = scene, camera, reach
         self._faces: list[tuple[Renderer, NDArray[np.float32], NDArray[np.bool_]]] = []
@@ -73,13 +72,13 @@ class AgentPicture:
 
     @property
     def depth_range(self) -> tuple[float, float]:
-        """Depths of the first and the last colour [m]."""
+        """Depths of the first and the last color [m]."""
         near, far = self.camera.near, self.camera.far
         far = far if far <= 2 * self.reach else max(self.reach, near + _FINEST_RANGE)
         return near, far
 
     def look(self, agent: Agent, object_poses: NDArray[np.float64]) -> Seen:
-        """Render what an agent sees where it is now; of large images every second pixel, or fewer."""
+        """Render an agent's view from its current pose; large images are subsampled."""
         poses = object_poses if len(object_poses) else None
         exclude = agent.body or None
         if self._renderer is not None:
@@ -103,20 +102,20 @@ class AgentPicture:
         return seen
 
     def draw(self, seen: Seen, kind: PictureKind, colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Draw what was seen.
+        """Return a color picture of a view.
 
         Args:
-            seen: What `look` returned.
-            kind: ``"depth"``, or ``"objects"``, each in its colour.
-            colors: Red, green and blue of every object and, last, of nothing, ``(objects + 1, 3)``.
+            seen: Result of `look`.
+            kind: ``"depth"``, or ``"objects"``.
+            colors: RGB color of every object and, last, of pixels without an object, ``(objects + 1, 3)``.
 
         Returns:
-            Red, green and blue, ``(h, w, 3)`` uint8.
+            RGB image, ``(h, w, 3)`` uint8.
         """
         return _depth_picture(seen.depth, self.depth_range) if kind == "depth" else colors[seen.objects]
 
     def _prepare_faces(self, field: FieldOfView) -> None:
-        """Compute once which pixel of which face each pixel of the picture shows."""
+        """Compute the face and the position in its image of each pixel of the picture."""
         sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
         scale = min(_PIXELS_PER_DEGREE, _WIDTH / (2 * sides))
         width, height = math.ceil(2 * sides * scale), math.ceil((up + down) * scale)
@@ -136,10 +135,10 @@ class AgentPicture:
 def with_view(
     camera: Camera, *, hfov: float | None = None, near: float | None = None, far: float | None = None
 ) -> Camera:
-    """Return a camera of another angle or range; its image keeps its size, its middle and its pixels' shape.
+    """Return a camera with another field of view or range and the same image size, center and pixel aspect ratio.
 
     Raises:
-        CameraError: There is no such camera.
+        CameraError: If the field of view or the range is invalid.
     """
     fields: dict[str, Any] = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
     if hfov is not None:
@@ -149,7 +148,7 @@ def with_view(
 
 
 def kinect_noise(level: float) -> DepthSensor | None:
-    """Return a Kinect with so many times its noise on disparities; None, which is exact depth, for 0 times."""
+    """Return a Kinect model with its disparity noise multiplied by `level`; None, for exact depth, if `level` is 0."""
     if level <= 0:
         return None
     kinect = kinect_v1(_WIDTH, 240)
@@ -157,7 +156,7 @@ def kinect_noise(level: float) -> DepthSensor | None:
 
 
 def _depth_picture(depth: NDArray[np.float32], limits: tuple[float, float]) -> NDArray[np.uint8]:
-    """Colour depth as `depth_colors` does, by a table."""
+    """Color depth as `depth_colors` does, with a lookup table."""
     near, far = limits
     table = _color_table()
     with np.errstate(invalid="ignore"):
@@ -168,6 +167,6 @@ def _depth_picture(depth: NDArray[np.float32], limits: tuple[float, float]) -> N
 
 @lru_cache(maxsize=1)
 def _color_table() -> NDArray[np.uint8]:
-    """Return the colours of 256 depths, of nothing, and of what is too near, ``(258, 3)``."""
+    """Return the colors of 256 depths, of pixels without a surface, and of surfaces that are too near, ``(258, 3)``."""
     ramp = np.concatenate([np.linspace(0, 1, 256), [np.inf, -np.inf]])
     return depth_colors(ramp[None], (0.0, 1.0))[0]

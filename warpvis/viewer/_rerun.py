@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A recording for the Rerun viewer: a situation, or all frames that a state plays."""
+"""Recordings for the Rerun viewer of one situation or of all frames of a state."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ if TYPE_CHECKING:
 
 _FRUSTUM_SIZE = 0.28
 _RADIUS = 0.16
-"""Of a point, in spacings."""
+"""Radius of a point, relative to the spacing of points."""
 
 
 def save_rerun(state: ViewerState, path: str | os.PathLike[str]) -> None:
-    """Write what a state shows as a recording for Rerun (``.rrd``): its frames if it plays some, else how it is now.
+    """Write a recording for Rerun (``.rrd``) with all frames of a state, or its current situation if it has none.
 
-    Meshes, the cloud, agents with their images and the table are in it. The state is afterwards as it was.
+    The recording contains meshes, the point cloud, agents with their images and the table. If the state has frames, it
+    shows the same frame afterwards as before.
 
     Args:
-        state: What is shown.
+        state: The state.
         path: File to write.
 
     Raises:
-        WarpvisError: rerun-sdk is missing, `state` is none, or the file cannot be written.
+        WarpvisError: If rerun-sdk is missing, `state` is not a `ViewerState`, or the file cannot be written.
     """
     try:
         import rerun

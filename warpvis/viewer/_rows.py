@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The rows of the page's table."""
+"""Rows of the page's table."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from warpvis.visibility import Perspective, State
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the table: an object, and what each agent sees of it."""
+    """A row of the table: an object and its visibility to each agent."""
 
     name: str
     label: str
-    """What its label is called."""
+    """Name of the object's label."""
     cells: tuple[str, ...]
-    """For each agent the visible share in percent, or why it does not see the object."""
+    """For each agent, the visible percentage, or the reason why the agent does not see the object."""
     fractions: tuple[float, ...]
-    """For each agent the visible share of the silhouette, 0 to 1."""
+    """For each agent, the visible fraction of the silhouette, 0 to 1."""
     state: State
-    """Which of the agents see it."""
+    """Which of the agents see the object."""
 
 
 def rows_of(seen: Perspective) -> tuple[Row, ...]:
-    """Make the table of one situation."""
+    """Return the table of the first situation."""
     flags = seen.visible[:, 0]
     states = sum(State(1 + number) * flags[number] for number in range(len(flags)))
     rows = []
@@ -40,7 +40,7 @@ def rows_of(seen: Perspective) -> tuple[Row, ...]:
 
 
 def _cell(seen: Perspective, agent: int, k: int) -> str:
-    """Say what an agent sees of an object, or why it does not."""
+    """Return the visible percentage of an object for an agent, or the reason why the agent does not see it."""
     at = (agent, 0, k)
     if seen.body[agent, k]:
         return "own body"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lines from an agent's eyes to objects that are hidden from it, which stop at what hides them."""
+"""Lines of sight from agents to hidden objects, with their intersections with the occluders."""
 
 from __future__ import annotations
 
@@ -18,39 +18,38 @@ from warpvis.viewer._stage import Stage
 from warpvis.visibility import Agent, Perspective
 
 _PIXEL = Camera(1, 1, 1000.0, 1000.0, 0.5, 0.5)
-"""One pixel, whose ray is the camera's axis."""
+"""A camera with one pixel, whose ray is the camera's axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class SightLine:
-    """A line of sight to the middle of a hidden object."""
+    """A line of sight to the center of a hidden object."""
 
     agent: str
     object: str
     occluder: str
-    """What hides it."""
+    """Name of the object that hides it."""
     eye: NDArray[np.float64]
     stop: NDArray[np.float64]
-    """Where the line meets what is in the way [m]."""
+    """Intersection of the line with the occluder [m]."""
     target: NDArray[np.float64]
-    """The middle of the object's box [m]."""
+    """Center of the object's box [m]."""
 
 
 class SightLines:
-    """Finds lines of sight, by one ray each."""
+    """Finds lines of sight with one ray each."""
 
     def __init__(self, stage: Stage) -> None:
-        """Prepare to cast."""
+        """Set up the renderer."""
         self._stage = stage
         self._renderer = Renderer(stage.scene, _PIXEL, outputs=("depth", "segmentation"))
 
     def of(
         self, agents: Sequence[Agent], seen: Perspective, object_poses: NDArray[np.float64]
     ) -> tuple[SightLine, ...]:
-        """Find the lines from each agent to what is hidden from it altogether.
+        """Return the lines from each agent to the objects that are fully hidden from it.
 
-        A ray to the middle of an object that meets the object itself, since something hides it in another way, has no
-        line.
+        Objects are skipped if the ray to their center hits the object itself before another one.
         """
         found = []
         for number, agent in enumerate(agents):
@@ -87,6 +86,6 @@ class SightLines:
 
 
 def _aimed(eye: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a camera's pose that looks at a target, whichever way is up."""
+    """Return the pose of a camera that faces a target, with an arbitrary up direction."""
     way = target - eye
     return look_at(eye, target, up=np.eye(3)[np.abs(way).argmin()])

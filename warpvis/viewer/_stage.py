@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The viewer's own copy of a scene, in which what a user may drag is movable."""
+"""The viewer's copy of a scene, in which the objects that a user may drag are movable."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ _MAX_DRAGGED = 40
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A scene whose agents' bodies and things can be moved without building trees again."""
+    """A scene in which agents' bodies and objects can be moved without rebuilding acceleration structures."""
 
     scene: Scene
-    """The objects under their own names and indices."""
+    """Scene with the same object names and indices as the original one."""
     handles: tuple[str, ...]
     """Names of the objects that a user may drag."""
     object_poses: NDArray[np.float64] = field(repr=False)
-    """Where the movable objects are at the beginning, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
+    """Initial poses of the movable objects, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
 
     @classmethod
     def of(cls, scene: Scene, bodies: Iterable[str] = (), movable: Sequence[str] | None = None) -> Stage:
-        """Copy a scene. What stays in it may be dragged in the copy, about the middle of its box.
+        """Copy a scene and make static objects movable, with origins at the centers of their boxes.
 
         Args:
             scene: The scene; it is not changed.
-            bodies: Names of the objects that are agents: they move with them, and are not dragged by themselves.
-            movable: Names or patterns of the objects that may be dragged; by default those labelled as an object, a
-                person or a robot, and what is movable already.
+            bodies: Names of the objects that are agents' bodies: they move with the agents and cannot be dragged.
+            movable: Names or patterns of the objects that may be dragged; by default objects that are labeled as an
+                object, a person or a robot, or are movable already; none if these are more than 40.
 
         Raises:
-            SceneError: The scene is empty, or a name or pattern fits no object.
+            SceneError: If the scene is empty, or a name or pattern matches no object.
         """
         items = list(require_scene(scene).require_objects())
         own = {scene.objects[scene.index(name)].name for name in bodies}
@@ -58,13 +58,13 @@ class Stage:
 
     @cached_property
     def columns(self) -> NDArray[np.int64]:
-        """The row of `object_poses` that each object moves by, ``(objects,)``; -1 of what stays."""
+        """Row of `object_poses` that moves each object, ``(objects,)``; -1 for static objects."""
         rows = {index: row for row, index in enumerate(self.scene.movable)}
         roots = [index if item.carrier is None else item.carrier for index, item in enumerate(self.scene.objects)]
         return np.array([rows.get(root, -1) for root in roots], dtype=np.int64)
 
     def column(self, name: str) -> int:
-        """Return the row of `object_poses` that an object moves by; -1 if it stays."""
+        """Return the row of `object_poses` that moves an object; -1 if it is static."""
         return int(self.columns[self.scene.index(name)])
 
     def mesh(self, name: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
@@ -74,7 +74,7 @@ class Stage:
 
 
 def _dragged(items: Sequence[SceneObject], bodies: set[str], movable: Sequence[str] | None) -> list[str]:
-    """Choose the objects that may be dragged."""
+    """Return the names of the objects that may be dragged."""
     if movable is None:
         chosen = [item.name for item in items if item.label in _DRAGGED or item.pose is not None]
         chosen = [name for name in chosen if name not in bodies]
@@ -88,7 +88,7 @@ def _dragged(items: Sequence[SceneObject], bodies: set[str], movable: Sequence[s
 
 
 def _movable(item: SceneObject) -> SceneObject:
-    """Return an object that stays as one that moves, with the middle of its box for an origin."""
+    """Return a static object as a movable one, with its origin at the center of its box."""
     low, high = item.bounds.astype(np.float64)
     middle = (low + high) / 2
     pose = np.array([*middle, 0, 0, 0, 1], dtype=np.float32)

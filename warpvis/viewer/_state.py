@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is seen now: agents and objects that can be moved, and all that the page shows of them. No browser needed."""
+"""State of the viewer: movable agents and objects, and everything that the page shows, without a browser."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ CloudKind = Literal["who", "labels", "none"]
 _MAX_WATCHED = 16
 _MAX_POINTS = 1_000_000
 _LIFT = 0.35
-"""How far above its surface a point is shown, in spacings of the points."""
+"""Offset of displayed points from their surfaces, relative to the spacing of points."""
 _GREY = {Label.GROUND: (222, 222, 222), Label.OBSTACLE: (165, 165, 165), Label.HUMAN: (105, 105, 105)}
 _NOTHING = (70, 70, 70)
 _NO_POINTS = np.zeros((0, 3), dtype=np.float32)
@@ -58,41 +58,41 @@ _STATE_TABLE = np.array([STATE_COLORS[state] for state in State], dtype=np.uint8
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """All that is seen in one situation."""
+    """Results for one situation."""
 
     agents: tuple[Agent, ...]
-    """The agents where they are."""
+    """Agents at their current poses."""
     object_poses: NDArray[np.float64] = field(repr=False)
-    """Where the movable objects are, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
+    """Poses of the movable objects, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
     seen: Perspective = field(repr=False)
-    """What the agents see of the objects in the table."""
+    """Visibility of the objects in the table."""
     rows: tuple[Row, ...] = field(repr=False)
-    """The table."""
+    """Rows of the table."""
     pictures: tuple[NDArray[np.uint8], ...] = field(repr=False)
-    """What each agent sees, ``(h, w, 3)``."""
+    """Picture of each agent's view, ``(h, w, 3)``."""
     views: tuple[Seen, ...] = field(repr=False)
-    """What the pixels of the pictures show."""
+    """Depth, points, labels and objects of the pixels of each picture."""
     lines: tuple[SightLine, ...] = field(repr=False)
-    """Lines of sight from agents to what is hidden from them."""
+    """Lines of sight from agents to hidden objects."""
     points: NDArray[np.float32] = field(repr=False)
-    """The cloud [m], ``(N, 3)``: points of all surfaces, or those of the first agent's depth image."""
+    """Point cloud [m], ``(N, 3)``: points of all surfaces, or of the first agent's depth image."""
     point_colors: NDArray[np.uint8] = field(repr=False)
-    """Its colours, red, green and blue, ``(N, 3)``."""
+    """RGB colors of the points, ``(N, 3)``."""
     states: NDArray[np.uint8] = field(repr=False)
-    """A `State` for each point of a surface, ``(N,)``; none of a depth image's."""
+    """A `State` for each point of a surface, ``(N,)``; empty for points of a depth image."""
     seconds: float
-    """How long it took to compute."""
+    """Computation time [s]."""
 
     @property
     def object_states(self) -> dict[str, State]:
-        """Which of the agents see each object of the table, by name."""
+        """Which of the agents see each object of the table, by object name."""
         return {row.name: row.state for row in self.rows}
 
 
 class ViewerState:
-    """A scene with one or two agents, in which everything may move; `look` says what is seen.
+    """A scene with one or two agents, in which agents and objects can be moved; `look` computes what they see.
 
-    Its methods may be called from any thread.
+    Methods may be called from any thread.
 
     Example:
         >>> state = ViewerState(scene, [robot, human])
@@ -110,21 +110,21 @@ class ViewerState:
         frames: Frames | None = None,
         points: int = 20_000,
     ) -> None:
-        """Prepare to look.
+        """Set up the state.
 
         Args:
-            scene: The world; it is copied. Of a MuJoCo model, the geoms of each body are one object, and joints move.
-            agents: One or two, each with one pose.
-            movable: Names or patterns of the objects that may be moved; by default those labelled as an object, a
-                person or a robot, and what is movable already.
-            objects: Names of the objects in the table; by default all but the ground, or if they are many those
-                labelled as an object, a person or a robot.
-            frames: Frames to play: where the first agent is in each, and the scene's movable objects. Those of a
-                dataset are its `frames`, see `warpvis.open_dataset`.
-            points: About how many points of surfaces tell who sees them.
+            scene: The scene; it is copied. For a MuJoCo model, the geoms of each body form one object, moved by joints.
+            agents: One or two agents with one pose each.
+            movable: Names or patterns of the objects that may be moved; by default objects that are labeled as an
+                object, a person or a robot, or are movable already; none if these are more than 40.
+            objects: Names of the objects in the table; by default the first 16 objects except the ground, and if there
+                are more, without obstacles and with robots last.
+            frames: Frames to play, with poses of the first agent and the scene's movable objects. For a dataset of
+                `warpvis.open_dataset`, pass its `frames`.
+            points: Approximate number of points of surfaces in the cloud.
 
         Raises:
-            SceneError: There are no agents or too many, or an object is not in the scene.
+            SceneError: If there are not one or two agents, or an object is not in the scene.
         """
         given = as_items(agents, "agents", SceneError)
         if not 1 <= len(given) <= 2 or not all(isinstance(agent, Agent) for agent in given):
@@ -134,8 +134,8 @@ class ViewerState:
                 raise SceneError(f"{agent.name!r} must have one pose to begin with, got {len(agent.poses)}")
         bodies = [name for agent in given for name in agent.body]
         self.model = scene if isinstance(scene, MujocoStage) else as_mujoco_stage(scene)
-        """The MuJoCo model whose joints move the objects; None of other scenes."""
-        self.stage = Stage.of(scene, bodies, movable) if self.model is None else self.model.stage  # type: ignore[arg-type]  # else it refuses
+        """The MuJoCo model whose joints move the objects; None for other scenes."""
+        self.stage = Stage.of(scene, bodies, movable) if self.model is None else self.model.stage  # type: ignore[arg-type]  # raises for other types
         if self.model is not None and movable is not None:
             raise SceneError("of a MuJoCo model, what has a free joint may be dragged, so it takes no movable")
         self.scene = self.stage.scene
@@ -143,13 +143,13 @@ class ViewerState:
         if len(self.agents) < len(given):
             raise SceneError(f"agents must have different names, got {given[0].name!r} twice")
         self.start = dict(self.agents)
-        """The agents where they began."""
+        """Agents at their initial poses."""
         self.object_poses = self.stage.object_poses.copy()
         self._moved = [scene.objects[index].name for index in scene.movable] if isinstance(scene, Scene) else []
         self.frames = check_frames(frames, self._moved)
-        """What can be played, if anything."""
+        """Frames to play, or None."""
         self.frame = 0
-        """The frame that was shown last."""
+        """Index of the frame that was shown last."""
         self.watched = self._watched(objects, bodies)
         if not is_whole(points) or not 0 < points <= _MAX_POINTS:
             raise ArrayError(f"points must be a whole number from 1 to {_MAX_POINTS}, got {points!r}")
@@ -162,18 +162,18 @@ class ViewerState:
         self._pictures: dict[str, AgentPicture] = {}
         self._sensor: DepthSensor | None = None
 
-    # What moves.
+    # Changes of the state.
 
     def move_agent(self, name: str, pose: ArrayLike, *, quaternion: QuaternionOrder = "xyzw") -> None:
-        """Put an agent's eyes elsewhere; its body follows on the ground and turns with its gaze.
+        """Set the pose of an agent's eyes; its body follows horizontally and rotates about the vertical axis.
 
         Args:
-            name: The agent's name.
-            pose: Camera to world, ``x y z qx qy qz qw`` of the OpenCV frame, or a 4x4 matrix.
+            name: Name of the agent.
+            pose: Camera to world, ``x y z qx qy qz qw`` in OpenCV axes, or a 4x4 matrix.
             quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
 
         Raises:
-            WarpvisError: There is no such agent, or the pose is none.
+            WarpvisError: If there is no such agent, or the pose is invalid.
         """
         check_quaternion(quaternion)
         row = read_pose(pose, quaternion, name=f"pose of {name!r}")
@@ -185,10 +185,10 @@ class ViewerState:
                 self.object_poses[column] = self._carried(self.object_poses[column], before, row)
 
     def raise_agent(self, name: str, height: float) -> None:
-        """Put an agent's eyes at another height [m] and leave its body where it is.
+        """Set the height of an agent's eyes [m] without moving its body.
 
         Raises:
-            WarpvisError: There is no such agent, or the height is none.
+            WarpvisError: If there is no such agent, or the height is not a finite number.
         """
         if not is_number(height) or not math.isfinite(height):
             raise PoseError(f"height of {name!r} must be a number of metres, got {height!r}")
@@ -202,10 +202,10 @@ class ViewerState:
         return float(self._agent(name).poses[0, self._vertical])
 
     def set_camera(self, name: str, camera: Camera) -> None:
-        """Give an agent another camera.
+        """Set an agent's camera.
 
         Raises:
-            CameraError: It is none.
+            CameraError: If `camera` is not a `warpvis.Camera`.
         """
         if not isinstance(camera, Camera):
             raise CameraError(f"camera of {name!r} must be a warpvis.Camera, got {type(camera).__name__}")
@@ -214,10 +214,10 @@ class ViewerState:
             self._pictures.pop(name, None)
 
     def set_sensor(self, sensor: DepthSensor | None) -> None:
-        """Show the depth images of cameras as a model of a device would say them; None for exact depth.
+        """Set the depth camera model of the agents' depth images; None for exact depth.
 
         Raises:
-            WarpvisError: It is no model, or none of these cameras.
+            WarpvisError: If `sensor` is not a sensor model, or does not support an agent's camera.
         """
         if sensor is not None:
             require_sensor(sensor)
@@ -229,15 +229,15 @@ class ViewerState:
             self._pictures.clear()
 
     def move_object(self, name: str, pose: ArrayLike, *, quaternion: QuaternionOrder = "xyzw") -> None:
-        """Put a movable object elsewhere.
+        """Set the pose of a movable object.
 
         Args:
-            name: The object's name.
-            pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; `object_pose` says where it is.
+            name: Name of the object.
+            pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; `object_pose` returns the current one.
             quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
 
         Raises:
-            WarpvisError: It does not move, or the pose is none.
+            WarpvisError: If the object is not movable, or the pose is invalid.
         """
         check_quaternion(quaternion)
         row = read_pose(pose, quaternion, name=f"pose of {name!r}")
@@ -252,10 +252,10 @@ class ViewerState:
                 raise SceneError(f"object {name!r} has no free joint: move its joints")
 
     def set_joint(self, name: str, value: float) -> None:
-        """Put a joint of a MuJoCo model at a value [rad] or [m].
+        """Set the value of a joint of a MuJoCo model [rad] or [m].
 
         Raises:
-            WarpvisError: The scene is no MuJoCo model, or has no such joint, or the value is none.
+            WarpvisError: If the scene is not a MuJoCo model or has no such joint, or the value is not a finite number.
         """
         if self.model is None:
             raise SceneError("the scene is of no MuJoCo model, so it has no joints")
@@ -266,15 +266,15 @@ class ViewerState:
             self.object_poses = self.model.object_poses()
 
     def object_pose(self, name: str) -> NDArray[np.float64]:
-        """Return where a movable object is, row ``x y z qx qy qz qw``."""
+        """Return the pose of a movable object, a row ``x y z qx qy qz qw``."""
         with self._lock:
             return self.object_poses[self._column(name)].copy()
 
     def show_frame(self, number: int) -> None:
-        """Put the first agent and the movable objects where they are in a frame of those to play.
+        """Move the first agent and the movable objects to their poses in a frame.
 
         Raises:
-            WarpvisError: There is no such frame.
+            WarpvisError: If there is no such frame.
         """
         count = 0 if self.frames is None else len(self.frames)
         if self.frames is None or not is_whole(number) or not 0 <= number < count:
@@ -286,7 +286,7 @@ class ViewerState:
                 self.object_poses[self._column(name)] = row
 
     def reset(self) -> None:
-        """Put all agents and objects back to where they began."""
+        """Move all agents and objects to their initial poses, and restore the agents' cameras."""
         with self._lock:
             self.agents = dict(self.start)
             if self.model is not None:
@@ -294,10 +294,10 @@ class ViewerState:
             self.object_poses = self.stage.object_poses.copy()
             self._pictures.clear()
 
-    # What is seen.
+    # Results.
 
     def look(self) -> Look:
-        """Compute what is seen now."""
+        """Compute what the agents see in the current situation."""
         begin = time.perf_counter()
         with self._lock:
             agents = tuple(self.agents.values())
@@ -331,7 +331,7 @@ class ViewerState:
     def _surface_cloud(
         self, agents: Sequence[Agent], object_poses: NDArray[np.float64], kind: CloudKind
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]:
-        """Return points a little above all surfaces, and who sees them."""
+        """Return points slightly above all surfaces, their colors, and their `State`."""
         if kind == "none":
             return _NO_POINTS, _NO_POINTS.astype(np.uint8), _NO_STATES
         states = self.cloud.states(agents, object_poses, self.cloud.at(object_poses))
@@ -339,7 +339,7 @@ class ViewerState:
         return lifted, _STATE_TABLE[states], states
 
     def colors(self, states: dict[str, State]) -> NDArray[np.uint8]:
-        """Return red, green and blue of every object and, last, of nothing, ``(objects + 1, 3)``."""
+        """Return the RGB color of every object and, last, of pixels without an object, ``(objects + 1, 3)``."""
         from warpvis.viz import STATE_COLORS
 
         bodies = {body for agent in self.agents.values() for body in agent.body}
@@ -360,14 +360,14 @@ class ViewerState:
         return self._pictures[agent.name]
 
     def _watched(self, objects: Sequence[str] | None, bodies: Iterable[str]) -> list[str]:
-        """Choose the objects in the table."""
+        """Return the names of the objects in the table."""
         if objects is not None:
             names = as_items(objects, "objects", SceneError)
             return [self.scene.objects[self.scene.index(name)].name for name in names]
         items = [item for item in self.scene.objects if item.label not in self.scene.ground_labels]
         if len(items) > _MAX_WATCHED:
             items = [item for item in items if item.label != Label.OBSTACLE] or items
-            items.sort(key=lambda item: item.label == Label.ROBOT)  # of a robot's many links, those come last
+            items.sort(key=lambda item: item.label == Label.ROBOT)  # a robot may have many links: list them last
         items = items or list(self.scene.objects)
         return [item.name for item in items[:_MAX_WATCHED]]
 
@@ -385,7 +385,7 @@ class ViewerState:
     def _carried(
         self, body: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Move a body as the eyes went, but along the ground and about the vertical axis only."""
+        """Move a body like the eyes, restricted to horizontal translation and rotation about the vertical axis."""
         turn = self._heading(after) - self._heading(before)
         axis = np.zeros(4)
         axis[self._vertical], axis[3] = math.sin(turn / 2), math.cos(turn / 2)
@@ -396,11 +396,11 @@ class ViewerState:
         return np.concatenate([place, quaternion_product(axis, body[3:])])
 
     def _heading(self, pose: NDArray[np.float64]) -> float:
-        """Return the angle about the vertical axis that a camera looks to [rad]."""
+        """Return the heading of a camera about the vertical axis [rad]."""
         forward = poses_to_matrices(pose[None])[0, :3, 2]
         return math.atan2(forward[1], forward[0]) if self._vertical == 2 else math.atan2(forward[0], forward[2])
 
 
 def _plain(agent: Agent) -> Agent:
-    """Return an agent with its pose as a row of the OpenCV frame."""
+    """Return an agent with its pose as a row in OpenCV axes."""
     return replace(agent, pose=agent.poses[0].copy(), convention="opencv", quaternion="xyzw")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page's table and legend, as HTML that fits a light page and a dark one."""
+"""HTML of the page's table and legend, for light and dark pages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid r
 
 
 def table_html(look: Look) -> str:
-    """Write the table: a row for every object, a column for every agent; a dot says who sees it."""
+    """Return the table: a row per object, with a dot in the color of its `State`, and a column per agent."""
     agents = [agent.name for agent in look.agents]
     head = "".join(
         f'<th style="text-align:left;padding-right:0.5em">{escape(word)}</th>' for word in ["object", *agents]
@@ -32,7 +32,7 @@ def table_html(look: Look) -> str:
 
 
 def legend_html(agents: Sequence[str]) -> str:
-    """Write what the colours mean."""
+    """Return the legend of the colors."""
     states = (State.BOTH, State.FIRST, State.SECOND, State.NEITHER) if len(agents) > 1 else (State.FIRST, State.NEITHER)
     entries = "".join(
         f'<span style="white-space:nowrap;margin-right:0.9em">{_dot(state)}{escape(state_word(state, agents))}</span>'
@@ -42,7 +42,7 @@ def legend_html(agents: Sequence[str]) -> str:
 
 
 def state_word(state: State, agents: Sequence[str]) -> str:
-    """Say who sees something."""
+    """Return the text of a `State`."""
     if len(agents) < 2:
         return f"{agents[0]} sees it" if state == State.FIRST else "not seen"
     words = {State.BOTH: "both see it", State.NEITHER: "neither"}
@@ -50,7 +50,7 @@ def state_word(state: State, agents: Sequence[str]) -> str:
 
 
 def status_html(look: Look, updates: float) -> str:
-    """Write how long the last update took."""
+    """Return the duration of the last update and the update rate."""
     rate = f", {updates:.0f} updates/s" if updates else ""
     return f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{1e3 * look.seconds:.0f} ms{rate}</div>'
 

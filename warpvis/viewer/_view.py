@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Open the live page of a scene."""
+"""The live page of a scene."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _PORT = 8080
 
 
 class Viewer:
-    """A live page. It is there until `close`; `wait` keeps a program running for it.
+    """A live page, served until `close`; `wait` blocks to keep the program running.
 
     Example:
         >>> viewer = wv.view(scene, agents=[robot, human])
@@ -44,14 +44,14 @@ class Viewer:
         """Serve the page of a state.
 
         Args:
-            state: What is shown.
-            host: Address to listen on. By default only this machine can open the page; ``"0.0.0.0"`` lets all that can
-                reach it.
-            port: Port to listen on, or the next one that is free.
+            state: The state to show.
+            host: Address to listen on. By default, only this machine can open the page; ``"0.0.0.0"`` allows all
+                machines that can reach this one.
+            port: Port to listen on; if it is in use, the next free one.
             dark: Whether the page is dark.
 
         Raises:
-            WarpvisError: viser is missing, or the address is none.
+            WarpvisError: If viser is missing, or an argument is invalid.
         """
         from warpvis.viewer._page import Page
 
@@ -67,35 +67,35 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """Where a browser finds the page."""
+        """Address of the page."""
         return f"http://{self.server.get_host()}:{self.server.get_port()}"
 
     def update(self) -> None:
-        """Show the state as it is now, after it was changed by a program, and wait until it is shown."""
+        """Show changes that the program made to the state, and wait until they are shown."""
         self.page.gizmos.follow()
         self.page.update(wait=True)
 
     def save_html(self, path: str | os.PathLike[str], *, title: str = "warpvis") -> None:
-        """Write what the page shows now as one file that a browser opens without a server or a network.
+        """Write the current page to one file that a browser opens without a server or a network.
 
         Args:
             path: File to write, ``.html``.
-            title: What stands above the table.
+            title: Title of the page and of the table.
 
         Raises:
-            WarpvisError: The file cannot be written.
+            WarpvisError: If the file cannot be written.
         """
         from warpvis.viewer._html import write_page
 
         write_page(self.page, path, title)
 
     def wait(self) -> None:
-        """Wait until the page is closed, or Ctrl-C is pressed."""
+        """Wait until the page is closed or Ctrl-C is pressed."""
         while not self._closed.wait(1.0):
             pass
 
     def close(self) -> None:
-        """Take the page down."""
+        """Stop serving the page."""
         if not self._closed.is_set():
             self._closed.set()
             self.page.close()
@@ -123,27 +123,27 @@ def view(
     port: int = _PORT,
     dark: bool = False,
 ) -> Viewer:
-    """Open a live page of a scene in the browser, in which agents and objects are moved and what is seen changes.
+    """Serve a live page of a scene for a browser, where users move agents and objects and see what each agent sees.
 
     Args:
-        scene: The world; the viewer moves things in a copy. Of a MuJoCo model, which begins at its first keyframe, the
-            geoms of each body are one object, and joints have sliders.
-        agents: One or two: a robot and a person. By default a robot with `camera` from where all of the scene is seen.
-        camera: The camera of a robot that was not given; `Camera.kinect` of any range by default.
-        movable: Names or patterns of the objects that may be dragged; by default those labelled as an object, a person
-            or a robot, and what is movable already.
-        objects: Names of the objects in the table; by default all but the ground, or if they are many those labelled
-            as an object, a person or a robot.
-        frames: Frames to play: where the first agent is in each, and the scene's movable objects; a slider shows them.
-        host: Address to listen on. By default only this machine can open the page.
-        port: Port to listen on, or the next one that is free.
+        scene: The scene; objects move in a copy. For a MuJoCo model, which starts at its first keyframe, the geoms of
+            each body form one object, and joints have sliders.
+        agents: One or two agents: a robot and a person. By default, a robot with `camera` that sees the whole scene.
+        camera: Camera of the default robot; by default `Camera.kinect` with unlimited range.
+        movable: Names or patterns of the objects that may be dragged; by default objects that are labeled as an object,
+            a person or a robot, or are movable already; none if these are more than 40.
+        objects: Names of the objects in the table; by default the first 16 objects except the ground, and if there are
+            more, without obstacles and with robots last.
+        frames: Frames to play with a slider, with poses of the first agent and the scene's movable objects.
+        host: Address to listen on. By default, only this machine can open the page.
+        port: Port to listen on; if it is in use, the next free one.
         dark: Whether the page is dark.
 
     Returns:
-        The page, which stays until its `Viewer.close`, or until the program ends.
+        The page, which is served until `Viewer.close` or the end of the program.
 
     Raises:
-        WarpvisError: viser is missing, or an argument is not what it has to be.
+        WarpvisError: If viser is missing, or an argument is invalid.
     """
     if agents is not None and camera is not None:
         raise WarpvisError("camera is that of a robot that is not given; agents have cameras of their own")
@@ -155,14 +155,14 @@ def view(
 
 
 def framing_agent(scene: Scene, camera: Camera | None = None) -> Agent:
-    """Make a robot from whose eyes all of a scene is seen.
+    """Create a robot at a pose from which it sees the whole scene.
 
     Args:
         scene: The scene.
-        camera: Its camera; `Camera.kinect` of any range by default.
+        camera: Camera of the robot; by default `Camera.kinect` with unlimited range.
 
     Raises:
-        WarpvisError: The scene is empty, or the camera is none.
+        WarpvisError: If the scene is empty, or the camera is invalid.
     """
     from warpvis.pose_generators import framing
 
@@ -176,7 +176,7 @@ def _serve(host: str, port: int) -> ViserServer:
     """Start the server.
 
     Raises:
-        WarpvisError: viser is missing, or the address is none.
+        WarpvisError: If viser is missing, or the address is invalid.
     """
     try:
         import viser
@@ -185,7 +185,7 @@ def _serve(host: str, port: int) -> ViserServer:
     _check_address(host)
     options: dict[str, Any] = {"host": host, "port": port, "verbose": False}
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # it draws a box; who calls says where the page is
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner; the caller prints the page's address
             return viser.ViserServer(**options)
     except OSError as error:
         raise WarpvisError(f"the viewer cannot listen on {host}:{port}: {error.strerror or error}") from None
@@ -195,7 +195,7 @@ def _check_address(host: str) -> None:
     """Check that this machine can listen on an address.
 
     Raises:
-        WarpvisError: It cannot.
+        WarpvisError: If it cannot.
     """
     try:
         family, kind, _, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
