@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-# The public names of warpvis.viz and where each lives; `lazy_loader` reads this table.
+# The public names of warpvis.viz and their modules; `lazy_loader` reads this file.
 
 from ._figures import save_map as save_map
 from ._label_images import save_labels as save_labels

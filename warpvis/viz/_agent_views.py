@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an agent sees, as one picture: the image of its camera, or of a wide field a picture by angles."""
+"""Images of an agent's view: of its camera, or an equirectangular image of a wide field of view."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _PIXELS_PER_DEGREE = 3
 
 
 class _World(TypedDict):
-    """What `Renderer.render` is told of the situation."""
+    """Arguments of `Renderer.render` that define the situation."""
 
     object_poses: ObjectPoses
     exclude: Excluded
@@ -30,25 +30,24 @@ class _World(TypedDict):
 
 @dataclass(frozen=True)
 class AgentView:
-    """What an agent sees in one situation."""
+    """Images of an agent's view in one situation."""
 
     distance: NDArray[np.float64]
-    """Of a camera planar depth, of a field the way to what is seen [m], ``(h, w)``; not finite where there is none."""
+    """Planar depth for a camera, distance for a field of view [m], ``(h, w)``; not finite without a surface."""
     normals: NDArray[np.float32]
     """Unit normals in the world, ``(h, w, 3)``."""
     objects: NDArray[np.int32]
-    """Indices of the scene's objects, ``(h, w)``; -1 where there is none."""
+    """Indices of the scene's objects, ``(h, w)``; -1 for none."""
     extent: tuple[float, float, float, float]
-    """Left, right, bottom and top: pixels of a camera, degrees from the axis of a field; matplotlib's ``extent``."""
+    """Left, right, bottom and top, in pixels for a camera, in degrees for a field of view: matplotlib's ``extent``."""
     attention: NDArray[np.float64]
-    """The border of the field of attention in these coordinates, ``(n, 2)``; of none if there is no such field."""
+    """Border of the field of attention in the coordinates of `extent`, ``(n, 2)``; ``(0, 2)`` without one."""
 
 
 def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> AgentView:
-    """Render what an agent sees in one situation.
+    """Render an agent's view in one situation.
 
-    The picture of a `FieldOfView` has the angles to the side and upwards for axes, as on a globe, so that it can be
-    wider than any pinhole's. It ends where the field's images end.
+    The axes of the image of a `FieldOfView` are azimuth and elevation (equirectangular). It covers the field's images.
     """
     options: _World = {"object_poses": object_poses, "exclude": agent.body or None}
     if isinstance(agent.camera, FieldOfView):
@@ -63,17 +62,17 @@ def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Objec
 
 
 def pose_of(agent: Agent, view: int) -> NDArray[np.float64]:
-    """Return its pose in a situation, row ``x y z qx qy qz qw``."""
+    """Return an agent's pose in a situation, a row ``x y z qx qy qz qw``."""
     return agent.poses[view if len(agent.poses) > 1 else 0]
 
 
 def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> list[Views]:
-    """Render points, labels and objects of all its images in one situation."""
+    """Render points, labels and objects of all faces of an agent in one situation."""
     options: _World = {"object_poses": object_poses, "exclude": agent.body or None}
     found = []
     faces = agent.faces
     for k, face in enumerate(faces):
-        # One more column where the next face begins, so that there is no gap in between.
+        # Add a column at the border to the next face to avoid gaps.
         left, right = int(k > 0), int(k < len(faces) - 1)
         lens = face.camera
         if isinstance(lens, Camera):

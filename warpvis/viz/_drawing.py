@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What pictures have in common: shaded scenes, lines in space, agents' names. `warpvis.viz` is public."""
+"""Shared drawing functions: shaded scenes, lines in space, agents' names."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from matplotlib.patheffects import withStroke
 
 _BACKGROUND = np.array([1.0, 1.0, 1.0])
-# Along the floor's two axes and up.
+# Direction of the light, along the floor's two axes and up.
 _LIGHT = (-0.45, -0.35, 0.82)
 _SUPERSAMPLING = 2
-# Characters in a line of an agent's name.
+# Maximum number of characters in a line of an agent's name.
 _NAME_WIDTH = 12
 
 OUTSIDE_CAMERA = Camera.from_fov(640, 480, hfov=0.88)
-"""The camera that pictures from outside are taken with."""
+"""Camera of pictures from outside."""
 
 Colors = Callable[[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]], NDArray[np.float64]]
 
@@ -40,10 +40,10 @@ Colors = Callable[[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]], N
 def one_pose(
     poses: PoseLike, name: str, convention: Convention = "opencv", quaternion: QuaternionOrder = "xyzw"
 ) -> NDArray[np.float64]:
-    """Return the one pose that a picture is of, rows ``x y z qx qy qz qw`` of the OpenCV frame, shape ``(1, 7)``.
+    """Return a single pose as a row ``x y z qx qy qz qw`` in OpenCV axes, shape ``(1, 7)``.
 
     Raises:
-        WarpvisError: It is none, or there are several.
+        WarpvisError: If the pose is invalid, or there are several.
     """
     rows = poses_to_opencv(to_xyzw(poses, quaternion, name), convention, name=name)
     if len(rows) != 1:
@@ -52,7 +52,7 @@ def one_pose(
 
 
 def light_on(normals: NDArray[np.floating], up: str) -> NDArray[np.float64]:
-    """Compute how bright surfaces are by their normals, shape ``(..., 3)``: 0.55 in the shade to 1."""
+    """Return the brightness of surfaces with given normals, shape ``(..., 3)``: from 0.55 in the shade to 1."""
     first, second, height = _LIGHT
     light = np.array([first, second, height] if up == "z" else [second, height, first])
     return 0.55 + 0.45 * np.clip(normals @ (light / np.linalg.norm(light)), 0, 1)
@@ -61,17 +61,17 @@ def light_on(normals: NDArray[np.floating], up: str) -> NDArray[np.float64]:
 def shaded_picture(
     scene: Scene, camera: Camera, camera_to_world: ArrayLike, colors: Colors, *, object_poses: ObjectPoses = None
 ) -> NDArray[np.float64]:
-    """Make a picture of a scene in given colours, shaded by the light and smoothed.
+    """Render a shaded, antialiased picture of a scene in given colors.
 
     Args:
-        scene: The world.
-        camera: The camera that the picture is taken with.
-        camera_to_world: Its one pose.
-        colors: Gives red, green and blue, ``(h, w, 3)``, for points ``(h, w, 3)``, objects and labels ``(h, w)``.
+        scene: The scene.
+        camera: The camera of the picture.
+        camera_to_world: The camera's pose.
+        colors: Function that returns RGB colors, ``(h, w, 3)``, of points ``(h, w, 3)``, objects and labels ``(h, w)``.
         object_poses: As for `Renderer.render`.
 
     Returns:
-        Red, green and blue from 0 to 1, shape ``(H, W, 3)``.
+        RGB image from 0 to 1, shape ``(H, W, 3)``.
     """
     fine = Camera.from_K(
         camera.to_K() * [[_SUPERSAMPLING], [_SUPERSAMPLING], [1]],
@@ -89,7 +89,10 @@ def shaded_picture(
 
 
 def frustum(camera: ImageCamera, camera_to_world: ArrayLike, reach: float) -> list[NDArray[np.float64]]:
-    """Make world lines from the camera to the image's corners at a depth, of a lens at a range, and around them."""
+    """Return lines in the world from the camera to the image's corners and around the image, at depth `reach`.
+
+    For lenses, `reach` is a range, and the lines around the image follow its border.
+    """
     matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
     w, h = camera.width, camera.height
     if not isinstance(camera, Camera):
@@ -102,7 +105,7 @@ def frustum(camera: ImageCamera, camera_to_world: ArrayLike, reach: float) -> li
 
 
 def border_rays(camera: ImageCamera) -> NDArray[np.float64]:
-    """Make unit vectors around an image's border, from its first corner on, where there are any, ``(n, 3)``."""
+    """Return unit vectors along an image's border, ``(n, 3)``, from its first corner, skipping pixels without a ray."""
     w, h = camera.width, camera.height
     corners = np.array([(0, 0), (w, 0), (w, h), (0, h), (0, 0)], dtype=np.float64)
     steps = np.linspace(0, 1, 30)[:, None]
@@ -112,7 +115,7 @@ def border_rays(camera: ImageCamera) -> NDArray[np.float64]:
 
 
 def to_picture(camera: ImageCamera, camera_to_world: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
-    """Find where points of the world are in a picture [px], shape ``(n, 2)``; NaN behind the camera."""
+    """Project points in the world into a picture [px], shape ``(n, 2)``; NaN behind the camera."""
     to_camera = np.linalg.inv(poses_to_matrices(camera_to_world))
     return camera.project(np.asarray(points) @ to_camera[:3, :3].T + to_camera[:3, 3])
 
@@ -124,14 +127,14 @@ def draw_lines(
     lines: Sequence[NDArray[np.float64]],
     linestyle: str = "-",
 ) -> None:
-    """Draw lines of the world, shapes ``(n, 3)``, into a picture."""
+    """Draw lines in the world, shapes ``(n, 3)``, into a picture."""
     for line in lines:
         points = to_picture(camera, camera_to_world, line)
         axes.plot(*points.T, color="#222222", linewidth=0.8, linestyle=linestyle)
 
 
 def draw_arrow(axes: Axes, start: ArrayLike, end: ArrayLike, linestyle: str = "-") -> None:
-    """Draw an arrow that stands out on any ground."""
+    """Draw an arrow that is visible on any background."""
     style = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
     style |= {"linestyle": linestyle, "path_effects": white_edge()}
     axes.annotate("", _xy(end), _xy(start), arrowprops=style)
@@ -140,7 +143,7 @@ def draw_arrow(axes: Axes, start: ArrayLike, end: ArrayLike, linestyle: str = "-
 def draw_name(
     axes: Axes, name: str, place: ArrayLike, offset: tuple[float, float], side: str, height: str = "bottom"
 ) -> None:
-    """Write an agent's name so many points beside a place."""
+    """Write an agent's name at an offset [pt] from a position."""
     box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
     axes.annotate(
         textwrap.fill(name, _NAME_WIDTH),
@@ -155,7 +158,7 @@ def draw_name(
 
 
 def white_edge() -> list[withStroke]:
-    """Make what makes black lines stand out on dark ground."""
+    """Return a path effect that makes black lines visible on a dark background."""
     from matplotlib.patheffects import withStroke
 
     return [withStroke(linewidth=3.2, foreground="white")]

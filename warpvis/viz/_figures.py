@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures, and maps of the floor in them, from arrays alone: this module knows nothing of scenes and views."""
+"""Figures and floor maps from arrays, independent of scenes and views."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DPI = 130
-# Of a line of a legend [inches].
+# Height of a line of a legend [inches].
 _LEGEND_LINE = 0.21
 
 _Meaning = tuple[str, tuple[int, int, int]]
 Legend = Mapping[int, _Meaning] | Mapping[Label, _Meaning]
-"""What each value of a map means, and its colour: red, green, blue, 0 to 255."""
+"""Meaning and RGB color, 0 to 255, of each value of a map."""
 Bounds = tuple[float, float, float, float]
 """A map's left, right, bottom and top border [m]: matplotlib's ``extent``."""
 
@@ -39,9 +39,9 @@ def require_matplotlib() -> None:
 
 
 def new_figure(width: float, height: float, *, gap: float = 0.04167) -> Figure:
-    """Make a figure of that size [inches] with gaps between its panels [inches, matplotlib's by default]."""
+    """Create a figure of a size [inches] with gaps between its panels [inches], by default matplotlib's."""
     require_matplotlib()
-    # Not pyplot: that keeps figures, and picks a screen, for the whole process.
+    # Do not use pyplot: it keeps figures alive and selects a backend for the whole process.
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -52,7 +52,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure.
 
     Raises:
-        FileFormatError: It cannot be written there, or not in that format.
+        FileFormatError: If the file cannot be written, or its format is not supported.
     """
     path = as_path(path)
     try:
@@ -72,19 +72,19 @@ def save_map(
     axes: tuple[str, str] = ("x", "y"),
     title: str = "Seen floor",
 ) -> None:
-    """Write a map of the floor as a picture with axes in metres and a legend.
+    """Write a picture of a floor map with axes in meters and a legend.
 
     Args:
         cells: Values of the cells, shape ``(rows, columns)``, row 0 at the bottom.
         path: Picture to write.
         bounds: The map's left, right, bottom and top border [m].
-        legend: Meaning and colour (red, green, blue; 0 to 255) of every value; `warpvis.maps.MAP_LEGEND` for labels.
-        axes: Names of the axis to the right and of the one upwards.
-        title: Heading.
+        legend: Meaning and RGB color, 0 to 255, of every value; `warpvis.maps.MAP_LEGEND` for labels.
+        axes: Names of the horizontal and the vertical axis.
+        title: Title of the picture.
 
     Raises:
-        ArrayError: The cells are not a table, or one has a value that the legend has not.
-        FileFormatError: The picture cannot be written.
+        ArrayError: If the cells do not have two axes, or contain a value that is not in the legend.
+        FileFormatError: If the picture cannot be written.
     """
     check_text(title, "title")
     names = as_items(axes, "axes")
@@ -119,7 +119,7 @@ def _check_legend(legend: object) -> None:
 
 
 def draw_map(axes: Axes, colors: ArrayLike, bounds: Bounds, names: tuple[str, str], title: str) -> None:
-    """Draw a map's colours, shape ``(rows, columns, 3)``, row 0 at the bottom, over axes of those names."""
+    """Draw a map's colors, shape ``(rows, columns, 3)``, row 0 at the bottom, with axes of given names."""
     axes.imshow(np.asarray(colors), origin="lower", extent=bounds, interpolation="nearest")
     first, second = names
     axes.set(title=title, xlabel=f"{first} [m]", ylabel=f"{second} [m]")
@@ -131,7 +131,7 @@ def legend_height(legend: Legend, columns: int) -> float:
 
 
 def draw_legend(figure: Figure, legend: Legend, columns: int) -> None:
-    """Write below a figure what a map's colours mean."""
+    """Draw the legend of a map's colors below a figure."""
     from matplotlib.patches import Patch
 
     handles = [

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A label image as a picture: every class in its colour, with a legend of those that it shows."""
+"""Pictures of label images, with a legend of their classes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from warpvis.maps import label_colors
 from warpvis.viz._figures import draw_legend, legend_height, new_figure, save_figure
 
 _WIDTH, _COLUMNS = 5.4, 3
-# Of the title and the axis below the image [inches].
+# Height of the title and the axis labels [inches].
 _BESIDE = 0.75
 
 
@@ -29,16 +29,16 @@ def save_labels(
     label_names: Mapping[int, str] | None = None,
     title: str = "Labels",
 ) -> None:
-    """Write a label image as a picture with a legend of the classes in it.
+    """Write a picture of a label image with a legend of its classes.
 
     Args:
         labels: The image, whole numbers from 0 to 255, shape ``(H, W)``.
         path: Picture to write.
-        label_names: Names of classes of your own: `Scene.label_names`, or those of `open_dataset`.
-        title: Heading.
+        label_names: Names of custom classes: `Scene.label_names`, or those of `open_dataset`.
+        title: Title of the picture.
 
     Raises:
-        WarpvisError: `labels` is not one image, names are none, or the picture cannot be written.
+        WarpvisError: If `labels` is not one image, names are invalid, or the picture cannot be written.
     """
     check_text(title, "title")
     image, names = as_numpy(labels, name="labels"), LabelNames(label_names)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Two agents in their scene, seen from outside."""
+"""Picture from outside of two agents in their scene."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 _OUTSIDE_AZIMUTHS, _OUTSIDE_HEIGHTS = 12, (0.6, 0.9)
 _MARGIN_SHARE = 0.03
-# Pixels around what is drawn; above, agents' names need room.
+# Margins around the drawn content [px]; agents' names need space above it.
 _MARGIN, _MARGIN_ABOVE = 12, 45
 
 
 def draw_outside(axes: Axes, shown: Shown, eye: ArrayLike | None, target: ArrayLike | None) -> None:
-    """Draw the scene, the agents' gazes and the pyramids of what they see or attend to."""
+    """Draw the scene, the agents' gazes and the frustums of their cameras or fields of attention."""
     pose = _outside_pose(shown, eye, target)
     camera, scene = OUTSIDE_CAMERA, shown.scene
     picture = shaded_picture(
@@ -59,7 +59,7 @@ def draw_outside(axes: Axes, shown: Shown, eye: ArrayLike | None, target: ArrayL
 
 
 def _crop(axes: Axes, drawn: NDArray[np.float64], camera: Camera) -> None:
-    """Leave out what is empty around the picture, where `drawn` has no pixels ``(n, 2)``."""
+    """Crop the picture to the positions of drawn content, ``(n, 2)``."""
     size = np.array([camera.width, camera.height])
     inside = drawn[np.isfinite(drawn).all(axis=1) & ((drawn >= 0) & (drawn <= size)).all(axis=1)]
     if len(inside):
@@ -68,7 +68,7 @@ def _crop(axes: Axes, drawn: NDArray[np.float64], camera: Camera) -> None:
 
 
 def _outside_pose(shown: Shown, eye: ArrayLike | None, target: ArrayLike | None) -> NDArray[np.float64]:
-    """Choose where the picture from outside is taken: where asked for, or with most of what matters in sight."""
+    """Return the pose of the picture from outside: at `eye`, or one from which most objects of interest are visible."""
     scene = shown.scene
     low, high = shown.bounds
     middle = (low + high) / 2 if target is None else as_point(target, "target")
@@ -83,7 +83,7 @@ def _outside_pose(shown: Shown, eye: ArrayLike | None, target: ArrayLike | None)
         apart.append(np.linalg.norm(places[0] - places[1]))
     matters = sorted({*shown.states, *shown.bodies}) or list(range(len(scene)))
     small = Camera.from_fov(160, 120, hfov=OUTSIDE_CAMERA.hfov)
-    # Of those that show about as much, the one in which the agents are farthest apart.
+    # Among poses that show about as much, prefer the one with the agents farthest apart in the picture.
     near = 1 / np.maximum(apart, 1.0)
     order = best_views(
         scene, small, poses, objects=matters, object_poses=shown.object_poses, path_lengths=near, tie=0.1
@@ -92,11 +92,11 @@ def _outside_pose(shown: Shown, eye: ArrayLike | None, target: ArrayLike | None)
 
 
 def _directions(vertical: int) -> list[NDArray[np.float64]]:
-    """List unit vectors from the middle of the scene to where it may be looked at from."""
+    """Return unit vectors from the center of the scene to the candidate viewpoints."""
     found = []
     for height in _OUTSIDE_HEIGHTS:
         for angle in (np.arange(_OUTSIDE_AZIMUTHS) + 0.5) * (2 * math.pi / _OUTSIDE_AZIMUTHS):
             aside = math.cos(height)
-            # Along the floor's axes and up; with z up these are x, y and z.
+            # Components along the floor's axes and up; rolled to x, y and z.
             found.append(np.roll([aside * math.cos(angle), aside * math.sin(angle), math.sin(height)], vertical + 1))
     return found

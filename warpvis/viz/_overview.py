@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A depth image in metres, a scene from outside, and both beside a floor map."""
+"""Pictures of depth images, scenes from outside, and overviews of both with a floor map."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ def save_depth(
     title: str = "Depth",
     depth_range: tuple[float, float] | None = None,
 ) -> None:
-    """Write a depth image as a picture with a colour bar in metres.
+    """Write a picture of a depth image with a color bar in meters.
 
     Args:
-        depth: Planar depth [m], shape ``(H, W)``; pixels without depth are shown grey.
+        depth: Planar depth [m], shape ``(H, W)``; pixels without depth are gray.
         path: Picture to write.
-        title: Heading.
-        depth_range: Depths at the ends of the colour bar [m]; those of the image by default.
+        title: Title of the picture.
+        depth_range: Depths at the ends of the color bar [m]; the range of the image by default.
 
     Raises:
-        WarpvisError: `depth` is not one image, or the picture cannot be written.
+        WarpvisError: If `depth` is not one image, or the picture cannot be written.
     """
     check_text(title, "title")
     figure = new_figure(5.4, 4.2)
@@ -69,18 +69,18 @@ def save_overview(
 ) -> None:
     """Write one picture of a view: the scene from outside, the depth image and the floor map.
 
-    From outside, what the camera sees is coloured as in the map, and the rest is grey.
+    In the picture from outside, surfaces that the camera sees have the colors of the map, and others are gray.
 
     Args:
-        scene: The world.
+        scene: The scene.
         camera: The camera of the view.
-        camera_to_world: Its one pose, ``x y z qx qy qz qw``.
+        camera_to_world: The camera's pose, ``x y z qx qy qz qw``.
         views: The view's depth and objects.
         floor_map: The view's map.
         path: Picture to write.
-        title: Heading.
-        eye: Where the scene is looked at from [m].
-        target: What is in the middle of the picture [m].
+        title: Title of the picture.
+        eye: Viewpoint of the picture from outside [m].
+        target: Point at the center of the picture from outside [m].
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
     """
     camera_to_world = one_pose(camera_to_world, "camera_to_world", quaternion=quaternion)
@@ -110,20 +110,20 @@ def view_from_outside(
     *,
     quaternion: QuaternionOrder = "xyzw",
 ) -> NDArray[np.float64]:
-    """Make a shaded picture of a scene in which only what a camera sees has colour.
+    """Render a shaded picture of a scene in which only surfaces that a camera sees are colored.
 
     Args:
-        scene: The world.
-        outside: The camera the picture is taken with.
-        outside_to_world: Its pose.
+        scene: The scene.
+        outside: The camera of the picture.
+        outside_to_world: Pose of `outside`.
         camera: The camera whose view is shown.
-        camera_to_world: Its pose.
-        depth: What that camera sees: planar depth [m], shape ``(h, w)``.
-        segmentation: The objects that it sees, shape ``(h, w)``, -1 for none.
+        camera_to_world: Pose of `camera`.
+        depth: Planar depth of `camera` [m], shape ``(h, w)``.
+        segmentation: Objects seen by `camera`, shape ``(h, w)``, -1 for none.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Returns:
-        Red, green and blue from 0 to 1, shape ``(H, W, 3)``.
+        RGB image from 0 to 1, shape ``(H, W, 3)``.
     """
     outside_to_world = one_pose(outside_to_world, "outside_to_world", quaternion=quaternion)
     camera_to_world = one_pose(camera_to_world, "camera_to_world", quaternion=quaternion)
@@ -145,10 +145,10 @@ def view_from_outside(
 
 
 def _require_views(views: object, camera: Camera) -> Views:
-    """Return `views`, if it has depth and segmentation of a camera's images.
+    """Return `views` if it has depth and segmentation images of the camera's size.
 
     Raises:
-        ArrayError: It has not.
+        ArrayError: If it does not.
     """
     require_camera(camera)
     if not isinstance(views, Views) or views.depth is None or views.segmentation is None:
@@ -166,12 +166,12 @@ def _seen_from(
     depth: NDArray[np.float32],
     segmentation: NDArray[np.int32],
 ) -> NDArray[np.bool_]:
-    """Tell whether points show up in a camera's image: at or beside their pixel, at their depth, of their object."""
+    """Return whether points are visible in a camera's image: a pixel at most one away has their depth and object."""
     matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
     local = (points.astype(np.float64) - matrix[:3, 3]) @ matrix[:3, :3]
     z = local[..., 2]
     pixels = np.floor(np.nan_to_num(camera.project(local), nan=-9)).clip(-9, 1e6).astype(np.int64)
-    # Whole metres may be integers, which have no infinity, and objects unsigned, which have no -1.
+    # Depth may have an integer type, without infinity, and objects an unsigned type, without -1.
     depth = np.pad(depth.astype(np.float64), 1, constant_values=np.inf)
     objects_seen = np.pad(segmentation.astype(np.int64), 1, constant_values=-1)
     inside = ((pixels >= 0) & (pixels < [camera.width, camera.height])).all(axis=-1) & (z > 0)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A picture of two agents' views of one situation: every object in the colour of who sees it."""
+"""Pictures of two agents' views of one situation, with objects colored by the agents that see them."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
 _UNSEEN = 0.25
 
-# From what a map shows last to what it shows first.
+# Priority of states in cells of a map, lowest first.
 _MAP_ORDER = (State.NEITHER, State.BOTH, State.FIRST, State.SECOND)
 
 _CELLS = 250
 _MIN_CELL = 0.02
-# Characters in a line.
+# Maximum numbers of characters in a line.
 _LEGEND_WIDTH, _PANEL_WIDTH, _TITLE_WIDTH = 40, 40, 100
 
 
@@ -58,27 +58,27 @@ def save_perspective(
     object_poses: ObjectPoses = None,
     quaternion: QuaternionOrder = "xyzw",
 ) -> None:
-    """Write one picture of two agents' views: the scene from outside, what each sees, and the floor that each sees.
+    """Write one picture of two agents' views: the scene from outside, each agent's view, and the floor that each sees.
 
-    Objects have the colour of who sees them, `STATE_COLORS`; all else is grey.
+    Objects are colored by the agents that see them, with `STATE_COLORS`; the rest is gray.
 
     Args:
-        scene: The world.
-        agents: The two agents, a robot and a person as a rule.
-        seen: What `perspective` found of them.
+        scene: The scene.
+        agents: The two agents, usually a robot and a person.
+        seen: Result of `perspective` for these agents.
         path: Picture to write.
-        view: The situation that is shown.
-        title: Heading.
-        labels: Labels of the objects that are coloured; None for all but the ground. The agents' bodies are not.
-        eye: Where the scene is looked at from [m], shape ``(3,)``; by default from where most of the objects and
-            agents can be seen.
-        target: What is in the middle then [m]; the middle of the scene by default.
-        proposed: A pose to which the first agent could go, row ``x y z qx qy qz qw``, to be drawn on its map.
-        object_poses: Where the movable objects are in this situation, ``(M, 7)``; by default where `seen` has them.
+        view: Index of the situation.
+        title: Title of the picture.
+        labels: Labels of the colored objects; None for all but the ground. The agents' bodies are never colored.
+        eye: Viewpoint of the picture from outside [m], shape ``(3,)``; by default one from which most of the objects
+            and agents are visible.
+        target: Point at the center of the picture from outside [m]; by default the center of the scene.
+        proposed: A proposed pose of the first agent, row ``x y z qx qy qz qw``, to draw on its map.
+        object_poses: Poses of the movable objects in the situation, ``(M, 7)``; those of `seen` by default.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Raises:
-        WarpvisError: These are not two agents of `seen`, an argument is not what it has to be, or the picture cannot be
+        WarpvisError: If the agents are not two agents of `seen`, an argument is invalid, or the picture cannot be
             written.
     """
     figure = draw_perspective(
@@ -147,7 +147,7 @@ def _draw_view(axes: Axes, shown: Shown, agent: Agent) -> None:
 
 
 def _depth_shaded(shown: Shown, seen: AgentView) -> NDArray[np.float64]:
-    """Make greys that fade with the distance, and what has a state in its colour; ``(h, w, 3)``."""
+    """Return an image with objects in the colors of their states, and gray that fades with distance, ``(h, w, 3)``."""
     there = np.isfinite(seen.distance)
     near, far = (seen.distance[there].min(), seen.distance[there].max()) if there.any() else (0.0, 1.0)
     fade = np.clip((np.where(there, seen.distance, far) - near) / max(far - near, 1e-9), 0, 1)
@@ -160,24 +160,24 @@ def _depth_shaded(shown: Shown, seen: AgentView) -> NDArray[np.float64]:
 
 
 class _Floor(NamedTuple):
-    """A map of the floor in colour."""
+    """A colored floor map."""
 
     colors: NDArray[np.float64]
-    """Red, green and blue from 0 to 1, shape ``(rows, columns, 3)``, row 0 at the bottom."""
+    """RGB colors from 0 to 1, shape ``(rows, columns, 3)``, row 0 at the bottom."""
     bounds: Bounds
     axes: tuple[str, str]
-    """Names of the axis to the right and of the one upwards."""
+    """Names of the horizontal and the vertical axis."""
     cell_size: float
     """Side of a cell [m]."""
 
 
 def _floor_map(shown: Shown, agent: Agent) -> _Floor:
-    """Draw up the floor that an agent sees with all its faces."""
+    """Return a map of the floor that an agent sees through all its faces."""
     scene, bounds = shown.scene, shown.bounds
     margin = 0.03 * np.linalg.norm(bounds[1] - bounds[0])
     bounds = bounds + [[-margin], [margin]]
     cell_size = max(_MIN_CELL, float((bounds[1] - bounds[0]).max()) / _CELLS)
-    # From 6 on, labels cover each other by their numbers: what has a state comes after all that has none.
+    # In a cell, higher numbers take precedence: number states after all labels without one.
     above = range(len(Label), len(Label) + len(GREYS) - 1 + len(_MAP_ORDER))
     ranks = [int(Label.EMPTY), int(Label.GROUND), *above]
     greys = [_UNSEEN, *GREYS.values()]
@@ -197,7 +197,7 @@ def _floor_map(shown: Shown, agent: Agent) -> _Floor:
 
 
 def _draw_places(axes: Axes, shown: Shown, floor_map: _Floor, proposed: ArrayLike | None) -> None:
-    """Draw the agents on a map, each with an arrow that shows its heading, and where the first could go."""
+    """Draw the agents with arrows for their headings on a map, and the proposed pose of the first agent."""
     floor = ["xyz".index(axis) for axis in floor_map.axes]
     left, right, bottom, top = floor_map.bounds
     length = 0.12 * max(right - left, top - bottom)
@@ -205,7 +205,7 @@ def _draw_places(axes: Axes, shown: Shown, floor_map: _Floor, proposed: ArrayLik
     for agent, pose in zip(shown.agents, poses, strict=True):
         _draw_place(axes, pose, floor, length, "-")
         place, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
-        # On the side that the arrow leaves free; near the map's border, towards its middle.
+        # Write the name opposite the arrow; near the map's border, towards its center.
         x, y = (place - [left, bottom]) / [right - left, top - bottom]
         above = heading[1] < 0 if abs(heading[1]) > 0.2 and 0.15 < y < 0.85 else y < 0.5
         side = "left" if x < 0.15 else "right" if x > 0.85 else "center"

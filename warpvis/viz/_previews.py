@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth to look at: coloured images with a scale, and many of them on one sheet."""
+"""Colored depth images with a scale, and contact sheets of many images."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image as Picture
 
 NOTHING, TOO_NEAR = (70, 70, 70), (255, 255, 255)
-"""Colours of pixels without depth: nothing up to far, and nearer than near."""
+"""Colors of pixels without depth: no surface up to far, and a surface nearer than near."""
 
 _SCALE_HEIGHT, _MIN_WIDTH = 16, 160
 _SHEET_COLUMNS, _THUMBNAIL = 4, 240
@@ -29,19 +29,19 @@ _GAP, _TITLE_HEIGHT = 6, 14
 
 
 def depth_colors(depth: ArrayInput, depth_range: tuple[float, float]) -> NDArray[np.uint8]:
-    """Colour a depth image: Turbo from near, blue, to far, red; grey where nothing is, white where it is too near.
+    """Color a depth image: Turbo from blue (near) to red (far), gray without a surface, white where it is too near.
 
-    Colours: Mikhailov, "Turbo, an improved rainbow colormap for visualization", 2019.
+    Colors: Mikhailov, "Turbo, an improved rainbow colormap for visualization", 2019.
 
     Args:
         depth: Planar depth [m], shape ``(..., H, W)``.
-        depth_range: Depths of the first colour and of the last one [m].
+        depth_range: Depths of the first and the last color [m].
 
     Returns:
-        Red, green and blue, shape ``(..., H, W, 3)`` uint8.
+        RGB image, shape ``(..., H, W, 3)`` uint8.
 
     Raises:
-        ArrayError: The range is none.
+        ArrayError: If the range is invalid.
     """
     require_matplotlib()
     from matplotlib import colormaps
@@ -58,7 +58,7 @@ def depth_colors(depth: ArrayInput, depth_range: tuple[float, float]) -> NDArray
 
 
 def save_preview(depth: ArrayInput, path: str | os.PathLike[str], depth_range: tuple[float, float]) -> None:
-    """Write a depth image in colours, `depth_colors`, pixel by pixel, with its scale below.
+    """Write a depth image with the colors of `depth_colors`, at its resolution, with a scale below.
 
     Args:
         depth: Planar depth [m], shape ``(H, W)``.
@@ -66,7 +66,7 @@ def save_preview(depth: ArrayInput, path: str | os.PathLike[str], depth_range: t
         depth_range: Depths at the ends of the scale [m].
 
     Raises:
-        WarpvisError: `depth` is not one image, or the picture cannot be written.
+        WarpvisError: If `depth` is not one image, or the picture cannot be written.
     """
     from PIL import Image
 
@@ -87,16 +87,16 @@ def save_contact_sheet(
     path: str | os.PathLike[str],
     depth_range: tuple[float, float],
 ) -> None:
-    """Write many depth images on one sheet, small, each below its name, with one scale.
+    """Write a contact sheet of depth images, each below its name, with one scale.
 
     Args:
         depth: Images [m], each of shape ``(H, W)``.
-        names: What is written above each.
+        names: Names of the images.
         path: Picture to write.
         depth_range: Depths at the ends of the scale [m].
 
     Raises:
-        WarpvisError: There are no images or no name for one, or the picture cannot be written.
+        WarpvisError: If there are no images, the number of names differs, or the picture cannot be written.
     """
     from PIL import Image, ImageDraw
 
@@ -126,7 +126,7 @@ def save_contact_sheet(
 
 
 def _scale(width: int, depth_range: tuple[float, float]) -> Picture:
-    """Draw the colours from the nearest to the farthest, with both depths and that in the middle."""
+    """Draw the color scale with its first, middle and last depth."""
     from PIL import Image, ImageDraw
 
     low, high = depth_range

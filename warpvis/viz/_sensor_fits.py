@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What pictures of walls said of a depth camera, to look at."""
+"""Pictures of depth camera models fitted to images of walls."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _BINS, _MAX_SIGMAS = 81, 4.0
 
 
 def save_sensor_fit(fit: StereoFit, path: str | os.PathLike[str]) -> None:
-    """Write four panels: a picture's errors, all errors by size, their autocorrelation, and plane-fit errors by depth.
+    """Write four panels: errors of one image, histogram of all errors, autocorrelation, and plane-fit errors by depth.
 
-    Each measured curve stands beside that of the numbers which were found.
+    The panels with curves show the measured data and the fitted model.
 
     Args:
-        fit: What `warpvis.sensors.fit` returns.
+        fit: Result of `warpvis.sensors.fit`.
         path: Picture to write.
 
     Raises:
-        ArrayError: `fit` is none.
-        FileFormatError: The picture cannot be written.
+        ArrayError: If `fit` is not a `StereoFit`.
+        FileFormatError: If the picture cannot be written.
     """
     if not isinstance(fit, StereoFit):
         raise ArrayError(f"fit must be what warpvis.sensors.fit returns, got {type(fit).__name__}")
@@ -49,7 +49,7 @@ def save_sensor_fit(fit: StereoFit, path: str | os.PathLike[str]) -> None:
 
 
 def _spread(fit: StereoFit) -> float:
-    """Return the deviation of errors, with what rounding adds [px]."""
+    """Return the standard deviation of errors, including quantization [px]."""
     return max(float(np.hypot(fit.sigma, fit.step / 12**0.5)), 1e-6)
 
 

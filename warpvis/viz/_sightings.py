@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of one view's depth, and of what it sees of objects or of points, and where the others would be."""
+"""Pictures of the visibility of objects or points in one view."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ OBJECT_COLORS = (
     (255, 187, 120),
     (152, 223, 138),
 )
-"""Colours of objects (red, green, blue; 0 to 255), in turn; see `STATUS_COLORS` for those of points."""
+"""RGB colors of objects, 0 to 255, used cyclically; see `STATUS_COLORS` for colors of points."""
 
 STATUS_COLORS: dict[Visibility, tuple[int, int, int]] = {
     Visibility.VISIBLE: (17, 119, 51),
@@ -50,7 +50,7 @@ STATUS_COLORS: dict[Visibility, tuple[int, int, int]] = {
     Visibility.TOO_NEAR: (230, 159, 0),
     Visibility.TOO_FAR: (86, 180, 233),
 }
-"""Colours (red, green, blue; 0 to 255) of points that are seen, or why they are not; see `STATE_COLORS`."""
+"""RGB colors of points, 0 to 255, by their visibility; see also `STATE_COLORS`."""
 
 _WORDS = {
     Visibility.VISIBLE: "seen",
@@ -77,25 +77,25 @@ def save_sightings(
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
 ) -> None:
-    """Write a picture of one view: its depth in grey, and each object that is in its image in a colour of its own.
+    """Write a picture of one view with depth in gray and colored objects.
 
-    What the view shows of an object is in full colour; where the rest of it would be, there is a tint. The legend says
-    of each how much is seen, or why nothing is; of more than twelve, colours are used again.
+    The visible part of an object is opaque, and its hidden part is a tint. The legend gives the visible fraction of
+    each object, or the reason why it is not visible. Colors repeat after twelve objects.
 
     Args:
-        scene: The world.
+        scene: The scene.
         camera: The camera.
-        camera_to_world: Its one pose.
+        camera_to_world: The camera's pose.
         path: Picture to write.
-        objects: Names or indices of the objects that are coloured; all by default.
-        title: Heading.
+        objects: Names or indices of the colored objects; all by default.
+        title: Title of the picture.
         object_poses: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the pose.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Raises:
-        WarpvisError: An argument is not what it has to be, or the picture cannot be written.
+        WarpvisError: If an argument is invalid, or the picture cannot be written.
     """
     from matplotlib.patches import Patch
 
@@ -106,13 +106,13 @@ def save_sightings(
     views = render(scene, camera, pose, outputs=("depth", "normals"), **worlds)
     depth, normals = views.depth.numpy()[0], views.normals.numpy()[0]
     found = see_objects(scene, camera, pose, objects=objects, masks=True, **worlds)
-    assert found.masks is not None  # asked for
+    assert found.masks is not None  # requested above
     masks, statuses, fractions = (array.numpy()[0] for array in (found.masks, found.status, found.fraction))
     there = np.flatnonzero(statuses != Visibility.OUT_OF_VIEW)
     color_of = {k: np.array(OBJECT_COLORS[place % len(OBJECT_COLORS)]) / 255 for place, k in enumerate(there.tolist())}
 
     overlay = np.zeros((camera.height, camera.width, 4))
-    for part, opacity in ((1, _TINT), (2, 1.0)):  # what is hidden first, and what is seen on top of it
+    for part, opacity in ((1, _TINT), (2, 1.0)):  # hidden parts first, visible parts on top
         for k, color in color_of.items():
             overlay[masks[k] == part] = [*color, opacity]
     overlay[..., :3] *= np.nan_to_num(light_on(normals, scene.up), nan=1.0)[..., None]
@@ -149,23 +149,23 @@ def save_point_sightings(
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
 ) -> None:
-    """Write a picture of one view: its depth in grey, and the points in its image in the colours of `STATUS_COLORS`.
+    """Write a picture of one view with depth in gray and the points in its image in `STATUS_COLORS`.
 
     Args:
-        scene: The world.
+        scene: The scene.
         camera: The camera.
-        camera_to_world: Its one pose.
+        camera_to_world: The camera's pose.
         points: Points in the world frame [m], shape ``(N, 3)``.
         path: Picture to write.
         tolerance: As for `warpvis.point_visibility` [m].
-        title: Heading.
+        title: Title of the picture.
         object_poses: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the pose.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Raises:
-        WarpvisError: An argument is not what it has to be, or the picture cannot be written.
+        WarpvisError: If an argument is invalid, or the picture cannot be written.
     """
     from matplotlib.lines import Line2D
 
@@ -174,7 +174,7 @@ def save_point_sightings(
     check_text(title, "title")
     worlds = {"object_poses": object_poses, "exclude": exclude}
     found = point_visibility(scene, camera, pose, points, tolerance=tolerance, **worlds)
-    assert not isinstance(found, tuple)  # with occluders, which were not asked for
+    assert not isinstance(found, tuple)  # occluders are not requested
     status = found.numpy()[0]
     places = to_picture(camera, pose[0], as_numpy(points, name="points"))
     figure, axes = _draw_view(render(scene, camera, pose, outputs=("depth",), **worlds).depth.numpy()[0], title, camera)
@@ -183,7 +183,7 @@ def save_point_sightings(
         its = status == kind
         color = np.array(STATUS_COLORS.get(kind, (255, 255, 255))) / 255
         if kind in STATUS_COLORS:
-            x, y = places[its].T - 0.5  # matplotlib has a pixel's centre at its index
+            x, y = places[its].T - 0.5  # in matplotlib, the center of a pixel is at its index
             axes.scatter(x, y, s=14, color=[color], edgecolors="white", linewidths=0.4)
         mark = Line2D([], [], marker="o", color="none", markerfacecolor=color, markeredgecolor="black")
         mark.set_label(f"{word}: {int(its.sum())}")
@@ -194,13 +194,13 @@ def save_point_sightings(
 
 
 def _cut(name: str) -> str:
-    """Shorten a long name in its middle: what tells names apart is often at their ends."""
+    """Shorten a long name in its middle, since names often differ at their ends."""
     half = (_LONGEST_NAME - 3) // 2
     return name if len(name) <= _LONGEST_NAME else f"{name[:half]}...{name[-half:]}"
 
 
 def _draw_view(depth: NDArray[np.floating], title: str, camera: ImageCamera) -> tuple[Figure, Axes]:
-    """Begin a picture with a depth image in grey, and its scale."""
+    """Create a figure with a depth image in gray and its scale."""
     kind = "planar depth" if camera.kind == "z" else "range"
     figure = new_figure(7.2, 6.4)
     axes = figure.subplots()
@@ -211,6 +211,6 @@ def _draw_view(depth: NDArray[np.floating], title: str, camera: ImageCamera) -> 
 
 
 def _farthest(depth: np.ndarray) -> float:
-    """Return depth that is nearly white [m]; the greatest in the image is a little darker, to differ from none."""
+    """Return the depth of white [m]: beyond the greatest depth of the image, to distinguish it from missing depth."""
     finite = depth[np.isfinite(depth)]
     return 1.15 * float(finite.max()) if finite.size else 1.0

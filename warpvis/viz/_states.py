@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture of two agents' views shows, and in which colours."""
+"""Content and colors of a picture of two agents' views."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ STATE_COLORS: dict[State, tuple[int, int, int]] = {
     State.SECOND: (230, 159, 0),
     State.NEITHER: (120, 94, 240),
 }
-"""Colours of the four states (red, green, blue; 0 to 255), told apart with any kind of colour blindness: those of Okabe
-and Ito for one agent, dark green and violet, which Tol's and IBM's palettes have, for both and neither."""
+"""RGB colors of the four states, 0 to 255, distinguishable with any kind of color blindness: colors of Okabe and Ito
+for one agent; dark green and violet, from the palettes of Tol and IBM, for both and neither."""
 
 GREYS = {
     Label.GROUND: 0.88,
@@ -34,11 +34,11 @@ GREYS = {
     Label.HUMAN: 0.45,
     Label.ROBOT: 0.45,
 }
-"""How bright what has no state is, from 0 to 1."""
+"""Brightness of objects without a state, from 0 to 1."""
 
 
 def standing(scene: Scene, label: int) -> Label:
-    """Say as what a class counts in these pictures: ground, an obstacle, or a `Label` of its own."""
+    """Return the `Label` that a class is drawn as: ground for all ground labels, obstacle for custom classes."""
     if label in scene.ground_labels:
         return Label.GROUND
     return Label(label) if Label.OBJECT <= label <= Label.ROBOT else Label.OBSTACLE
@@ -46,15 +46,15 @@ def standing(scene: Scene, label: int) -> Label:
 
 @dataclass(frozen=True)
 class Shown:
-    """What all panels have in common."""
+    """Data shared by all panels."""
 
     scene: Scene
     agents: tuple[Agent, Agent]
     view: int
     states: dict[int, State]
-    """State of every coloured object by its index in the scene."""
+    """State of each colored object, by its index in the scene."""
     colors: NDArray[np.float64]
-    """Red, green and blue of every object from 0 to 1, and white for -1, shape ``(objects + 1, 3)``."""
+    """RGB color of each object from 0 to 1, and white for -1, shape ``(objects + 1, 3)``."""
     object_poses: ObjectPoses
 
     @classmethod
@@ -67,7 +67,7 @@ class Shown:
         labels: Sequence[Label | int | str] | None,
         object_poses: ObjectPoses,
     ) -> Shown:
-        """Choose what is to be shown; see `warpvis.viz.save_perspective` for the arguments and errors."""
+        """Collect the data; see `warpvis.viz.save_perspective` for the arguments and errors."""
         require_scene(scene)
         if not isinstance(seen, Perspective):
             raise SceneError(f"seen must be what perspective found, got {type(seen).__name__}")
@@ -96,15 +96,15 @@ class Shown:
 
     @property
     def bodies(self) -> set[int]:
-        """Indices of the objects that are the agents."""
+        """Indices of the objects that are the agents' bodies."""
         return {self.scene.index(name) for agent in self.agents for name in agent.body}
 
     @property
     def bounds(self) -> NDArray[np.float64]:
-        """Least and greatest corner of the scene and the agents' eyes [m], shape ``(2, 3)``."""
+        """Minimum and maximum corner of the scene and the agents' eyes [m], shape ``(2, 3)``."""
         corners = np.concatenate([self.scene.bounds.astype(np.float64), *(self.pose(k)[None, :3] for k in (0, 1))])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     def pose(self, agent: int) -> NDArray[np.float64]:
-        """Return the pose of the first (0) or second (1) agent, row ``x y z qx qy qz qw``."""
+        """Return the pose of the first (0) or second (1) agent, a row ``x y z qx qy qz qw``."""
         return pose_of(self.agents[agent], self.view)
