@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What it costs to write what is rendered: batch rendering beside rendering alone, and its memory.
+"""Measure the cost of writing a dataset: batch rendering against rendering alone, and its memory.
 
-``python bench/bench_batch.py`` lets 20,000 depth images of 320x240 rendered into the same memory again and again take
-turns with the same rendered to a dataset on disk, and says the ratio of their rates, and how the memory of the process
+``python bench/bench_batch.py`` alternates between rendering 20,000 depth images of 320x240 into the same memory and
+rendering the same images to a dataset on disk. It prints the ratio of the rates and how much the memory of the process
 grew from the 2,000th frame to the last.
 ``python bench/bench_batch.py --engine ray --workers 1,2`` compares Ray workers of one core each, and
 ``python bench/bench_batch.py --device cuda:0 --device cuda:0,cuda:1`` GPUs.
@@ -40,7 +40,7 @@ BATCHES = (16, 218)
 
 
 def render_alone(scene: wv.Scene, poses: np.ndarray, outputs: tuple[str, ...], batch: int) -> float:
-    """Frames a second, into reused memory."""
+    """Return the rate of rendering into reused memory [frames/s]."""
     renderer = wv.Renderer(scene, CAMERA, outputs=outputs)
     views, _ = ImageBuffers(outputs, CAMERA, batch).first(batch)
     renderer.render(poses[:batch], out=views)
@@ -52,7 +52,7 @@ def render_alone(scene: wv.Scene, poses: np.ndarray, outputs: tuple[str, ...], b
 
 
 class Memory:
-    """Resident memory of this process while shards are written, by the number of frames that are whole."""
+    """Resident memory of this process while shards are written, by the number of complete frames."""
 
     def __init__(self, out: Path, shard_frames: int, frames: int) -> None:
         """Watch the dataset in `out`."""
@@ -76,14 +76,14 @@ class Memory:
             self._samples.append((shards * self._shard_frames, pages * os.sysconf("SC_PAGE_SIZE")))
 
     def growth(self) -> tuple[float, int]:
-        """By how much the greatest exceeds the least from the 2,000th frame to the last; and the greatest, in bytes."""
+        """Return the growth from the 2,000th frame to the last, maximum minus minimum, and the maximum [bytes]."""
         sizes = [size for frames, size in self._samples if FLAT_FROM <= frames < self._frames]
         return max(sizes) / min(sizes) - 1, max(sizes)
 
 
 @contextmanager
 def new_dataset(out: Path) -> Iterator[None]:
-    """A folder that is not there yet, and is deleted afterwards."""
+    """Return a folder that does not exist yet, and delete it afterwards."""
     if out.exists():
         sys.exit(f"{out} is there already; give another --out, which is deleted in the end")
     try:
@@ -99,7 +99,7 @@ def write_batch(scene: wv.Scene, frames: Frames, arguments: argparse.Namespace, 
 
 
 def compare_with_rendering(scene: wv.Scene, frames: Frames, arguments: argparse.Namespace) -> None:
-    """Print the rates of both by turns, their ratio, and the memory."""
+    """Print both rates, measured in turns, their ratio, and the memory."""
     poses, outputs = frames.camera_to_world.astype(np.float32), tuple(arguments.outputs.split(","))
     ratios, growths = [], []
     for round_ in range(arguments.rounds):
@@ -126,7 +126,7 @@ def compare_with_rendering(scene: wv.Scene, frames: Frames, arguments: argparse.
 
 @contextmanager
 def ray_cluster(cores: int | None) -> Iterator[None]:
-    """A Ray cluster of so many cores, which are the only ones that its processes run on; none for None."""
+    """Run a Ray cluster whose processes use only this number of cores; no cluster for None."""
     if cores is None:
         yield
         return
@@ -143,14 +143,14 @@ def ray_cluster(cores: int | None) -> Iterator[None]:
 
 
 def steady_rate(out: Path, frames: int) -> float:
-    """Frames a second of the last three quarters of the shards: by then all processes have started."""
+    """Return the rate of the last three quarters of the shards [frames/s]: by then all processes have started."""
     times = sorted(path.stat().st_mtime for path in (out / "shards").iterdir())
     first = len(times) // 4
     return frames * (len(times) - 1 - first) / len(times) / (times[-1] - times[first])
 
 
 def compare_with_each_other(scene: wv.Scene, frames: Frames, arguments: argparse.Namespace) -> None:
-    """Print the rates of engines with more and more workers or GPUs, by turns, and what the last gains on the first."""
+    """Print the rates of engines with increasing numbers of workers or GPUs, and the speedup of the last."""
     choices: dict[str, tuple[int | None, dict[str, Any]]] = {
         name: (None, {"device": name}) for name in arguments.device
     }
@@ -190,7 +190,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Print the figures, and whether they are what they must be."""
+    """Print the figures, and whether they reach their targets."""
     arguments = parse_arguments()
     print(describe(["warp-lang", "numpy", "zarr", "ray"]))
     scene = PRESETS[arguments.scene].build()

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Building a scene's tree, for either caster: what its first view costs more than the others.
+"""Measure how long a scene's acceleration structure takes to build, which its first view waits for.
 
-``python bench/bench_bvh.py`` builds trees of fine ground beside Embree's, as Open3D and Mitsuba have it, by turns: time
-that passes, and time of all cores together, which others at work on the machine change less. With ``--device cuda:0``
-it builds them on a GPU, beside `wp.Mesh`.
+``python bench/bench_bvh.py`` alternates between building BVHs of fine ground with warpvis and with Embree, through
+Open3D and Mitsuba. It prints wall time and the CPU time of all cores, which depends less on other processes. With
+``--device cuda:0`` it builds them on a GPU and compares with `wp.Mesh`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def test_build(benchmark, scene_of, name, build):
 @pytest.mark.parametrize("lanes", [16, 32])
 @pytest.mark.parametrize("name", NAMES)
 def test_lanes(benchmark, scene_of, name, lanes):
-    """The BVH alone, as wide as the casters on the CPU and on CUDA take it."""
+    """Build the BVH alone, with the width that the casters on the CPU and on CUDA use."""
     scene = scene_of(name)
     first = np.cumsum([0] + [len(item.vertices) for item in scene.objects])
     vertices = np.concatenate([item.vertices for item in scene.objects])
@@ -58,7 +58,7 @@ def test_lanes(benchmark, scene_of, name, lanes):
 
 
 def builders_of_the_host(mesh: Mesh) -> dict[str, Callable[[], object]]:
-    """What builds a tree of a mesh, by name; peers with a first ray, which is when they do it."""
+    """Return builders of a mesh's BVH by name. Peers cast a first ray, because they build at the first cast."""
     import drjit as dr
     import mitsuba as mi
     import open3d as o3d
@@ -94,7 +94,7 @@ def builders_of_the_host(mesh: Mesh) -> dict[str, Callable[[], object]]:
 
 
 def main() -> None:
-    """Print the least and the median time of each."""
+    """Print the minimum and the median time of each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--rounds", type=int, default=5)

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras' models beside the exact images that they are made of.
+"""Measure depth-camera models against rendering the exact images that they start from.
 
-``python bench/bench_depth_sensors.py`` lets them take turns on the CPU and says how many times as long as exact depth
-they take: with the whole model, without what the other eye sees, without edges, and without anything.
+``python bench/bench_depth_sensors.py`` alternates between them on the CPU and prints the ratio of each model's time to
+that of exact depth: the complete model, without the second eye, without edges, and without any effect.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ PARTS = {
 
 @cache
 def build(name: str) -> wv.Scene:
-    """A preset's scene."""
+    """Return the scene of a preset."""
     return wv.scenes.PRESETS[name].build()
 
 
 def calls(name: str, **options: Any) -> dict[str, Callable[[], Any]]:
-    """What is measured: each was made once."""
+    """Return the calls to measure, each called once."""
     scene, poses = build(name), np.asarray(wv.scenes.PRESETS[name].poses(VIEWS), dtype=np.float32)
     endless = dataclasses.replace(CAMERA, near=0.0, far=math.inf)
     renderers = {"exact": wv.Renderer(scene, endless, outputs="depth", **options)}

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth in the observations of vector environments: steps a second and memory, beside `mujoco.Renderer`.
+"""Measure depth observations of vector environments against `mujoco.Renderer`: steps per second and memory.
 
-``python bench/bench_gymnasium.py`` steps Fetch's PickAndPlace (or, where gymnasium-robotics is missing, Gymnasium's
-Pusher) in two workers, forked and spawned, and eight environments at once: without images, with depth by
-`mujoco.Renderer` in a wrapper like `DepthObservation`, by `DepthObservation`, and by `VectorDepthObservation`. Every
-line is a run of its own process, one after the other, and says environment steps a second, what each took of a core
-(which other work on the machine changes little), and the memory of the process and its workers.
+``python bench/bench_gymnasium.py`` steps Fetch's PickAndPlace (Gymnasium's Pusher if gymnasium-robotics is missing) in
+two workers, forked and spawned, and in eight environments: without images, with depth by `mujoco.Renderer` in a wrapper
+like `DepthObservation`, by `DepthObservation`, and by `VectorDepthObservation`. Each row is measured in a separate
+process, one after the other. It has environment steps per second, CPU time per step, which depends little on other
+processes, and the memory of the process and its workers.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from machine import describe
 
 FETCH, PUSHER = ("FetchPickAndPlace-v4", "external_camera_0"), ("Pusher-v5", -1)
 MAX_GROWTH = 0.05
-"""Memory may grow by this from a tenth of the steps to the end."""
+"""Largest growth of memory from a tenth of the steps to the end."""
 
-# Name, images, workers' start (None for none), environments.
+# Name, images, start method of the workers (None without workers), number of environments.
 RUNS: list[tuple[str, str, str | None, int]] = [
     ("no images, fork", "none", "fork", 2),
     ("mujoco.Renderer, fork", "gl", "fork", 2),
@@ -49,7 +49,7 @@ RUNS: list[tuple[str, str, str | None, int]] = [
 
 
 def make(images: str, name: str, camera: int | str, size: int) -> Any:
-    """One environment, as a worker makes it."""
+    """Make one environment, as a worker does."""
     import gymnasium as gym
     import warp as wp
 
@@ -69,7 +69,7 @@ def make(images: str, name: str, camera: int | str, size: int) -> Any:
 
 
 def gl_wrapper() -> Callable[..., Any]:
-    """A wrapper that does with `mujoco.Renderer` what `DepthObservation` does."""
+    """Depth as an observation, rendered by `mujoco.Renderer` as `DepthObservation` renders it."""
     import gymnasium as gym
     import mujoco
 
@@ -95,7 +95,7 @@ def gl_wrapper() -> Callable[..., Any]:
 
 
 def family() -> list[Any]:
-    """This process and its workers."""
+    """Return this process and its workers."""
     import psutil
 
     process = psutil.Process()
@@ -103,17 +103,17 @@ def family() -> list[Any]:
 
 
 def family_memory() -> float:
-    """Their resident memory [MB], what they share counted once for each."""
+    """Return their resident memory [MB]; shared pages count once per process."""
     return sum(one.memory_info().rss for one in family()) / 1e6
 
 
 def family_seconds() -> float:
-    """What they have used of the cores [s], all their threads together."""
+    """Return the CPU time of all their threads [s]."""
     return sum(sum(one.cpu_times()[:2]) for one in family())
 
 
 def run_one(index: int, steps: int, size: int) -> dict[str, Any]:
-    """Make one line of the table."""
+    """Measure one row of the table."""
     import gymnasium as gym
 
     from warpvis.mujoco.gymnasium import VectorDepthObservation
@@ -144,7 +144,7 @@ def run_one(index: int, steps: int, size: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Run all, and print a table."""
+    """Run all cases, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--steps", type=int, default=5000, help="vectorised steps of two environments")
     parser.add_argument("--size", type=int, default=84, help="image width and height [px]")

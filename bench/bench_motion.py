@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors and objects that move within a frame, beside what stands still, cast by rays likewise.
+"""Measure sensors and objects that move within a frame against static ones, all cast by single rays.
 
-``python bench/bench_motion.py`` lets all take turns and says the median times of a view and their ratios; ``--device
-cuda:0`` does it on a GPU.
+``python bench/bench_motion.py`` alternates between them and prints the median times of a view and their ratios;
+``--device cuda:0`` measures on a GPU.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CAMERA = wv.Camera.from_fov(320, 240, hfov=1.0, near=0.05, far=20.0)
 
 
 def objects(count: int = 20) -> np.ndarray:
-    """Where objects are at the frame's start and end: a few centimetres on, and turned by a third of a turn."""
+    """Return poses at the start and the end of the frame: a few centimeters apart, and a third of a turn."""
     rng = np.random.default_rng(0)
     rows = np.zeros((2, count, 7))
     rows[:, :, :3] = rng.uniform(-1, 1, (count, 3))
@@ -38,7 +38,7 @@ def objects(count: int = 20) -> np.ndarray:
 
 
 def build(device: str, *, movable: bool) -> wv.Scene:
-    """The room, and in it objects that move."""
+    """Return the room with moving objects in it."""
     scene = wv.scenes.PRESETS["room"].build(device)
     for index, pose in enumerate(objects()[0] if movable else ()):
         mesh = trimesh.creation.icosphere(2, 0.1) if index % 2 else trimesh.creation.box((0.2, 0.2, 0.2))
@@ -47,7 +47,7 @@ def build(device: str, *, movable: bool) -> wv.Scene:
 
 
 def render(device: str, case: str, threads: int | None = None) -> Callable[[], object]:
-    """The call to measure, which makes depth of all views; it was made once."""
+    """Return the call to measure, depth of all views; it was called once."""
     among, moves = case.partition(", ")[0], case.partition(", ")[2]
     scene = build(device, movable=among == "20 objects")
     renderer = wv.Renderer(scene, RollingShutter(CAMERA, READOUT), outputs="depth", caster="rays", threads=threads)

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Visibility of a million points: `point_visibility` and how many are wrong, beside Open3D's `test_occlusions`.
+"""Measure the visibility of a million points by `point_visibility` and by Open3D's `test_occlusions`.
 
-``python bench/bench_points.py`` lets both take turns on the CPU and says the median times, and then counts the points
-that embreex, and double precision, judge otherwise, on five scenes; and those where that is more than a micrometre.
+``python bench/bench_points.py`` alternates between both on the CPU and prints the median times. Then it counts, on five
+scenes, the points whose result differs from embreex and from double precision, and those among them that are more than
+a micrometer from the limit.
 """
 
 from __future__ import annotations
@@ -25,50 +26,50 @@ CAMERA = wv.Camera.from_fov(640, 480, hfov=1.0)
 SCENE = "blobs_77k"
 POINTS = 1_000_000
 MIN_TIMES = 5.0
-"""`point_visibility` is at least this many times as fast as Open3D where all points are in view."""
+"""Minimum speed of `point_visibility` relative to Open3D if all points are in view."""
 
 SCENES = ("room", "experiment_1", "experiment_3", "experiment_4", "blobs_77k")
 TOO_MANY = "blobs_1m"
-"""Testing every triangle of this scene takes a quarter of an hour: embreex alone judges it."""
+"""Testing every triangle of this scene takes a quarter of an hour: it is compared with embreex only."""
 VIEWS = 2
 
 
 @cache
 def build(name: str) -> wv.Scene:
-    """A preset's scene."""
+    """Return the scene of a preset."""
     return wv.scenes.PRESETS[name].build()
 
 
 def pose_of(name: str, view: int = 0, views: int = 1) -> NDArray[np.float32]:
-    """One of a preset's camera poses, one row."""
+    """Return one camera pose of a preset, as one row."""
     return wv.scenes.PRESETS[name].poses(views)[view : view + 1].astype(np.float32)
 
 
 def random_points(scene: wv.Scene, count: int) -> NDArray[np.float32]:
-    """Points in the scene's bounds."""
+    """Return random points within the bounds of the scene."""
     return np.random.default_rng(0).uniform(*scene.bounds, (count, 3)).astype(np.float32)
 
 
 def surface_points(scene: wv.Scene, count: int) -> NDArray[np.float32]:
-    """Points of triangles."""
+    """Return random points on triangles."""
     rng, corners = np.random.default_rng(1), triangles(scene)
     chosen = corners[rng.integers(0, len(corners), count)]
     return np.einsum("nc,ncx->nx", rng.dirichlet((1, 1, 1), count), chosen).astype(np.float32)
 
 
 def triangles(scene: wv.Scene) -> NDArray[np.float64]:
-    """Corners of all triangles, shape ``(T, 3, 3)``."""
+    """Return the corners of all triangles, shape ``(T, 3, 3)``."""
     return np.concatenate([item.vertices[item.faces] for item in scene.objects]).astype(np.float64)
 
 
 def in_view(status: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Points whose rays say whether they are seen."""
+    """Return the points within the camera's range and image, whose visibility needs a ray."""
     return (status == wv.Visibility.OCCLUDED) | (status == wv.Visibility.VISIBLE)
 
 
 @cache
 def points_of(kind: str) -> NDArray[np.float32]:
-    """A million points in the scene's bounds, or as many of those that are in view."""
+    """Return a million points within the bounds of the scene, or only those of them in view."""
     scene, everywhere = build(SCENE), random_points(build(SCENE), POINTS)
     if kind == "everywhere":
         return everywhere
@@ -77,7 +78,7 @@ def points_of(kind: str) -> NDArray[np.float32]:
 
 
 def check(kind: str, **options: Any) -> Callable[[], Any]:
-    """The call to measure."""
+    """Return the call to measure."""
     scene, pose, points = build(SCENE), pose_of(SCENE), points_of(kind)
     return lambda: wv.point_visibility(scene, CAMERA, pose, points, **options)
 
@@ -92,7 +93,7 @@ def test_points(benchmark, kind, threads, occluders):
 
 @pytest.mark.benchmark(group="points")
 def test_many_views(benchmark, threads):
-    """A hundred points in each of a thousand views."""
+    """Measure a hundred points in each of a thousand views."""
     poses, points = wv.scenes.PRESETS[SCENE].poses(1000), points_of("everywhere")[:100]
     run = (build(SCENE), CAMERA, poses, points)
     benchmark.pedantic(wv.point_visibility, run, {"threads": threads}, rounds=5, warmup_rounds=1)
@@ -100,7 +101,7 @@ def test_many_views(benchmark, threads):
 
 
 def open3d(points: NDArray[np.float32]) -> Callable[[], Any]:
-    """Open3D's Embree on all cores: whether anything is between the camera and each point. Making rays is not timed."""
+    """Return Open3D's occlusion test of the same points on all cores, with rays made in advance."""
     import open3d as o3d
 
     caster = o3d.t.geometry.RaycastingScene(nthreads=core_count())
@@ -112,7 +113,7 @@ def open3d(points: NDArray[np.float32]) -> Callable[[], Any]:
 
 
 def compare(rounds: int) -> None:
-    """Print how long both take, and how many times as fast `point_visibility` is."""
+    """Print both times, and the speed of `point_visibility` relative to Open3D."""
     from timing import take_turns
 
     try:
@@ -138,7 +139,7 @@ def compare(rounds: int) -> None:
 
 
 def judged_by_embree(name: str) -> Callable[..., NDArray[np.bool_]]:
-    """What embreex says of points: whether anything is between an eye and each of them, less a tolerance."""
+    """Return embreex's occlusion of points: whether a triangle is between the eye and the point, less a tolerance."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -154,13 +155,13 @@ def judged_by_embree(name: str) -> Callable[..., NDArray[np.bool_]]:
 
 
 def judged_exactly(name: str) -> Callable[..., NDArray[np.bool_]]:
-    """What double precision says, by every triangle that may be in the way."""
+    """Return occlusion in double precision, by every triangle that may be in the way."""
     corners = triangles(build(name))
     return lambda pose, points, tolerance: hidden_points(corners, CAMERA, pose, points, tolerance)
 
 
 def disagreements(name: str, judge: Callable[..., NDArray[np.bool_]]) -> tuple[int, int, int]:
-    """Points in view of all cameras, those judged otherwise, and those of them that are sure and wrong here."""
+    """Count points in view of all cameras, those with another result, and those of them that are clearly wrong."""
     scene = build(name)
     corners = triangles(scene)
     random, surface = random_points(scene, 200_000), surface_points(scene, 20_000)
@@ -179,7 +180,7 @@ def disagreements(name: str, judge: Callable[..., NDArray[np.bool_]]) -> tuple[i
 
 
 def main() -> None:
-    """Print times and disagreements."""
+    """Print times and differences."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=15)
     arguments = parser.parse_args()

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images whose rays are a table: a scan of 1024 x 128 rays beside Open3D, a lens beside a pinhole, and
-an Ouster's turn beside one whose rays all begin at one place.
+"""Measure ray bundles: a lidar scan against Open3D, a lens against a pinhole, distinct origins against one origin.
 
-``python bench/bench_ray_tables.py`` lets all take turns on the CPU, with the same rays, and says the median times of a
-view and their ratios. Open3D's rays are made before, in the world; what is seen is compared first.
+``python bench/bench_ray_tables.py`` alternates between them on the CPU, with the same rays, and prints the median times
+of a view and their ratios. The scan has 1024 x 128 rays. Open3D's rays are made in advance, in the world frame, and its
+results are compared first.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from warpvis.core.threads import core_count
 
 VIEWS = 8
 MIN_TIMES = {"room": 12.0, "blobs_77k": 8.0, "blobs_1m": 4.0}
-"""A scan is at least so many times as fast as Open3D's."""
+"""Minimum speed of a scan relative to Open3D."""
 MAX_OF_ONE_ORIGIN = 2.0
-"""An Ouster's turn, of origins beside each other, takes at most so many times as long as one from one place."""
+"""Maximum time of an Ouster's revolution, whose origins differ, relative to one with a single origin."""
 MAX_OF_PINHOLE = 1.3
-"""A lens takes at most so many times as long as a pinhole of its size."""
+"""Maximum time of a lens relative to a pinhole of the same size."""
 TOLERANCE = 1e-3
 
 _K = [[480.0, 0, 319.5], [0, 480.0, 239.5], [0, 0, 1]]
@@ -38,7 +38,7 @@ _COEFFICIENTS = [-0.28, 0.09, 0.001, -0.0005, 0.01, 0.02, 0.003, 0.001]
 
 @cache
 def cameras() -> dict[str, Any]:
-    """A scan all around; a lens of eight coefficients, and none; an Ouster's turn, and the same from one place."""
+    """Return a scan, a lens of eight coefficients and one of none, and an Ouster with and without offsets."""
     ouster = wv.sensors.lidars.ouster("OS1-128", near=0.3)
     return {
         "ouster": ouster,
@@ -51,12 +51,12 @@ def cameras() -> dict[str, Any]:
 
 @cache
 def build(name: str) -> wv.Scene:
-    """A preset's scene."""
+    """Return the scene of a preset."""
     return wv.scenes.PRESETS[name].build()
 
 
 def render(name: str, camera: str, **options: Any) -> Callable[[], wv.Views]:
-    """The call to measure, which makes depth of all views; it was made once."""
+    """Return the call to measure, depth of all views; it was called once."""
     renderer = wv.Renderer(build(name), cameras()[camera], outputs="depth", **options)
     poses = wv.scenes.PRESETS[name].poses(VIEWS)
     views = renderer.render(poses)
@@ -71,13 +71,13 @@ def test_ray_tables(benchmark, camera, threads):
 
 
 def render_once(name: str) -> Callable[[], wv.Views]:
-    """The same of the scan by a function that is told of it at every call."""
+    """Return the same scan by a function that receives the pattern at every call."""
     scene, poses = build(name), wv.scenes.PRESETS[name].poses(VIEWS)
     return lambda: wv.rendering.render_wide(scene, 1024, 128, 2 * math.pi, poses)
 
 
 def open3d(name: str) -> tuple[Callable[[], Any], Callable[[Any], NDArray]]:
-    """Open3D's Embree on all cores, of the scan's rays; and its lengths as images."""
+    """Return a scan by Open3D's Embree on all cores, and a function that makes images of its ranges."""
     import open3d as o3d
 
     caster = o3d.t.geometry.RaycastingScene(nthreads=core_count())
@@ -91,7 +91,7 @@ def open3d(name: str) -> tuple[Callable[[], Any], Callable[[Any], NDArray]]:
 
 
 def compare(name: str, rounds: int) -> None:
-    """Print how long a view takes, and how many times as long others take."""
+    """Print the time of a view, and the ratios of the others to it."""
     from timing import take_turns
 
     names = ("scan", "lens", "pinhole", "ouster", "one place")

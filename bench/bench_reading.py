@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What it costs to read frames of a dataset in random order, beside what users did before `warpvis.open_dataset`.
+"""Measure reading frames of a dataset in random order: `warpvis.open_dataset` against zarr-python and `numpy.load`.
 
-``python bench/bench_reading.py --out DIR`` writes frames of 320x240 in several formats, and reads all of them in random
-order, in one process, by turns with zarr-python and `numpy.load`. The files are in the page cache, as of a dataset that
-fits into memory; ``--cold`` asks Linux to forget them before every round, which needs root.
+``python bench/bench_reading.py --out DIR`` writes frames of 320x240 in several formats, and one process reads all of
+them in random order, alternating with the peers. The files are in the page cache, like a dataset that fits into memory;
+``--cold`` drops the cache before every round, which requires root.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Read = Callable[[int], object]
 
 
 def write(out: Path, scene: str, count: int) -> None:
-    """Write the data sets, by the names of `FORMATS`."""
+    """Write datasets of all `FORMATS`, and return them by name."""
     shutil.rmtree(out, ignore_errors=True)
     poses = PRESETS[scene].poses(count)
     for name, options in FORMATS.items():
@@ -44,7 +44,7 @@ def write(out: Path, scene: str, count: int) -> None:
 
 
 def readers(out: Path) -> dict[str, Read]:
-    """What reads one frame's depth, by name."""
+    """Return readers of one frame's depth by name."""
     import zarr
 
     datasets = {name: wv.open_dataset(out / name) for name in FORMATS}
@@ -61,7 +61,7 @@ def _shard_frames(folder: Path) -> int:
 
 
 def measure(read: Read, order: np.ndarray, seconds: float) -> float:
-    """Frames a second."""
+    """Return the rate of reading [frames/s]."""
     start, count = time.perf_counter(), 0
     for index in order.tolist():
         read(index)
@@ -72,7 +72,7 @@ def measure(read: Read, order: np.ndarray, seconds: float) -> float:
 
 
 def main() -> None:
-    """Print the rates, and whether raw shards are read as fast as they must be."""
+    """Print the rates, and whether raw shards reach their target."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=4000)
     parser.add_argument("--rounds", type=int, default=5)

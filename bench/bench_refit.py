@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Refitting a deforming mesh of 1.3 million triangles, for either caster: what `Scene.update_vertices` costs.
+"""Measure `Scene.update_vertices` on a deforming mesh of 1.3 million triangles: refitting the BVH and `wp.Mesh`.
 
-``python bench/bench_refit.py --device cuda:0`` lets both take turns and says the best times: on a GPU of CUDA graphs
-replayed, by its own events.
+``python bench/bench_refit.py --device cuda:0`` alternates between both and prints the minimum times. On a GPU it
+replays CUDA graphs and reads the times from events.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import warpvis as wv
 
 DEVICES = ["cpu", *map(str, wp.get_cuda_devices()[:1])]
 MAX_TIMES = 2.0
-"""The BVH's refit takes at most this many times as long as that of `wp.Mesh`."""
+"""Maximum time of the BVH's refit relative to that of `wp.Mesh`."""
 
 
 @pytest.mark.benchmark(group="refit")
@@ -41,7 +41,7 @@ def test_refit(benchmark, device, built):
 @pytest.mark.benchmark(group="refit")
 @pytest.mark.parametrize("device", DEVICES)
 def test_update(benchmark, device):
-    """All of a call, with vertices on the device, for the caster that is the faster one."""
+    """Measure a whole call with vertices on the device, for the faster caster."""
     scene = begin(device)
     scene.bvh()
     vertices = wp.clone(scene["ball"].points)
@@ -54,7 +54,7 @@ def test_update(benchmark, device):
 
 
 def compare(device: str, rounds: int) -> list[float]:
-    """Seconds of the refit of `Scene.bvh()`, and of `wp.Mesh`: the best of rounds in which they take turns."""
+    """Return the minimum times of refitting `Scene.bvh()` and `wp.Mesh` [s], measured in turns."""
     scene = build(device)
     timer = timer_of(scene.device)
     runs = [refit_of(built, scene) for built in (wv.Scene.bvh, wv.Scene.triangles)]
@@ -65,7 +65,7 @@ def compare(device: str, rounds: int) -> list[float]:
 
 
 def main() -> None:
-    """Print the times, and whether the BVH's is what it must be."""
+    """Print the times, and whether the BVH reaches its target."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--device", default=DEVICES[-1])
     parser.add_argument("--rounds", type=int, default=9)

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images by maps of places, beside lists of the same places and the pixels themselves.
+"""Measure ray casting at the pixel positions of a map, against lists of the same positions and whole images.
 
-``python bench/bench_remap.py`` lets them take turns on the CPU and says how many times as long as an image they take.
-The map is of what a second eye, 75 mm to the right, has at the pixels of the first.
+``python bench/bench_remap.py`` alternates between them on the CPU and prints their times relative to an image. The map
+holds the positions, in a second eye 75 mm to the right, of the surface points that the first eye sees.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ SCENES = ("room", "blobs_77k", "blobs_1m")
 
 @cache
 def build(name: str) -> wv.Scene:
-    """A preset's scene."""
+    """Return the scene of a preset."""
     return wv.scenes.PRESETS[name].build()
 
 
 def calls(name: str, **options: Any) -> dict[str, Callable[[], Any]]:
-    """What is measured: each was made once."""
+    """Return the calls to measure, each called once."""
     scene, poses = build(name), np.asarray(wv.scenes.PRESETS[name].poses(VIEWS), dtype=np.float32)
     renderer = wv.Renderer(scene, CAMERA, outputs="depth", **options)
     image, aside = renderer.render(poses), poses.copy()

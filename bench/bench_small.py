@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small calls: one image of a few pixels, as a step of one environment has it, where the call costs more than the rays.
+"""Measure small calls: one image of a few pixels, as in a step of one environment, where the overhead dominates.
 
-What Open3D takes for the same is in more.py, and what a GPU does in gpu.py (`--cases small-room-1 ...`).
+more.py has Open3D's times for the same images, and gpu.py those of a GPU (`--cases small-room-1 ...`).
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
 from warpvis.mujoco import BatchRenderer, Renderer, WorldPoses
 
-# A round is some 0.1 s.
+# A round takes about 0.1 s.
 _CALLS = 2000
 _MODEL = """<mujoco><worldbody><geom type="plane" size="4 4 .1"/>
 <body pos="0 0 1"><freejoint/><geom type="box" size=".2 .2 .2"/>
@@ -30,7 +30,7 @@ _MODEL = """<mujoco><worldbody><geom type="plane" size="4 4 .1"/>
 @pytest.mark.parametrize("memory", ["new", "out"])
 @pytest.mark.parametrize("side", [8, 32, 64, 84])
 def test_one_view(measure: Any, scene_of: Callable[[str], wv.Scene], side: int, memory: str) -> None:
-    """Into new memory, and into that of the call before."""
+    """Render into new memory, and into the memory of the previous call."""
     preset = wv.scenes.PRESETS["room"]
     camera = wv.Camera.from_fov(side, side, hfov=preset.camera.hfov, near=preset.camera.near, far=preset.camera.far)
     renderer, pose = wv.Renderer(scene_of("room"), camera, outputs=("depth",)), preset.poses(1)
@@ -41,7 +41,7 @@ def test_one_view(measure: Any, scene_of: Callable[[str], wv.Scene], side: int, 
 @pytest.mark.benchmark(group="small calls, room, depth")
 @pytest.mark.parametrize("form", ["row", "matrix"])
 def test_one_pose(measure: Any, scene_of: Callable[[str], wv.Scene], form: str) -> None:
-    """A single pose in double precision, as most come."""
+    """Render from a single pose in double precision, the most common input."""
     preset = wv.scenes.PRESETS["room"]
     camera = wv.Camera.from_fov(64, 64, hfov=preset.camera.hfov, near=preset.camera.near, far=preset.camera.far)
     renderer, row = wv.Renderer(scene_of("room"), camera, outputs=("depth",)), preset.poses(1)[0].astype(np.float64)
@@ -52,7 +52,7 @@ def test_one_pose(measure: Any, scene_of: Callable[[str], wv.Scene], form: str) 
 @pytest.mark.benchmark(group="small calls, a MuJoCo model, 64x64")
 @pytest.mark.parametrize("mode", ["depth", "segmentation"])
 def test_mujoco_renderer(measure: Any, mode: str) -> None:
-    """One environment, as `mujoco.Renderer` is used."""
+    """Render one environment, as with `mujoco.Renderer`."""
     model = mujoco.MjModel.from_xml_string(_MODEL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -70,7 +70,7 @@ def test_mujoco_renderer(measure: Any, mode: str) -> None:
 @pytest.mark.benchmark(group="small calls, a MuJoCo model, 64x64")
 @pytest.mark.parametrize("worlds", [1, 16])
 def test_batch_renderer(measure: Any, worlds: int) -> None:
-    """Some environments at once."""
+    """Render several environments at once."""
     model = mujoco.MjModel.from_xml_string(_MODEL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Each stage from a scene to a map of what is visible, and all of them together, on the paper's experiments."""
+"""Measure each stage from a scene to a map of visible surfaces, and the complete pipeline, on the experiments."""
 
 import pytest
 
@@ -8,13 +8,13 @@ import warpvis as wv
 
 PRESET = wv.scenes.PRESETS["experiment_3"]
 
-# Images that wait to be processed take 1.6 MB a view; many cores share these.
+# Images that wait to be processed take 1.6 MB per view, which many cores share.
 MAX_VIEWS = 200
 
 
 @pytest.fixture(scope="module")
 def images():
-    """Views of the experiment, the input of the stages that come after casting."""
+    """Return views of the experiment, the input of the stages after casting."""
     return wv.render(PRESET.build(), PRESET.camera, PRESET.poses(MAX_VIEWS), caster="packets")
 
 

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Time the live viewer: updates a second while something moves, and from a command to the first picture.
+"""Measure the live viewer: updates per second while objects move, and the time from the command to the first picture.
 
     python bench/bench_viewer.py
 
-The update is all that the page is sent: who sees what, points of all surfaces, both images, lines of sight, and making
-the messages of it. The models are the four experiments, whose robot goes to and fro, and aloha_pot of mujoco-warp with
-two people at its table, a joint of which turns.
+An update computes visibility, points of all surfaces, both images and lines of sight, and encodes the messages to the
+page. The models are the four experiments, whose robot moves back and forth, and aloha_pot of mujoco-warp with two
+people at its table and one moving joint.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def to_and_fro(state: ViewerState, start: np.ndarray, k: int) -> None:
 
 
 def report(name: str, state: ViewerState, move: Callable[[int], None]) -> None:
-    """Print how often a scene is shown anew in a second."""
+    """Print the number of updates per second."""
     with Viewer(state, port=8700) as viewer:
         for k in range(5):
             move(k)
@@ -68,7 +68,7 @@ def report(name: str, state: ViewerState, move: Callable[[int], None]) -> None:
 
 
 def first_picture() -> float:
-    """Measure the time from the command to the address it prints, when all that the page shows is computed."""
+    """Return the time from the command to the printed address, when all that the page shows has been computed."""
     begin = time.perf_counter()
     command = [sys.executable, "-m", "warpvis", "view", "experiment_3", "--port", "8701"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:

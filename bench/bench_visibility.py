@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `object_visibility` and `best_views` cost, beside rendering, and whether fractions are BOP's.
+"""Measure `object_visibility` and `best_views` against rendering, and compare visible fractions with BOP's definition.
 
-``python bench/bench_visibility.py`` lets 20 objects in 100 views of 640x480 take turns with rendering those views, and
-compares counts with BOP's definition in NumPy: every object rendered alone on a canvas of 3 W x 3 H.
+``python bench/bench_visibility.py`` alternates between `object_visibility` of 20 objects in 100 views of 640x480 and
+rendering those views. It compares counts with BOP's definition in NumPy, which renders every object alone on a canvas
+of 3 W x 3 H.
 ``python bench/bench_visibility.py --device cuda:0`` times `best_views` over 100,000 poses at 160x120.
 """
 
@@ -24,12 +25,12 @@ from warpvis.scenes import PRESETS
 OBJECTS, VIEWS, CHECKED_VIEWS = 20, 100, 5
 CAMERA = wv.Camera.from_fov(640, 480, hfov=0.994837)
 MAX_TIMES = 4.0
-"""`object_visibility` takes at most this many times as long as rendering the views."""
+"""Maximum time of `object_visibility` relative to rendering the views."""
 CANDIDATES, MAX_SECONDS = 100_000, 2.0
 
 
 def medians(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
-    """Median seconds of calls that take turns, after one of each."""
+    """Return median times of alternating calls [s], after one call of each."""
     times: dict[str, list[float]] = {name: [] for name in runs}
     for round_ in range(rounds + 1):
         for name, run in runs.items():
@@ -42,12 +43,12 @@ def medians(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, flo
 
 
 def things(scene: wv.Scene) -> list[int]:
-    """The first objects that are more than ground to stand on."""
+    """Return the first objects that are not ground."""
     return [index for index, item in enumerate(scene.objects) if item.label != wv.Label.GROUND][:OBJECTS]
 
 
 def compare_with_rendering(name: str, rounds: int, threads: int | None) -> None:
-    """Print the times of both, and their ratio."""
+    """Print both times, and their ratio."""
     scene, poses = PRESETS[name].build(), PRESETS[name].poses(VIEWS)
     chosen = things(scene)
     runs: dict[str, Callable[[], object]] = {}
@@ -67,7 +68,7 @@ def compare_with_rendering(name: str, rounds: int, threads: int | None) -> None:
 
 
 def check_fractions(name: str, delta: float) -> int:
-    """The greatest difference of any count from BOP's definition [px], each object rendered alone in NumPy's hands."""
+    """Return the largest difference of any count from BOP's definition [px], computed in NumPy."""
     scene, poses = PRESETS[name].build(), PRESETS[name].poses(CHECKED_VIEWS)
     chosen = things(scene)
     got = wv.object_visibility(scene, CAMERA, poses, objects=chosen, delta=delta)
@@ -96,7 +97,7 @@ def check_fractions(name: str, delta: float) -> int:
 
 
 def time_best_views(name: str, objects: list[str], device: str, rounds: int) -> float:
-    """Median seconds of `best_views` over all candidates, from poses on the host to the order on the host."""
+    """Return the median time of `best_views` over all candidates [s], from poses on the host to their order."""
     scene = PRESETS[name].build(device)
     camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.3, far=4.5)
     radius, headings = 2.5, 8
@@ -110,7 +111,7 @@ def time_best_views(name: str, objects: list[str], device: str, rounds: int) -> 
 
 
 def main() -> None:
-    """Print the figures, and whether they are what they must be."""
+    """Print the figures, and whether they reach their targets."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--rounds", type=int, default=9)

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How fast one process encodes and writes, by how many threads, beside what users did before.
+"""Measure how fast one process encodes and writes datasets, by number of threads, against common writers.
 
-``python bench/bench_writing.py`` renders depth images of 320x240 once, and then lets a job write them again and again,
-as PNG, as Zarr with zstd, and as raw npz, to each of the folders ``--out``: rendering costs nothing, so that encoding
-and writing are all there is. Files are synced, as of every job. Beside them `cv2.imwrite` in a loop, zarr-python and
-`numpy.savez`, which sync nothing. What is not installed is left out, and said.
+``python bench/bench_writing.py`` renders depth images of 320x240 once. A job then writes them repeatedly as PNG, as
+Zarr with zstd, and as raw npz, into each of the folders ``--out``, so that only encoding and writing take time. Files
+are synced, as in every job. The peers `cv2.imwrite` in a loop, zarr-python and `numpy.savez` do not sync. The table
+names peers that are not installed.
 """
 
 from __future__ import annotations
@@ -44,31 +44,31 @@ FORMATS: dict[str, tuple[str, dict[str, Any]]] = {
     "npz": ("npz", {}),
 }
 MIN_TIMES = 8.0
-"""What 16 threads on 16 cores must be times one, of PNG and of Zarr."""
+"""Minimum speedup of PNG and of Zarr by 16 threads on 16 cores."""
 Peer = Callable[[Path, np.ndarray, float], float]
 
 
 class Rendered:
-    """Stands in for a `FrameRenderer`: gives the same images every time."""
+    """A substitute for `FrameRenderer` that returns the same images every time."""
 
     def __init__(self, depth: np.ndarray) -> None:
-        """Keep images of one shard, at a page of memory as a renderer's are."""
+        """Store the images of one shard, aligned to a page as a renderer's are."""
         _, self._images = ImageBuffers(("depth",), CAMERA, len(depth)).first(len(depth))
         self._images["depth"][:] = depth
 
     def render(self, batch: Batch, *, out: ImageBuffers) -> dict[str, np.ndarray]:
-        """Give the images."""
+        """Return the images."""
         return {name: image[: len(batch["camera_to_world"])] for name, image in self._images.items()}
 
 
 def render_once(scene: str) -> np.ndarray:
-    """Depth of one shard."""
+    """Return the depth images of one shard."""
     renderer = wv.Renderer(PRESETS[scene].build(), CAMERA, outputs=("depth",))
     return renderer.render(PRESETS[scene].poses(SHARD)).depth.numpy()
 
 
 def write(out: Path, name: str, depth: np.ndarray, threads: int, seconds: float) -> tuple[float, dict[str, object]]:
-    """Frames a second of so many threads, and sizes and checksums of the first shard's files."""
+    """Return the rate with this number of threads [frames/s], and sizes and checksums of the first shard's files."""
     kind, options = FORMATS[name]
     scene = wv.Scene()
     scene.add(([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]), name="triangle")
@@ -95,7 +95,7 @@ def write(out: Path, name: str, depth: np.ndarray, threads: int, seconds: float)
 
 
 def cv2_in_a_loop(out: Path, depth: np.ndarray, seconds: float) -> float:
-    """Frames a second of 16-bit PNG, as users write them."""
+    """Return the rate of writing 16-bit PNG with OpenCV [frames/s]."""
     import cv2
 
     out.mkdir()
@@ -109,7 +109,7 @@ def cv2_in_a_loop(out: Path, depth: np.ndarray, seconds: float) -> float:
 
 
 def zarr_python(out: Path, depth: np.ndarray, seconds: float) -> float:
-    """Frames a second of shards of the same layout, one after the other, with the threads that zarr-python takes."""
+    """Return the rate of writing shards of the same layout with zarr-python and its default threads [frames/s]."""
     import zarr
     from zarr.codecs import ZstdCodec
 
@@ -126,7 +126,7 @@ def zarr_python(out: Path, depth: np.ndarray, seconds: float) -> float:
 
 
 def savez_in_a_loop(out: Path, depth: np.ndarray, seconds: float) -> float:
-    """Frames a second of files of a shard's images, one after the other."""
+    """Return the rate of writing one file per shard with `numpy.savez` [frames/s]."""
     out.mkdir()
     start, shard = time.perf_counter(), 0
     while time.perf_counter() - start < seconds:
@@ -143,7 +143,7 @@ PEERS: dict[str, tuple[str, Peer]] = {
 
 
 def compare(out: Path, name: str, depth: np.ndarray, arguments: argparse.Namespace) -> None:
-    """Print a line: the rates of all numbers of threads, and the peer's."""
+    """Print a row: the rates of all numbers of threads, and that of the peer."""
     rates, sums = {}, []
     others = OtherWork()
     for threads in arguments.threads:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames per second of warpvis and its peers on the same views, side by side in one run: a Markdown table.
+"""Compare frames per second of warpvis and its peers on the same views, side by side in one run.
 
-Methods take turns, so that whatever else the machine does meets all of them alike, and medians are shown. Every
-method's depth is checked first against that of warpvis's reference, the `rays` caster: all of them make the same
-picture. A second table has what batches do not show (see more.py).
+Methods take turns, so that other load on the machine affects all of them equally, and the Markdown table shows medians.
+The depth of every method is first compared with that of the reference, the `rays` caster. A second table has workloads
+other than batches (see more.py).
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from timing import take_turns
 import warpvis as wv
 
 MARK = "bench"
-"""Of the tables in docs/figures.md, unless another is asked for."""
+"""Name of the tables in docs/figures.md, unless another is given."""
 
 TOLERANCE = 1e-3
 
 
 @dataclass
 class Result:
-    """What one method did with one scene."""
+    """Result of one method on one scene."""
 
     method: str
     scene: str
     views: int = 0
     agreement: float = 0.0
-    """Share of pixels whose depth is the reference's."""
+    """Fraction of pixels whose depth matches the reference."""
     missing: str = ""
-    """Why it could not run, if it could not."""
+    """Reason for a missing result, or empty."""
     seconds: list[float] = field(default_factory=list)
-    """Time for all views, one a round."""
+    """Time of all views in each round [s]."""
 
     @property
     def fps(self) -> float:
-        """Frames per second, by the median round."""
+        """Frames per second of the median round."""
         return self.views / float(np.median(self.seconds)) if self.seconds else 0.0
 
 
@@ -66,7 +66,7 @@ def compare(preset: wv.scenes.ScenePreset, methods: Sequence[Method], views: int
         results.append(result)
         try:
             calls[method.title] = _start(method, work, truths[method.culls], result)
-        except Exception as error:  # a peer that fails, however it does, is a cell of the table
+        except Exception as error:  # whatever a peer raises is shown in its cell of the table
             result.missing = _reason(error)
         _say(_progress(result))
     times = dict(zip(calls, take_turns(list(calls.values()), rounds), strict=True))
@@ -82,7 +82,7 @@ def _reference(work: Work, cull_backfaces: bool) -> NDArray:
 
 
 def _start(method: Method, work: Work, truth: NDArray, result: Result) -> Callable[[], Any]:
-    """What makes a method's views, after it has made them once and they were found right."""
+    """Return a method's call that renders all views, after comparing its result with the reference."""
     part = work.first(method.most_views)
     run, to_depth = method.prepare(part)
     depth = to_depth(run())
@@ -92,14 +92,14 @@ def _start(method: Method, work: Work, truth: NDArray, result: Result) -> Callab
 
 
 def agreement(depth: NDArray, truth: NDArray, camera: wv.Camera) -> float:
-    """Share of pixels that are the same within `TOLERANCE`, with what lies out of the camera's range marked alike."""
+    """Return the fraction of pixels within `TOLERANCE`; pixels out of range must be marked in the same way."""
     depth = np.where(depth < camera.near, -np.inf, np.where(depth > camera.far, np.inf, depth))
     with np.errstate(invalid="ignore"):  # inf - inf
         return float(np.mean((depth == truth) | (np.abs(depth - truth) <= TOLERANCE)))
 
 
 def markdown(results: list[Result], methods: Sequence[Method], rounds: int) -> str:
-    """The table, with what it was measured on above and how to read it below."""
+    """Return the table, with the machine above and notes below."""
     scenes = list(dict.fromkeys(result.scene for result in results))
     cells = {(result.method, result.scene): result for result in results}
     packages = dict.fromkeys(package for method in methods for package in method.packages)
@@ -137,12 +137,12 @@ def _cell(result: Result, baseline: Result) -> str:
 
 
 def _percent(share: float) -> str:
-    """Rounded down: only all of them are 100 %."""
+    """Return a percentage, rounded down: 100 % means all pixels."""
     return f"{np.floor(share * 1e5) / 1e3:g} %"
 
 
 def _reason(error: Exception) -> str:
-    """One short clause."""
+    """Return the error's first clause."""
     if isinstance(error, ModuleNotFoundError):
         return f"{str(error.name).partition('.')[0]} is not installed"
     line = (str(error).strip() or type(error).__name__).splitlines()[0]
@@ -160,7 +160,7 @@ def _say(line: str) -> None:
 
 
 def write_json(path: Path, results: list[Result], more: list[Figure]) -> None:
-    """All results with the time of every round, and the second table's."""
+    """Write all results with the time of every round, and those of the second table."""
     packages = dict.fromkeys(package for method in METHODS for package in method.packages)
     rows = [{**asdict(result), "fps": result.fps} for result in results]
     content = {"machine": describe(packages), "results": rows, "more": [asdict(figure) for figure in more]}
@@ -189,12 +189,12 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _is_wanted(method: Method, texts: Sequence[str] | None) -> bool:
-    """Whether a row is asked for; the one that all are compared with always is."""
+    """Return whether a row is requested; the reference always is."""
     return texts is None or method.title == BASELINE or any(text in method.title for text in texts)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the comparison; the tables go to standard output."""
+    """Run the comparison, and print the tables."""
     options = _parse(arguments)
     if options.markdown:
         try:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the benchmarks share: scenes, numbers of threads, and how a call is measured."""
+"""Share scenes, numbers of threads and the measurement of a call among the benchmarks."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from warpvis.core.threads import core_count
 
 ROUNDS = 7
 
-# How often a thread is given how many views in a round of casting: some 0.1 to 0.2 s on one core of 2026. The numbers
-# are fixed, and do not depend on what was measured, so that rounds of different runs are the same work. Packets render
-# the same few views again and again: as many views at once would be more memory than work.
+# Number of views and of calls in a round of casting: about 0.1 to 0.2 s on one core of 2026. The numbers are fixed and
+# do not depend on measurements, so that rounds of different runs are the same work. Packets render the same few views
+# repeatedly, because more views at once would measure memory.
 _CALLS = {
     "rays": {"room": (1, 20), "blobs_77k": (1, 4), "blobs_1m": (1, 3)},
     "packets": {"room": (40, 32), "blobs_77k": (10, 32), "blobs_1m": (3, 32)},
@@ -32,25 +32,25 @@ def _build(name: str) -> wv.Scene:
 
 @pytest.fixture
 def scene_of() -> Callable[[str], wv.Scene]:
-    """Makes a preset's scene of its name, once a session."""
+    """Return a function that makes the scene of a preset, once per session."""
     return _build
 
 
 @pytest.fixture(params=["packets", "rays"])
 def caster(request: pytest.FixtureRequest) -> str:
-    """The casters that CPU cores have."""
+    """Return each caster of the CPU."""
     return request.param
 
 
 @pytest.fixture(params=["one_thread", "all_cores"])
 def threads(request: pytest.FixtureRequest) -> int:
-    """CPU threads: one, and as many as there are cores."""
+    """Return numbers of CPU threads: one, and the number of cores."""
     return 1 if request.param == "one_thread" else core_count()
 
 
 @pytest.fixture
 def measure(benchmark: Any) -> Callable[..., None]:
-    """Measures a call that does some number of views, and notes frames per second."""
+    """Return a function that measures a call and records frames per second."""
 
     def run(call: Callable[[], Any], views: int, calls: int = 1) -> None:
         benchmark.pedantic(call, rounds=ROUNDS, iterations=calls, warmup_rounds=1)
@@ -63,7 +63,7 @@ def measure(benchmark: Any) -> Callable[..., None]:
 
 @pytest.fixture
 def measure_casting(measure: Any, scene_of: Any, caster: str, threads: int) -> Callable[..., None]:
-    """Measures a caster on a preset."""
+    """Return a function that measures a caster on a preset."""
 
     def run(name: str, outputs: Sequence[Any]) -> None:
         preset = wv.scenes.PRESETS[name]

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measure workloads on one CPU core beside a peer or a plain baseline, and compare the ratios with the last run's.
+"""Compare workloads on one CPU core with a peer or a simple baseline, and the ratios with those of the last run.
 
-The process keeps to one core, and the time is that which it has the core for: what else runs on the machine changes
-these ratios little. `make bench` runs this; the table is `.benchmarks/<machine>/ratios.json`.
+The process is bound to one core and measures CPU time, so that other processes change the ratios little. `make bench`
+runs this; the table is `.benchmarks/<machine>/ratios.json`.
 
   python bench/cpu_all.py                        compares with the table
   python bench/cpu_all.py --update               writes it
@@ -38,7 +38,7 @@ from warpvis.mujoco import Kinematics
 from warpvis.scenes.robots import moving_robots_xml, robot_joints
 
 TOLERATED = 0.15
-"""What a ratio may fall by: those of two runs of the same code differ by some per cent."""
+"""Accepted decrease of a ratio: two runs of the same code differ by several per cent."""
 
 _LIMIT = 300
 
@@ -51,14 +51,14 @@ _SHARED = (
     *("points room the other eye", "point_visibility room 1,000,000", "images room color", "images room albedo"),
     *("images room back_project", "images room floor_map", "images room voxel_map", "images room object_visibility"),
 )
-"""Workloads of gpu_all.py."""
+"""Workloads shared with gpu_all.py."""
 
 _VIEWS = 4
 _ROUNDS = 25
 
 
 def classify_by_numpy(depth: NDArray, camera: wv.Camera, poses: NDArray, spheres: Sequence[Any]) -> NDArray[np.uint8]:
-    """Label pixels as `wv.classify` does, of views in which nothing lies out of the camera's range."""
+    """Label pixels like `wv.classify`, for views in which no pixel is out of the camera's range."""
     y, x = np.indices(depth.shape[1:], dtype=np.float32) + np.float32(0.5)
     rays = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=-1)
     labels = np.empty(depth.shape, dtype=np.uint8)
@@ -83,7 +83,7 @@ def _classify() -> Contest:
 
 
 def _lidar() -> Contest:
-    """Set up a scan of a world of moving robots beside `mj_multiRay`, likewise on one core."""
+    """Set up a scan of a world of moving robots, and `mj_multiRay` on one core as its peer."""
     model = mujoco.MjModel.from_xml_string(moving_robots_xml())
     rays = wv.sensors.Rays(wv.sensors.lidars.vlp16().directions, axes="ros_body", far=lidar_worlds.FAR)
     poses = Kinematics(model).from_qpos(robot_joints(_VIEWS))
@@ -97,7 +97,7 @@ def _lidar() -> Contest:
 
 
 def _peer(title: str, prepare: Callable[[peers.Work], peers.Prepared], size: tuple[int, int], views: int) -> Contest:
-    """Set up depth of the room beside another library."""
+    """Set up depth of the room, and another library as its peer."""
     preset = wv.scenes.PRESETS["room"]
     camera = wv.Camera.from_fov(*size, hfov=preset.camera.hfov, near=preset.camera.near, far=preset.camera.far)
     work = peers.Work(preset.build(), camera, preset.poses(views))
@@ -108,7 +108,7 @@ def _peer(title: str, prepare: Callable[[peers.Work], peers.Prepared], size: tup
 
 
 def workloads() -> Iterator[Workload]:
-    """Yield all workloads, timed by what they take of a core."""
+    """Yield all workloads, timed by their CPU time on one core."""
     for workload in _workloads():
         yield replace(workload, prepare=partial(_timed, workload.prepare))
 

@@ -1,14 +1,15 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Errors of a Kinect's models by depth, beside those of ICL-NUIM's formula, in the same images of a room.
+"""Compare errors of Kinect models by depth with those of ICL-NUIM's formula, in the same images of a room.
 
-``python bench/depth_errors.py errors.png`` draws their histograms, and prints a table: in bands of depth, the mean and
-the standard deviation of errors in mm, of nine tenths of the pixels that are nearest to the median (a few show another
-surface, which is metres away), and how many are lost.
+``python bench/depth_errors.py errors.png`` draws histograms and prints a table. For each band of depth it has the mean
+and the standard deviation of the errors [mm] over the nine tenths of the pixels nearest to the median (a few pixels
+show another surface, meters away), and the fraction of lost pixels.
 
 A. Handa, T. Whelan, J. McDonald and A. J. Davison, "A Benchmark for RGB-D Visual Odometry, 3D Reconstruction and SLAM",
-ICRA 2014, after J. T. Barron and J. Malik, "Intrinsic Scene Properties from a Single RGB-D Image", CVPR 2013: depth of
-a place that is moved by N(0, 0.5 px) along both axes is, in centimetres, 35130 / floor(35130 / z + N(0, 1/6) + 0.5).
+ICRA 2014, after J. T. Barron and J. Malik, "Intrinsic Scene Properties from a Single RGB-D Image", CVPR 2013: the depth
+at a position that is displaced by N(0, 0.5 px) along both axes is, in centimeters,
+35130 / floor(35130 / z + N(0, 1/6) + 0.5).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import warpvis as wv
 from warpvis.rendering import DepthSensor
 
 CAMERA = wv.Camera(640, 480, 481.2, 480.0, 319.5, 239.5, near=0.4, far=8.0)
-"""ICL-NUIM's, but for the sign of its fy."""
+"""ICL-NUIM's camera, except for the sign of fy."""
 BANDS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0)
 MODELS: dict[str, DepthSensor] = {
     "SimKinect": wv.sensors.SimKinect(focal_length=480.0),
@@ -36,7 +37,7 @@ FORMULA = "ICL-NUIM's formula"
 
 
 def say_icl_nuim(depth: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return what the formula makes of exact depth, ``(V, H, W)``; the nearest of four pixels stands for a place."""
+    """Return noisy depth by the formula, ``(V, H, W)``, with nearest-neighbor sampling at displaced positions."""
     views, height, width = depth.shape
     view, y, x = np.ogrid[:views, :height, :width]
     row, column = (
@@ -44,12 +45,12 @@ def say_icl_nuim(depth: NDArray, rng: np.random.Generator) -> NDArray[np.float64
         for at, size in ((y, height), (x, width))
     )
     centimetres = 100.0 * depth[view, row, column].astype(np.float64)
-    with np.errstate(divide="ignore"):  # of the sky
+    with np.errstate(divide="ignore"):  # the sky has infinite depth
         return 351.30 / np.floor(35130 / centimetres + rng.normal(scale=1 / 6, size=depth.shape) + 0.5)
 
 
 def measure(views: int) -> tuple[NDArray, dict[str, NDArray]]:
-    """Return the exact depth of views of a room, and the errors of each model [m], NaN where there is no depth."""
+    """Return exact depth of views of a room, and the errors of each model [m], NaN where depth is missing."""
     preset = wv.scenes.PRESETS["room"]
     scene, poses, rng = preset.build(), preset.pose_rows(views).astype(np.float32), np.random.default_rng(1)
     errors: dict[str, NDArray] = {}
@@ -62,7 +63,7 @@ def measure(views: int) -> tuple[NDArray, dict[str, NDArray]]:
 
 
 def middle_of(errors: NDArray) -> NDArray:
-    """Return the nine tenths that are nearest to the median."""
+    """Return the nine tenths nearest to the median."""
     away = np.abs(errors - np.median(errors))
     return errors[away <= np.quantile(away, 0.9)]
 
@@ -84,7 +85,7 @@ def show(exact: NDArray, errors: dict[str, NDArray]) -> None:
 
 
 def draw(exact: NDArray, errors: dict[str, NDArray], path: str) -> None:
-    """Draw histograms, a row for each band, the formula's behind each model's."""
+    """Draw histograms, one row per band, with the formula's behind each model's."""
     import matplotlib.pyplot as plt
 
     bands, names = list(pairwise(BANDS)), [name for name in errors if name != FORMULA]
@@ -108,7 +109,7 @@ def draw(exact: NDArray, errors: dict[str, NDArray], path: str) -> None:
 
 
 def main() -> None:
-    """Print the table, and draw if a file is named."""
+    """Print the table, and draw the histograms if a file is named."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("picture", nargs="?", help="where to draw, such as errors.png")
     parser.add_argument("--views", type=int, default=24)
