@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Included once for each number of lanes, after the headers of the tree: what kernels/bvh.py does with them.
+// Tree construction as in kernels/bvh.py. Included once for each number of lanes, after the headers of the tree.
 
-// Whether a range's split, and all below it, say how large the boxes of their parts are.
+// Whether the stored areas of the parts' boxes are exact, for a range's split and all splits below it.
 inline bool has_exact_areas(const Exact<v8>& items, const Exact<Split>& splits, int split, int begin, int end) {
     if (split == 0) return true;
     const float left = Aabb::half_area(Aabb::of_items(items.data, begin, split));

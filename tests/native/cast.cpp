@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Scenes and jobs as the casters take them, in memory of the exact size: the one place that knows the casters' structs.
+// Scenes and jobs in the casters' structs, in memory of exact size. No other file of the checks uses these structs.
 
 #include "cast.h"
 
@@ -45,13 +45,13 @@ bool is_inside(const float* edge, float doubt, float u, float v) {
     return linear.at(Lanes::all(u), linear.row(Lanes::all(v)))[0] >= -doubt;
 }
 
-// Joins trees of many meshes into the same arrays.
+// Concatenates the trees of several meshes.
 struct Joiner {
     std::vector<float> leaves, nodes, boxes, size, closed_boxes;
     std::vector<int> owners, children, object, root, first_leaf, first_id, closed, solid, closed_object, still;
     int levels = 0, ids = 0;
 
-    // The mesh's first node; `ids` grows by its places.
+    // Add a mesh; returns its first node. `ids` grows by the number of its slots.
     int add(const Mesh& mesh, const std::vector<int>& owner, const std::vector<unsigned char>& closed_of) {
         const BuiltTree tree = building_16::build(mesh, owner, closed_of, false, 0);
         const int first_node = (int)children.size() / 16, leaf = (int)owners.size() / 16;
@@ -187,14 +187,14 @@ static casting::Job job_of(const Worlds& worlds, const Lens& lens) {
     return job;
 }
 
-// The greatest 1 / z of which 1 / (1 / z) is still `near` or more.
+// Greatest 1 / z whose reciprocal, as rounded, is at least `near`.
 static float most_inv_z(float near) {
     float most = 1.0f / near;
     while (1.0f / most < near) most = std::nextafter(most, 0.0f);
     return most;
 }
 
-// As many bytes as an arena says that carving takes.
+// Number of bytes that `carve` takes from an arena.
 template <class Carve>
 static size_t measure(Carve carve) {
     casting::Arena arena = casting::Arena::at(nullptr);
@@ -202,7 +202,7 @@ static size_t measure(Carve carve) {
     return (size_t)arena.used;
 }
 
-// Run a job's workers, each in memory that it takes, which holds zeros at first.
+// Run a job's workers, each in its own memory, which is zeroed first.
 template <class Run>
 static void run_workers(const Shares& shares, size_t bytes, int* counter, Run run) {
     std::vector<Exact<char>> memory;
@@ -286,7 +286,7 @@ Statuses judge_points(const SceneBvh& c, const Worlds& worlds, const Lens& lens,
         const casting::PointPackets packets = casting::PointPackets::of(work, memory);
         packets.run(counter.data);
         while (__atomic_load_n(counter.data + casting::COUNTER_NEXT_UNIT, __ATOMIC_SEQ_CST) < units) {
-            std::this_thread::yield();  // it had to wait for others
+            std::this_thread::yield();  // this worker had to wait for others
             casting::Workers::enter(counter.data);
             packets.run(counter.data);
         }

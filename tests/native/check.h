@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What all checks share: random cameras and worlds, their truth, and a report of what is wrong.
+// Common parts of the checks: random cameras and worlds, their ground truth, and reports of faults.
 
 #pragma once
 
@@ -93,7 +93,7 @@ inline Truth truth_of(const Scene& scene, const Worlds& worlds, const Lens& lens
     return truth;
 }
 
-// Check scenes of so many seeds from the first one on; 1 if anything was wrong.
+// Check COUNT scenes from the first seed on; returns 1 if there was a fault.
 template <class Check>
 int check_all(int count, char** arguments, Check check) {
     if (count != 3) {

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Edges of triangles, as steep and as flat as they come: no pixel on an edge's inner side is left out by the bounds of
-// columns that rasterising begins with.
+// Check steep and flat edges of triangles: bounds of columns, with which rasterization begins, must not exclude a pixel
+// on the inner side of an edge.
 
 #include "check.h"
 
@@ -11,7 +11,7 @@ static void check_edge(Random& random, uint64_t seed) {
     const float first_u = (float)(0.5 - random.pick({0.5, 0.3, 0.0}) * width);
     const float first_v = (float)(0.5 - random.pick({0.5, 0.0, -1.0}) * 500);
     const float v0 = first_row + first_v, v1 = v0 + (float)(rows - 1);
-    // Through a place near a pixel's centre, or far away.
+    // The edge passes through a point near a pixel center, or far away.
     const double x = random.whole(0, width - 1) + random.pick({0.0, 1e-6, -1e-4, 0.01, 0.3});
     const double y = random.chance(0.5) ? random.pick({(double)v0, (double)v1, 0.0}) : random.real(v0, v1);
     const double slope = std::pow(10.0, random.real(-3, 8)) * random.pick({-1, 1}),

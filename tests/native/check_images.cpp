@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Images, and rays through points of them, against the truth.
+// Check images, and rays through image points, against ground truth.
 
 #include "check.h"
 
-// Whether a result is one of what a ray may see. Of depths: at most that of the first sure hit.
+// Ground truth of a ray: the results that are consistent with its hits. Depth is at most that of the first certain hit.
 struct Judgement {
     const Truth& truth;
     const std::vector<Hit>& hits;
@@ -30,7 +30,7 @@ struct Judgement {
         return false;
     }
 
-    // What is wrong with what was written of a ray whose depth is known; null for nothing.
+    // Describe a fault in the outputs of a ray with the given depth; null if there is none.
     const char* fault(const Pictures& made, size_t at, float depth, const Scene& scene) const {
         if (depth != depth) return "depth is NaN";
         if (made.depth.data && made.depth[at] != depth) return "depth depends on what else is asked for";
@@ -83,7 +83,7 @@ static Shares random_shares(Random& random, int height) {
     return shares;
 }
 
-// Pixels' centres, or points anywhere: on borders, between, outside, and no numbers.
+// Random image points: on borders, between pixels, outside the image, and not finite.
 static std::vector<float> random_points(Random& random, const Lens& lens, int count) {
     std::vector<float> at;
     const float side[2] = {(float)lens.width, (float)lens.height};
@@ -107,7 +107,7 @@ struct Setting {
     Lens lens;
     Worlds worlds;
     bool cull;
-    int points;  // 0 for pixels
+    int points;  // 0 for pixel centers
     std::vector<float> places;
 };
 
@@ -149,7 +149,7 @@ static void check_scene(uint64_t seed) {
         const std::vector<float> some = random_points(random, set.lens, set.points);
         set.places.insert(set.places.end(), some.begin(), some.end());
     }
-    // Where the near plane cuts a solid open, its triangles are seen: tests/test_near_plane.py.
+    // If the near plane cuts a solid, its triangles are visible: see tests/test_near_plane.py.
     bool solids = false;
     for (const Movable& movable : set.scene.movables) solids |= movable.solid != 0;
     set.lens.clips = set.lens.near > 0 && !solids && random.chance(0.5);

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which points of the world are seen, against the truth.
+// Check the visibility of world points against ground truth.
 
 #include "check.h"
 
-enum Status { OUT_OF_VIEW, NEARER, FARTHER, OCCLUDED, SEEN };  // as warpvis.Visibility
+enum Status { OUT_OF_VIEW, NEARER, FARTHER, OCCLUDED, SEEN };  // same values as warpvis.Visibility
 
-// A point in a view.
+// Projection of a point into a view.
 struct Aim {
     double u, v, z, x, y;  // pixels from the principal point, depth, and pixels of the image
 
@@ -17,11 +17,11 @@ struct Aim {
         u = there.x * truth.lens.fx / z, v = there.y * truth.lens.fy / z;
         x = u + truth.lens.cx, y = v + truth.lens.cy;
     }
-    // How clearly it is inside of the image, negative outside.
+    // Distance of the point from the border of the image, in pixels; negative outside.
     double margin(const Lens& lens) const { return z > 0 ? std::min({x, y, lens.width - x, lens.height - y}) : -1.0; }
 };
 
-// Points anywhere, on surfaces, on the borders of the image, at the camera.
+// Random points: anywhere, on surfaces, on the borders of the image, at the camera.
 static std::vector<float> random_places(Random& random, const Scene& scene, const Worlds& worlds, int count) {
     std::vector<float> places;
     for (int i = 0; i < count; ++i) {
@@ -48,8 +48,7 @@ static std::vector<float> random_places(Random& random, const Scene& scene, cons
     return places;
 }
 
-// A camera and points that are in its image by so little that their columns and rows, rounded, are those after the
-// last.
+// Set a camera and points that are barely inside its image: their rounded columns and rows are one past the last.
 static void put_on_borders(Random& random, Lens& lens, Worlds& worlds, std::vector<float>& places) {
     static const float nowhere[7] = {0, 0, 0, 0, 0, 0, 1};
     for (int view = 0; view < worlds.views; ++view) std::copy_n(nowhere, 7, &worlds.cameras[7 * view]);
@@ -64,7 +63,7 @@ static void put_on_borders(Random& random, Lens& lens, Worlds& worlds, std::vect
     }
 }
 
-// What is wrong with a point's status; null for nothing.
+// Describe a fault in a point's status; null if there is none.
 static const char* fault_of(const Truth& truth, const Aim& aim, float tolerance, int status, const int* occluder,
                             std::vector<Hit>& hits) {
     const double margin = aim.margin(truth.lens), doubt = 1e-6, z = aim.z;

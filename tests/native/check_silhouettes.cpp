@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How much of each object is seen of a canvas, against the truth.
+// Check the visible fraction of each object on a canvas against ground truth.
 
 #include "check.h"
 
-// Counts of pixels and their boxes that are sure, and those that there may be at most.
+// Number of certain pixels and greatest possible number, and their boxes.
 struct Tally {
     int sure = 0, most = 0;
-    int sure_box[4], most_box[4];  // codes: greatest of -x, -y, x, y
+    int sure_box[4], most_box[4];  // codes: maxima of -x, -y, x, y
 
     Tally() {
         for (int k = 0; k < 4; ++k) sure_box[k] = most_box[k] = INT32_MIN;
@@ -35,10 +35,10 @@ struct Tally {
 struct Expected {
     Tally silhouette, image, visible, near, far;
     std::vector<Tally> hidden_by;
-    std::vector<int> mask;  // -1 where it is not sure
+    std::vector<int> mask;  // -1 if uncertain
 };
 
-// The world in which each object is a movable of its own, as warpvis.scene.Scene.apart makes it.
+// The scene in which each object is a separate movable, as in warpvis.scene.Scene.apart.
 static Scene apart(const Scene& scene) {
     Scene result = scene;
     result.movables.clear();
@@ -52,7 +52,7 @@ static Scene apart(const Scene& scene) {
     return result;
 }
 
-// Every object's pose in every world: its movable's, or none.
+// Set the pose of every object in every world: that of its movable, or the identity.
 static void spread(const Scene& scene, Worlds& worlds) {
     const int objects = (int)scene.objects.size();
     Exact<float> poses((size_t)worlds.worlds * objects * 7, 0.0f);
@@ -96,7 +96,7 @@ static Compared random_comparison(Random& random, const Scene& scene, const Lens
     return with;
 }
 
-// Add a pixel that an object covers, at some depth.
+// Add a pixel that an object covers, with its range of depth.
 static void add_pixel(Expected& e, const Compared& with, const Lens& lens, int view, int index, int x, int y,
                       const Hit& hit) {
     e.silhouette.add(x, y, hit.sure);
@@ -177,7 +177,7 @@ struct Found {
     }
 
   private:
-    // Beyond the image nothing has to be counted then.
+    // Pixels outside the image need not be counted in this case.
     const char* fault_of_unseen(const Expected& e) const {
         const int silhouette = value(SILHOUETTE);
         if (silhouette > e.silhouette.most || silhouette < e.image.sure) return "silhouette of what is not seen";
@@ -193,7 +193,7 @@ struct Found {
         for (int object = 0; object < objects; ++object) {
             const int by = counts.hidden_by[pair * objects + object];
             const Tally& tally = e.hidden_by[object];
-            // With `seen_only`, what hides it counts once for the image and again for the canvas.
+            // With `seen_only`, occluders are counted for the image and again for the canvas.
             if (!with.seen_only && !tally.holds(by)) return "hidden by";
             if (with.seen_only && (by < 2 * tally.sure || by > 2 * tally.most)) return "hidden by";
         }

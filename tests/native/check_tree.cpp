@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Trees of 16 and 32 lanes: every triangle is there once, and bounds are exact.
+// Check trees of 16 and 32 lanes: every triangle occurs once, and bounds are exact.
 
 #include "check.h"
 
-// Small triangles on top of each other, which all face the same way, as the slats of a blind: what they see of a camera
-// depends on how high it is, and their boxes are long that way.
+// Small parallel triangles stacked like the slats of a blind: whether they face a camera depends on its height, and
+// their boxes are long along the stack.
 static Mesh stack(Random& random, int count) {
     Mesh mesh;
     const int axis = random.whole(0, 2), way = random.pick({-1, 1});
@@ -25,7 +25,7 @@ static Mesh stack(Random& random, int count) {
     return mesh;
 }
 
-// Triangles with another one behind each that faces the other way: their normals add up to nothing. Some have no area.
+// Pairs of coincident triangles with opposite orientations, so that their normals sum to zero. Some have no area.
 static Mesh sheets(Random& random, int count) {
     Mesh mesh;
     for (int i = 0; i < count; ++i) {
@@ -37,7 +37,7 @@ static Mesh sheets(Random& random, int count) {
     return mesh;
 }
 
-// Meshes that are hard to split: all in one place, on a line, ever farther apart, and ordinary ones.
+// Meshes that are hard to split: coincident triangles, on a line, with growing distances; and ordinary meshes.
 static Mesh hard_mesh(Random& random) {
     const int count = random.pick({1, 2, 15, 16, 17, 31, 32, 33, 64, 65, 128, 129, 300, 1200});
     const int kind = random.whole(0, 8);
@@ -78,10 +78,10 @@ struct Checker {
         float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
         std::vector<int> triangles;
         bool all_closed = true;
-        int height = 0;  // of nodes, none for a leaf
+        int height = 0;  // in levels of nodes, 0 for a leaf
     };
 
-    // Whether all triangles face one way.
+    // Whether all triangles have the same normal.
     bool find_flat() const {
         Vec first = {0, 0, 0};
         for (int triangle = 0; triangle < mesh.count(); ++triangle) {
@@ -98,14 +98,14 @@ struct Checker {
         return {p[0], p[1], p[2]};
     }
 
-    // Zero if the cross product is no more than its rounding error: the corners are on a line, or two of them coincide.
+    // Zero if the cross product is within its rounding error: the corners are collinear, or two of them coincide.
     Vec normal(int triangle) const {
         const Vec a = corner(triangle, 0), ab = corner(triangle, 1) - a, ac = corner(triangle, 2) - a;
         const Vec n = ab.cross(ac);
         return n.length() > 1e-15 * ab.length() * ac.length() ? n : Vec{0, 0, 0};
     }
 
-    // The corner of a triangle that its leaf stores first. Corners in one place are the same corner.
+    // Index of the corner that the leaf stores first. Corners at the same position are the same corner.
     int first_corner(int leaf, int lane, int triangle) const {
         for (int k = 0; k < 3; ++k) {
             bool same = true;
@@ -166,7 +166,7 @@ struct Checker {
             say(row[(3 + k) * tree.lanes] == under.high[k], "greatest corner");
         }
         const double cutoff = row[9 * tree.lanes];
-        // Where all triangles face one way, rounding is all that makes a cone wider, level by level.
+        // If all triangles have the same normal, only rounding widens a cone, level by level.
         say(!is_flat || !under.all_closed || cutoff < 1.5e-3 * (under.height + 1), "a cone that is too wide");
         const Vec axis = {row[6 * tree.lanes], row[7 * tree.lanes], row[8 * tree.lanes]};
         say(cutoff == 2.0 || under.all_closed, "a cone of what is not closed");
@@ -180,7 +180,7 @@ struct Checker {
         }
     }
 
-    // A child that is passed over has no triangle that faces the camera.
+    // A culled child must not contain a triangle that faces the camera.
     void check_turned(int node, int child, const Under& under) {
         for (const Vec& camera : cameras) {
             const float at[3] = {(float)camera.x, (float)camera.y, (float)camera.z};
@@ -234,7 +234,7 @@ struct Checker {
         for (int times : times_seen) say(times == 1, "a triangle is not there once");
         for (int times : times_visited) say(times == 1, "a node is not there once");
         say(levels == tree.levels, "levels");
-        // Halved from the root on, a tree of leaves that are full but for the last takes the fewest levels.
+        // Halving from the root on gives the fewest levels: leaves that are full, except the last.
         int least = 1;
         for (long long most = tree.lanes * (long long)tree.lanes; most < mesh.count(); most *= tree.lanes) ++least;
         say(!evenly || tree.levels <= least + 1, "more levels than even parting takes");

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What kernels/native/cuda/*.h use of CUDA, for an ordinary C++ compiler: a warp of 32 lanes, each a fiber.
+// Emulation of the CUDA functions used by kernels/native/cuda/*.h, for an ordinary C++ compiler: a warp of 32 lanes,
+// each a fiber.
 //
-// A lane runs until it calls an intrinsic that synchronises the warp; then the next lane runs. When all have come, the
-// emulator checks that they came to the same call, by the same way, computes what each gets, and goes on. In which
-// order lanes run is one of several: what depends on it is a race.
+// A lane runs until it calls an intrinsic that synchronizes the warp; then the next lane runs. When all have arrived,
+// the emulator checks that they arrived at the same call through the same call stack, computes their results, and
+// continues. Lanes run in one of several orders: results that depend on the order indicate a race.
 
 #pragma once
 
@@ -17,39 +18,39 @@ namespace emulator {
 
 enum { WARP_SIZE = 32 };
 
-// Which lane runs first, and where it may be interrupted.
+// Order of the lanes, and whether they may be interrupted.
 enum Order { FORWARD, REVERSE, SHUFFLED, OTHERWISE_SHUFFLED, INTERRUPTED, ORDERS };
 
 struct Index {
     unsigned x;
 };
 
-// A rectangle of packets of some views, and the function that makes one. Every lane calls it.
+// A grid of packets of several views, and the function that processes a packet; every lane calls it.
 struct Launch {
     void (*packet)(void* arguments, int view, int packet_y, int packet_x);
     void* arguments;
     int views, packets_y, packets_x;
 };
 
-// Run a launch, warp after warp. Ends the process with a message where lanes diverge.
+// Run a launch, warp after warp. Aborts the process with a message if lanes diverge.
 void run(const Launch& launch, Order order);
 
-// A warp's shared memory of so many bytes, which holds anything but zeros when the warp begins. All lanes get the same.
+// Shared memory of a warp, filled with random bytes when the warp begins; the same address for all lanes.
 void* shared_memory(unsigned long bytes);
 
 enum Operation { SYNC, BALLOT, ANY, SHUFFLE, SHUFFLE_XOR, LEAST, MOST, UNITED };
 
-// Wait for all lanes, which give a value and a lane each, and return what the operation makes of them for this one.
+// Wait for all lanes, each with a value and a lane, and return the operation's result for this lane.
 unsigned meet(Operation operation, unsigned mask, unsigned value, int lane);
 
-// Another lane may run before this one goes on, though not in every order.
+// Let another lane run before this one continues; only in some orders.
 void interrupt();
 
 }  // namespace emulator
 
 #define __noinline__ __attribute__((noinline))
 
-// The lane that runs.
+// The running lane.
 extern emulator::Index threadIdx;
 
 static inline void __syncwarp() { emulator::meet(emulator::SYNC, 0xffffffffu, 0, 0); }
@@ -127,18 +128,17 @@ static inline float __frcp_rn(float a) { return 1.0f / a; }
 static inline double __dmul_rn(double a, double b) { return a * b; }
 static inline double __fma_rn(double a, double b, double c) { return fma(a, b, c); }
 
-// CUDA promises two units in the last place, and 0 for the largest divisors: it is as wrong as that here too.
+// CUDA guarantees two units in the last place, and 0 for the largest divisors: errors of that size are emulated.
 static inline float __fdividef(float a, float b) {
     const float size = fabsf(b);
     if (size > 8.507059e37f) return size <= 3.4028235e38f && fabsf(a) <= 3.4028235e38f ? 0.0f : a * (1.0f / b) * 0.0f;
     const float exact = a / b;
     if (!(fabsf(exact) > 1e-30f && fabsf(exact) < 1e30f)) return exact;
-    const int wrong =
-        (int)((__float_as_uint(b) * 2654435761u) >> 30) - 1;  // from -1 to 2, the same for the same divisor
+    const int wrong = (int)((__float_as_uint(b) * 2654435761u) >> 30) - 1;  // from -1 to 2, a function of the divisor
     return __uint_as_float(__float_as_uint(exact) + (unsigned)wrong);
 }
 
-// To whole numbers as CUDA converts them: saturated, and 0 for what is no number.
+// Convert to an integer as CUDA does: saturated, and 0 for NaN.
 static inline int saturated(float whole) {
     if (!(whole == whole)) return 0;
     return whole >= 2147483648.0f ? 2147483647 : whole < -2147483648.0f ? -2147483647 - 1 : (int)whole;

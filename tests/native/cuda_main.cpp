@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Read a launch of the packet caster from standard input, run it with lanes in every order, and write the images.
+// Read a launch of the packet caster from standard input, run it with lanes in every order, and write the images to
+// standard output.
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,7 +23,7 @@ void Reader::bytes(void* to, size_t count) {
     require(fread(to, 1, count, stdin) == count, "the launch ends too early");
 }
 
-// Each array in memory of its own, exactly as large as it is, so that the address sanitizer sees what is beyond.
+// Each array has a separate allocation of exact size, so that the address sanitizer detects accesses beyond it.
 void* Reader::array(int* shape) {
     int32_t kind;
     int64_t count;
@@ -52,7 +53,7 @@ int main() {
     const emulator::Launch launch = {packet_functions[variant], &arguments, size[0], size[1], size[2]};
     char* expected[Reader::MAX_IMAGES];
     for (int order = 0; order < emulator::ORDERS; ++order) {
-        // What nobody writes is different in every order.
+        // Bytes that are not written differ between orders.
         for (int i = 0; i < reader.image_count; ++i)
             memset(reader.images[i].data, 0x51 + order, reader.images[i].bytes);
         emulator::run(launch, (emulator::Order)order);

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// A kernel's arguments, as tests/cuda_emulator.py writes them.
+// Arguments of a kernel, as written by tests/cuda_emulator.py.
 
 #pragma once
 
@@ -9,7 +9,7 @@
 
 enum { DIMENSIONS = 4 };
 
-// What kernels use of Warp's arrays.
+// The members of Warp's arrays that kernels use.
 template <class T>
 struct Array {
     T* data;

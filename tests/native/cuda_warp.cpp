@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The emulator's lanes: fibers that take turns. This file alone is compiled without sanitizers, which are told of the
-// stacks where EMULATOR_ASAN is defined.
+// Lanes of the emulator as cooperative fibers. Only this file is compiled without sanitizers; if EMULATOR_ASAN is
+// defined, it reports stack switches to the address sanitizer.
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,7 +15,7 @@
 #include <sanitizer/common_interface_defs.h>
 #endif
 
-// Clang has these two on some targets only.
+// Clang supports __builtin_setjmp and __builtin_longjmp on some targets only.
 #if defined(__x86_64__) || !defined(__clang__)
 #define EMULATOR_JUMPS 1
 #endif
@@ -29,12 +29,12 @@ namespace {
 
 enum { STACK_BYTES = 128 * 1024, DEEPEST = 64 };
 
-// Where to go on.
+// Where to resume.
 struct Place {
     ucontext_t context;
     void* jump[5];
     bool started;
-    void* fake_stack;  // the address sanitizer's
+    void* fake_stack;  // of the address sanitizer
 };
 
 struct Lane {
@@ -43,21 +43,21 @@ struct Lane {
     bool arrived, finished;
     Operation operation;
     unsigned mask, value, result;
-    int lane;  // that the operation asks
-    int depth;  // calls, innermost first, on the way to the operation
+    int lane;  // lane requested by the operation
+    int depth;  // call stack at the operation, innermost call first
     void* way[DEEPEST];
 };
 
 Lane lanes[WARP_SIZE];
 Place outside;
-const void* outside_stack;  // known when the first lane has begun
+const void* outside_stack;  // set when the first lane begins
 size_t outside_stack_bytes;
 
 Launch current;
 int current_view, current_y, current_x;
 Order current_order;
 int turn[WARP_SIZE];  // the order in which lanes run
-int running;  // place in it
+int running;  // index in it
 int finished_count;
 void* shared;
 unsigned long shared_bytes;
@@ -89,7 +89,7 @@ void shuffle() {
 #ifdef EMULATOR_JUMPS
 NOT_INLINED void jump_to(Place& to) { __builtin_longjmp(to.jump, 1); }
 
-// Ten times as fast as swapcontext, which asks the kernel, and what is poisoned on a stack stays so.
+// Ten times as fast as swapcontext, which calls the kernel; poisoned regions of a stack stay poisoned.
 NOT_INLINED void go(Place& from, Place& to) {
     if (__builtin_setjmp(from.jump)) return;
     if (to.started) jump_to(to);
@@ -100,7 +100,7 @@ NOT_INLINED void go(Place& from, Place& to) {
 void go(Place& from, Place& to) { swapcontext(&from.context, &to.context); }
 #endif
 
-// Leave for another lane, or for outside where `to` is null; come back when it is this one's turn.
+// Switch to another lane, or outside if `to` is null; returns when this lane is resumed.
 NOT_INLINED void leave(Lane* from, Lane* to) {
     Place& here = from ? from->place : outside;
 #ifdef EMULATOR_ASAN
@@ -142,7 +142,7 @@ void enter() {
     leave(&lane, next_lane());
 }
 
-// The calls by which a lane came here, from the frames on its stack.
+// Record the call stack of a lane from the frames on its stack.
 NOT_INLINED void find_way(Lane& lane, void** frame) {
     lane.depth = 0;
     const char* end = lane.stack + STACK_BYTES;
@@ -174,7 +174,7 @@ unsigned reduced(Operation operation) {
     return operation == LEAST ? least : operation == MOST ? most : operation == UNITED ? united : where;
 }
 
-// All lanes have arrived: give each its result.
+// All lanes have arrived: compute their results.
 void resolve() {
     for (int i = 0; i < WARP_SIZE; ++i) {
         if (lanes[i].mask != 0xffffffffu) fail("are not all named by the mask", i, i);
@@ -198,7 +198,7 @@ void prepare(Lane& lane) {
     lane.place.fake_stack = nullptr;
     if (!lane.stack) lane.stack = (char*)malloc(STACK_BYTES);
 #ifdef EMULATOR_ASAN
-    __asan_unpoison_memory_region(lane.stack, STACK_BYTES);  // what the last warp's lane left
+    __asan_unpoison_memory_region(lane.stack, STACK_BYTES);  // left poisoned by the last warp's lane
 #endif
     getcontext(&lane.place.context);
     lane.place.context.uc_stack.ss_sp = lane.stack;

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Instead of cpu/arena.h, and with its face: what lies beyond a piece of memory may not be touched, though it is the
-// same allocation's. The address sanitizer sees to that.
+// Replacement of cpu/arena.h with the same interface: memory between pieces is poisoned, so that the address sanitizer
+// detects accesses beyond a piece of the same allocation.
 
 struct Arena {
     enum { ALIGNMENT = 64, GUARD = 64 };

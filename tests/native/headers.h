@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The headers for the CPU, each group as Warp pastes it into a function of its own, in a namespace each.
+// The headers for the CPU: each group that Warp pastes into a function, in a separate namespace.
 
 #pragma once
 

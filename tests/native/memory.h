@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Memory of the exact size, and what a tree is made of.
+// Memory of exact size, and the data of a tree.
 
 #pragma once
 
@@ -10,14 +10,14 @@
 
 #include "scenes.h"
 
-// Memory of exactly so many, so that the address sanitizer sees what is read or written beyond; null for none.
+// An array of exact size, so that the address sanitizer detects accesses beyond it; null if empty.
 template <class T>
 struct Exact {
     T* data = nullptr;
     size_t count = 0;
     char* memory = nullptr;
 
-    // `shift`: how many of them after a multiple of 64 bytes it begins.
+    // `shift` is the offset from a multiple of 64 bytes, in elements.
     explicit Exact(size_t n = 0, T value = T(), size_t shift = 0) : count(n) {
         if (!n) return;
         memory = (char*)operator new((n + shift) * sizeof(T), std::align_val_t(64));
@@ -42,10 +42,10 @@ struct Exact {
     const T& operator[](size_t i) const { return data[i]; }
 };
 
-// A tree of one mesh, as warpvis.scene makes it of kernels/bvh.py.
+// A tree of one mesh, as built by warpvis.scene with kernels/bvh.py.
 struct BuiltTree {
     int lanes = 0, nodes = 0, leaves = 0, levels = 0;
     Exact<float> leaf_rows, node_rows;
     Exact<int> children, triangles, owners;
-    bool exact_areas = true;  // whether all splits say how large their parts' boxes are, to the last bit
+    bool exact_areas = true;  // whether the stored areas of the parts' boxes are exact for all splits
 };

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Random scenes: what casters meet, and what they must not stumble over.
+// Random scenes, with degenerate geometry.
 
 #pragma once
 
@@ -23,12 +23,12 @@ struct Random {
     }
 };
 
-enum SolidKind { MESH, BALL, CYLINDER, CAPSULE };  // as warpvis.solids.SolidKind
+enum SolidKind { MESH, BALL, CYLINDER, CAPSULE };  // same values as warpvis.solids.SolidKind
 
 struct Mesh {
     std::vector<float> vertices;
     std::vector<int> faces;
-    bool closed = false;  // watertight, convex, and wound outwards
+    bool closed = false;  // watertight, convex, and with outward normals
 
     int count() const { return (int)faces.size() / 3; }
     int add(double x, double y, double z) {
@@ -42,7 +42,7 @@ struct Mesh {
 
 struct Object {
     Mesh mesh;
-    int movable = -1;  // which one it is, or is a part of; -1 for one that stays
+    int movable = -1;  // index of its movable; -1 for a static object
     unsigned char label = 0;
 };
 
@@ -57,12 +57,12 @@ struct Scene {
     std::vector<Movable> movables;
     double scale = 1, offset[3] = {0, 0, 0};
     bool is_room = false;  // a closed mesh surrounds all cameras
-    bool has_floor = false;  // which cameras see at grazing angles
+    bool has_floor = false;  // seen at grazing angles
 };
 
 namespace meshes {
 
-// Triangles anywhere, among them some of no area, some that repeat others, slivers, tiny and huge ones.
+// Random triangles, including degenerate ones, duplicates, slivers, tiny and huge ones.
 inline Mesh soup(Random& random, int count, double size) {
     Mesh mesh;
     for (int i = 0; i < count; ++i) {
@@ -74,7 +74,7 @@ inline Mesh soup(Random& random, int count, double size) {
                          z + random.real(-reach, reach));
         const int kind = random.whole(0, 11);
         if (kind == 0) corner[2] = corner[random.whole(0, 1)];
-        if (kind == 1)  // all in a line
+        if (kind == 1)  // collinear corners
             for (int k = 0; k < 3; ++k)
                 mesh.vertices[3 * corner[2] + k] =
                     (mesh.vertices[3 * corner[0] + k] + mesh.vertices[3 * corner[1] + k]) / 2;
@@ -82,15 +82,15 @@ inline Mesh soup(Random& random, int count, double size) {
         if (kind == 2 || kind == 5)  // a sliver
             for (int k = 0; k < 3; ++k)
                 mesh.vertices[3 * corner[2] + k] = mesh.vertices[3 * corner[0] + k] + (float)random.real(0, thin);
-        if (kind == 3 && mesh.count() > 0)  // shares an edge with the one before
+        if (kind == 3 && mesh.count() > 0)  // shares an edge with the previous triangle
             corner[0] = mesh.faces[mesh.faces.size() - 1], corner[1] = mesh.faces[mesh.faces.size() - 2];
         mesh.face(corner[0], corner[1], corner[2]);
-        if (kind == 4) mesh.face(corner[1], corner[0], corner[2]);  // the same from behind
+        if (kind == 4) mesh.face(corner[1], corner[0], corner[2]);  // the same triangle with the opposite orientation
     }
     return mesh;
 }
 
-// A box with faces of n x n squares: rays from its middle go through many edges and corners.
+// A box with n x n squares per face: rays from its center pass through many edges and corners.
 inline Mesh box(double x, double y, double z, int n) {
     Mesh mesh;
     mesh.closed = true;
@@ -116,7 +116,7 @@ inline Mesh box(double x, double y, double z, int n) {
     return mesh;
 }
 
-// A line from the z axis back to it, turned about z.
+// Surface of revolution about z of a profile that begins and ends on the axis.
 inline Mesh revolved(const std::vector<double>& ring, const std::vector<double>& height, int slices,
                      const float* size) {
     Mesh mesh;
@@ -157,7 +157,7 @@ inline Mesh of_solid(int kind, const float* size, int stacks = 8, int slices = 1
     return revolved(ring, height, slices, size);
 }
 
-// A surface in waves that faces along z, of squares whose corners are at whole numbers of a step.
+// A wavy surface facing along z, of squares whose corners are at multiples of `step`.
 inline Mesh grid(Random& random, int n, double step, double waves) {
     Mesh mesh;
     for (int i = 0; i <= n; ++i)
@@ -198,7 +198,7 @@ inline void shift(Mesh& mesh, const double* by) {
 
 }  // namespace meshes
 
-// A movable: a solid, one object, or several that move together.
+// Add a movable: a solid, one object, or several objects that move together.
 inline void add_movable(Random& random, Scene& scene) {
     Movable movable;
     const double size = 0.5 * scene.scale;
@@ -253,15 +253,15 @@ inline Scene random_scene(Random& random) {
     return scene;
 }
 
-// x y z qx qy qz qw, somewhere in the scene.
+// Random pose x y z qx qy qz qw in the scene.
 inline void random_pose(Random& random, const Scene& scene, float* row) {
     for (int k = 0; k < 3; ++k) row[k] = (float)(scene.offset[k] + random.real(-2.5, 2.5) * scene.scale);
     const int kind = random.whole(0, 4);
-    if (kind == 0)  // level, so that rays run along axes
+    if (kind == 0)  // aligned with the axes, so that rays are parallel to them
         for (int k = 0; k < 3; ++k) row[k] = (float)(scene.offset[k] + random.whole(-2, 2) * scene.scale);
     for (int k = 3; k < 7; ++k) row[k] = kind == 0 ? (k == 6) : (float)random.real(-1, 1);
     if (kind == 1) row[3] = row[4] = 0.0f, row[5] = row[6] = 0.7f;
-    if (scene.has_floor && random.chance(0.7)) {  // low above the floor, along it
+    if (scene.has_floor && random.chance(0.7)) {  // close above the floor, looking along it
         const float turned[4] = {0.5f, -0.5f, 0.5f, -0.5f};
         row[2] = (float)(scene.offset[2] + random.pick({1e-4, 1e-3, 1e-2, 0.1, -0.01}) * scene.scale);
         for (int k = 3; k < 7; ++k) row[k] = turned[k - 3] + (float)random.real(-0.02, 0.02);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a ray meets, in double precision: every triangle and every solid is looked at. Where single precision cannot
-// tell whether a ray passes an edge, a hit is not sure: a caster may show it or not.
+// Ground truth of rays in double precision: every triangle and every solid is tested. If single precision cannot decide
+// whether a ray passes an edge, a hit is uncertain: a caster may report it or not.
 
 #pragma once
 
@@ -20,14 +20,14 @@ struct Vec {
     double dot(Vec b) const { return x * b.x + y * b.y + z * b.z; }
     double length() const { return std::sqrt(dot(*this)); }
     Vec cross(Vec b) const { return {y * b.z - z * b.y, z * b.x - x * b.z, x * b.y - y * b.x}; }
-    // What the terms of a cross product are at most.
+    // Upper bounds of the terms of a cross product.
     Vec cross_size(Vec b) const {
         const Vec p = size(), q = b.size();
         return {p.y * q.z + p.z * q.y, p.z * q.x + p.x * q.z, p.x * q.y + p.y * q.x};
     }
 };
 
-// A place and three axes in the world.
+// A position and three axes in the world.
 struct Placed {
     Vec at, axis[3];
 
@@ -54,9 +54,9 @@ struct Lens {
     int width, height;
     double fx, fy, cx, cy;
     float near, far;
-    bool clips = false;  // whether what is nearer than `near` is not there
+    bool clips = false;  // whether surfaces nearer than `near` are clipped
 
-    // How far the corners of the image on the near plane are, and a little more, as Camera._near_reach has it.
+    // Distance of the corners of the image on the near plane, with a margin, as in Camera._near_reach.
     double near_reach() const {
         const double x = std::max(std::fabs(cx), std::fabs(width - cx)) / fx;
         const double y = std::max(std::fabs(cy), std::fabs(height - cy)) / fy;
@@ -64,21 +64,21 @@ struct Lens {
     }
 };
 
-// One place where a ray meets something.
+// A possible intersection of a ray.
 struct Hit {
-    double low, high;  // depth; between these, whatever is rounded
+    double low, high;  // range of depth, whatever the rounding
     bool sure;
     int object;
-    Vec normal;  // in the world, towards the camera
-    double blur;  // how far the normal may be off
+    Vec normal;  // in the world, facing the camera
+    double blur;  // error bound of the normal
 };
 
-constexpr double EPSILON = 5e-7;  // of a corner, in parts of its distance: eight roundings
-constexpr double TOLERANCE = 1e-5;  // of a depth, in parts of it
+constexpr double EPSILON = 5e-7;  // rounding error of a corner, relative to its distance: eight roundings
+constexpr double TOLERANCE = 1e-5;  // relative tolerance of depth
 constexpr double ENDLESS = std::numeric_limits<double>::infinity();
 
 struct TrueTriangle {
-    Vec c[3], error[3];  // corners in camera space, x and y in pixels times depth; and how far they may be off
+    Vec c[3], error[3];  // corners in camera space, x and y in pixels times depth; and their error bounds
     Vec normal, to_world;
     double volume, doubt, x0, x1, y0, y1, nearest, farthest;
     int object;
@@ -88,7 +88,8 @@ struct TrueTriangle {
         if (u < x0 || u > x1 || v < y0 || v > y1) return;
         const Vec r = {u, v, 1};
         double value[3];
-        bool sure = std::fabs(volume) > doubt, maybe[2] = {volume > -doubt, volume < doubt};  // for either sign
+        // for either sign of the volume
+        bool sure = std::fabs(volume) > doubt, maybe[2] = {volume > -doubt, volume < doubt};
         for (int k = 0; k < 3; ++k) {
             const Vec a = c[(k + 1) % 3], b = c[(k + 2) % 3], ab = a.cross(b);
             value[k] = 2 * ab.dot(r);
@@ -113,13 +114,13 @@ struct TrueTriangle {
     }
 };
 
-// A round solid, seen from outside; lengths are in its own frame, where its radius is 1.
+// A round solid, seen from outside, in its own frame, where its radius is 1.
 struct TrueSolid {
     int kind, object;
     double half;
     Vec camera, ray[3], inverse;
     Placed place;
-    double x0, x1, y0, y1, middle, reach;  // pixels and depths that hold it
+    double x0, x1, y0, y1, middle, reach;  // bounds in pixels and depth
 
     struct Met {
         double z;
@@ -182,7 +183,7 @@ struct TrueSolid {
     }
 };
 
-// What one view can see.
+// Ground truth of one view.
 struct Truth {
     std::vector<TrueTriangle> triangles;
     std::vector<TrueSolid> solids;
@@ -254,7 +255,7 @@ struct Truth {
             if (hit.low < near) hit.low = near, hit.sure = false;
     }
 
-    // False for what cannot be seen whatever is rounded.
+    // Set up a triangle; returns false if it is invisible whatever the rounding.
     bool set_up(TrueTriangle& t, const Vec* there, bool cull) const {
         t.normal = (t.c[1] - t.c[0]).cross(t.c[2] - t.c[0]);
         t.volume = t.normal.dot(t.c[0]);
