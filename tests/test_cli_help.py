@@ -59,15 +59,17 @@ def test_help_keeps_true_defaults_and_choices(tmp_path):
     words, _ = help_of("render", tmp_path)
     for part in ("(default: 1.0)", "(default: npz png)", "--up {z,y}", "--camera kinect|FILE", "--threads INT"):
         assert part in words
-    assert "YAML of names or patterns and their labels" in words
-    assert "What to play, on a slider" in help_of("view", tmp_path)[0]
+    assert "YAML file of names or patterns and their labels" in words
+    assert "Robot poses to play on a slider" in help_of("view", tmp_path)[0]
 
 
 def test_help_lists_all_outputs(tmp_path):
     assert get_args(Output) == (*OUTPUTS, *SENSOR_OUTPUTS) == (*IMAGE_NAMES, *SENSOR_NAMES)
     for command in ("render", "batch"):
         words, _ = help_of(command, tmp_path)
-        assert f"What to make: {', '.join(OUTPUTS)}, visibility, with --sensor reasons and true_depth" in words
+        assert (
+            f"Outputs to render: {', '.join(OUTPUTS)}, visibility, with --sensor also reasons and true_depth" in words
+        )
         assert "color, albedo" in words
 
 

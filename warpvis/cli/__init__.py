@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Run the command line: ``warpvis demo``, ``render``, ``batch``, ``verify``, ``warmup``, ``check`` and so on.
+"""The command line: ``warpvis demo``, ``render``, ``batch``, ``verify``, ``warmup``, ``check`` and so on.
 
-Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
+Heavy packages are imported only when a command runs, so that ``--help`` is fast.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from warpvis.errors import WarpvisError
 @with_help
 @dataclass(frozen=True)
 class Demo:
-    """Run the paper's four experiments: two pictures each, with viser a page each, two tables, and summary.json."""
+    """Run the four experiments of the paper: two pictures each (with viser, also a page), two tables, summary.json."""
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("demo")
     """Folder for the pictures and summary.json."""
     device: str = "cpu"
-    """Where to compute: cpu, cuda:0, ..."""
+    """Device to compute on: cpu, cuda:0, ..."""
 
     def run(self) -> None:
         """Run the command."""
@@ -48,7 +48,7 @@ class Demo:
 
 
 def main() -> None:
-    """Run the command of the command line: bad input ends with one sentence and exit code 2, Ctrl-C with 130."""
+    """Run the command line: invalid input ends with a message of one sentence and exit code 2, Ctrl-C with 130."""
     if sys.argv[1:] == ["--version"]:
         print(f"warpvis {warpvis.__version__}")
         return
@@ -58,7 +58,7 @@ def main() -> None:
 
 
 def run_command(run: Callable[[], None]) -> None:
-    """Run what a command does: bad input ends with one sentence and exit code 2, Ctrl-C with 130."""
+    """Run a command: invalid input ends with a message of one sentence and exit code 2, Ctrl-C with 130."""
     command = getattr(run, "__self__", None)
     with _interrupts.ending_the_process():
         try:
@@ -74,19 +74,19 @@ def run_command(run: Callable[[], None]) -> None:
             sys.exit(1)
 
 
-_DESCRIPTION = """What a camera at a pose sees: depth images and 3D visibility, on CPU or CUDA.
+_DESCRIPTION = """Depth images and 3D visibility from given camera poses, on CPU or CUDA.
 
-warpvis COMMAND --help explains a command. Lists take commas or spaces between their items. warpvis --version prints the
-version."""
+warpvis COMMAND --help describes a command. Items of lists are separated by commas or spaces. warpvis --version prints
+the version."""
 
 
 def _show_warning(command: object, message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-    """Print a warning as one sentence, as errors are."""
+    """Print a warning as one sentence, like errors."""
     print(f"warning: {name_options(str(message), command)}", file=sys.stderr)
 
 
 def _quiet_warp() -> None:
-    """Print no start-up banner and no line for every kernel module loaded."""
+    """Suppress Warp's start-up banner and its line for every loaded kernel module."""
     import warp as wp
 
     wp.config.log_level = wp.LOG_WARNING

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands in a process of their own: Ray ends the process that it is in when it loses the node that it is on."""
+"""Commands in a subprocess, since Ray ends the process it runs in when it loses its node."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from multiprocessing.connection import Connection
 from warpvis.cli._interrupts import INTERRUPTED
 from warpvis.errors import WarpvisError
 
-_GRACE = 15.0  # seconds, a little more than it gives itself to tidy up
+_GRACE = 15.0  # seconds, a little more than the subprocess takes to clean up
 
 
 def run_apart(work: Callable[[], None], lost: str) -> None:
-    """Run what pickles in a process of its own, and end as it does.
+    """Run a picklable function as a command in a subprocess, and exit like it.
 
     Raises:
-        WarpvisError: The process ended in the midst of it: `lost`, and its exit code.
-        SystemExit: It ended with an exit code other than 0.
+        WarpvisError: If the process died while working: `lost`, and its exit code.
+        SystemExit: If it ended with an exit code other than 0.
     """
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
@@ -34,7 +34,7 @@ def run_apart(work: Callable[[], None], lost: str) -> None:
     except EOFError:
         process.join()
         raise WarpvisError(f"{lost} (exit code {process.exitcode})") from None
-    except KeyboardInterrupt:  # which that process has got, too
+    except KeyboardInterrupt:  # the subprocess receives SIGINT, too
         process.join(_GRACE)
         process.kill()
         raise
@@ -43,12 +43,12 @@ def run_apart(work: Callable[[], None], lost: str) -> None:
 
 
 def _work(connection: Connection, work: Callable[[], None]) -> None:
-    """Run it as a command, and say the exit code."""
+    """Run a function as a command, and send the exit code."""
     from tqdm import tqdm
 
     from warpvis.cli import run_command
 
-    tqdm.set_lock(threading.RLock())  # its own would be a semaphore that outlives the process
+    tqdm.set_lock(threading.RLock())  # tqdm's default is a semaphore that outlives the process
     code = 1
     try:
         run_command(work)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``warpvis check``: which objects of a mesh file, or which points, are seen from given poses."""
+"""The command ``warpvis check``: visibility of a scene's objects, or of points, from given poses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _LINES_PRINTED = 40
 
 
 class _PoseReport(TypedDict):
-    """What a JSON file says of a view's pose."""
+    """The pose of a view in the JSON file."""
 
     view: int
     timestamp: float
@@ -37,7 +37,7 @@ class _PoseReport(TypedDict):
 
 
 class _ObjectReport(TypedDict):
-    """What it says of an object in a view; see `ObjectVisibility`."""
+    """An object in a view in the JSON file; see `ObjectVisibility`."""
 
     name: str
     status: str
@@ -50,13 +50,13 @@ class _ObjectReport(TypedDict):
 
 
 class _ViewReport(_PoseReport):
-    """What it says of a view."""
+    """A view in the JSON file."""
 
     objects: list[_ObjectReport]
 
 
 class _FirstView(TypedDict):
-    """Arguments of pictures that say which view they are of."""
+    """Arguments of pictures that select the view."""
 
     camera_to_world: NDArray[np.float64]
     title: str
@@ -67,25 +67,26 @@ class _FirstView(TypedDict):
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class Check(FrameOptions):
-    """Say of every pose how much of each object is seen, or which points are, and why the others are not."""
+    """Compute for each pose how much of each object is visible, or which points are, and why the others are not."""
 
     file: SceneFile
     poses: MaybePoses = None
     points: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Points of the world in metres, in place of objects: text or CSV of lines x y z, .npy of shape (N, 3), or .ply."""
+    """Points in the world [m] to check instead of objects: text or CSV of lines x y z, .npy of shape (N, 3), or
+    .ply."""
     objects: Names = ()
-    """Names of the objects; all by default."""
+    """Names of the objects to check; all by default."""
     exclude: Names = ()
-    """Names of objects that the camera does not see, such as the robot that carries it."""
+    """Names of objects that are invisible to the camera, such as the robot it is mounted on."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """File to write: .json for all that is known, or .npy for the points' status alone, (poses, points) uint8."""
+    """Output file: .json with all results, or .npy with the points' status only, (poses, points) uint8."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Picture to write of the first pose: its depth, and the objects, each in its colour, or the points (.png, .pdf or
+    """Output picture of the first pose: its depth, and the objects, each in its own color, or the points (.png, .pdf or
     .svg)."""
     tolerance: float = 1e-4
-    """How far behind the first surface on its ray a point still counts as seen [m]."""
+    """Maximum distance behind the first surface on its ray at which a point counts as visible [m]."""
     device: str = "cpu"
-    """Where to compute: cpu, cuda:0, ..."""
+    """Device to compute on: cpu, cuda:0, ..."""
 
     def run(self) -> None:
         """Run the command."""
@@ -143,7 +144,7 @@ class Check(FrameOptions):
         _say_more(len(rows))
 
     def _first_view(self, frames: Frames) -> _FirstView:
-        """Name the arguments of pictures that say which view they are of."""
+        """Return the arguments of pictures that select the first view."""
         first = frames[:1]
         world = 0 if first.world_index is None else first.world_index[0]
         return {
@@ -169,7 +170,7 @@ class Check(FrameOptions):
             object_poses=frames.object_poses,
             world_index=frames.world_index,
         )
-        assert not isinstance(found, tuple)  # with occluders, which were not asked for
+        assert not isinstance(found, tuple)  # a tuple only with occluders, which were not requested
         status = found.numpy()
         if self.picture is not None:
             from warpvis.viz import save_point_sightings
@@ -202,7 +203,7 @@ def _pose_report(view: int, frames: Frames) -> _PoseReport:
 
 
 def _object_report(scene: Scene, seen: ObjectVisibility, frames: Frames) -> list[_ViewReport]:
-    """Report what is known of every view and object in plain Python values."""
+    """Return the results of every view and object as plain Python values."""
     from warpvis.core.labels import Visibility
 
     status, occluder, fraction = seen.status.numpy(), seen.occluder.numpy(), seen.fraction.numpy()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands that write images: ``warpvis render`` and ``batch``; and ``warpvis verify`` and ``warmup``."""
+"""The commands ``warpvis render`` and ``batch``, which write images, ``verify`` and ``warmup``."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ if TYPE_CHECKING:
 
 
 _OUTPUTS = (
-    f"What to make: {', '.join((*IMAGE_NAMES, VISIBILITY))}, with --sensor {' and '.join(SENSOR_NAMES)}; the format's "
-    "usual ones by default."
+    f"Outputs to render: {', '.join((*IMAGE_NAMES, VISIBILITY))}, with --sensor also {' and '.join(SENSOR_NAMES)}; by "
+    "default the usual ones of the format."
 )
 
 _NOTHING_SEEN = 3
-"""The exit code where no image sees anything."""
+"""Exit code if no image sees anything."""
 
 
 class _Chosen(TypedDict):
-    """Arguments of `render_batch` that say which images are made."""
+    """Arguments of `render_batch` that select the outputs."""
 
     outputs: Sequence[str] | None
     options: dict[str, str]
@@ -59,40 +59,40 @@ class _Chosen(TypedDict):
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class ImageOptions(FrameOptions):
-    """Which images are made, and where."""
+    """Options that select the images to render."""
 
     outputs: Annotated[Names, tyro.conf.arg(help=_OUTPUTS)] = ()
     objects: Names = ()
-    """Objects that visibility is of; all by default."""
+    """Objects to compute visibility for; all by default."""
     exclude: Names = ()
-    """Objects that the camera does not see, such as the robot that carries it."""
+    """Objects that are invisible to the camera, such as the robot it is mounted on."""
     sensor: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
-    """Depth as a device says it: d415, d435, d455, oak-d, kinect-v1, structure, of any size (d435@424x240);
-    azure-kinect, azure-kinect-binned, azure-kinect-wide, azure-kinect-wide-binned, kinect-v2, flexx2. Seen through the
-    device's camera, where neither --camera nor the pose file says one."""
+    """Simulated depth camera: d415, d435, d455, oak-d, kinect-v1, structure, optionally with a size (d435@424x240);
+    azure-kinect, azure-kinect-binned, azure-kinect-wide, azure-kinect-wide-binned, kinect-v2, flexx2. Uses the device's
+    intrinsics, unless --camera or the pose file defines a camera."""
     sensor_seed: int = 0
-    """What the sensor's random numbers follow from, with each frame's number."""
-    sensor_vary: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LEAST:GREATEST,...")] = ()
-    """Parameters of which each frame's sensor has others, between limits: sigma=0.05:0.15,dropout=0:0.05."""
+    """Seed of the sensor's random numbers, combined with each frame's number."""
+    sensor_vary: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=MIN:MAX,...")] = ()
+    """Sensor parameters to randomize per frame, with their ranges: sigma=0.05:0.15,dropout=0:0.05."""
     option: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE,...")] = ()
-    """The format's own options."""
+    """Options of the format."""
     threads: int | None = None
-    """CPU threads that render, and as many that encode; all cores by default."""
+    """Number of CPU threads that render, and of those that encode; all cores by default."""
     quiet: bool = False
-    """No progress bar and no summary."""
+    """Print no progress bar and no summary."""
     fail_empty: bool = False
-    """Exit code 3 if no image sees anything; that is a warning by default."""
+    """Exit with code 3 if no image sees anything; by default this is a warning."""
 
     def end(self, *, empty: bool) -> None:
-        """End the command with the exit code of its own if no image sees anything, and that is to be a failure."""
+        """Exit with a separate exit code if no image sees anything and `fail_empty` is set."""
         if empty and self.fail_empty:
             sys.exit(_NOTHING_SEEN)
 
     def make_sensor(self) -> DepthSensor | None:
-        """Make the sensor that is asked for.
+        """Create the sensor, if one is given.
 
         Raises:
-            WarpvisError: There is none of that name or with such parameters, or options are given for none.
+            WarpvisError: If its name or parameters are invalid, or there are sensor options without a sensor.
         """
         if self.sensor is None:
             refuse_options(self, ("sensor_seed", "sensor_vary"), "without --sensor there is")
@@ -103,12 +103,12 @@ class ImageOptions(FrameOptions):
         return Randomized(sensor, _parse_ranges(self.sensor_vary), per="image") if self.sensor_vary else sensor
 
     def device_camera(self) -> Camera | None:
-        """Return the sensor's own camera."""
+        """Return the sensor's camera."""
         sensor = self.make_sensor()
         return None if sensor is None else sensor.camera()
 
     def chosen(self) -> _Chosen:
-        """Name the arguments of `render_batch` that these options are."""
+        """Return the arguments of `render_batch` that these options set."""
         from warpvis.batch import check_batch_outputs
 
         sensor = self.make_sensor()
@@ -125,32 +125,33 @@ class ImageOptions(FrameOptions):
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class Render(ImageOptions):
-    """Render depth images to look at: OUT/npz in metres, OUT/png in millimetres (16 bit, 0: none), or other formats.
+    """Render depth images: OUT/npz in meters, OUT/png in millimeters (16 bit, 0 for no depth), or other formats.
 
-    Of a Webots world without --poses: the images of its range finders, OUT/NAME/depth.npz and OUT/NAME/depth, and the
-    scans of its lidars, OUT/NAME/ranges.npz and OUT/NAME/pcd.
+    A Webots world can be rendered without --poses: its range finders to OUT/NAME/depth.npz and OUT/NAME/depth, and its
+    lidars to OUT/NAME/ranges.npz and OUT/NAME/pcd.
     """
 
     file: SceneFile
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
-    """Folder to write to; each format has a folder of its own in it, new or empty."""
+    """Output folder; each format is written to a subfolder, which must be new or empty."""
     poses: MaybePoses = None
     format: Names = ("npz", "png")
     """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2; with --lidar bin, pcd, las or npy, pcd by default."""
     lidar: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
-    """Point clouds of a lidar in place of images: vlp16, vlp32c, hdl64e, bpearl, os0-128, os1-128, os2-128, an Ouster's
-    metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z up."""
+    """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl64e, bpearl, os0-128, os1-128, os2-128, an
+    Ouster metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z
+    up."""
     moving: bool = False
-    """With --lidar: it moves along the poses, by their times, while it measures. One cloud for each pose at which a
-    whole turn begins, as measured: each point in the lidar's frame at its time."""
+    """With --lidar: move the lidar along the poses, by their timestamps, while it measures. Renders one cloud per pose
+    from which a whole revolution fits, as measured: each point is in the lidar's frame at its time."""
     device: str = "cpu"
-    """Where to compute: cpu, cuda:0, ..."""
+    """Device to compute on: cpu, cuda:0, ..."""
     device_name: str | None = None
-    """Of a Webots world: the one range finder or lidar to render; all by default."""
+    """Webots worlds only: name of the range finder or lidar to render; all by default."""
     pictures: bool = True
-    """Depth in colours too: OUT/preview, of the first hundred frames, and OUT/contact_sheet.png."""
+    """Also write colored depth: OUT/preview, of the first hundred frames, and OUT/contact_sheet.png."""
     version_exact: bool = False
-    """Of a Webots world: the values that the Webots of its header gives, instead of true depth."""
+    """Webots worlds only: values as computed by the Webots version in the world's header, instead of true depth."""
 
     def run(self) -> None:
         """Run the command."""
@@ -242,7 +243,7 @@ class Render(ImageOptions):
     def _check(
         self, kind: type[Format], scene: Scene, camera: CalibratedCamera, frames: Frames, chosen: _Chosen
     ) -> None:
-        """Refuse what one of the formats would refuse, before anything is written."""
+        """Raise the errors of all formats before anything is written."""
         from warpvis.batch import make_plan
         from warpvis.cli._pictures import PREVIEWS, SHEET
 
@@ -272,28 +273,29 @@ _IMAGES = ("outputs", "option", "sensor", "sensor_seed", "sensor_vary")
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class Batch(ImageOptions):
-    """Render frames to a dataset in a folder, in shards. --resume goes on after an interruption, to the same bytes."""
+    """Render frames to a dataset in shards. After an interruption, --resume continues it with identical bytes."""
 
     file: SceneFile
     poses: MaybePoses = None
     out: Annotated[str, tyro.conf.arg(metavar="DIR|URL")]
-    """Folder to write to, new or empty, or an fsspec URL."""
+    """Output folder, new or empty, or an fsspec URL."""
     format: str = "npz"
     """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2."""
     shard_frames: int | None = None
-    """Frames of a shard; by default as many as make 64 MiB of images, at most 1000."""
+    """Frames per shard; by default as many as make 64 MiB of images, at most 1000."""
     resume: bool = False
-    """Go on with what an earlier call began. Records and the sizes of files are trusted."""
+    """Continue an interrupted batch. Only the records and the sizes of existing files are checked."""
     repair: bool = False
-    """With --resume: read all that is there first, as verify does, and make again what is damaged."""
+    """With --resume: first read all existing files, as verify does, and render damaged ones again."""
     engine: Literal["local", "ray"] = "local"
-    """This machine, or a Ray cluster, whose workers have their share of the cores."""
+    """local for this machine, or ray for a Ray cluster, whose workers share the cores."""
     workers: int | None = None
-    """Workers of a Ray cluster; by default one for each GPU, or for each core."""
+    """Number of workers of a Ray cluster; by default one per GPU, or per core."""
     address: str | None = None
-    """Of the Ray cluster; by default one that Ray finds, or a new one of this machine."""
+    """Address of the Ray cluster; by default one that Ray finds, or a new one on this machine."""
     device: str = "cpu"
-    """Where to compute: cpu, cuda:0, ..., several with commas, or cuda:all; by Ray cpu, or cuda for a GPU each."""
+    """Device to compute on: cpu, cuda:0, ..., several with commas, or cuda:all; with Ray cpu, or cuda for one GPU per
+    worker."""
 
     def run(self) -> None:
         """Run the command."""
@@ -308,7 +310,7 @@ class Batch(ImageOptions):
             self.render()
 
     def render(self) -> None:
-        """Render, in this process."""
+        """Render in this process."""
         from warpvis.batch import render_batch
 
         chosen = self.chosen()
@@ -346,12 +348,12 @@ class Batch(ImageOptions):
 @with_help
 @dataclass(frozen=True)
 class Verify:
-    """Read every file of a dataset and compare it with its record; exit 0 only if it is complete and sound."""
+    """Read every file of a dataset and compare it with its record; exit with 0 only if it is complete and intact."""
 
     dataset: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="DIR")]
     """The dataset: a folder or an fsspec URL."""
     repair: bool = False
-    """Remove the records of what is damaged, so that the batch's command with --resume makes it again."""
+    """Remove the records of damaged shards, so that the batch command with --resume renders them again."""
 
     def run(self) -> None:
         """Run the command."""
@@ -378,10 +380,10 @@ class Verify:
 @with_help
 @dataclass(frozen=True)
 class Warmup:
-    """Compile ahead what rendering needs, into the cache that all processes share (WARP_CACHE_PATH)."""
+    """Compile the kernels for rendering into the cache that all processes share (WARP_CACHE_PATH)."""
 
     device: str = "cpu"
-    """What to compile for: cpu, cuda:0, ..., or cuda:all."""
+    """Device to compile for: cpu, cuda:0, ..., or cuda:all."""
 
     def run(self) -> None:
         """Run the command."""
@@ -395,7 +397,7 @@ class Warmup:
 
 
 def _parse_ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Read limits of a sensor's parameters; whole numbers stay whole."""
+    """Parse ranges of a sensor's parameters; integers stay integers."""
     ranges: dict[str, tuple[float, float]] = {}
     for word in split_pairs(words):
         name, _, limits = word.partition("=")
@@ -404,7 +406,7 @@ def _parse_ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
         except ValueError:
             numbers = []
         if not name or len(numbers) != 2 or name in ranges:
-            raise ArrayError(f"--sensor-vary takes each NAME=LEAST:GREATEST once, as in sigma=0.05:0.15, got {word!r}")
+            raise ArrayError(f"--sensor-vary takes each NAME=MIN:MAX once, as in sigma=0.05:0.15, got {word!r}")
         ranges[name] = numbers[0], numbers[1]
     return ranges
 
@@ -420,7 +422,7 @@ def _parse_options(words: Sequence[str]) -> dict[str, str]:
 
 
 def print_summary(summary: BatchSummary, layout: str, *, quiet: bool) -> None:
-    """Print what was made, and warn of what was lost."""
+    """Print a summary of the batch, and warnings about lost values."""
     for message, count in summary.warnings.items():
         print(f"warning: {message}: {count} in all", file=sys.stderr)
     if quiet:

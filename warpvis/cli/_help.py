@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Write the help of options: whole sentences, and no default where there is none."""
+"""Help texts of options: without line breaks, and without a default if it is None or empty."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _Config = type(tyro.conf.arg())
 def with_help(command: _Class) -> _Class:
     """Return a dataclass of options with the help that tyro shows.
 
-    An option's help is its docstring, of which tyro would keep the line breaks, or else that of its type. If its
-    default is None or empty, its help has no default, and ``None`` is not among its values.
+    An option's help is its docstring, without the line breaks that tyro would keep, or else that of its type. If its
+    default is None or empty, its help shows no default, and ``None`` is not among its values.
     """
     hints, texts = get_type_hints(command, include_extras=True), _docstrings(command)
     for name in inspect.get_annotations(command):
@@ -43,7 +43,7 @@ def _default(text: str) -> str:
 
 
 def _metavar(kind: Any) -> str | None:
-    """Return the metavar of an optional value, without None; None of all other types, whose own are right."""
+    """Return the metavar of an optional value, without None; None for all other types."""
     parts = get_args(kind)
     if get_origin(kind) not in (Union, UnionType) or NoneType not in parts:
         return None
@@ -56,7 +56,7 @@ def _metavar(kind: Any) -> str | None:
 
 
 def _docstrings(command: type) -> dict[str, str]:
-    """Return the docstrings of a class's fields, each as one line; none if the source is not there."""
+    """Return the docstrings of a class's fields, each as one line; empty if the source is not available."""
     body = _classes(command.__module__).get(command.__name__, [])
     texts = {}
     for field, after in pairwise(body):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``warpvis info``: this machine, or what a scene's file holds."""
+"""The command ``warpvis info``: versions and devices of this machine, or the content of a scene file."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
     from warpvis.scene import Scene
 
-# A corner is three floats, a triangle three indices; its part of the tree is about so much (docs/rendering.md).
+# A vertex is three floats, a face three indices; bytes per triangle of a tree, see docs/rendering.md.
 _CORNER_BYTES, _FACE_BYTES, _TREE_BYTES = 12, 12, 51
 
 
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class Info(SceneOptions):
-    """Print versions, devices and cores; or what a scene's file holds."""
+    """Print versions, devices and cores, or the content of a scene file."""
 
     file: MaybeSceneFile = None
 
@@ -63,7 +63,7 @@ class Info(SceneOptions):
 
 
 def describe(scene: Scene) -> str:
-    """Say how large a scene is, what it is labelled, what it takes of memory, and which unit it may be in."""
+    """Return a scene's size, labels and memory, and a hint if its unit seems to be millimeters."""
     import numpy as np
 
     from warpvis.scene import looks_like_millimetres

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What all commands take alike: scenes, cameras and poses. Nothing heavy is imported until it is called."""
+"""Options that the commands share: scenes, cameras and poses. Heavy packages are imported only when called."""
 
 from __future__ import annotations
 
@@ -36,51 +36,51 @@ Axes = Literal["opencv", "opengl", "ros_body", "ros_optical"]
 PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "colmap", "ros"]
 
 _FILES = "A mesh file (OBJ, STL, PLY, GLB, ...), a Webots world (.wbt), MJCF (.xml) or URDF (.urdf)"
-FILE_HELP = f"{_FILES}; or experiment_1 to experiment_4, the demo's."
+FILE_HELP = f"{_FILES}; or experiment_1 to experiment_4 of the demo."
 _POSES = (
     "Camera poses, camera to world: a file (TUM text, .npy, .npz, .csv, .parquet, transforms.json, scene_camera.json, "
-    "COLMAP's images.txt or .bin, a ROS 2 bag), or what makes them: "
+    "COLMAP's images.txt or .bin, a ROS 2 bag), or a generator: "
     '"orbit target=0,0,0.5 radius=2 height=1 count=360", "random count=1000 seed=1 clearance=0.3".'
 )
 
 SceneFile = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE", help=FILE_HELP)]
 """The argument FILE."""
 MaybeSceneFile = Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[FILE]", help=FILE_HELP)]
-"""The same where it may be left out."""
+"""The optional argument FILE."""
 Poses = Annotated[str, tyro.conf.arg(metavar="FILE|SPEC", help=_POSES)]
 """The option --poses."""
 MaybePoses = Annotated[str | None, tyro.conf.arg(metavar="FILE|SPEC", help=_POSES)]
-"""The same where it may be left out."""
+"""The option --poses if it may be omitted."""
 Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME,...")]
-"""Names, with commas or spaces between; a name with spaces in it is one word of the shell."""
+"""Names separated by commas or spaces; a name that contains spaces must be quoted in the shell."""
 
 
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class SceneOptions:
-    """How a scene's file is read."""
+    """Options for reading a scene file."""
 
     labels: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=LABEL,...|FILE")] = ()
-    """What objects are: "ball=object,wall_*=obstacle,road_*=40"; or a file of it: JSON, TOML or YAML of names or
-    patterns and their labels; or of labels, label_names and ground_labels."""
+    """Labels of objects: "ball=object,wall_*=obstacle,road_*=40"; or a JSON, TOML or YAML file of names or patterns and
+    their labels, or with labels, label_names and ground_labels."""
     label_names: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NUMBER=NAME,...")] = ()
-    """Names of classes of your own, from 0 to 255: "40=road,252=moving car"."""
+    """Names of user-defined classes, from 0 to 255: "40=road,252=moving car"."""
     scale: float = 1.0
-    """Metres in a unit of a mesh file (0.001 for millimetres)."""
+    """Meters per unit of a mesh file (0.001 for millimeters)."""
     up: Literal["z", "y"] | None = None
-    """The scene's vertical axis; a Webots world's own by default, else z."""
+    """The scene's vertical axis; by default that of the Webots world, else z."""
     file_up: Literal["z", "y"] | None = None
-    """A mesh file's vertical axis; y for glTF and the scene's for other formats by default."""
+    """A mesh file's vertical axis; by default y for glTF, and the scene's for other formats."""
     search_path: Annotated[tuple[str, ...], tyro.conf.arg(metavar="DIR,...")] = ()
-    """Folders to look for what the file names: PROTO files, meshes, packages, includes."""
+    """Folders to search for referenced files: PROTO files, meshes, packages, includes."""
     strict: bool = False
-    """What cannot be shown is an error; by default a warning names it."""
+    """Treat unsupported content as an error; by default a warning lists it."""
 
     def label_rules(self) -> LabelRules:
-        """Read what --labels and --label-names say.
+        """Parse --labels and --label-names.
 
         Raises:
-            WarpvisError: A word says nothing, or a file cannot be read.
+            WarpvisError: If an item is malformed, or a file cannot be read.
         """
         from warpvis.core.label_rules import LABEL_FILES, LabelRules
 
@@ -91,7 +91,7 @@ class SceneOptions:
         return LabelRules.of(rules, _parse_label_names(split_pairs(self.label_names)))
 
     def folders(self) -> list[Path]:
-        """Return the folders of --search-path: a word that names one, whatever is in its name, or several by commas."""
+        """Return the folders of --search-path: an item is one existing folder, or several separated by commas."""
         return [
             Path(part) for word in self.search_path for part in ([word] if Path(word).is_dir() else split_names([word]))
         ]
@@ -100,7 +100,7 @@ class SceneOptions:
         """Load the scene: a file, or an experiment of the demo.
 
         Raises:
-            WarpvisError: It does not load, or an option has no effect on it.
+            WarpvisError: If it cannot be loaded, or an option has no effect on it.
         """
         from warpvis.scene import Scene
 
@@ -126,27 +126,28 @@ class SceneOptions:
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class ViewpointOptions(SceneOptions):
-    """How a scene, a camera and poses are read."""
+    """Options for reading a scene, a camera and poses."""
 
     camera: Annotated[str | None, tyro.conf.arg(metavar="kinect|FILE")] = None
-    """kinect, or a file: JSON with width, height, hfov (radians) or K, near and far (metres); transforms.json, BOP's
+    """kinect, or a file: JSON with width, height, hfov (radians) or K, near and far (meters); transforms.json, BOP's
     camera.json, COLMAP's cameras.txt or .bin, YAML of ROS, Kalibr or OpenCV, with the lens if it has one. By default
-    the pose file's own, else kinect."""
+    the camera in the pose file, else kinect."""
     distortion: bool = True
-    """See through the camera's lens; without, a pinhole of the same intrinsics, of ROS the rectified images'."""
+    """Render with the camera's lens distortion; if disabled, as a pinhole with the same intrinsics (for ROS, those of
+    the rectified images)."""
     replace_camera: bool = False
-    """See through --camera, though the pose file says another one."""
+    """Use --camera although the pose file defines a different one."""
     convention: Axes | None = None
-    """Axes of the camera frame of the poses; those of the pose file's format by default."""
+    """Axes of the camera frame of the poses; by default those of the pose file's format."""
     quaternion: Literal["xyzw", "wxyz"] = "xyzw"
-    """Order of the quaternions in poses of 7 numbers that are given as numbers, or in .npy and .npz files."""
+    """Order of the quaternions in poses given as 7 numbers, and in .npy and .npz files."""
     file_format: PoseFormat | None = None
-    """The pose file's format, where its name does not tell."""
+    """The pose file's format, if its name does not determine it."""
     topic: str | None = None
-    """Of a ROS 2 bag: the topic of the poses."""
+    """ROS 2 bags only: the topic of the poses."""
 
     def read_poses(self, path: str) -> Frames:
-        """Read a pose file; its quaternions are in the order of `quaternion` where its format leaves that open."""
+        """Read a pose file, with quaternions in the order of `quaternion` if its format does not define the order."""
         from warpvis.io import read_frames
 
         quaternion = self.quaternion if self.orders(path) else "xyzw"
@@ -160,14 +161,14 @@ class ViewpointOptions(SceneOptions):
         )
 
     def device_camera(self) -> Camera | None:
-        """Return the camera to see through where neither an option nor a pose file says one; None for the Kinect."""
+        """Return the default camera if neither an option nor a pose file defines one; None for the Kinect."""
         return None
 
     def choose_camera(self, frames: Frames | None = None) -> CalibratedCamera:
-        """Load the camera that is asked for: the one given, that of a pose file, or the Kinect.
+        """Load the camera: the given one, that of the pose file, or the Kinect.
 
         Raises:
-            WarpvisError: It does not load, or the pose file's is another one.
+            WarpvisError: If it cannot be loaded, or that of the pose file differs.
         """
         from warpvis.io import load_camera
         from warpvis.sensors import require_calibrated
@@ -181,25 +182,25 @@ class ViewpointOptions(SceneOptions):
         return require_calibrated(frames.choose_camera(given))
 
     def orders(self, path: str) -> bool:
-        """Tell whether `quaternion` has an effect on a pose file."""
+        """Return whether `quaternion` has an effect on a pose file."""
         from warpvis.io import leaves_order_open
 
         return leaves_order_open(Path(path), self.file_format)
 
     def load_pose(self, text: str, option: str, up: str) -> NDArray[np.float64]:
-        """Read one pose: six numbers, eye and target; seven, a row; or a file or spec of one pose.
+        """Read one pose: six numbers (eye and target), seven numbers (a row), or a file with one pose.
 
         Args:
-            text: ``x y z tx ty tz``, ``x y z qx qy qz qw`` for the axes of `convention` and with the numbers in the
-                order of `quaternion`, or as for --poses.
-            option: What messages call it.
-            up: The scene's vertical axis, which points up in the images of the first form.
+            text: ``x y z tx ty tz``, ``x y z qx qy qz qw`` with the axes of `convention` and the order of `quaternion`,
+                or a pose file.
+            option: Name of the option, for messages.
+            up: The scene's vertical axis, which points up in the image for eye and target.
 
         Returns:
-            Row ``x y z qx qy qz qw`` of the OpenCV frame, shape ``(7,)``.
+            Row ``x y z qx qy qz qw`` in the OpenCV frame, shape ``(7,)``.
 
         Raises:
-            PoseError: It is none of these.
+            PoseError: If the text has another form.
         """
         from warpvis.core.poses import look_at, poses_to_opencv, to_xyzw
 
@@ -226,22 +227,23 @@ class ViewpointOptions(SceneOptions):
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class FrameOptions(ViewpointOptions):
-    """How a scene, a camera and the frames to see of it are read."""
+    """Options for reading a scene, a camera and frames."""
 
     frame: bool = False
-    """In place of --poses: one pose from which all of the scene is in the image, at any range without --camera."""
+    """Instead of --poses: use one pose from which the whole scene is in the image, at any range without --camera."""
     movable: Names = ()
-    """Names or patterns of the objects that --worlds, or object_poses of the pose file, places, in the file's order; or
-    the one word model: what MJCF or URDF says moves, a pose for each body. An object of that name is [m]odel."""
+    """Names or patterns of the objects that are placed by --worlds or by object_poses of the pose file, in the file's
+    order; or the single word model for the moving bodies of MJCF or URDF, one pose per body. Write [m]odel for an
+    object of that name."""
     worlds: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Where the movable objects are: .npz with object_poses, rows x y z qx qy qz qw, (W, M, 7), of what mesh files hold
-    in the file's frame; and, unless each frame has a world of its own, world_index, (frames,)."""
+    """Poses of the movable objects: .npz with object_poses, rows x y z qx qy qz qw of shape (W, M, 7), for mesh files
+    relative to the file's frame; and, unless there is one world per frame, world_index of shape (frames,)."""
 
     def load(self, file: Path, poses: str | None, *, device: str = "cpu") -> tuple[Scene, CalibratedCamera, Frames]:
-        """Load all three.
+        """Load scene, camera and frames.
 
         Raises:
-            WarpvisError: One does not load, they do not fit, or an option has no effect.
+            WarpvisError: If one cannot be loaded, they do not fit together, or an option has no effect.
         """
         frames = self._read_frames(poses)
         names = split_names(self.movable)
@@ -263,7 +265,7 @@ class FrameOptions(ViewpointOptions):
         return scene, camera, replace(frames, camera=None) if self.replace_camera else frames
 
     def _read_frames(self, poses: str | None) -> Frames | None:
-        """Read a file of poses; None of those that are made of the scene."""
+        """Read a file of poses; None for poses that are generated from the scene."""
         from warpvis.pose_generators import looks_like_spec
 
         if (poses is None) != self.frame:
@@ -279,7 +281,7 @@ class FrameOptions(ViewpointOptions):
         return self.read_poses(poses)
 
     def _make_frames(self, poses: str | None, scene: Scene) -> Frames:
-        """Make poses of a scene: those of a spec, or one that sees all of it."""
+        """Generate poses from a scene: those of a specification, or one that sees the whole scene."""
         from warpvis.core.frames import Frames
         from warpvis.pose_generators import frames_from_spec, framing
 
@@ -293,19 +295,19 @@ class FrameOptions(ViewpointOptions):
 
 
 scene_options = tuple(field.name for field in fields(SceneOptions))
-"""Names of the options that say how a scene's file is read."""
+"""Names of the options for reading a scene file."""
 viewpoint_options = tuple(field.name for field in fields(ViewpointOptions))
-"""Those, and how a camera and poses are."""
+"""Names of the options for reading a scene, a camera and poses."""
 
 
 _NEXT_PAIR = re.compile(",(?=[^,=]+=|$)")
 
 _BY_MODEL = "model"
-"""In place of the names of what is movable: what the model says."""
+"""Value of --movable that selects the moving bodies of the model."""
 
 
 def find_experiment(file: Path) -> Experiment | None:
-    """Return the experiment of the demo that is named in place of a file, if there is no file of that name."""
+    """Return the experiment of the demo with this name, if no such file exists."""
     if file.exists():
         return None
     from warpvis.scenes import EXPERIMENTS
@@ -314,16 +316,16 @@ def find_experiment(file: Path) -> Experiment | None:
 
 
 def given_options(command: SceneOptions, names: Sequence[str]) -> list[str]:
-    """List the options that are not what they are by default."""
+    """Return the names of options that differ from their defaults."""
     defaults = {field.name: field.default for field in fields(command)}
     return [name for name in names if getattr(command, name) != defaults[name]]
 
 
 def refuse_options(command: SceneOptions, names: Sequence[str], why: str) -> None:
-    """Refuse options that would have no effect.
+    """Raise an error if options are given that have no effect.
 
     Raises:
-        SceneError: One is given.
+        SceneError: If one is given.
     """
     given = given_options(command, names)
     if given:
@@ -334,10 +336,10 @@ def refuse_options(command: SceneOptions, names: Sequence[str], why: str) -> Non
 
 
 def check_viewpoints(command: ViewpointOptions, texts: Sequence[str]) -> None:
-    """Refuse options that have no effect on poses as `ViewpointOptions.load_pose` takes them.
+    """Raise an error if options have no effect on poses given to `ViewpointOptions.load_pose`.
 
     Raises:
-        SceneError: One is given.
+        SceneError: If one is given.
     """
     counts = [len(_numbers(text)) for text in texts]
     if all(counts):
@@ -349,7 +351,7 @@ def check_viewpoints(command: ViewpointOptions, texts: Sequence[str]) -> None:
 
 
 def _numbers(text: str) -> list[float]:
-    """Read the numbers of a text; none if it is something else."""
+    """Return the numbers of a text; an empty list if it is something else."""
     try:
         return [float(word) for word in text.replace(",", " ").split()]
     except ValueError:
@@ -362,15 +364,15 @@ def split_names(words: Sequence[str]) -> list[str]:
 
 
 def split_pairs(words: Sequence[str]) -> list[str]:
-    """Split words ``name=value`` at those commas after which another name comes."""
+    """Split words ``name=value`` at commas that are followed by another name."""
     return [part.strip() for word in words for part in _NEXT_PAIR.split(word) if part.strip()]
 
 
 def _parse_label(word: str) -> dict[str, str]:
-    """Read a label by name or pattern from ``name=label``.
+    """Parse a label by name or pattern, ``name=label``.
 
     Raises:
-        SceneError: The word is not of that form.
+        SceneError: If the word does not have this form.
     """
     name, _, label = word.rpartition("=")
     if not (name and label):
@@ -379,10 +381,10 @@ def _parse_label(word: str) -> dict[str, str]:
 
 
 def _parse_label_names(words: Sequence[str]) -> dict[int, str]:
-    """Read names of classes from words ``number=name``.
+    """Parse names of classes, ``number=name``.
 
     Raises:
-        SceneError: A word is not of that form.
+        SceneError: If a word does not have this form.
     """
     names: dict[int, str] = {}
     for word in words:
@@ -397,7 +399,7 @@ def _with_worlds(frames: Frames, path: Path, quaternion: QuaternionOrder) -> Fra
     """Return the frames with the objects' poses from a file.
 
     Raises:
-        FileFormatError: It cannot be read, or does not hold such poses.
+        FileFormatError: If it cannot be read, or contains no such poses.
     """
     from warpvis.core.frames import Frames
     from warpvis.core.poses import to_xyzw

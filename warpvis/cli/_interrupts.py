@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ctrl-C ends the process, at any moment."""
+"""Handling of Ctrl-C, which ends the process at any moment."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from threading import Timer, current_thread, main_thread
 from types import FrameType
 
 INTERRUPTED = 130
-"""Exit code, as shells have it for a command that SIGINT ended."""
+"""Exit code that shells report for a command ended by SIGINT."""
 
-# Work that is interrupted tidies up, which takes no longer than this [s].
+# Maximum duration of the cleanup of interrupted work [s].
 _GRACE = 10.0
 
 
 @contextmanager
 def ending_the_process() -> Iterator[None]:
-    """Exit with code 130 when SIGINT comes: at once while libraries are imported, else as soon as work has tidied up.
+    """Exit with code 130 on SIGINT: at once while modules are imported, else after interrupted work has cleaned up.
 
-    A `KeyboardInterrupt` alone would not do: what is imported then may take it for an error of its own, and go on.
+    A `KeyboardInterrupt` alone is not enough: a module under import may catch it as an error and go on.
     """
     if current_thread() is not main_thread():
         yield
@@ -34,7 +34,7 @@ def ending_the_process() -> Iterator[None]:
     def interrupt(_: int, frame: FrameType | None) -> None:
         if _is_importing(frame) or timer.is_alive():
             _exit()
-        timer.start()  # in a destructor or a callback the exception is lost
+        timer.start()  # exceptions in destructors and callbacks are lost
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGINT, interrupt)
@@ -57,7 +57,7 @@ def _is_importing(frame: FrameType | None) -> bool:
 
 
 def _exit_beside_compiler() -> None:
-    """Exit at once if a thread compiles kernels: it would work on with what the interpreter takes down."""
+    """Exit at once if a thread compiles kernels, since it would go on while the interpreter shuts down."""
     cache = sys.modules.get("warpvis.core.kernel_cache")
     if cache is not None and cache.is_compiling():
         _exit()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from warpvis.sensors.lidars import Livox
 
 FORMATS = ("bin", "pcd", "las", "npy")
-"""What clouds are written as."""
+"""File formats of point clouds."""
 
 _OUTPUTS: tuple[Output, ...] = ("depth", "labels", "segmentation")
 _RAYS_AT_ONCE = 2**22
@@ -45,10 +45,10 @@ _CAMERAS = (
 
 
 def find_lidar(name: str) -> Rays | Livox:
-    """Make the rays of a lidar: its name, metadata of an Ouster, or a Livox's name with its file, ``mid360:FILE``.
+    """Return a lidar by name, Ouster metadata file, or Livox name with its file, ``mid360:FILE``.
 
     Raises:
-        WarpvisError: There is none, or the file is not its.
+        WarpvisError: If it is unknown, or the file is not valid for it.
     """
     from warpvis.sensors import lidars
 
@@ -75,7 +75,7 @@ def find_lidar(name: str) -> Rays | Livox:
 
 @dataclass(frozen=True)
 class CloudJob:
-    """What ``warpvis render --lidar`` was told."""
+    """Arguments of ``warpvis render --lidar``."""
 
     lidar: str
     file: Path
@@ -93,11 +93,11 @@ def render_clouds(command: FrameOptions, job: CloudJob) -> bool:
     """Write a cloud of every frame, OUT/pcd/000000.pcd and so on; return whether any of them has points.
 
     Args:
-        command: The command, whose options say how files are read.
-        job: What is to be made.
+        command: The command, with options for reading files.
+        job: Arguments of the rendering.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     from warpvis.io import save_clouds
     from warpvis.pose_generators import looks_like_spec
@@ -133,7 +133,7 @@ def render_clouds(command: FrameOptions, job: CloudJob) -> bool:
 
 
 def _turns(frames: Frames, lidar: Rays | Livox) -> Frames:
-    """Return the frames at which a whole turn begins, before the last pose."""
+    """Return the frames from which a whole revolution ends before the last pose."""
     from warpvis.sensors import Rays
 
     rays = lidar if isinstance(lidar, Rays) else lidar.frame(0)
@@ -148,7 +148,7 @@ def _turns(frames: Frames, lidar: Rays | Livox) -> Frames:
 
 
 def _clouds(job: CloudJob, scene: Scene, frames: Frames, lidar: Rays | Livox, turns: int) -> Iterator[np.ndarray]:
-    """Make the clouds, as many at a time as are worth it; every frame of a Livox has rays of its own."""
+    """Render the clouds in batches; a Livox has different rays in every frame."""
     from warpvis.rendering import Renderer
     from warpvis.sensors import Motion, Rays, point_clouds
 

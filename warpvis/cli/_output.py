@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How the commands write: folders, JSON and tables."""
+"""Output of the commands: folders, JSON and tables."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from pathlib import Path
 
 from warpvis.errors import FileFormatError
 
-# Messages of files begin with their names.
+# Messages about files begin with their names.
 _OF_FILE = re.compile(r"\S+\.\w+:")
 
-# Arguments whose options have other names.
+# Arguments whose options have different names.
 _OTHER_NAMES = {"options": "option", "seed": "sensor_seed", "frames": "poses"}
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder and those above it.
+    """Create a folder and its parents.
 
     Raises:
-        FileFormatError: It cannot be made.
+        FileFormatError: If it cannot be created.
     """
     there = next((place for place in (path, *path.parents) if place.exists()), path)
     if there.is_file():
@@ -35,10 +35,10 @@ def make_folder(path: Path) -> None:
 
 
 def require_place(path: Path, suffixes: Sequence[str]) -> None:
-    """Refuse, before anything is computed, a file that could not be written.
+    """Check that a file can be written, before anything is computed.
 
     Raises:
-        FileFormatError: Its name has another ending, it is a folder, or the folder for it is missing.
+        FileFormatError: If its name has another suffix, it is a folder, or its folder is missing.
     """
     if path.suffix.lower() not in suffixes:
         raise FileFormatError(f"{path}: the name must end in {' or '.join(suffixes)}")
@@ -52,7 +52,7 @@ def write_json(path: Path, content: Mapping[str, object]) -> None:
     """Write plain Python values as JSON.
 
     Raises:
-        FileFormatError: The file cannot be written.
+        FileFormatError: If the file cannot be written.
     """
     try:
         path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
@@ -61,18 +61,18 @@ def write_json(path: Path, content: Mapping[str, object]) -> None:
 
 
 def format_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Write a table of fixed width as text."""
+    """Format a table with columns of fixed width."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     lines = [header, ["-" * width for width in widths], *rows]
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
 
 
 def name_options(message: str, command: object) -> str:
-    """Return a message of the library with a command's options in place of the arguments of Python's functions.
+    """Replace Python arguments in a message of the library by a command's options.
 
     ``objects=`` becomes ``--objects``, ``quaternion="wxyz"`` ``--quaternion wxyz``, ``resume=True`` ``--resume``, and
-    the first word of ``threads must be ...`` ``--threads``. Names with underscores are arguments wherever they are, but
-    for messages of files, which may have them as keys.
+    the first word of ``threads must be ...`` ``--threads``. Names with underscores are replaced anywhere, except in
+    messages about files, where they may be keys.
     """
     if not is_dataclass(command):
         return message

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``warpvis perspective``: what a robot and a person see of the objects of a mesh file."""
+"""The command ``warpvis perspective``: which objects of a scene a robot and a person see."""
 
 from __future__ import annotations
 
@@ -36,31 +36,31 @@ if TYPE_CHECKING:
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class Perspective(ViewpointOptions):
-    """Say what a robot and a person see, what the person may mean, and where the robot could go to see it.
+    """Compute what a robot and a person see, what the person may refer to, and where the robot could move to see it.
 
-    The experiments come with their robot and their person, and need no option.
+    The experiments define their robot and person, and need no option.
     """
 
     file: SceneFile
     robot: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
-    """The robot's camera: where it is and what it looks at, "x y z tx ty tz" (metres), or "x y z qx qy qz qw"; or a
-    file of one pose."""
+    """Pose of the robot's camera: eye and target, "x y z tx ty tz" (meters), or "x y z qx qy qz qw"; or a file with one
+    pose."""
     human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
-    """The person's eyes, likewise."""
+    """Pose of the person's eyes, in the same form."""
     robot_body: Names = ()
-    """Names of the objects that are the robot itself, which it does not see."""
+    """Names of the objects that form the robot, which are invisible to it."""
     human_body: Names = ()
-    """Names of the objects that are the person, likewise."""
+    """Names of the objects that form the person, which are invisible to the person."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """Folder to write perspective.json and perspective.png to."""
+    """Output folder for perspective.json and perspective.png."""
     max_distance: float = 2.0
-    """How far the robot may go to see more [m]."""
+    """Maximum distance that the robot may move to see more [m]."""
     robot_radius: float = 0.2
-    """The robot's radius [m]: it goes only where it has room, up to its camera's height."""
+    """The robot's radius [m]: it moves only to places that are free up to its camera's height."""
     floor: float = 0.0
-    """Height of the floor that the robot stands on [m]."""
+    """Height of the floor on which the robot stands [m]."""
     device: str = "cpu"
-    """Where to compute: cpu, cuda:0, ..."""
+    """Device to compute on: cpu, cuda:0, ..."""
 
     def run(self) -> None:
         """Run the command."""
@@ -101,7 +101,7 @@ class Perspective(ViewpointOptions):
             print(f"\n{self.out / 'perspective.json'}, {self.out / 'perspective.png'}")
 
     def _read(self) -> tuple[Scene, Agent, Agent]:
-        """Read the scene and the two agents."""
+        """Read the scene and both agents."""
         from warpvis.visibility import Agent
 
         experiment = find_experiment(self.file)
@@ -122,17 +122,17 @@ class Perspective(ViewpointOptions):
         return scene, robot, human
 
     def _refuse_options(self, name: str) -> None:
-        """Refuse what an experiment has of its own: agents, labels and units."""
+        """Reject options that an experiment defines itself: agents, labels and units."""
         own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
         refuse_options(self, own, f"{name} comes with its robot and its person, so it takes")
 
 
 def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:
-    """Warn of objects that an agent's eyes are in: they hide all else from it, or what it sees is cut open."""
+    """Warn if an agent's eyes are inside of objects, which hide everything else or appear cut open."""
     from warpvis.planning import inside_solids
 
     eyes = agent.poses[:, :3]
-    if not inside_solids(scene, eyes, exclude=agent.body).any():  # of a large scene, one by one take seconds
+    if not inside_solids(scene, eyes, exclude=agent.body).any():  # testing single objects takes seconds in large scenes
         return
     names = [item.name for item in scene if item.name not in agent.body]
     around = [
@@ -149,14 +149,14 @@ def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:
 
 
 def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None) -> dict[str, object]:
-    """Say what the JSON file says beside `Perspective.report`."""
+    """Return the content of the JSON file in addition to `Perspective.report`."""
     from warpvis.visibility import State
 
     candidates = []
     for item in found:
         fields = asdict(item)
         del fields["object_poses"]
-        del fields["state"]  # of the person and the robot, in this order; elsewhere the robot comes first
+        del fields["state"]  # its agents are person and robot, in this order; elsewhere the robot comes first
         candidates.append(fields | {"robot_sees": item.state == State.BOTH})
     return {
         "candidates": candidates,
@@ -166,12 +166,12 @@ def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None
 
 
 def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | None, max_distance: float) -> str:
-    """Write the candidates as a table, and what the robot has to do."""
+    """Return the candidates as a table, and what the robot has to do."""
     if not found:
         return "The person sees none of the objects, and can mean none of them."
     rows = []
     for item in found:
-        assert item.robot_fraction is not None  # a robot was asked about
+        assert item.robot_fraction is not None  # the robot was passed to `candidates`
         angle = f"{math.degrees(item.gaze_angle):.0f} degrees"
         robot = "no" if item.object in missed else format_fraction(item.robot_fraction)
         rows.append([item.object, format_fraction(item.score), angle, "yes" if item.attended else "no", robot])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of depth beside the datasets that ``warpvis render`` writes."""
+"""Pictures of depth that ``warpvis render`` writes in addition to datasets."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     from warpvis.batch import FrameDataset
 
 PREVIEWS, SHEET = "preview", "contact_sheet.png"
-"""Where pictures go: a folder, and one file."""
+"""Names of the folder and the file of pictures."""
 
 _MAX_PREVIEWS, _MAX_ON_SHEET = 100, 24
 
 
 def write_pictures(dataset: FrameDataset, out: Path) -> str:
-    """Write a picture of the first hundred frames' depth, and a sheet of two dozen from first to last.
+    """Write a picture of the first hundred frames' depth, and a contact sheet of two dozen evenly spaced frames.
 
-    All have one scale of colours, from the least to the greatest depth of what they show; where that is nothing, it is
-    the camera's range, in which nothing is seen.
+    All share one color scale, from the minimum to the maximum of the depth they show; if there is no depth, the
+    camera's range.
 
     Returns:
-        What was written, in words.
+        A text that lists the written files.
     """
     from warpvis.viz import save_contact_sheet, save_preview
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``warpvis sensor-fit``: the numbers of a depth camera, by its pictures of flat walls."""
+"""The command ``warpvis sensor-fit``: parameters of a depth camera from its images of flat walls."""
 
 from __future__ import annotations
 
@@ -17,26 +17,27 @@ from warpvis.errors import CameraError
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class SensorFit:
-    """Fit noise, steps and dropout of a stereo or structured-light camera to its pictures of flat walls.
+    """Fit noise, quantization and dropout of a stereo or structured-light camera to its images of flat walls.
 
-    A picture shows one wall, at any distance and angle: PNG files of 16 bits or .npy files.
+    Each image shows one wall, at any distance and angle: 16-bit PNG files or .npy files.
     """
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
     """Folder of depth images."""
     camera: Annotated[str, tyro.conf.arg(metavar="FILE")]
-    """Their camera's file: JSON with width, height, hfov (radians) or K; transforms.json, BOP's camera.json, COLMAP's
+    """File of the camera: JSON with width, height, hfov (radians) or K; transforms.json, BOP's camera.json, COLMAP's
     cameras.txt or .bin, YAML of ROS, Kalibr or OpenCV."""
     baseline: float | None = None
-    """Distance of the sensor's two eyes (metres); by default f b is found by --subpixel or by the band at one side."""
+    """Distance between the sensor's two cameras (meters); by default f b follows from --subpixel or from the band
+    without depth at one side of the image."""
     subpixel: int | None = None
-    """Into how many parts of a pixel disparities are rounded."""
+    """Number of disparity steps per pixel."""
     unit: float = 0.001
-    """What one unit of whole numbers is (metres)."""
+    """Length of one unit of integer images (meters)."""
     region: float = 0.8
-    """Which part of the image's width and height to look at, about its middle."""
+    """Central fraction of the image's width and height to use."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Picture to write: errors, their histogram and autocorrelation, and errors by depth."""
+    """Output picture: errors, their histogram and autocorrelation, and errors by depth."""
 
     def run(self) -> None:
         """Run the command."""

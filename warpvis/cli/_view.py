@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``warpvis view``: a live page of a scene in the browser."""
+"""The command ``warpvis view``: an interactive page of a scene in the browser."""
 
 from __future__ import annotations
 
@@ -34,47 +34,47 @@ if TYPE_CHECKING:
     from warpvis.visibility import Agent
 
 _NOT_OF_MODELS = ("up", "file_up", "scale", "search_path", "strict", "label_names")
-"""Options by which a MuJoCo model is read as a scene without joints."""
+"""Options that load a MuJoCo model as a scene without joints."""
 
 
 @with_help
 @dataclass(frozen=True, kw_only=True)
 class View(ViewpointOptions):
-    """Open a live page of a scene: move the robot, the person and things, and watch what each sees.
+    """Open an interactive page of a scene: move the robot, the person and objects, and watch what each of them sees.
 
-    The experiments come with their robot and their person. Needs pip install 'warpvis[view]'.
+    The experiments define their robot and person. Needs pip install 'warpvis[view]'.
     """
 
     file: SceneFile
     robot: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
-    """The robot's camera: where it is and what it looks at, "x y z tx ty tz" (metres), or "x y z qx qy qz qw"; or a
-    file of one pose; or the name of a camera of a MuJoCo model. By default from where all of the scene is seen."""
+    """Pose of the robot's camera: eye and target, "x y z tx ty tz" (meters), or "x y z qx qy qz qw"; or a file with one
+    pose; or the name of a camera of a MuJoCo model. By default a pose that sees the whole scene."""
     human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
-    """A person's eyes, likewise; nobody by default."""
+    """Pose of a person's eyes, in the same form; by default there is no person."""
     robot_body: Names = ()
-    """Names of the objects that are the robot itself: they move with it, and it does not see them."""
+    """Names of the objects that form the robot: they move with it, and are invisible to it."""
     human_body: Names = ()
-    """Names of the objects that are the person, likewise."""
+    """Names of the objects that form the person: they move with the person, and are invisible to the person."""
     movable: Names = ()
-    """Names or patterns of the objects that may be dragged; by default those labelled as an object, a person or a
-    robot."""
+    """Names or patterns of the objects that can be dragged; by default those labeled as object, person or robot."""
     objects: Names = ()
-    """Names of the objects in the table; by default all but the ground, or if they are many those so labelled."""
+    """Names of the objects in the table; by default all except the ground, or, if there are many, those that can be
+    dragged by default."""
     host: str = "localhost"
-    """Address to listen on: by default only this machine can open the page, through ssh -L 8080:localhost:8080 also
-    another; 0.0.0.0 lets all that reach this machine."""
+    """Address to listen on: by default only this machine can open the page, and others through
+    ssh -L 8080:localhost:8080; 0.0.0.0 allows all machines that can reach this one."""
     port: int = 8080
-    """Port to listen on, or the next one that is free."""
+    """Port to listen on, or the next free one."""
     dark: bool = False
-    """A dark page."""
+    """Use a dark theme."""
     poses: MaybePoses = None
-    """What to play, on a slider: where the robot is in each frame; a file of poses or what makes them, or the folder of
-    a dataset that warpvis batch wrote of this scene, in which objects may move, too."""
+    """Robot poses to play on a slider: a file of poses or a generator, or the folder of a dataset that warpvis batch
+    wrote of this scene, in which objects may move, too."""
     rerun: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Write a recording (.rrd) for Rerun of what is to be played, or of how it is now, and end. Needs
+    """Write a recording (.rrd) for Rerun of the poses to play, or of the current state, and exit. Needs
     pip install 'warpvis[rerun]'."""
     html: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Write one file that a browser opens without a server, and end."""
+    """Write one file that a browser opens without a server, and exit."""
 
     def run(self) -> None:
         """Run the command."""
@@ -99,7 +99,7 @@ class View(ViewpointOptions):
         """Read the scene and the agents.
 
         Raises:
-            WarpvisError: One does not load, or an option has no effect.
+            WarpvisError: If one cannot be loaded, or an option has no effect.
         """
         from warpvis.viewer import ViewerState
 
@@ -120,7 +120,7 @@ class View(ViewpointOptions):
         return ViewerState(scene, self._agents(scene), frames=self._frames(scene), **names)
 
     def _frames(self, scene: Scene) -> Frames | None:
-        """Read or make the frames to play."""
+        """Read or generate the frames to play."""
         from warpvis.batch import open_dataset
         from warpvis.pose_generators import frames_from_spec, looks_like_spec
 
@@ -153,7 +153,7 @@ class View(ViewpointOptions):
         return ViewerState(stage, agents, frames=self._frames(stage.stage.scene), **names)
 
     def _agents(self, scene: object, known: Collection[str] = ()) -> list[Agent]:
-        """Make the agents; those that are known already have any pose."""
+        """Create the agents; names in `known` get a placeholder pose."""
         from warpvis.scene import require_scene
         from warpvis.viewer import framing_agent
         from warpvis.visibility import Agent
@@ -177,7 +177,7 @@ class View(ViewpointOptions):
         return [robot, Agent.human("human", eyes, body=tuple(split_names(self.human_body)))]
 
     def _pinhole(self) -> Camera:
-        """Return --camera, which has to be a pinhole where a pose is made for it."""
+        """Return --camera, which must be a pinhole to compute a pose that sees the whole scene."""
         from warpvis.core.camera import require_camera
 
         return require_camera(self.choose_camera())

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Webots worlds on the command line: what was read of them, and the images of their range finders and lidars."""
+"""Webots worlds on the command line: their content, and images of their range finders and lidars."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 
 def is_world(path: Path | None) -> bool:
-    """Tell whether a file is a Webots world, by its name."""
+    """Return whether a file is a Webots world, by its name."""
     return path is not None and path.suffix.lower() == ".wbt"
 
 
 def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels: LabelRules) -> Scene:
-    """Print the tree of what was read, the devices, what was left out and what has stand-ins.
+    """Print the tree of a world, its devices, and lists of skipped and replaced nodes.
 
     See `load_webots` for the arguments.
 
@@ -73,7 +73,7 @@ def render_world(
     OUT/NAME/pcd/000000.pcd.
 
     Returns:
-        Whether any of them sees anything; a warning names those that do not.
+        Whether any of them sees anything; a warning lists those that do not.
     """
     from warpvis.webots import load_webots, render_lidar, render_range
 
@@ -104,7 +104,7 @@ def render_world(
 
 
 def _chosen(world: WebotsWorld, path: Path, name: str | None) -> tuple[list[str], list[str]]:
-    """List the range finders and the lidars to render: all of them, or the one that was asked for."""
+    """Return the range finders and the lidars to render: all of them, or the given one."""
     from warpvis.webots import find_device
 
     if name in world.lidars and name not in world.devices:
@@ -124,14 +124,14 @@ def _file_name(name: str) -> str:
 
 
 def _sees(image: NDArray[np.float32], device: Device | Lidar) -> bool:
-    """Tell whether an image shows anything nearer than the range ends; some versions of Webots say that for nothing."""
+    """Return whether an image has a value below the maximum range, which some Webots versions return for no hit."""
     import numpy as np
 
     return bool((np.isfinite(image) & (image < device.max_range)).any())
 
 
 def _write(folder: Path, device: Device, image: NDArray[np.float32], *, bent: bool) -> None:
-    """Write an image, in which the device's lens has its part if it is bent: a pinhole's K does not say that."""
+    """Write an image; if the device's lens distorts it, with the lens instead of K, which describes a pinhole only."""
     import numpy as np
 
     from warpvis.io import save_depth_png
@@ -167,7 +167,7 @@ def _write_scan(folder: Path, lidar: Lidar, image: NDArray[np.float32], *, drawn
     arrays: dict[str, NDArray[np.generic]] = {"ranges": image, "directions": rays.directions}
     arrays["lidar_to_world"] = lidar.pose
     _write_arrays(folder / "ranges.npz", arrays)
-    # Some versions of Webots say the greatest range for nothing.
+    # Some versions of Webots return the maximum range for no hit.
     found = np.where(image < lidar.max_range, lengths, np.float32(np.inf))
     save_clouds(folder / "pcd", point_clouds(Views(depth=wp.array(found[None], device="cpu")), rays), ".pcd")
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Run the paper's four experiments, end to end, with what the person sees in each: ``warpvis demo``."""
+"""The command ``warpvis demo``: the four experiments of the paper, and what the person sees in each."""
 
 from __future__ import annotations
 
@@ -33,28 +33,28 @@ _VIEWS_TIMED = 32
 
 @dataclass(frozen=True)
 class Sighting:
-    """What one experiment says of one object."""
+    """Visibility of one object in one experiment."""
 
     experiment: int
     object: str
     visible: bool
     """Whether the depth image shows it."""
     pixels: int
-    """Pixels that show it, by the exact object index."""
+    """Number of pixels that show it, from the exact object index."""
     pixels_by_sphere: int
-    """Pixels within its spheres, by the paper's test on the depth image alone."""
+    """Number of pixels inside of its spheres, by the paper's test on the depth image alone."""
     visible_on_plan: bool
     """Whether a 2D line of sight on the floor plan reaches it."""
 
     @property
     def plan_differs(self) -> bool:
-        """Tell whether the floor plan gives the wrong answer."""
+        """Whether the floor plan gives the wrong answer."""
         return self.visible != self.visible_on_plan
 
 
 @dataclass(frozen=True)
 class SharedSighting:
-    """What one experiment says of robot, person and ball."""
+    """Visibility of one object to the robot and the person in one experiment."""
 
     experiment: int
     object: str
@@ -63,16 +63,16 @@ class SharedSighting:
     human: bool
     """Whether the person sees it."""
     human_pixels: int
-    """Pixels that show it, over all the person's images."""
+    """Number of pixels that show it in all of the person's images."""
     human_fraction: float
-    """Share of its silhouette that the person sees."""
+    """Fraction of its silhouette that the person sees."""
     state: str
     """Both, robot only, human only, or neither."""
 
 
 @dataclass(frozen=True)
 class ExperimentResult:
-    """One experiment's images and findings."""
+    """Images and results of one experiment."""
 
     experiment: Experiment
     scene: Scene
@@ -80,9 +80,9 @@ class ExperimentResult:
     floor_map: FloorMap
     sightings: tuple[Sighting, ...]
     seen: Perspective
-    """What robot and person see."""
+    """What the robot and the person see."""
     shared: SharedSighting
-    """What that says of the ball."""
+    """Visibility of the ball to both."""
 
 
 def run_experiment(number: int, *, device: DeviceLike = "cpu") -> ExperimentResult:
@@ -90,7 +90,7 @@ def run_experiment(number: int, *, device: DeviceLike = "cpu") -> ExperimentResu
 
     Args:
         number: 1 to 4.
-        device: Where to compute.
+        device: Device to compute on.
     """
     experiment = EXPERIMENTS[number - 1]
     scene = experiment.build(device)
@@ -132,17 +132,17 @@ def _shared_sighting(number: int, seen: Perspective) -> SharedSighting:
 def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
     """Run the four experiments, write two pictures of each and ``summary.json``, and print two tables.
 
-    Where viser is installed, a page of each is written, too, which a browser opens from disk.
+    If viser is installed, also write a page of each, which a browser opens from disk.
 
     Args:
-        out: Folder to write to, made if it is not there.
-        device: Where to compute.
+        out: Output folder, which is created if it does not exist.
+        device: Device to compute on.
 
     Returns:
-        What ``summary.json`` holds.
+        The content of ``summary.json``.
 
     Raises:
-        FileFormatError: The folder cannot be written.
+        FileFormatError: If the folder cannot be written.
     """
     make_folder(out)
     results = [run_experiment(number, device=device) for number in range(1, len(EXPERIMENTS) + 1)]
@@ -181,7 +181,7 @@ def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
 
 
 def format_table(sightings: list[Sighting]) -> str:
-    """Write the findings as text, a line each; a star marks where the floor plan is wrong."""
+    """Format the results as text, one line each; a star marks where the floor plan is wrong."""
     lines = ["experiment  object  visible  pixels  2D answer"]
     for item in sightings:
         plan = ("visible" if item.visible_on_plan else "hidden") + ("  *" if item.plan_differs else "")
@@ -191,7 +191,7 @@ def format_table(sightings: list[Sighting]) -> str:
 
 
 def format_states(shared: list[SharedSighting]) -> str:
-    """Write who sees the ball as text, a line for each experiment."""
+    """Format the visibility of the ball as text, one line per experiment."""
     lines = ["experiment  object  robot  human  seen by"]
     for item in shared:
         robot, human = ("yes" if sees else "no" for sees in (item.robot, item.human))
@@ -213,7 +213,7 @@ def _save_perspective(result: ExperimentResult, out: Path) -> None:
 
 
 def _save_pages(results: Sequence[ExperimentResult], out: Path) -> bool:
-    """Write a page of each experiment that opens from disk, if viser is there."""
+    """Write a page of each experiment that opens from disk, if viser is installed."""
     if importlib.util.find_spec("viser") is None:
         return False
     from warpvis.viewer import Viewer, ViewerState
@@ -228,7 +228,7 @@ def _save_pages(results: Sequence[ExperimentResult], out: Path) -> bool:
 
 
 def measure_fps(result: ExperimentResult) -> float:
-    """Measure frames per second of a view with all default outputs: the median of five runs after one."""
+    """Return frames per second with all default outputs: the median of five runs after a warm-up."""
     renderer = Renderer(result.scene, result.experiment.camera)
     poses = result.experiment.poses(_VIEWS_TIMED)
     views = renderer.render(poses)
