@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Random images of random and of the worst scenes, pixel by pixel against all triangles in double precision.
+"""Compare random images of random and adversarial scenes, pixel by pixel, with all triangles in double precision.
 
     python bench/exact_pixels.py [--device cuda:0] [--caster packets] [--pixels 1e10] [--limit 120] [--seed 0]
 
-Every pixel is compared with the nearest of all triangles that its ray meets: no tree, no tolerance. A depth is right
-within 1e-5 m, or within 1e-5 of itself from 1 m on. What is not is looked at once more: how far the ray passes by an
-edge that could explain it, in pixels, and at what angle it meets the surface that is there and the one that was shown.
-A ray within 1e-9 px of an edge may see either side of it. Exits 1 if any other pixel is wrong.
+Every pixel is compared with the nearest hit among all triangles, without an acceleration structure or a tolerance. A
+depth is right within 1e-5 m, or within a relative error of 1e-5 from 1 m on. Each other pixel is examined again: the
+distance in pixels from the ray to an edge that could explain it, and the angle at which the ray meets the true surface
+and the rendered one. A ray within 1e-9 px of an edge may hit either side. Exits with 1 if any other pixel is wrong.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from warpvis.core.poses import poses_to_matrices
 wp.set_module_options({"enable_backward": False})
 
 EDGE = 1e-9
-"""Pixels within which a ray may see either side of an edge."""
+"""Distance to an edge [px] within which a ray may hit either side of it."""
 BANDS = (EDGE, 1e-6, 1e-5, 1e-4, 1e-3)
 TOLERANCE = 1e-5
 MAX_WRONG = 1 << 16
@@ -41,10 +41,10 @@ _SHOWN = 5
 class Prepared:
     """Triangles in views, ``[view, triangle]``."""
 
-    edges: wp.array3d[wp.vec3d]  # of each edge, linear in u, v and 1: not negative inside
-    doubt: wp.array2d[wp.vec3d]  # of each edge, what rounding may change of it
+    edges: wp.array3d[wp.vec3d]  # edge functions, linear in u, v and 1: not negative inside
+    doubt: wp.array2d[wp.vec3d]  # rounding error bound of each edge function
     plane: wp.array2d[wp.vec3d]  # 1 / z, linear in u, v and 1
-    box: wp.array2d[wp.vec4i]  # x0, y0, x1, y1 in pixels; the ends are in it
+    box: wp.array2d[wp.vec4i]  # x0, y0, x1, y1 in pixels, inclusive
 
 
 @wp.func
@@ -54,7 +54,7 @@ def largest(v: wp.vec3d) -> wp.float64:
 
 @wp.func
 def nearer(a: wp.vec3d, b: wp.vec3d) -> wp.vec3d:
-    """The end of an edge from which its plane is found: rounding of a far one must not move it beside a near one."""
+    """Return the nearer end of an edge, from which its plane is found: a far end has a larger rounding error."""
     return wp.where(largest(a) < largest(b), a, b)
 
 
@@ -69,7 +69,7 @@ def prepare_triangles(
     # Out:
     prepared_out: Prepared,
 ):
-    """Of a camera's place and axes, three rows, and a lens ``fx fy cx cy``."""
+    """Set up triangles for a camera's position and axes, three rows, and a lens ``fx fy cx cy``."""
     view, triangle = wp.tid()
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
     a, b, c = wp.vec3d(), wp.vec3d(), wp.vec3d()
@@ -90,7 +90,7 @@ def prepare_triangles(
     least = wp.float64(1.0e-15)
     edge_on = wp.abs(volume) <= least * largest(b - a) * largest(c - a) * largest(a)
     sign = wp.where(volume < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
-    near_a, near_b, near_c = nearer(b, c), nearer(c, a), nearer(a, b)  # of the edges that face these
+    near_a, near_b, near_c = nearer(b, c), nearer(c, a), nearer(a, b)  # of the edge opposite each corner
     prepared_out.edges[view, triangle, 0] = sign * wp.cross(b - c, near_a)
     prepared_out.edges[view, triangle, 1] = sign * wp.cross(c - a, near_b)
     prepared_out.edges[view, triangle, 2] = sign * wp.cross(a - b, near_c)
@@ -130,7 +130,7 @@ def compare_depth(
     count_out: wp.array[int],
     wrong_out: wp.array[wp.vec3i],
 ):
-    """Note the pixels ``(view, y, x)`` that show anything but the nearest triangle."""
+    """Record the pixels ``(view, y, x)`` that show anything but the nearest triangle."""
     view, y, x = wp.tid()
     u, v = wp.float64(x) + wp.float64(0.5) - lens[2], wp.float64(y) + wp.float64(0.5) - lens[3]
     ray = wp.vec3d(u, v, wp.float64(1.0))
@@ -158,23 +158,23 @@ def compare_depth(
 
 @dataclass
 class Wrong:
-    """A pixel that shows something else than is there."""
+    """A pixel that does not show the nearest triangle."""
 
     where: str
     kind: str  # "hole", "no hole" or "depth"
     shown: float
     there: float
-    edge: float  # the nearest edge that could explain it [px]
-    angle: float  # between the ray and the surface, the lesser of what is there and what was shown [degrees]
+    edge: float  # distance to the nearest edge that could explain it [px]
+    angle: float  # between the ray and the true or the rendered surface, whichever is less [degrees]
 
     @property
     def band(self) -> str:
-        """How near an edge is, as the table has it."""
+        """Return the distance to the edge, as the table shows it."""
         return next((f"within {band:.0e} px of an edge" for band in BANDS if self.edge <= band), "away from edges")
 
 
 def look_again(case: Case, matrix: NDArray[np.float64], x: int, y: int, shown: float, where: str) -> Wrong:
-    """What a ray meets, in NumPy, and how near to being something else that is."""
+    """Return the true hit of a ray, by NumPy, and its distance from another result."""
     camera = case.camera
     u, v = x + 0.5 - camera.cx, y + 0.5 - camera.cy
     local = (case.corners - matrix[:3, 3]) @ matrix[:3, :3]
@@ -193,11 +193,11 @@ def look_again(case: Case, matrix: NDArray[np.float64], x: int, y: int, shown: f
         beside = np.array(values) / np.array(lengths)  # pixels; negative outside
     inside = (beside.min(0) >= -1e-12) & (volume != 0) & (z > 0)
     there = z[inside].min() if inside.any() else np.inf
-    # Triangles whose edges decide: all that the ray passes by, or meets, no farther than the farther of the two.
+    # Triangles whose edges decide: those that the ray hits or passes, up to the farther of the two surfaces.
     reach = max(depth for depth in (shown, there, 0.0) if np.isfinite(depth))
     reach = np.inf if not (np.isfinite(shown) and np.isfinite(there)) else reach * (1 + 2 * TOLERANCE)
     deciding = np.isfinite(beside).all(0) & (local[..., 2].max(-1) > 0) & (np.nan_to_num(z, nan=0.0) <= reach)
-    # How far the ray is from changing sides of a triangle: from the edge if inside, from all that are passed if not.
+    # Distance to leave or enter a triangle: to its nearest edge from inside, to the farthest edge passed from outside.
     away = np.where(inside, beside.min(0), np.maximum(-beside, 0).max(0))
     metric = np.cross(local[:, 1] - local[:, 0], local[:, 2] - local[:, 0])
     direction = np.array([u / camera.fx, v / camera.fy, 1.0])
@@ -213,10 +213,10 @@ def look_again(case: Case, matrix: NDArray[np.float64], x: int, y: int, shown: f
 
 
 class Check:
-    """Cases, one after the other, and what was found."""
+    """Runs cases, and collects what they find."""
 
     def __init__(self, device: str, caster: str, pixels: int) -> None:
-        """Of images of so many pixels at a time."""
+        """Render images with this number of pixels at a time."""
         self.device, self.caster, self.batch = device, caster, pixels
         self.pixels: Counter[str] = Counter()
         self.wrong: dict[str, list[Wrong]] = {name: [] for name in FAMILIES}
@@ -232,7 +232,7 @@ class Check:
         renderer = wv.Renderer(case.scene(self.device), case.camera, outputs=outputs, caster=self.caster)
         on_cuda = renderer.scene.device.is_cuda
         poses = wp.array(case.poses, dtype=wp.transform, device=self.device) if on_cuda else case.poses
-        taken = renderer._caster.parse_poses(poses, "opencv")  # normalised, or as they are
+        taken = renderer._caster.parse_poses(poses, "opencv")  # normalized as the renderer does
         matrices = poses_to_matrices((taken.numpy() if isinstance(taken, wp.array) else taken).reshape(-1, 7))
         depth = renderer.render(poses, object_poses=case.object_poses, object_scales=case.object_scales).depth
         found = self._compare(case, matrices, depth)
@@ -265,7 +265,7 @@ class Check:
         return order[np.lexsort(order.T[::-1])]
 
     def report(self) -> bool:
-        """Print what was found; whether all is right."""
+        """Print the findings, and return whether all pixels are right."""
         right = True
         print(f"{'family':14s} {'pixels':>8s}  wrong, by what")
         for family in FAMILIES:
@@ -288,7 +288,7 @@ class Check:
 
 
 def main() -> int:
-    """Compare until there are enough pixels, or time is up."""
+    """Compare until the number of pixels or the time limit is reached."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default=str(wp.get_preferred_device()))
     parser.add_argument("--caster", default="packets", choices=("packets", "rays"))

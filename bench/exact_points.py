@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether triangles hide points, in double precision: for all points at once, and for one with all that is near it."""
+"""Decide occlusion of points by triangles in double precision: for all points at once, or for one with its margins."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from warpvis import Camera
 from warpvis.core.poses import poses_to_matrices
 
 MARGIN = 1e-6
-"""Rays that pass by an edge this near, and points that are this near to being hidden, or seen [m]."""
+"""Distance of a ray from an edge, or of a point from the limit of occlusion, that leaves the result open [m]."""
 
 _DIRECTIONS = 8
 _CELL = 4  # pixels
@@ -24,16 +24,17 @@ def hidden_points(
     points: NDArray[np.float32],
     tolerance: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Whether any triangle is between the camera and each point, less its tolerance along the ray [m].
+    """Return whether any triangle is between the camera and each point, less its tolerance along the ray [m].
 
-    Every triangle is tested against all points that lie in the box of its outline in the image: no tree, no tolerance.
+    Every triangle is tested against all points within the bounding box of its image: no acceleration structure, no
+    tolerance.
 
     Args:
-        corners: Of the triangles, in the world [m], shape ``(T, 3, 3)``.
-        camera: Whose image all points are in.
-        pose: Its pose, ``(7,)``.
-        points: In the world [m], shape ``(N, 3)``.
-        tolerance: How far behind a surface each still counts as seen [m], shape ``(N,)``.
+        corners: Triangles in the world frame [m], shape ``(T, 3, 3)``.
+        camera: Camera whose image contains all points.
+        pose: Camera pose, shape ``(7,)``.
+        points: Points in the world frame [m], shape ``(N, 3)``.
+        tolerance: Distance behind a surface at which a point still counts as visible [m], shape ``(N,)``.
     """
     matrix = poses_to_matrices(pose)
     local = (points.astype(np.float64) - matrix[:3, 3]) @ matrix[:3, :3]
@@ -66,7 +67,7 @@ def hidden_points(
 
 
 def _between(triangles: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether triangles ``(T, 3, 3)`` are between the origin and places ``(N, 3)``, shape ``(T, N)``."""
+    """Return whether triangles ``(T, 3, 3)`` are between the origin and points ``(N, 3)``, shape ``(T, N)``."""
     a, b, c = triangles.swapaxes(0, 1)
     normal = np.cross(b - a, c - a)
     sides = np.stack([np.cross(p, q) @ ends.T for p, q in ((a, b), (b, c), (c, a))])
@@ -78,7 +79,7 @@ def _between(triangles: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArr
 def is_sure(
     corners: NDArray[np.float64], eye: NDArray[np.float64], point: NDArray[np.float64], tolerance: float
 ) -> tuple[bool, bool]:
-    """Whether a point is hidden, and whether it would be as well from a margin beside the ray, or so much along it."""
+    """Return whether a point is occluded, and whether it is within a margin across or along the ray."""
     along = (point - eye) / np.linalg.norm(point - eye)
     right = np.cross(along, np.eye(3)[np.abs(along).argmin()])
     right /= np.linalg.norm(right)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes of few triangles, at random and as unkind as they come, for `exact_pixels.py`."""
+"""Make scenes of few triangles for `exact_pixels.py`, random and adversarial ones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Mesh = tuple[NDArray[np.float32], NDArray[np.int32]]
 
 @dataclass
 class Case:
-    """A scene, a camera and its poses; movable objects in one world."""
+    """A scene, a camera and its poses, with movable objects in one world."""
 
     camera: wv.Camera
     poses: NDArray[np.float32]
@@ -31,7 +31,7 @@ class Case:
     object_scales: NDArray[np.float32] | None = None  # (moving objects, 3)
 
     def scene(self, device: str) -> wv.Scene:
-        """Make it on a device."""
+        """Build the scene on a device."""
         scene = wv.Scene(device=device)
         for mesh in self.still:
             scene.add(mesh)
@@ -41,7 +41,7 @@ class Case:
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Triangles in the world, shape ``(T, 3, 3)``, from the numbers that the scene is given."""
+        """Return the triangles in the world frame, shape ``(T, 3, 3)``, from the numbers that the scene receives."""
         parts = [vertices.astype(np.float64)[faces] for vertices, faces in self.still]
         for k, (vertices, faces) in enumerate(self.moving):
             matrix = poses_to_matrices(self.object_poses[k])
@@ -53,7 +53,7 @@ class Case:
 
 
 def camera_of(rng: Generator, width: int, height: int) -> wv.Camera:
-    """A camera of 20 to 130 degrees, and in half of all cases a principal point as calibration gives it."""
+    """Return a camera of 20 to 130 degrees, with an off-center principal point in half of all cases."""
     camera = wv.Camera.from_fov(width, height, hfov=np.radians(rng.uniform(20, 130)))
     if rng.random() < 0.5:
         return camera
@@ -62,13 +62,13 @@ def camera_of(rng: Generator, width: int, height: int) -> wv.Camera:
 
 
 def turned(rng: Generator, count: int) -> NDArray[np.float64]:
-    """Quaternions, all turns alike."""
+    """Return uniformly distributed unit quaternions."""
     q = rng.normal(size=(count, 4))
     return q / np.linalg.norm(q, axis=1)[:, None]
 
 
 def looking(eyes: NDArray[np.float64], targets: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float32]:
-    """`wv.look_at` for many at once; one `up`, or for each its own."""
+    """Return many poses as `wv.look_at` does, with one `up` or one for each."""
     forward = targets - eyes
     right = np.cross(forward, up)
     axes = np.stack([right, np.cross(forward, right), forward], axis=-1)
@@ -79,33 +79,33 @@ def looking(eyes: NDArray[np.float64], targets: NDArray[np.float64], up: NDArray
 
 
 def around(rng: Generator, centre: NDArray[np.float64], distance: float, views: int) -> NDArray[np.float32]:
-    """Poses that look at places near a centre, from about so far."""
+    """Return poses that look at points near a center, from about a distance."""
     eyes = centre + rng.normal(size=(views, 3)) * distance
     targets = centre + rng.normal(size=(views, 3)) * 0.3 * distance
     return looking(eyes, targets, rng.normal(size=3))
 
 
 def soup(rng: Generator, count: int, size: float) -> Mesh:
-    """Triangles that have nothing to do with each other."""
+    """Return unrelated random triangles."""
     corners = rng.normal(size=(count, 1, 3)) * size
     corners = corners + rng.normal(size=(count, 3, 3)) * size * 10.0 ** rng.uniform(-2, 0.3, (count, 1, 1))
     return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
 
 
 def as_mesh(made: trimesh.Trimesh, scale: float = 1.0, at: NDArray[np.float64] | float = 0.0) -> Mesh:
-    """A mesh of a size at a place."""
+    """Return a mesh scaled and moved."""
     return (made.vertices * scale + at).astype(np.float32), made.faces.astype(np.int32)
 
 
 def random(rng: Generator, width: int, height: int, views: int) -> Case:
-    """Triangles of all sizes."""
+    """Make triangles of all sizes."""
     scale = 10.0 ** rng.uniform(-2, 2)
     poses = around(rng, np.zeros(3), scale * 10.0 ** rng.uniform(-0.5, 1), views)
     return Case(camera_of(rng, width, height), poses, [soup(rng, 150, scale)])
 
 
 def closed(rng: Generator, width: int, height: int, views: int) -> Case:
-    """Balls and boxes, from outside and from inside."""
+    """Make balls and boxes, seen from outside and from inside."""
     scale = 10.0 ** rng.uniform(-2, 2)
     meshes = [as_mesh(trimesh.creation.icosphere(subdivisions=2), scale * rng.uniform(0.5, 1))]
     for _ in range(3):
@@ -116,7 +116,7 @@ def closed(rng: Generator, width: int, height: int, views: int) -> Case:
 
 
 def corners(rng: Generator, width: int, height: int, views: int) -> Case:
-    """A wall whose corners are at pixels' centres, as nearly as numbers can say, and another one beyond."""
+    """Make a wall with corners at pixel centers, up to rounding, and another wall behind it."""
     scale, f = 10.0 ** rng.uniform(-1, 1), 100.0
     step = rng.choice([0.5, 1.0, 3.0])
     x = (np.arange(13) - 6) * step * scale
@@ -137,7 +137,7 @@ def corners(rng: Generator, width: int, height: int, views: int) -> Case:
 
 
 def grazing(rng: Generator, width: int, height: int, views: int) -> Case:
-    """Planes that are seen at less than a degree, whole and of tiles."""
+    """Make planes seen at less than a degree, in one piece and as tiles."""
     scale = 10.0 ** rng.uniform(-1, 2)
     count = int(rng.choice([2, 9]))
     x = np.linspace(-1, 1, count) * scale
@@ -156,7 +156,7 @@ def grazing(rng: Generator, width: int, height: int, views: int) -> Case:
 
 
 def slivers(rng: Generator, width: int, height: int, views: int) -> Case:
-    """A surface of triangles that are a thousand to a million times as long as wide, and needles before it."""
+    """Make a surface of triangles that are 1,000 to 1,000,000 times as long as wide, and needles in front of it."""
     scale = 10.0 ** rng.uniform(-1, 1)
     rows = np.cumsum(10.0 ** rng.uniform(-6, -0.5, 40))
     rows = (rows / rows[-1] - 0.5) * 2 * scale
@@ -175,7 +175,7 @@ def slivers(rng: Generator, width: int, height: int, views: int) -> Case:
 
 
 def far_away(rng: Generator, width: int, height: int, views: int) -> Case:
-    """Far from the origin, by 10 km and more, where numbers are coarse; camera and surface alike."""
+    """Place camera and surface 10 km and more from the origin, where coordinates are coarse."""
     inner = FAMILIES[str(rng.choice(["random", "closed", "slivers"]))](rng, width, height, views)
     at = rng.normal(size=3) * 10.0 ** rng.uniform(3, 5)
     still = [((vertices + at).astype(np.float32), faces) for vertices, faces in inner.still]
@@ -185,14 +185,14 @@ def far_away(rng: Generator, width: int, height: int, views: int) -> Case:
 
 
 def moved(rng: Generator, width: int, height: int, views: int) -> Case:
-    """Objects that move, some far from their frame's origin, as large as they were made or stretched."""
+    """Make moving objects, some with vertices far from their frame's origin, scaled or not."""
     scale = 10.0 ** rng.uniform(-1, 1.5)
     at = rng.normal(size=3) * scale * rng.choice([1.0, 1e4])
     meshes = [as_mesh(trimesh.creation.icosphere(subdivisions=1), scale), soup(rng, 40, scale)]
     meshes.append(as_mesh(trimesh.creation.box((1, 2, 0.5)), scale, rng.choice([0.0, 1000.0]) * scale))
     meshes.append(as_mesh(trimesh.creation.cylinder(0.5, 2.0, sections=24), scale))
     poses = np.concatenate([at + rng.normal(size=(4, 3)) * 2 * scale, turned(rng, 4)], -1).astype(np.float32)
-    if np.abs(meshes[2][0]).max() > 100 * scale:  # back to where the others are
+    if np.abs(meshes[2][0]).max() > 100 * scale:  # back to the other objects
         poses[2, :3] -= (poses_to_matrices(poses[2])[:3, :3] @ np.full(3, 1000.0 * scale)).astype(np.float32)
     scales = (10.0 ** rng.uniform(-0.5, 0.5, (4, 3))).astype(np.float32) if rng.random() < 0.5 else None
     still = [as_mesh(trimesh.creation.box((8, 8, 0.1)), scale, at)]
@@ -201,7 +201,7 @@ def moved(rng: Generator, width: int, height: int, views: int) -> Case:
 
 
 def edge_on(rng: Generator, width: int, height: int, views: int) -> Case:
-    """Boxes along the axes, from within the planes of their sides, edges through pixels' centres."""
+    """Make axis-aligned boxes, seen from within the planes of their sides, with edges through pixel centers."""
     scale = 2.0 ** rng.integers(-3, 4)
     boxes = [as_mesh(trimesh.creation.box((2, 2, 2)), scale, rng.integers(-3, 4, 3) * scale) for _ in range(8)]
     eyes = rng.integers(-4, 5, (views, 3)) * scale
@@ -214,7 +214,7 @@ def edge_on(rng: Generator, width: int, height: int, views: int) -> Case:
 
 
 def far_corners(rng: Generator, width: int, height: int, views: int) -> Case:
-    """Walls of up to kilometres, faced from a metre or so beside the one corner that is near: the others are coarse."""
+    """Make walls of up to kilometers, seen from about a meter from their one near corner: the others are coarse."""
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     near = rng.normal(size=3) * rng.choice([0.3, 300.0])
     angles = rng.uniform(0, 2 * np.pi, 2)
@@ -228,7 +228,7 @@ def far_corners(rng: Generator, width: int, height: int, views: int) -> Case:
 
 
 def posts(rng: Generator, width: int, height: int, views: int) -> Case:
-    """Cylinders of many sides, from between their ends: slivers that reach behind the camera."""
+    """Make cylinders of many sides, seen from between their ends: slivers that reach behind the camera."""
     scale = 10.0 ** rng.uniform(-1, 1)
     meshes = []
     for _ in range(3):

@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames per second of warpvis and its peers on a GPU, side by side in one run: Markdown tables.
+"""Compare frames per second of warpvis and its peers on a GPU, side by side in one run, in Markdown tables.
 
-Every method's depth is checked first against that of warpvis's reference, the `rays` caster. Then methods take turns.
-A method that fails, however it does, is a line. What is known is written to a JSON file all the time ($OUT/gpu.json, or
---json), so that a run that is stopped loses little.
+The depth of every method is first compared with that of the reference, the `rays` caster. Then methods take turns. A
+method that fails gets a line with the reason. All results are written to a JSON file as they come ($OUT/gpu.json, or
+--json), so that an interrupted run loses little.
 
   python bench/gpu.py                                       everything, within minutes
   python bench/gpu.py --cases room-320 --peers bare newton  one case, and some peers
   python bench/gpu.py --markdown docs/figures.md            with the tables between that file's marks
-  python bench/gpu.py --device cpu --views 2 --rounds 1     whether all make the same picture, without a GPU
+  python bench/gpu.py --device cpu --views 2 --rounds 1     whether all render the same image, without a GPU
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from gpu_work import Case, Method, Prepared, Result, Subject, agreement
 from marked import split_marked, write_marked
 from ratios import describe_exception
 
-_MARK = "gpu"  # of the tables in docs/figures.md
+_MARK = "gpu"  # name of the tables in docs/figures.md
 
-# Of several ways to use a library, those that are slower than the fastest by more than this at first look are not
-# looked at again.
+# Ways to use a library that are slower than its fastest by more than this in a first measurement are not measured
+# again.
 _WORTH_A_LOOK = 1.25
 
-# A case takes at least so many rounds, whatever the time.
+# Minimum number of rounds of a case, whatever the time.
 _MIN_ROUNDS = 3
 
-# What could end the process and everybody's figures with it has to show in another process that it does not, with this
-# case. (OptiX and nvdiffrast are not from Warp, and nvdiffrast may be compiled for another PyTorch.)
+# Libraries that could end the process, and lose all figures, first run in another process with this case. (OptiX and
+# nvdiffrast do not use Warp, and nvdiffrast may be compiled for another PyTorch.)
 _ON_TRIAL = ("optix", "nvdiffrast")
 _TRIAL = ("room", 64, 64, 2)
 _TRIAL_SECONDS = 90
@@ -62,31 +62,31 @@ class Contestant:
 
 
 class Log:
-    """Where results go while they are made."""
+    """Writes results as they come."""
 
     def __init__(self, path: Path | None) -> None:
-        """Begin."""
+        """Start the clock."""
         self.results: list[Result] = []
         self._path = path
         self._start = time.monotonic()
 
     @property
     def seconds(self) -> float:
-        """Time since the beginning."""
+        """Return the time since the start [s]."""
         return time.monotonic() - self._start
 
     def say(self, line: str) -> None:
-        """One line, at once."""
+        """Print one line immediately."""
         print(f"[{self.seconds:5.0f} s] {line}", flush=True)
 
     def save(self, state: str) -> None:
-        """Write all that is known."""
+        """Write all results so far."""
         if self._path:
             write_json(self._path, self.results, state)
 
 
 def all_methods() -> Iterator[Method]:
-    """Every row of the table, in order."""
+    """Return the names of all rows of the table, in order."""
     yield from gpu_peers.methods()
     yield from gpu_other_peers.methods()
 
@@ -100,7 +100,7 @@ def measure(case: Case, name: str, methods: Sequence[Method], options: argparse.
         log.results.append(result)
         try:
             contestants.append(_enter(case, method, result))
-        except Exception as error:  # a peer that fails, however it does, is a line
+        except Exception as error:  # whatever a peer raises is shown in its line
             result.missing = describe_exception(error)
         log.say(f"{name}: {_first_look(result)}")
     log.save(f"{name}: first look")
@@ -118,7 +118,7 @@ def measure(case: Case, name: str, methods: Sequence[Method], options: argparse.
 
 
 def _enter(case: Case, method: Method, result: Result) -> Contestant:
-    """Prepare a method, look at what it makes, and at what it takes."""
+    """Prepare a method, compare its images with the reference, and time it once."""
     prepared = method.prepare(case)
     result.views, result.note = prepared.views, prepared.note
     if prepared.image is not None:
@@ -133,20 +133,20 @@ def _enter(case: Case, method: Method, result: Result) -> Contestant:
 
 
 def _record(prepared: Prepared, result: Result) -> Run | None:
-    """The call as a CUDA graph, if it can be one."""
+    """Return the call as a CUDA graph, or None."""
     try:
         graph = prepared.timer.record(prepared.run)
         if graph is not None:
             graph()
             prepared.timer.synchronize()
         return graph
-    except Exception as error:  # what cannot be recorded is measured without
+    except Exception as error:  # a call that cannot be captured is measured without a graph
         result.graph_missing = describe_exception(error)
         return None
 
 
 def _worth(result: Result, results: Sequence[Result]) -> bool:
-    """Whether a way to use a library may be its best."""
+    """Return whether a way to use a library may be its fastest."""
     if not result.right:
         return False
     rival = best(of_row(results, result.method.row))
@@ -154,7 +154,7 @@ def _worth(result: Result, results: Sequence[Result]) -> bool:
 
 
 def _round(contestants: Sequence[Contestant]) -> None:
-    """Each once."""
+    """Run a round of each contestant."""
     gc.collect()
     for entry in contestants:
         timer, run, result = entry.prepared.timer, entry.prepared.run, entry.result
@@ -163,7 +163,7 @@ def _round(contestants: Sequence[Contestant]) -> None:
             if entry.graph:
                 result.graph_seconds.append(timer.device_seconds(entry.graph, entry.calls))
             result.wall_seconds.append(wall_seconds(timer, run))
-        except Exception as error:  # it worked once, and the others still do
+        except Exception as error:  # it has worked once, and the others still do
             result.missing = describe_exception(error)
 
 
@@ -209,7 +209,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _try_out(method: Method, options: argparse.Namespace) -> int:
-    """Use a method once, in a process that has nothing to lose."""
+    """Use a method once, in a process of which nothing else depends."""
     preset, width, height, views = _TRIAL
     case = Case.of(Subject(preset, wp.get_device(options.device)), width, height, views)
     _enter(case, method, Result(method, "trial"))
@@ -217,7 +217,7 @@ def _try_out(method: Method, options: argparse.Namespace) -> int:
 
 
 def crashes(groups: Sequence[str], device: str, log: Log) -> dict[str, str]:
-    """Which libraries end the process that uses them, and how; those that merely fail are not among them."""
+    """Return the libraries that end the process, and how; those that only raise are not included."""
     command = [sys.executable, __file__, "--device", device, "--trial"]
     running = {
         group: subprocess.Popen([*command, group], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -238,13 +238,13 @@ def crashes(groups: Sequence[str], device: str, log: Log) -> dict[str, str]:
 
 
 def _subjects(names: Sequence[str]) -> list[tuple[str, list[str]]]:
-    """Cases by their preset, so that each is built once."""
+    """Return cases grouped by preset, so that each scene is built once."""
     presets = dict.fromkeys(ALL_CASES[name][1] for name in names)
     return [(preset, [name for name in names if ALL_CASES[name][1] == preset]) for preset in presets]
 
 
 def _free() -> None:
-    """Give back memory that libraries keep for later."""
+    """Release memory that libraries cache."""
     gc.collect()
     if "torch" in sys.modules:
         sys.modules["torch"].cuda.empty_cache()
@@ -260,7 +260,7 @@ def _refuse(why: str) -> Callable[[Case], Prepared]:
 
 
 def run(options: argparse.Namespace, log: Log) -> None:
-    """Measure all cases, as far as the time goes."""
+    """Measure all cases within the time limit."""
     device = wp.get_device(options.device)
     crashing = crashes([group for group in _ON_TRIAL if group in options.peers], options.device, log)
     methods = [
@@ -286,7 +286,7 @@ def run(options: argparse.Namespace, log: Log) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the comparison; lines and, at the end, tables go to standard output."""
+    """Run the comparison, and print lines and finally tables."""
     options = _parse(arguments)
     wp.config.log_level = wp.LOG_WARNING
     try:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measure every GPU workload of this folder once beside its peer, and compare the ratios with a committed table.
+"""Measure every GPU workload of this folder against its peer, and compare the ratios with a committed table.
 
-The table of a card is `bench/gpu_all/<card>.json`. Prints a line a workload, then the ratios that fell by more than
-5 %, with the commit that the table has them from; exits with 1 if some did. A workload whose peer is not installed is
-a line.
+The table of a card is `bench/gpu_all/<card>.json`. Prints one line per workload, then the ratios that are lower than in
+the table by more than 5 %, with the commit of the table. Exits with 1 if there are any. A workload whose peer is not
+installed gets a line with the reason.
 
   python bench/gpu_all.py                                  all, within 8 minutes on an H100
   python bench/gpu_all.py --only worlds room-320           workloads whose names contain one of these
@@ -43,7 +43,7 @@ _LIMIT = 450
 
 
 def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
-    """Yield all workloads, those that others build on first."""
+    """Yield all workloads, the most basic ones first."""
     yield from gpu_cases.workloads(device, views)
     yield from gpu_worlds.workloads(device, views)
     yield from gpu_geoms.workloads(device, views)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cases of gpu.py, and workloads of them beside the bare kernel, plain depth, and Newton."""
+"""Define the cases of gpu.py, and their workloads against the bare kernel, plain depth, and Newton."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CASES = {
     "1m-64": ("1.2 M 64x64", "blobs_1m", 64, 64, 8192),
 }
 
-# Of triangles that are smaller than pixels; only if asked for.
+# Triangles smaller than pixels; only on request.
 FINE_CASES = {
     "terrain-200k-320": ("terrain 0.2 M 320x240", "terrain_200k", 320, 240, 64),
     "terrain-200k-64": ("terrain 0.2 M 64x64", "terrain_200k", 64, 64, 1024),
@@ -34,7 +34,7 @@ FINE_CASES = {
     "terrain-50m-320": ("terrain 50 M 320x240", "terrain_50m", 320, 240, 64),
     "terrain-50m-64": ("terrain 50 M 64x64", "terrain_50m", 64, 64, 1024),
 }
-# Of thousands of objects, that may move or stay; only if asked for.
+# Thousands of objects, movable or static; only on request.
 CROWD_CASES = {
     "crowd-1k-320": ("1 k balls 320x240", "crowd_1k", 320, 240, 64),
     "crowd-1k-static-320": ("1 k that stay 320x240", "crowd_1k_static", 320, 240, 64),
@@ -43,7 +43,7 @@ CROWD_CASES = {
     "crowd-100k-320": ("100 k balls 320x240", "crowd_100k", 320, 240, 64),
     "crowd-100k-static-320": ("100 k that stay 320x240", "crowd_100k_static", 320, 240, 64),
 }
-# Of little work, where what counts is the time of who waits; only if asked for.
+# Little work, where the latency of a call counts; only on request.
 SMALL_CASES = {
     "small-room-1": ("room, 1 of 64x64", "room", 64, 64, 1),
     "small-room-16": ("room, 16 of 84x84", "room", 84, 84, 16),
@@ -69,7 +69,7 @@ _NEWTON = ("PIXEL_PRIORITY, sah tree", "TILED, sah tree")
 
 
 def case_of(name: str, device: wp.Device, views: int | None = None) -> Case:
-    """Return a case by its name, with its own number of views or another."""
+    """Return a case by its name, with its default number of views or another."""
     _, preset, width, height, count = ALL_CASES[name]
     return Case.of(subject_of(preset, str(device)), width, height, views or count)
 
@@ -77,7 +77,7 @@ def case_of(name: str, device: wp.Device, views: int | None = None) -> Case:
 def _bare(
     name: str, device: wp.Device, views: int | None, *, latency: bool = False, with_graphs: bool = False
 ) -> Contest:
-    """Set up a case beside the bare kernel."""
+    """Set up a case against the bare kernel."""
     case = case_of(name, device, views)
     trees = gpu_peers.TREES[:1] if device.is_cpu else gpu_peers.TREES
     peers = [gpu_peers.bare(case, constructor, block) for constructor, block in trees]
@@ -86,7 +86,7 @@ def _bare(
 
 
 def _newton(name: str, device: wp.Device, views: int | None) -> Contest:
-    """Set up a case beside two-sided ways to use Newton."""
+    """Set up a case against two-sided ways to use Newton."""
     case = case_of(name, device, views)
     methods = [method for method in gpu_peers.methods() if method.group == "newton" and not method.culls]
     return _contest(case, {"Newton": [method.prepare(case) for method in methods if method.variant in _NEWTON]})
@@ -95,7 +95,7 @@ def _newton(name: str, device: wp.Device, views: int | None) -> Contest:
 def _contest(
     case: Case, peers: dict[str, list[Prepared]], timer: Timer | None = None, with_graphs: bool = False
 ) -> Contest:
-    """Compare depth with that of the first peer, and let warpvis and peers take turns."""
+    """Compare depth with that of the first peer, and return alternating calls."""
     ours, first = gpu_peers.warpvis(case), next(iter(peers.values()))[0]
     first.run()
     same = agreement(first.depth(case.checked), ours.depth(case.checked), case.camera).same
@@ -104,13 +104,13 @@ def _contest(
 
 
 def _variant(name: str, device: wp.Device, views: int | None, prepare: Callable[[Case], Prepared]) -> Contest:
-    """Set up another way to render a case beside plain depth."""
+    """Set up another way to render a case against plain depth."""
     case = case_of(name, device, views)
     return Contest(prepare(case).run, {"depth": [gpu_peers.warpvis(case).run]}, case.timer)
 
 
 def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
-    """Yield the main cases and the small ones beside the bare kernel, and other outputs beside depth."""
+    """Yield the main cases and the small ones against the bare kernel, and other outputs against depth."""
     for name in CASES:
         yield Workload(name, partial(_bare, name, device, views))
     for name in SMALL_CASES:
@@ -122,12 +122,12 @@ def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]
 
 
 def fine_workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
-    """Yield fine triangles and many objects beside the bare kernel."""
+    """Yield fine triangles and many objects against the bare kernel."""
     for name in _FINE:
         yield Workload(name, partial(_bare, name, device, views))
 
 
 def peer_workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
-    """Yield cases beside Newton, which may not be installed."""
+    """Yield cases against Newton, if it is installed."""
     for name in ("room-320", "77k-64"):
         yield Workload(f"{name} Newton", partial(_newton, name, device, views))

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds of many moving boxes, spheres, capsules, cylinders and ellipsoids on a GPU, against MuJoCo Warp's renderer.
+"""Measure worlds of many moving boxes, spheres, capsules, cylinders and ellipsoids against MuJoCo Warp's renderer.
 
     python bench/gpu_geoms.py [--cases GEOMS,WORLDS,SIZE ...]
 
-Every body floats freely above a floor, in each world elsewhere. A call moves all of them and renders one camera in all
-worlds, depth only, as in gpu_worlds.py. Prints a Markdown table, and how far the images agree.
+Every body floats freely above a floor, at other positions in each world. A call moves all of them and renders depth of
+one camera in all worlds, as in gpu_worlds.py. Prints a Markdown table with the agreement of the images.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _CAMERA = "overview"
 
 
 def free_bodies(count: int) -> mujoco.MjModel:
-    """Make a model of a floor, a camera that sees all of it, and bodies that fill about the same share of any image."""
+    """Make a model of a floor, a camera above all of it, and bodies that cover about the same part of the image."""
     rng = np.random.default_rng(count)
     spec = mujoco.MjSpec()
     world = spec.worldbody
@@ -57,7 +57,7 @@ def free_bodies(count: int) -> mujoco.MjModel:
 
 
 def scattered(model: mujoco.MjModel, worlds: int) -> NDArray[np.float32]:
-    """Joint positions, shape ``(worlds, nq)``: bodies anywhere in the room, turned in any way."""
+    """Return joint positions, shape ``(worlds, nq)``: random positions in the room and random orientations."""
     rng = np.random.default_rng(1)
     rows = np.empty((worlds, model.nq // 7, 7), dtype=np.float32)
     rows[..., :2] = rng.uniform(-_ROOM, _ROOM, (*rows.shape[:2], 2))
@@ -68,13 +68,13 @@ def scattered(model: mujoco.MjModel, worlds: int) -> NDArray[np.float32]:
 
 
 def pair(geoms: int, worlds: int, size: int, device: str) -> Pair:
-    """Set up both renderers of a model of that many bodies."""
+    """Set up both renderers of a model with this number of bodies."""
     model = free_bodies(geoms)
     return Pair(Placed.of(model, scattered(model, worlds), wp.get_device(device)), _CAMERA, size)
 
 
 def compare(geoms: int, worlds: int, size: int, device: str) -> dict[str, Any]:
-    """Seconds a call of each, and how far their depth agrees."""
+    """Return the time per call of each [s], and the agreement of their depth."""
     both = pair(geoms, worlds, size, device)
     seconds = measure({"warpvis": both.ours, "MuJoCo Warp": both.theirs}, device)
     seconds["hit by both or neither"], seconds["median difference"] = both.agreement()
@@ -82,7 +82,7 @@ def compare(geoms: int, worlds: int, size: int, device: str) -> dict[str, Any]:
 
 
 def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
-    """Yield some of the cases."""
+    """Yield several of the cases."""
     for geoms, count, size in ((10, 4096, 64), (100, 2048, 64), (100, 128, 512), (1000, 64, 64)):
 
         def prepare(geoms: int = geoms, count: int = worlds or count, size: int = size) -> Contest:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is made of images on a GPU, and images of other kinds, beside plain depth of the same views."""
+"""Define workloads that process images on a GPU or render other kinds of images, against plain depth."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ratios import Contest, Workload
 import warpvis as wv
 
 _VIEWS = 256
-_READOUT = 0.03  # of a rolling shutter [s]
+_READOUT = 0.03  # rolling-shutter readout time [s]
 
 
 class Images:
-    """Depth of a preset's views, and what the functions to measure take."""
+    """Depth of a preset's views, and the inputs of the functions to measure."""
 
     def __init__(self, name: str, views: int, device: wp.Device) -> None:
         """Render depth."""
@@ -31,7 +31,7 @@ class Images:
         self.views = self.renderer.render(self.poses)
 
     def render(self) -> None:
-        """Render depth: what others are compared with."""
+        """Render depth, the baseline."""
         self.renderer.render(self.poses, out=self.views)
 
     def other(self, *outputs: str) -> Run:
@@ -40,7 +40,7 @@ class Images:
         return partial(renderer.render, self.poses, out=renderer.render(self.poses))
 
     def moving(self) -> Run:
-        """Return the call that renders depth of a rolling shutter that moves."""
+        """Return the call that renders depth of a moving rolling-shutter camera."""
         camera = wv.sensors.RollingShutter(self.camera, _READOUT)
         rows = self.poses.numpy()
         motion = wv.sensors.Motion([rows, rows + np.float32([0.05, 0, 0.02, 0, 0, 0, 0])], [0, _READOUT])
@@ -48,7 +48,7 @@ class Images:
         return partial(renderer.render, motion, out=renderer.render(motion))
 
     def back_project(self) -> Run:
-        """Return the call that makes points of depth."""
+        """Return the call that computes points of depth."""
         points = wv.back_project(self.views.depth, self.camera, self.poses)
         return lambda: wv.back_project(self.views.depth, self.camera, self.poses, out=points)
 
@@ -59,12 +59,12 @@ class Images:
         return lambda: wv.classify(self.views.depth, self.camera, self.poses, spheres=spheres, out=labels)
 
     def floor_map(self) -> Run:
-        """Return the call that makes a map of points and labels."""
+        """Return the call that computes a floor map of points and labels."""
         made = wv.render(self.scene, self.camera, self.poses, outputs=("points", "labels"))
         return lambda: wv.floor_map(made.points, made.labels, bounds=self.scene.bounds)
 
     def voxel_map(self) -> Run:
-        """Return the call that makes voxels of depth."""
+        """Return the call that computes a voxel map of depth."""
         bounds = self.scene.bounds
         voxels = wv.voxel_map(self.views.depth, self.camera, self.poses, bounds=bounds)
         return lambda: wv.voxel_map(self.views.depth, self.camera, self.poses, bounds=bounds, out=voxels)
@@ -74,7 +74,7 @@ class Images:
         return partial(wv.object_visibility, self.scene, self.camera, self.poses, objects=things(self.scene))
 
     def best_views(self) -> Run:
-        """Return the call that orders the views by what they show of an object."""
+        """Return the call that sorts the views by the visibility of an object."""
         name = self.scene.objects[things(self.scene)[0]].name
         return lambda: wv.planning.best_views(self.scene, self.camera, self.poses, objects=[name])
 
@@ -93,7 +93,7 @@ MADE: dict[str, Callable[[Images], Run]] = {
 
 
 def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
-    """Yield all of them in the room, and those that trace rays among more triangles too."""
+    """Yield all workloads in the room, and those that trace rays also with more triangles."""
 
     def prepare(scene: str, name: str) -> Contest:
         images = Images(scene, views or _VIEWS, device)

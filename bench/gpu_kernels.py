@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Device code of gpu.py: the plainest casters of depth and of occlusion, and the rays that OptiX is given."""
+"""Define device code of gpu.py: minimal kernels for depth and for occlusion, and the rays for OptiX."""
 
 import warp as wp
 
-# As warpvis's own kernels are compiled.
+# Compiled with the same options as warpvis's kernels.
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.func
 def pixel_direction(pose: wp.transform, intrinsics: wp.vec4, y: int, x: int) -> wp.vec3:
-    """A pixel's ray in the world, 1 long along the optical axis: its length at a hit is the depth."""
+    """Return a pixel's ray in the world frame, of length 1 along the optical axis: its parameter at a hit is depth."""
     u = (float(x) + 0.5 - intrinsics[2]) / intrinsics[0]
     v = (float(y) + 0.5 - intrinsics[3]) / intrinsics[1]
     return wp.transform_vector(pose, wp.vec3(u, v, 1.0))
@@ -27,7 +27,7 @@ def query_depth(
     # Out:
     depth_out: wp.array3d[float],
 ):
-    """One thread a pixel, one query a thread."""
+    """Cast one ray per thread with one mesh query."""
     view, y, x = wp.tid()
     pose = camera_to_world[view]
     hit = wp.mesh_query_ray(mesh, wp.transform_get_translation(pose), pixel_direction(pose, intrinsics, y, x), far)
@@ -48,7 +48,7 @@ def query_occlusion(
     # Out:
     hidden_out: wp.array2d[bool],
 ):
-    """One thread a point of a view: whether anything is between the camera and the point."""
+    """Test one point of a view per thread for a hit between the camera and the point."""
     view, i = wp.tid()
     eye = wp.transform_get_translation(camera_to_world[view])
     hidden_out[view, i] = wp.mesh_query_ray_anyhit(mesh, eye, points[i] - eye, 1.0)
@@ -60,11 +60,11 @@ def make_rays(
     intrinsics: wp.vec4,
     camera_to_world: wp.array[wp.transform],
     # In:
-    pixels: wp.array[wp.vec2i],  # (x, y) in the order in which the rays are wanted
+    pixels: wp.array[wp.vec2i],  # (x, y) in the order of the rays
     # Out:
-    rays_out: wp.array2d[float],  # origin x, y, z, direction x, y, z of all rays, a row each
+    rays_out: wp.array2d[float],  # six rows: origins x, y, z and directions x, y, z of all rays
 ):
-    """Rays as a structure of arrays."""
+    """Write rays as a structure of arrays."""
     view, i = wp.tid()
     pose = camera_to_world[view]
     pixel = pixels[i]

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What gpu.py measures that is not on Warp: OptiX through Mitsuba, and nvdiffrast.
+"""Define the methods of gpu.py that do not use Warp: OptiX through Mitsuba, and nvdiffrast.
 
-Both are given what costs them work in a real program: OptiX its rays, nvdiffrast its vertices in clip space. Both leave
-a step to do that is not timed either: nvdiffrast's planar depth has to be computed from z/w.
+Inputs that cost a real program time are prepared: rays for OptiX, vertices in clip space for nvdiffrast. A last step is
+not timed either: nvdiffrast's planar depth has to be computed from z/w.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from gpu_work import Case, Method, Prepared, Subject
 from numpy.typing import NDArray
 from peers import find_llvm
 
-# nvdiffrast keeps 81 bytes for every triangle of every view of a call: this is 11 GB of them.
+# nvdiffrast needs 81 bytes for every triangle of every view of a call: this limits it to 11 GB.
 _NVDIFFRAST_TRIANGLES = 1 << 27
 
-# What takes more calls than this is measured on the first ones.
+# If more calls than this are needed, the first ones are measured.
 _NVDIFFRAST_CALLS = 4
 
-# What is nearer is cut off, and then hides nothing; the nearer it is, the fewer digits are left for what is far.
+# Near plane. A smaller value leaves fewer digits for distant depth.
 _NVDIFFRAST_NEAR = 0.01
 
 COMPILE = "WARPVIS_COMPILE_NVDIFFRAST"
-"""Set this environment variable to compile nvdiffrast where its sources are there and its binary is not."""
+"""Environment variable that allows compiling nvdiffrast if its sources are available and its binary is not."""
 
 
 def methods() -> Iterator[Method]:
-    """All ways to use these libraries."""
+    """Return all ways to use these libraries."""
     for tile in ((1, 1), (8, 4)):
         order = "rays row by row" if tile == (1, 1) else f"rays in blocks of {tile[0]}x{tile[1]}"
         packages = ("mitsuba", "drjit")
@@ -49,11 +49,11 @@ def methods() -> Iterator[Method]:
 
 
 def mitsuba(case: Case, tile: tuple[int, int]) -> Prepared:
-    """Mitsuba's `ray_intersect_preliminary`: on CUDA by OptiX, on the CPU by Embree."""
+    """Use Mitsuba's `ray_intersect_preliminary`: on CUDA by OptiX, on the CPU by Embree."""
     mi, dr = _import_mitsuba(case.device)
     scene = case.subject.keep("mitsuba", lambda: mi.load_dict({"type": "scene", "mesh": _mesh(mi, case.subject)}))
     pixels = _pixels(case, tile)
-    rays = case.subject.keep(("rays", case.shape, tile), lambda: _rays(case, pixels))  # whose memory Dr.Jit shares
+    rays = case.subject.keep(("rays", case.shape, tile), lambda: _rays(case, pixels))  # memory shared with Dr.Jit
     coordinates = [_float(mi, rays[k]) for k in range(6)]
     ray = mi.Ray3f(mi.Point3f(*coordinates[:3]), mi.Vector3f(*coordinates[3:]))
     dr.eval(ray)
@@ -75,7 +75,7 @@ def mitsuba(case: Case, tile: tuple[int, int]) -> Prepared:
 
 
 def nvdiffrast(case: Case) -> Prepared:
-    """The CUDA rasteriser of nvdiffrast: a batch of views a call, of as many as its memory takes."""
+    """Use the CUDA rasterizer of nvdiffrast, with as many views per call as its memory allows."""
     torch, nv = _import_nvdiffrast(case.device)
     subject, device = case.subject, wp.device_to_torch(case.device)
     batch = max(1, min(case.views, _NVDIFFRAST_TRIANGLES // len(subject.faces)))
@@ -115,7 +115,7 @@ def _import_mitsuba(device: wp.Device) -> tuple[Any, Any]:
 
 
 def _find_optix() -> str | None:
-    """The driver's OptiX beside its CUDA, which Warp has loaded, wherever a machine keeps them."""
+    """Return the path of the driver's OptiX, in the folder of the CUDA library that Warp has loaded."""
     maps = Path("/proc/self/maps")
     lines = maps.read_text().splitlines() if maps.is_file() else []
     folders = {Path(line.split(maxsplit=5)[5]).parent for line in lines if "/libcuda.so" in line}
@@ -133,7 +133,7 @@ def _mesh(mi: Any, subject: Subject) -> Any:
 
 
 def _float(mi: Any, row: wp.array) -> Any:
-    """An array for Dr.Jit, without a copy where it takes Warp's."""
+    """Return an array for Dr.Jit, without a copy if it accepts Warp's."""
     try:
         return mi.Float(row)
     except (TypeError, RuntimeError):
@@ -141,7 +141,7 @@ def _float(mi: Any, row: wp.array) -> Any:
 
 
 def _pixels(case: Case, tile: tuple[int, int]) -> NDArray[np.int32]:
-    """Pixels ``(x, y)`` of an image, block by block: rays of a warp then go the same way."""
+    """Return the pixels ``(x, y)`` of an image in blocks, so that the rays of a warp are coherent."""
     y, x = np.indices(case.shape[1:]).reshape(2, -1)
     width, height = tile
     order = np.lexsort((x % width, y % height, x // width, y // height))
@@ -149,7 +149,7 @@ def _pixels(case: Case, tile: tuple[int, int]) -> NDArray[np.int32]:
 
 
 def _rays(case: Case, pixels: NDArray[np.int32]) -> wp.array:
-    """Origins and directions of all rays, six rows."""
+    """Return origins and directions of all rays, six rows."""
     rays = wp.empty((6, case.views * len(pixels)), dtype=wp.float32, device=case.device)
     order = wp.array(pixels, dtype=wp.vec2i, device=case.device)
     dim = (case.views, len(pixels))
@@ -160,7 +160,7 @@ def _rays(case: Case, pixels: NDArray[np.int32]) -> wp.array:
 
 
 def _to_clip(case: Case) -> NDArray[np.float64]:
-    """World to clip space, ``(V, 4, 4)``. Its y points down, since nvdiffrast's first row has the least y."""
+    """Return matrices from world to clip space, ``(V, 4, 4)``. y points down: nvdiffrast's first row is the lowest."""
     camera, near, far = case.camera, _NVDIFFRAST_NEAR, case.camera.far
     projection = np.zeros((4, 4))
     projection[0, 0], projection[0, 2] = 2 * camera.fx / camera.width, 2 * camera.cx / camera.width - 1
@@ -171,7 +171,7 @@ def _to_clip(case: Case) -> NDArray[np.float64]:
 
 
 def _depth_of_clip(ratio: NDArray[np.float32], far: float, seen: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Planar depth of z/w."""
+    """Return planar depth from z/w."""
     near = _NVDIFFRAST_NEAR
     depth = 2 * far * near / (far + near - ratio.astype(np.float64) * (far - near))
     return np.where(seen, depth, np.inf).astype(np.float32)
@@ -194,7 +194,7 @@ def _import_nvdiffrast(device: wp.Device) -> tuple[Any, Any]:
 
 
 def _compile_nvdiffrast() -> None:
-    """Make the module `_nvdiffrast_c` from the sources in `nvdiffrast_csrc`, beside the package; takes minutes."""
+    """Compile the module `_nvdiffrast_c` from the sources in `nvdiffrast_csrc`; takes minutes."""
     from torch.utils import cpp_extension
 
     if shutil.which("nvcc") is None:

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What gpu.py measures on Warp: this library, the plainest kernel that does its work, mujoco-warp and Newton.
+"""Define the methods of gpu.py that use Warp: this library, a minimal kernel, mujoco-warp and Newton.
 
-All are given one mesh of all objects, which is faster for them than many, and poses that are on the device. What they
-do once a scene (trees) or once a camera (rays) is not timed, nor is turning poses into their conventions.
+All receive one mesh of all objects, which is faster for them than many meshes, and poses on the device. Work once per
+scene (acceleration structures) or once per camera (rays) is not timed, nor is the conversion of poses.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ import warpvis as wv
 from warpvis.core.poses import poses_to_opencv, quaternion_product
 
 BASELINE = "**warpvis**, depth"
-"""The row that others are compared with."""
+"""The row with which others are compared."""
 EVERYTHING = "**warpvis**, depth, points, labels and objects"
 BARE = "`wp.mesh_query_ray`, a thread a pixel, depth"
 
 TREES = (("sah", 64), ("sah", 128), ("cubql", 64))
-"""Warp's trees and sizes of blocks that the bare kernel is measured with."""
+"""Warp's BVH constructors and block sizes with which the bare kernel is measured."""
 
 _OWN = ("warpvis", "warp-lang")
 
-# Movable objects that the rays caster is measured with.
+# Number of movable objects up to which the rays caster is measured.
 _MAX_ASKED = 100
 
-# Turns a camera that looks along +z (OpenCV) to one that looks along -z (OpenGL).
+# Rotates a camera that looks along +z (OpenCV) to one that looks along -z (OpenGL).
 _HALF_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def warpvis(case: Case, *outputs: Any, host: bool = False, **options: Any) -> Prepared:
-    """This library; with poses of the host, if asked for."""
+    """Return the method of this library, optionally with poses on the host."""
     if options.get("caster") == "rays" and len(case.subject.scene.movable) > _MAX_ASKED:
         raise RuntimeError(f"each ray asks every movable object, {len(case.subject.scene.movable)} here")
     renderer = wv.Renderer(case.subject.scene, case.camera, outputs=outputs or ("depth",), **options)
@@ -55,7 +55,7 @@ def warpvis(case: Case, *outputs: Any, host: bool = False, **options: Any) -> Pr
 
 
 def bare(case: Case, constructor: str, block: int) -> Prepared:
-    """A kernel that asks Warp's mesh for the first hit of every pixel's ray, in single precision."""
+    """Return a kernel that queries Warp's mesh for the first hit of every pixel's ray, in single precision."""
     mesh = warp_mesh(case.subject, constructor)
     image = wp.empty(case.shape, dtype=wp.float32, device=case.device)
     inputs = [mesh.id, case.intrinsics, case.camera.far, case.device_poses, image]
@@ -64,7 +64,7 @@ def bare(case: Case, constructor: str, block: int) -> Prepared:
 
 
 def mujoco_warp(case: Case, refit: bool, cull: bool) -> Prepared:
-    """mujoco-warp's batch renderer, depth only: a world for every view."""
+    """Return mujoco-warp's batch renderer, depth only, with one world per view."""
     import mujoco_warp as mjw
 
     model, device_model, data = case.subject.keep(("mujoco", case.shape), lambda: _mujoco_model(case))
@@ -78,13 +78,13 @@ def mujoco_warp(case: Case, refit: bool, cull: bool) -> Prepared:
 
     def depth(count: int) -> NDArray[np.float32]:
         images = context.depth_data[:count].numpy().reshape(count, *case.shape[1:])
-        return np.where(images == 0, np.inf, images)  # which is how it marks that nothing is there
+        return np.where(images == 0, np.inf, images)  # 0 marks pixels without a hit
 
     return Prepared(run, depth, case.views, case.timer, context.depth_data)
 
 
 def newton(case: Case, order: str, cull: bool, constructor: str | None) -> Prepared:
-    """Newton's SensorCamera, planar depth only: all views of one world."""
+    """Return Newton's SensorCamera, planar depth only, with all views in one world."""
     from newton.sensors import SensorCamera
 
     _model, state, camera = case.subject.keep(("newton", constructor), lambda: _newton_model(case, constructor))
@@ -104,13 +104,13 @@ def newton(case: Case, order: str, cull: bool, constructor: str | None) -> Prepa
 
     def depth(count: int) -> NDArray[np.float32]:
         images = image[:count].numpy()
-        return np.where(images == 0, np.inf, images)  # which is how it marks that nothing is there
+        return np.where(images == 0, np.inf, images)  # 0 marks pixels without a hit
 
     return Prepared(run, depth, case.views, case.timer, image)
 
 
 def methods() -> Iterator[Method]:
-    """All ways to use these libraries."""
+    """Return all ways to use these libraries."""
     yield Method("warpvis", BASELINE, "", warpvis, _OWN)
     yield Method("warpvis", "**warpvis** `rays`, depth", "", lambda case: warpvis(case, caster="rays"), _OWN)
     yield Method("warpvis", "**warpvis** `packets`, depth", "", lambda case: warpvis(case, caster="packets"), _OWN)
@@ -142,7 +142,7 @@ def _with(prepare: Callable[..., Prepared], *arguments: Any) -> Callable[[Case],
 
 
 def warp_mesh(subject: Subject, constructor: str) -> wp.Mesh:
-    """Return Warp's tree of all triangles of a scene, which is built once."""
+    """Return Warp's mesh of all triangles of a scene, which is built once."""
 
     def build() -> wp.Mesh:
         points = wp.array(subject.vertices, dtype=wp.vec3, device=subject.device)
@@ -153,13 +153,13 @@ def warp_mesh(subject: Subject, constructor: str) -> wp.Mesh:
 
 
 def _opengl_poses(case: Case) -> NDArray[np.float32]:
-    """Poses of cameras that look along -z."""
+    """Return the poses of cameras that look along -z."""
     rows = poses_to_opencv(case.poses)
     return np.concatenate([rows[:, :3], quaternion_product(rows[:, 3:], _HALF_TURN)], axis=1).astype(np.float32)
 
 
 def _mujoco_model(case: Case) -> tuple[Any, Any, Any]:
-    """The scene as one mesh geom; the same on the device; and its data there, a camera's pose in every world."""
+    """Return the scene as one mesh geom, the same on the device, and its data with a camera pose per world."""
     import mujoco
     import mujoco_warp as mjw
 

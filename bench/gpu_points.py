@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points of the image on a GPU: `render_at` in packets beside single rays, and beside the image itself.
+"""Measure image points on a GPU: `render_at` in packets against single rays, and against the image itself.
 
-Of 320x240 pixels: their centres, where another eye sees them (a stereo camera, whose points are nearly in the image's
-order), as many points in no order, and world points by `point_visibility`. Packets are switched on here;
-docs/internals/gpu.md says why they are off elsewhere. All take turns, and what they see is compared first.
+Points of 320x240 images: pixel centers, their positions in the other eye of a stereo camera (nearly in the image's
+order), as many random points, and world points with `point_visibility`. Packets are switched on here;
+docs/internals/gpu.md explains why they are off elsewhere. Calls alternate, after a comparison of their results.
 
   python bench/gpu_points.py                          a table in Markdown
-  python bench/gpu_points.py --device cpu --views 2   whether all see the same, without a GPU
-  python bench/gpu_points.py --packets 64 256 1024    by how many points packets have
+  python bench/gpu_points.py --device cpu --views 2   whether all results agree, without a GPU
+  python bench/gpu_points.py --packets 64 256 1024    by the number of points per packet
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import warpvis as wv
 from warpvis.rendering import _cuda_points
 
 SCENES = ("room", "blobs_77k", "blobs_1m")
-_BASELINE = 0.075  # of a stereo camera [m]
+_BASELINE = 0.075  # stereo baseline [m]
 _TOLERANCE = 1e-3
 
 Make = Callable[[wv.Camera, np.ndarray, np.random.Generator], np.ndarray]
@@ -65,7 +65,7 @@ WORLD_POINTS = (1000, 10_000, 100_000, 1_000_000)
 
 
 def _compare(runs: dict[str, Callable[[], object]], device: wp.Device) -> dict[str, float]:
-    """Time what is compared [s], in turns."""
+    """Return the times of alternating calls [s]."""
     timer = timer_of(device)
     calls = {name: enough_calls(timer.device_seconds(run, 2)) for name, run in runs.items()}
     rounds = [{name: timer.device_seconds(run, calls[name]) for name, run in runs.items()} for _ in range(5)]
@@ -119,7 +119,7 @@ def world_points(scene_name: str, count: int, device: wp.Device) -> dict[str, Ru
 
 
 def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
-    """Yield points of images beside the image, and points of the world beside the bare kernel."""
+    """Yield image points against the image, and world points against the bare kernel."""
 
     def in_images(scene: str, case: str) -> Contest:
         setup = Setup(scene, case, device, views)
@@ -137,7 +137,7 @@ def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]
 
 
 def measure(scene_name: str, case: str, device: wp.Device, views: int | None) -> str:
-    """Time one case of a scene: a row of the table."""
+    """Return a row of the table, for one case of a scene."""
     setup = Setup(scene_name, case, device, views)
     made = {kind: setup.points(kind) for kind in ("packets", "rays")}
     seen = {kind: views for kind, (views, _) in made.items()}
@@ -153,7 +153,7 @@ def measure(scene_name: str, case: str, device: wp.Device, views: int | None) ->
 
 
 def measure_world_points(scene_name: str, count: int, device: wp.Device) -> str:
-    """Time `point_visibility` of so many points from four views."""
+    """Time `point_visibility` of this number of points from four views."""
     runs = {kind: run for kind, run in world_points(scene_name, count, device).items() if kind in ("packets", "rays")}
     status = [runs[kind]().numpy() for kind in runs]
     best = _compare(runs, device)

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ray patterns and lenses on a GPU: packets beside single rays, a bare kernel, and a pinhole of the same size.
+"""Measure ray patterns and lenses on a GPU: packets against single rays, a bare kernel, and a pinhole of the same size.
 
-All take turns, and what they see is compared first. The bare kernel is one `wp.mesh_query_ray` a thread along
-directions that are prepared, on Warp's best tree for it.
+Calls alternate, after a comparison of their results. The bare kernel runs one `wp.mesh_query_ray` per thread along
+prepared directions, with Warp's fastest BVH.
 
   python bench/gpu_rays.py                          a table in Markdown
-  python bench/gpu_rays.py --device cpu --views 2   whether all see the same, without a GPU
+  python bench/gpu_rays.py --device cpu --views 2   whether all results agree, without a GPU
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def query_ranges(
     # Out:
     depth_out: wp.array2d[float],
 ):
-    """One thread a ray, one query a thread; `origins` is None where all begin at the camera."""
+    """Cast one ray per thread with one query; `origins` is None if all rays start at the camera."""
     view, ray = wp.tid()
     pose = camera_to_world[view]
     direction = wp.transform_vector(pose, directions[ray])
@@ -57,7 +57,7 @@ def query_ranges(
 
 
 def _scan(rows: int, columns: int) -> wv.sensors.Rays:
-    """A lidar's turn of 45 degrees of height, in a camera's axes."""
+    """Return the directions of a lidar's revolution with 45 degrees of elevation, in camera axes."""
     azimuth, up = np.meshgrid(
         np.linspace(-np.pi, np.pi, columns, endpoint=False), np.radians(np.linspace(-22.5, 22.5, rows))
     )
@@ -66,14 +66,14 @@ def _scan(rows: int, columns: int) -> wv.sensors.Rays:
 
 
 def scattered(count: int) -> wv.sensors.Rays:
-    """Rays in no order, all around and 59 degrees high, as those of a Mid-360."""
+    """Return unordered directions all around, over 59 degrees of elevation, like those of a Mid-360."""
     rng = np.random.default_rng(0)
     azimuth, up = rng.uniform(-np.pi, np.pi, count), np.arcsin(rng.uniform(np.sin(-0.9), np.sin(0.13), count))
     return wv.sensors.Rays(np.stack([np.cos(up) * np.sin(azimuth), np.sin(up), np.cos(up) * np.cos(azimuth)], axis=-1))
 
 
 def _from_anywhere(count: int) -> wv.sensors.Rays:
-    """The same from an origin each."""
+    """Return the same directions, each with an origin."""
     rays = scattered(count)
     return wv.sensors.Rays(rays.directions, origins=np.random.default_rng(1).uniform(-0.05, 0.05, (count, 3)))
 
@@ -83,7 +83,7 @@ def _lens(model: str, *coefficients: float) -> wv.sensors.LensCamera:
     return wv.Camera.from_opencv(matrix, coefficients, 640, 480, model=model)
 
 
-# name: views, the pattern, the pinhole of the same size
+# name: views, the pattern, a pinhole of the same size
 CASES: dict[str, tuple[int, Callable[[], wv.sensors.Rays | wv.sensors.LensCamera], wv.Camera | None]] = {
     "1024x128 scan": (64, lambda: _scan(128, 1024), None),
     "20,000 in no order": (512, lambda: scattered(20_000), None),
@@ -110,15 +110,15 @@ CASES: dict[str, tuple[int, Callable[[], wv.sensors.Rays | wv.sensors.LensCamera
     "fisheye 640x480": (64, lambda: _lens("fisheye", 0.01, 0.0, 0.0, 0.0), wv.Camera(640, 480, 330, 330, 320, 240)),
 }
 
-# Of gpu_all.py: what is measured in all scenes; the rest in one.
+# Cases that gpu_all.py measures in all scenes; the others are measured in one.
 _EVERYWHERE = ("1024x128 scan", "20,000 in no order", "VLP-16", "OS1-128", "barrel lens 640x480", "fisheye 640x480")
 
 
 class Setup:
-    """A case of a scene: warpvis and the bare kernel with their buffers."""
+    """A case of a scene, with the buffers of warpvis and of the bare kernel."""
 
     def __init__(self, scene_name: str, case: str, device: wp.Device, views: int | None) -> None:
-        """Prepare all calls, and make them once."""
+        """Prepare all calls, and run each once."""
         subject = subject_of(scene_name, str(device))
         count, make, pinhole = CASES[case]
         self.count, self.camera, self.device = views or count, make(), device
@@ -149,13 +149,13 @@ class Setup:
             run()
 
     def same(self, depth: wp.array, truth: wp.array) -> float:
-        """Return the share of ranges that are the same."""
+        """Return the fraction of ranges that agree."""
         found, expected = depth.numpy().reshape(-1), truth.numpy().reshape(-1)
         with np.errstate(invalid="ignore"):
             return float(np.mean((np.abs(found - expected) <= _TOLERANCE) | (found == expected)))
 
     def contest(self) -> Contest:
-        """Let packets, the bare kernel, and a pinhole take turns."""
+        """Measure packets, the bare kernel, and a pinhole in turns."""
         peers = {"bare": list(self.bare.values())} | {
             name: [run] for name, run in self.runs.items() if name in ("rays", "pinhole")
         }
@@ -164,7 +164,7 @@ class Setup:
 
 
 def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
-    """Yield patterns and lenses of a coarse and a fine scene, and all patterns of the scene between them."""
+    """Yield patterns and lenses of a coarse and a fine scene, and all patterns of a scene in between."""
     for scene in SCENES:
         for case in CASES if scene == "blobs_77k" else _EVERYWHERE:
 
@@ -175,7 +175,7 @@ def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]
 
 
 def measure(scene_name: str, case: str, device: wp.Device, views: int | None) -> str:
-    """Time one case of a scene: a row of the table."""
+    """Return a row of the table, for one case of a scene."""
     setup = Setup(scene_name, case, device, views)
     truth = setup.images["rays"].depth
     both = [setup.same(depth, truth) for depth in (setup.images["packets"].depth, setup.depth)]

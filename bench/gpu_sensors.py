@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Models of depth cameras on a GPU beside the clean depth that they are made of: frames a second, and memory.
+"""Measure depth-camera models on a GPU against the clean depth that they start from: frames per second, and memory.
 
-``python bench/gpu_sensors.py`` prints a table in Markdown; ``--device cpu --views 4`` shows without a GPU that all
-runs.
+``python bench/gpu_sensors.py`` prints a table in Markdown; ``--device cpu --views 4`` checks without a GPU that all
+models run.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _VIEWS = 1024
 
 
 def renderings(scene_name: str, views: int, device: wp.Device, models: Iterable[str] = MODELS) -> dict[str, Run]:
-    """Return calls that render clean depth, and the depth of each model; each was made once."""
+    """Return calls that render clean depth and the depth of each model, each called once."""
     subject = subject_of(scene_name, str(device))
     poses = subject.poses(views)
     runs = {}
@@ -50,7 +50,7 @@ def renderings(scene_name: str, views: int, device: wp.Device, models: Iterable[
 
 
 def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]:
-    """Yield each model beside clean depth."""
+    """Yield each model against clean depth."""
 
     def prepare(scene: str, name: str) -> Contest:
         runs = renderings(scene, views or _VIEWS, device, [name])

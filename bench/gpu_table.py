@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What gpu.py prints and writes: its tables, its targets, and what they were measured on."""
+"""Format the tables and targets of gpu.py, and describe the machine."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ import warpvis as wv
 
 @dataclass(frozen=True)
 class Target:
-    """How many times as fast one of this library's rows has to be as the best of some libraries' rows."""
+    """Minimum speed of a row of this library, relative to the fastest of other libraries' rows."""
 
     title: str
     own: str
     groups: tuple[str, ...]
-    """The libraries; all others if there are none."""
+    """Names of the libraries; empty for all others."""
     wanted: dict[str, float]
-    """Case by case."""
+    """Minimum ratio by case."""
 
     def is_about(self, group: str) -> bool:
-        """Whether it compares with that library."""
+        """Return whether the target compares with that library."""
         return group in self.groups if self.groups else group != "warpvis"
 
 
@@ -75,17 +75,17 @@ TARGETS = (
 
 
 def best(results: Iterable[Result]) -> Result | None:
-    """The fastest of those that made the right picture."""
+    """Return the fastest method that rendered the right image."""
     return max((result for result in results if result.right), key=lambda result: result.fps, default=None)
 
 
 def of_row(results: Iterable[Result], title: str) -> list[Result]:
-    """Results of one row's methods."""
+    """Return the results of one row's methods."""
     return [result for result in results if result.method.row == title]
 
 
 def tables(results: Sequence[Result], titles: dict[str, str], rounds: int, device: wp.Device) -> str:
-    """All of them as Markdown, with what they were measured on above."""
+    """Return all tables as Markdown, with the machine above."""
     cases = {name: [r for r in results if r.case == name] for name in titles if any(r.case == name for r in results)}
     packages = dict.fromkeys(package for result in results for package in result.method.packages)
     parts = [f"{machine(packages)}; {time.strftime('%Y-%m-%d')}."]
@@ -99,9 +99,9 @@ def tables(results: Sequence[Result], titles: dict[str, str], rounds: int, devic
 
 
 def machine(packages: Iterable[str]) -> str:
-    """One line: the GPU, its driver, the processor, and the packages' versions."""
+    """Return one line with the GPU, its driver, the processor, and versions of packages."""
     line = describe(packages)
-    if "warpvis " not in line:  # a checkout that is not installed
+    if "warpvis " not in line:  # a checkout without an installation
         line += f", warpvis {wv.__version__}"
     return f"{_gpu()}; {line}"
 
@@ -128,7 +128,7 @@ def _driver_version() -> str:
 
 
 def _figures(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:
-    """Frames per second: a row for every way to look at a library, the best of its variants in every case."""
+    """Return the table of frames per second, with the fastest variant of each row in every case."""
     lines = [row(["Frames per second", *(titles[name] for name in cases), "Same depth"])]
     lines.append(row(["---", *["---:"] * (len(cases) + 1)]))
     for title in dict.fromkeys(result.method.row for results in cases.values() for result in results):
@@ -165,7 +165,7 @@ def _caption(cases: dict[str, list[Result]], titles: dict[str, str], rounds: int
 
 
 def _targets(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:
-    """What was wanted and what was reached."""
+    """Return the targets and the measured ratios."""
     lines = [row(["Times as fast: reached / wanted", *(titles[name] for name in cases)])]
     lines.append(row(["---", *["---:"] * len(cases)]))
     for target in TARGETS:
@@ -189,7 +189,7 @@ def _reached(target: Target, case: str, results: list[Result]) -> str:
 
 
 def _calls(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:
-    """One call from Python, the fastest way of every row, with which that was."""
+    """Return the latency of one call from Python, with the fastest variant of every row."""
     head = ["One call: ms for who waits (device, as a graph)", *(titles[name] for name in cases)]
     lines = [row(head), row(["---", *["---:"] * len(cases)])]
     for title in dict.fromkeys(result.method.row for results in cases.values() for result in results):
@@ -209,17 +209,17 @@ def _call(result: Result) -> str:
 
 
 def _milliseconds(seconds: float) -> str:
-    """To ten microseconds, and to one where there are few of them."""
+    """Format a time to ten microseconds, or to one if it is short."""
     return f"{seconds * 1e3:.2f}" if seconds >= 1e-3 else f"{seconds * 1e3:.3f}"
 
 
 def _percent(share: float) -> str:
-    """Rounded down: only all of them are 100 %."""
+    """Return a percentage, rounded down: 100 % means all pixels."""
     return f"{np.floor(share * 1e5) / 1e3:g} %"
 
 
 def write_json(path: Path, results: Sequence[Result], state: str) -> None:
-    """Everything that was measured so far, at once or not at all."""
+    """Write all results so far atomically."""
     packages = dict.fromkeys(package for result in results for package in result.method.packages)
     content = {"machine": machine(packages), "state": state, "results": [_as_dict(result) for result in results]}
     part = path.with_suffix(".part")

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Timing work on a GPU: by the device's own events, and by the clock of who waits for it.
+"""Time work on a GPU, by device events and by wall time on the host.
 
-Events stand around several calls in a row, with one before them that is not timed: the device then has work all the
-while, and what the host takes to queue a call does not show unless it takes longer than the work itself.
+Events enclose several successive calls after one that is not timed. The device then never idles, and the host's launch
+overhead does not show unless it exceeds the work itself.
 """
 
 from __future__ import annotations
@@ -16,47 +16,47 @@ import warp as wp
 
 Run = Callable[[], Any]
 
-# The time that events stand around, at least.
+# Minimum duration between the two events [s].
 _MIN_SECONDS = 0.015
 _MAX_CALLS = 64
 
 
 class Timer(Protocol):
-    """How one library's work is timed."""
+    """Interface to time one library's work."""
 
     def device_seconds(self, run: Run, calls: int) -> float:
-        """Seconds that the device takes for one of several calls in a row."""
+        """Return the device time of one of several successive calls [s]."""
 
     def synchronize(self) -> None:
         """Wait for all work."""
 
     def record(self, run: Run) -> Run | None:
-        """What replays the call's work as a CUDA graph; None where there are none."""
+        """Return a function that replays the call as a CUDA graph, or None if the library has no graphs."""
 
 
 class HostTimer:
-    """Work on the CPU, which is done when the call returns."""
+    """Work on the CPU that is complete when the call returns."""
 
     def device_seconds(self, run: Run, calls: int) -> float:
-        """Seconds a call by the clock."""
+        """Return the wall time per call [s]."""
         start = time.perf_counter()
         for _ in range(calls):
             run()
         return (time.perf_counter() - start) / calls
 
     def synchronize(self) -> None:
-        """There is nothing to wait for."""
+        """Do nothing: the work is complete."""
 
     def record(self, run: Run) -> Run | None:
-        """There are no graphs."""
+        """Return None: the CPU has no graphs."""
         return None
 
 
 class CoreTimer(HostTimer):
-    """Work of a process that keeps to one core, by the time that it has that core."""
+    """Work of a process bound to one core, measured by CPU time."""
 
     def device_seconds(self, run: Run, calls: int) -> float:
-        """Return the processor's seconds a call."""
+        """Return the CPU time per call [s]."""
         start = time.process_time()
         for _ in range(calls):
             run()
@@ -64,14 +64,14 @@ class CoreTimer(HostTimer):
 
 
 class WarpTimer:
-    """Work on a Warp device's current stream."""
+    """Work on the current stream of a Warp device."""
 
     def __init__(self, device: wp.Device) -> None:
-        """Prepare to time."""
+        """Create the events."""
         self._device = device
 
     def device_seconds(self, run: Run, calls: int) -> float:
-        """Seconds a call by events."""
+        """Return the time per call between events [s]."""
         with wp.ScopedDevice(self._device):
             before, after = (wp.Event(self._device, enable_timing=True) for _ in range(2))
             run()
@@ -87,7 +87,7 @@ class WarpTimer:
         wp.synchronize_device(self._device)
 
     def record(self, run: Run) -> Run | None:
-        """The call's work as a graph."""
+        """Return a function that replays the call as a CUDA graph."""
         with wp.ScopedDevice(self._device):
             with wp.ScopedCapture(self._device, force_module_load=False) as capture:
                 run()
@@ -98,7 +98,7 @@ class TorchTimer:
     """Work on PyTorch's current stream."""
 
     def device_seconds(self, run: Run, calls: int) -> float:
-        """Seconds a call by events."""
+        """Return the time per call between events [s]."""
         import torch
 
         before, after = (torch.cuda.Event(enable_timing=True) for _ in range(2))
@@ -117,15 +117,15 @@ class TorchTimer:
         torch.cuda.synchronize()
 
     def record(self, run: Run) -> Run | None:
-        """Nothing: nvdiffrast reads back counters in every call, which a graph cannot hold."""
+        """Return None: nvdiffrast reads counters on the host in every call, which a graph cannot capture."""
         return None
 
 
 class DrJitTimer:
-    """Work of Dr.Jit, whose streams are its own: it notes the time of every kernel."""
+    """Work of Dr.Jit, which has private streams and records the time of every kernel."""
 
     def device_seconds(self, run: Run, calls: int) -> float:
-        """Seconds a call spends in kernels; nothing of what Dr.Jit does between them."""
+        """Return the time per call in kernels [s], without the gaps between them."""
         import drjit as dr
 
         run()
@@ -145,12 +145,12 @@ class DrJitTimer:
         dr.sync_thread()
 
     def record(self, run: Run) -> Run | None:
-        """There are no graphs."""
+        """Return None: Dr.Jit has no graphs."""
         return None
 
 
 def wall_seconds(timer: Timer, run: Run) -> float:
-    """Seconds from a call to the end of its work, as who waits for it sees it."""
+    """Return the latency of a call, until its work is complete [s]."""
     timer.synchronize()
     start = time.perf_counter()
     run()
@@ -159,18 +159,18 @@ def wall_seconds(timer: Timer, run: Run) -> float:
 
 
 class LatencyTimer:
-    """Calls that are waited for one by one, by the clock."""
+    """Calls that are waited for individually, measured by wall time."""
 
     def __init__(self, timer: Timer) -> None:
-        """Wait as `timer` does."""
+        """Store the timer that waits."""
         self._timer = timer
         self.synchronize, self.record = timer.synchronize, timer.record
 
     def device_seconds(self, run: Run, calls: int) -> float:
-        """Return the mean seconds from a call to the end of its work."""
+        """Return the mean latency of a call [s]."""
         return sum(wall_seconds(self._timer, run) for _ in range(calls)) / calls
 
 
 def enough_calls(seconds: float) -> int:
-    """How many calls of that time make a round that can be measured."""
+    """Return the number of calls of this duration that make a measurable round."""
     return max(1, min(_MAX_CALLS, round(_MIN_SECONDS / max(seconds, 1e-6))))

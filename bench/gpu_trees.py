@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trees of meshes on a GPU beside those of `wp.Mesh`: built, and refitted to a mesh that deforms."""
+"""Define workloads that build acceleration structures on a GPU and refit them, against `wp.Mesh`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from warpvis.scenes import terrain
 Mesh = tuple[np.ndarray, np.ndarray]
 
 SUBDIVISIONS = 8
-_SIDE = 2237  # corners along a side of the ground: 10 M triangles
+_SIDE = 2237  # vertices along a side of the ground: 10 M triangles
 
 
 @cache
@@ -33,7 +33,7 @@ def ball() -> Mesh:
 
 
 def begin(device: str) -> wv.Scene:
-    """A ball that has begun to deform, and no trees yet."""
+    """A ball that has begun to deform, without acceleration structures yet."""
     scene = wv.Scene(device=device)
     scene.add(ball(), name="ball", movable=True)
     scene.update_vertices("ball", ball()[0])
@@ -44,12 +44,12 @@ build = cache(begin)
 
 
 def refit_of(built: Callable[[wv.Scene], Any], scene: wv.Scene) -> Callable[[], None]:
-    """The refit of what one caster reads."""
+    """Return the refit of one caster's acceleration structure."""
     return built(scene).refits[0].refit
 
 
 def builders_of_a_gpu(mesh: Mesh, device: wp.Device) -> dict[str, Callable[[], object]]:
-    """What builds a tree of a mesh that is on a GPU already, by name."""
+    """Return builders for a mesh on a GPU by name."""
     there = DeviceMesh.of(*mesh, np.zeros(len(mesh[1]), dtype=np.int32), np.array([True]), device)
     indices = there.faces.flatten()
 
@@ -66,7 +66,7 @@ def builders_of_a_gpu(mesh: Mesh, device: wp.Device) -> dict[str, Callable[[], o
 
 
 def workloads(device: wp.Device) -> Iterator[Workload]:
-    """Yield builds and a refit beside `wp.Mesh`."""
+    """Yield builds and a refit against `wp.Mesh`."""
 
     def prepare_build(mesh: Callable[[], Mesh]) -> Contest:
         builders = builders_of_a_gpu(mesh(), device)

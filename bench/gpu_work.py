@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What gpu.py gives every method to do, and how it finds out that what they made is the same picture."""
+"""Define the views that every method of gpu.py renders, and compare their images."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
 
-# Pixels that are compared with the reference's.
+# Number of pixels compared with the reference.
 _CHECKED_PIXELS = 600_000
 
-# Depth counts as the same up to here [m].
+# Tolerance of equal depth [m].
 _TOLERANCE = 1e-3
 
-# Silhouettes may differ: rasterisers round corners to a fraction of a pixel. An image half a pixel aside does not pass.
+# Silhouettes may differ: rasterizers snap vertices to a fraction of a pixel. An image displaced by half a pixel fails.
 _MIN_HITS = 0.99
 _MIN_SAME = 0.95
 _GREATEST_MEDIAN = 1e-4
 
 
 class Subject:
-    """A preset's scene on a device, with what methods make of it and can use for another image size."""
+    """A preset's scene on a device, with data that methods derive from it and share between image sizes."""
 
     def __init__(self, name: str, device: wp.Device) -> None:
         """Build the scene."""
@@ -45,7 +45,7 @@ class Subject:
 
     @property
     def still(self) -> wv.Scene:
-        """The same triangles, none of which moves: where many move, the reference takes an age."""
+        """Return the same triangles as static objects: with many movable ones the reference takes very long."""
         return self.keep("still", self._make_still) if self.scene.movable else self.scene
 
     def _make_still(self) -> wv.Scene:
@@ -54,14 +54,14 @@ class Subject:
         return still
 
     def poses(self, count: int) -> wp.array:
-        """Return camera poses on the device, as casters take them without a copy."""
+        """Return camera poses on the device, in the form that casters use without a copy."""
         return self.keep(
             ("poses", count),
             lambda: wp.array(_poses(self.preset.pose_rows, count), dtype=wp.transform, device=self.device),
         )
 
     def keep(self, key: Any, make: Callable[[], Any]) -> Any:
-        """What `make` makes, which is made once."""
+        """Return the result of `make`, which is called once."""
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
@@ -69,17 +69,17 @@ class Subject:
 
 @cache
 def subject_of(name: str, device: str) -> Subject:
-    """Return a preset's scene on a device, which is built once."""
+    """Return a preset's scene on a device, built once."""
     return Subject(name, wp.get_device(device))
 
 
 def timer_of(device: wp.Device) -> Timer:
-    """Return what times Warp's work on a device."""
+    """Return the timer of Warp's work on a device."""
     return HostTimer() if device.is_cpu else WarpTimer(device)
 
 
 def recorded(kernel: wp.Kernel, dim: tuple[int, ...], inputs: list[Any], device: wp.Device, block_dim: int) -> Run:
-    """Return a launch that is packed once, and keeps its arrays alive."""
+    """Return a recorded launch that keeps its arrays alive."""
     command = wp.launch(kernel, dim, inputs, device=device, block_dim=block_dim, record_cmd=True)
 
     def run(held: list[Any] = inputs) -> None:
@@ -90,7 +90,7 @@ def recorded(kernel: wp.Kernel, dim: tuple[int, ...], inputs: list[Any], device:
 
 @dataclass(frozen=True)
 class Case:
-    """Views of a scene that every method has to make."""
+    """Views of a scene that every method has to render."""
 
     subject: Subject
     camera: wv.Camera
@@ -98,23 +98,23 @@ class Case:
 
     @classmethod
     def of(cls, subject: Subject, width: int, height: int, views: int) -> Case:
-        """Views through a camera of the preset's horizontal field of view."""
+        """Set up views through a camera with the preset's horizontal field of view."""
         old = subject.preset.camera
         return cls(subject, wv.Camera.from_fov(width, height, hfov=old.hfov, near=old.near, far=old.far), views)
 
     @property
     def device(self) -> wp.Device:
-        """Where the views are to be made."""
+        """Device of the views."""
         return self.subject.device
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Views, height and width."""
+        """Number of views, height and width."""
         return self.views, self.camera.height, self.camera.width
 
     @property
     def checked(self) -> int:
-        """Views that are compared with the reference's."""
+        """Number of views compared with the reference."""
         return max(1, min(self.views, _CHECKED_PIXELS // (self.camera.width * self.camera.height)))
 
     @cached_property
@@ -124,7 +124,7 @@ class Case:
 
     @property
     def device_poses(self) -> wp.array:
-        """The same on the device."""
+        """The same poses on the device."""
         return self.subject.poses(self.views)
 
     @cached_property
@@ -139,12 +139,12 @@ class Case:
 
     @property
     def timer(self) -> Timer:
-        """How Warp's work is timed."""
+        """Timer of Warp's work."""
         return timer_of(self.device)
 
     @cached_property
     def truths(self) -> dict[bool, NDArray[np.float32]]:
-        """Depth of the first views by the reference, the `rays` caster: two-sided, and with back faces culled."""
+        """Depth of the first views by the reference, the `rays` caster, two-sided or with back faces culled."""
         poses = self.poses[: self.checked]
         return {
             culls: wv.render(
@@ -156,23 +156,23 @@ class Case:
 
 @cache
 def _poses(pose_rows: Callable[[int], NDArray], count: int) -> NDArray[np.float32]:
-    """Poses, which take seconds for thousands, and which presets share."""
+    """Return poses, cached: thousands take seconds, and presets share them."""
     return pose_rows(count).astype(np.float32)
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A method that has built its trees, rays and buffers."""
+    """A method with its acceleration structures, rays and buffers."""
 
     run: Callable[[], Any]
-    """Queues the work of all views: what is timed."""
+    """Queues the work of all views, which is timed."""
     depth: Callable[[int], NDArray[np.float32]]
-    """Depth images of the first views of the last call, planar, in metres, +inf where nothing is."""
+    """Returns depth images of the first views of the last call: planar [m], +inf without a hit."""
     views: int
-    """How many views a call makes."""
+    """Number of views of a call."""
     timer: Timer
     image: wp.array | None = None
-    """Where the call writes, if it is always the same place: it is filled with NaN before the check."""
+    """Output of the call, if it is always the same array: it is filled with NaN before the comparison."""
     note: str = ""
 
 
@@ -181,37 +181,37 @@ class Method:
     """One way to use one library."""
 
     group: str
-    """The library."""
+    """Name of the library."""
     row: str
-    """The table's row that shows the best of the ways of the same row."""
+    """Row of the table, which shows the fastest of its methods."""
     variant: str
-    """What tells it from those."""
+    """Variant within the row."""
     prepare: Callable[[Case], Prepared]
     packages: tuple[str, ...] = ()
-    """Whose versions matter."""
+    """Packages whose versions are reported."""
     culls: bool = False
-    """Whether it sees through triangles from behind, which is another picture where a camera is inside a mesh."""
+    """Whether it hits triangles from behind, which matters if a camera is inside a mesh."""
 
     @property
     def title(self) -> str:
-        """What messages call it."""
+        """Name in messages."""
         return f"{self.row} ({self.variant})" if self.variant else self.row
 
 
 @dataclass
 class Agreement:
-    """How much a depth image is the reference's."""
+    """Agreement of a depth image with the reference."""
 
     hits: float
-    """Share of pixels on which both hit something or both do not."""
+    """Fraction of pixels that both hit or both miss."""
     median: float
-    """Median difference [m] where both do."""
+    """Median difference [m] of pixels that both hit."""
     same: float
-    """Share of pixels with the same depth within a millimetre."""
+    """Fraction of pixels with the same depth within a millimeter."""
 
     @property
     def right(self) -> bool:
-        """Whether it is the same picture."""
+        """Whether it is the same image."""
         return self.hits >= _MIN_HITS and self.same >= _MIN_SAME and self.median <= _GREATEST_MEDIAN
 
     def __str__(self) -> str:
@@ -219,7 +219,7 @@ class Agreement:
 
 
 def agreement(depth: NDArray, truth: NDArray, camera: wv.Camera) -> Agreement:
-    """Compare depth images, after what lies out of the camera's range is marked as warpvis marks it."""
+    """Compare depth images, after marking pixels out of the camera's range as warpvis does."""
     depth = np.where(depth < camera.near, -np.inf, np.where(depth > camera.far, np.inf, depth))
     kinds, true_kinds = _kinds(depth), _kinds(truth)
     both = (kinds == 0) & (true_kinds == 0)
@@ -233,40 +233,40 @@ def agreement(depth: NDArray, truth: NDArray, camera: wv.Camera) -> Agreement:
 
 
 def _kinds(depth: NDArray) -> NDArray[np.int8]:
-    """0 for a depth, 1 for nothing seen, -1 for too near, 2 for what is no number."""
+    """Return 0 for a depth, 1 without a hit, -1 if too near, 2 for NaN."""
     return np.select([np.isfinite(depth), np.isnan(depth), depth > 0], [0, 2, 1], -1).astype(np.int8)
 
 
 @dataclass
 class Result:
-    """What one method did with one case."""
+    """Result of one method in one case."""
 
     method: Method
     case: str
     views: int = 0
     missing: str = ""
-    """Why it could not run, if it could not."""
+    """Reason for a missing result, or empty."""
     note: str = ""
     agreement: Agreement | None = None
     first_seconds: float = 0.0
-    """The device's time for a call, measured once."""
+    """Device time of a call, measured once [s]."""
     device_seconds: list[float] = field(default_factory=list)
-    """The device's time for a call, one a round; empty if the method was not measured further."""
+    """Device time of a call in each round [s]; empty if the method was not measured further."""
     graph_seconds: list[float] = field(default_factory=list)
-    """The same when the call is replayed as a CUDA graph."""
+    """The same for a replayed CUDA graph."""
     wall_seconds: list[float] = field(default_factory=list)
-    """Time of a call for who waits for it."""
+    """Latency of a call [s]."""
     graph_missing: str = ""
-    """Why there is no graph."""
+    """Reason for a missing graph."""
 
     @property
     def right(self) -> bool:
-        """Whether it ran and made the reference's picture."""
+        """Whether it ran and rendered the reference's image."""
         return not self.missing and self.agreement is not None and self.agreement.right
 
     @property
     def seconds(self) -> float:
-        """The device's time for a call: the median round, by whichever of call and graph is faster; inf if unknown."""
+        """Device time of a call [s]: the median round of the call or the graph, whichever is faster; inf if unknown."""
         medians = [float(np.median(times)) for times in (self.device_seconds, self.graph_seconds) if times]
         return min(medians, default=self.first_seconds or np.inf)
 
@@ -277,5 +277,5 @@ class Result:
 
     @property
     def wall_fps(self) -> float:
-        """Frames per second for who waits for every call; 0 if unknown."""
+        """Frames per second if every call is waited for; 0 if unknown."""
         return self.views / float(np.median(self.wall_seconds)) if self.wall_seconds else 0.0

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Thousands of worlds of a MuJoCo model on a GPU: `warpvis.mujoco.BatchRenderer` against MuJoCo Warp's renderer.
+"""Measure thousands of worlds of a MuJoCo model on a GPU: `BatchRenderer` against MuJoCo Warp's renderer.
 
     python bench/gpu_worlds.py [MODEL.xml ...] [--worlds 4096] [--sizes 64 128] [--cameras NAME ...]
 
-Without a model it takes MuJoCo Warp's aloha_pot. Every world has joints of its own. A call moves all objects to where
-MuJoCo Warp's data has them and renders one camera in all worlds, depth only: `refit_bvh` and `render` there, and
-`BatchRenderer.render` here, each recorded into a CUDA graph. Prints a Markdown table, and how far the images agree.
+The default model is MuJoCo Warp's aloha_pot. Joint positions differ between worlds. A call updates all objects from the
+poses in MuJoCo Warp's data and renders depth of one camera in all worlds: `refit_bvh` and `render` there,
+`BatchRenderer.render` here, each captured in a CUDA graph. Prints a Markdown table with the agreement of the images.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from warpvis.mujoco._scene import DEFAULT_TOLERANCE
 _ROUNDS = 9
 _GROUPS = (0, 1, 2)
 
-# Of gpu_all.py: worlds, roll of the camera [rad], image side.
+# Cases of gpu_all.py: worlds, roll of the camera [rad], side of the image [px].
 _WORKLOADS = (
     *((4096, 0.0, 64), (4096, 0.0, 128), (2048, 0.0, 64), (1024, 0.0, 64)),
     *((4096, 0.01, 64), (4096, 0.2, 64)),
@@ -41,7 +41,7 @@ _WORKLOADS = (
 
 
 def random_joints(model: mujoco.MjModel, worlds: int) -> NDArray[np.float32]:
-    """Joint positions, shape ``(worlds, nq)``: hinges and slides anywhere in the middle half of their range."""
+    """Return joint positions, shape ``(worlds, nq)``: random in the middle half of the range of hinges and slides."""
     rng = np.random.default_rng(0)
     qpos = np.tile(model.qpos0, (worlds, 1))
     for joint in range(model.njnt):
@@ -55,7 +55,7 @@ def random_joints(model: mujoco.MjModel, worlds: int) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class Placed:
-    """A model, and MuJoCo Warp's model and data of many worlds, with the poses of geoms and cameras computed."""
+    """A model, and MuJoCo Warp's model and data of many worlds, with computed poses of geoms and cameras."""
 
     model: mujoco.MjModel
     warp_model: Any
@@ -64,7 +64,7 @@ class Placed:
 
     @classmethod
     def of(cls, model: mujoco.MjModel, qpos: NDArray[np.float32], device: wp.Device) -> Placed:
-        """Place the bodies of all worlds by joint positions, shape ``(worlds, nq)``."""
+        """Set joint positions of all worlds, shape ``(worlds, nq)``."""
         import mujoco_warp as mjw
 
         host = mujoco.MjData(model)
@@ -124,13 +124,13 @@ class Pair:
         self.their_rendering()
 
     def their_rendering(self) -> None:
-        """Render by MuJoCo Warp, which does not move the objects of its tree."""
+        """Render by MuJoCo Warp, without updating its acceleration structure."""
         import mujoco_warp as mjw
 
         mjw.render(self.placed.warp_model, self.placed.data, self.context)
 
     def agreement(self) -> tuple[float, float]:
-        """Return the share of pixels that both hit or both miss, and the median difference of depth [m]."""
+        """Return the fraction of pixels that both hit or both miss, and the median difference of depth [m]."""
         ours = self.views.depth.numpy()
         other = self.context.depth_data.numpy().reshape(ours.shape)
         both = np.isfinite(ours) & (other > 0)
@@ -138,17 +138,17 @@ class Pair:
         return hits, float(np.median(np.abs(ours - other)[both]))
 
     def contest(self) -> Contest:
-        """Let both take turns, each as a CUDA graph."""
+        """Measure both in turns, each as a CUDA graph."""
         with wp.ScopedDevice(self.placed.device):
             self.ours()
             self.theirs()
-        same = 1.0 if self.views.depth is None else self.agreement()[0]  # colors are those of other lights
+        same = 1.0 if self.views.depth is None else self.agreement()[0]  # colors differ by the lights
         return Contest(self.ours, {"MuJoCo Warp": [self.theirs]}, timer_of(self.placed.device), same, with_graphs=True)
 
 
 @lru_cache(maxsize=2)
 def load(path: Path, worlds: int, device: str, roll: float = 0.0) -> Placed:
-    """Place the worlds of a model file, with all cameras rolled about their optical axes [rad]."""
+    """Set up worlds of a model file, with all cameras rolled about their optical axes [rad]."""
     model = mujoco.MjModel.from_xml_path(str(path))
     turn = np.array([np.cos(roll / 2), 0.0, 0.0, np.sin(roll / 2)])
     for quaternion in model.cam_quat:
@@ -157,7 +157,7 @@ def load(path: Path, worlds: int, device: str, roll: float = 0.0) -> Placed:
 
 
 def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
-    """Yield aloha_pot's worlds: two cameras, as they are and rolled, so that a view that is slow by chance shows."""
+    """Yield aloha_pot's worlds: two cameras, as modeled and rolled, so that views that are slow by chance show."""
 
     def prepare(camera: str, size: int, count: int, roll: float) -> Contest:
         return Pair(load(default_model(), count, str(device), roll), camera, size).contest()
@@ -180,7 +180,7 @@ def color_workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Wo
 
 
 def compare(path: Path, camera: str, worlds: int, size: int, tolerance: float, device: str) -> dict[str, Any]:
-    """Seconds a call of each, and how far their depth agrees."""
+    """Return the time per call of each [s], and the agreement of their depth."""
     pair = Pair(load(path, worlds, device), camera, size, tolerance=tolerance)
     eighth = np.arange(0, worlds, 8)
     data, batch = pair.placed.data, pair.batch
@@ -198,7 +198,7 @@ def compare(path: Path, camera: str, worlds: int, size: int, tolerance: float, d
 
 
 def measure(calls: dict[str, Any], device: str) -> dict[str, Any]:
-    """Median seconds of each call as a graph, in turns."""
+    """Return median times of each call as a graph [s], measured in turns."""
     timer = timer_of(wp.get_device(device))
     graphs: dict[str, Any] = {}
     for name, call in calls.items():
