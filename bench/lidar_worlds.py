@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Livox Mid-360 in thousands of worlds of moving robots: rays in a second, beside mujoco-lidar's Warp backend.
+"""Measure a Livox Mid-360 in thousands of worlds of moving robots against mujoco-lidar's Warp backend, in rays/s.
 
     python bench/lidar_worlds.py [--device cuda:0] [--worlds 4096] [--rays 20000] [--mid360 FILE]
 
-Both libraries see the same MuJoCo model, `warpvis.scenes.robots`, from the first robot's mast, with the same rays and
-poses of geoms, which are on the device before. A call moves all robots and casts all rays: mujoco-lidar refits its tree
-of the worlds' boxes and writes distances and points; warpvis writes depth, and in a second row points too. Ranges are
-compared first. mujoco-lidar is timed without its copies from and to the host, which its own call makes.
+Both libraries use the same MuJoCo model, `warpvis.scenes.robots`, from the first robot's mast, with the same rays and
+with poses of geoms that are on the device. A call moves all robots and casts all rays: mujoco-lidar refits its BVH of
+the worlds' boxes and writes distances and points; warpvis writes depth, and in a second row points too. Ranges are
+compared first. mujoco-lidar is timed without the copies from and to the host in its own call.
 
-Prints a Markdown table. On a CPU, take few worlds.
+Prints a Markdown table. On a CPU, use few worlds.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ TOLERANCE = 2e-3
 
 
 def site_poses(poses: WorldPoses) -> NDArray[np.float32]:
-    """Poses of the lidar, x forward, y left, z up, rows ``x y z qx qy qz qw``, shape ``(W, 7)``."""
+    """Return poses of the lidar, x forward, y left, z up, rows ``x y z qx qy qz qw``, shape ``(W, 7)``."""
     matrices = np.tile(np.eye(4), (len(poses.site_xpos), 1, 1))
     matrices[:, :3, :3] = np.asarray(poses.site_xmat)[:, 0].reshape(-1, 3, 3)
     matrices[:, :3, 3] = np.asarray(poses.site_xpos)[:, 0]
@@ -55,7 +55,7 @@ def ours(
     outputs: tuple[str, ...],
     **options: Any,
 ) -> tuple[Callable[[], Any], Callable[[], NDArray]]:
-    """The call to measure, and what reads its ranges."""
+    """Return the call to measure, and a function that reads its ranges."""
     made = scene_from_mujoco(model, device=device)
     worlds = len(poses.site_xpos)
     renderer = wv.Renderer(made.scene, rays, outputs=outputs, device_bytes=2**36, **options)
@@ -70,7 +70,7 @@ def ours(
 def theirs(
     model: mujoco.MjModel, poses: WorldPoses, rays: wv.sensors.Rays, device: str
 ) -> tuple[Callable[[], Any], Callable[[], NDArray]]:
-    """The same of mujoco-lidar: what its `trace_rays_batch` launches, with everything on the device."""
+    """Return the same for mujoco-lidar: the launches of its `trace_rays_batch`, with all data on the device."""
     from mujoco_lidar.core_warp.kernels import trace_rays_batch_bvh_kernel
     from mujoco_lidar.core_warp.mjlidar_warp import MjLidarWarp
 
@@ -100,7 +100,7 @@ def theirs(
 def mujoco_itself(
     model: mujoco.MjModel, rays: wv.sensors.Rays, worlds: int
 ) -> tuple[Callable[[], Any], Callable[[], NDArray]]:
-    """What mujoco-lidar's CPU backend calls, `mj_multiRay`, world by world on one core; kinematics are not timed."""
+    """Return the same for `mj_multiRay`, which mujoco-lidar's CPU backend calls world by world; without kinematics."""
     joints, states = robot_joints(worlds), []
     for row in joints:
         data = mujoco.MjData(model)
@@ -120,7 +120,7 @@ def mujoco_itself(
 
 
 def compare(mine: NDArray, other: NDArray) -> str:
-    """Say how many ranges differ, of those that both hit."""
+    """Describe how many ranges differ, among those that both hit."""
     both = np.isfinite(mine) & (other > 0) & (other < FAR)
     apart = np.abs(mine[both] - other[both]) > TOLERANCE
     alone = int((np.isfinite(mine) != ((other > 0) & (other < FAR))).sum())
@@ -128,7 +128,7 @@ def compare(mine: NDArray, other: NDArray) -> str:
 
 
 def seconds_of(call: Callable[[], Any], device: str) -> float:
-    """Median seconds of a call, waiting for the device."""
+    """Return the median time of a call [s], until its work is complete."""
     taken = []
     for _ in range(ROUNDS):
         wp.synchronize_device(device)
@@ -140,7 +140,7 @@ def seconds_of(call: Callable[[], Any], device: str) -> float:
 
 
 def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
-    """Yield scattered rays in moving worlds beside single rays, and beside mujoco-lidar."""
+    """Yield scattered rays in moving worlds against single rays, and against mujoco-lidar."""
     rays = wv.sensors.Rays(scattered(20_000).directions, axes="ros_body")
 
     def prepare(count: int, beside_rays: bool) -> Contest:

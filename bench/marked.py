@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tables that a benchmark writes into a page, between two comments."""
+"""Write the tables of a benchmark into a page, between two comments."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 
 
 def split_marked(path: Path, name: str) -> tuple[str, str]:
-    """What comes before and after the tables of that name, marks included.
+    """Return the text before and after the tables of that name, including the marks.
 
     Raises:
-        ValueError: The file does not have both marks, the end after the beginning.
+        ValueError: If the file does not contain both marks in order.
     """
     first, last = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
     head, begin, rest = path.read_text(encoding="utf-8").partition(first)
@@ -22,6 +22,6 @@ def split_marked(path: Path, name: str) -> tuple[str, str]:
 
 
 def write_marked(path: Path, name: str, tables: str) -> None:
-    """Put the tables between the marks; errors as `split_marked`."""
+    """Write the tables between the marks; raises like `split_marked`."""
     head, tail = split_marked(path, name)
     path.write_text(f"{head}\n{tables}\n{tail}", encoding="utf-8")

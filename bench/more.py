@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What frames per second of batches do not say: single views, more threads, building a tree, and narrower lanes."""
+"""Measure other workloads than batches: single views, two threads, building a BVH, and narrower lanes."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from warpvis.core.threads import core_count
 _BATCH = 64
 _BUILDS = 5
 
-# One view alone is measured on several, one call each: some show more than others.
+# Single views of several poses are measured with one call each, because their cost differs.
 _SINGLE_VIEWS = 8
 
-# What is measured on some scenes only: elsewhere it takes long and tells little more.
+# Workloads measured on some scenes only: on others they take long and tell little more.
 _WITH_OPEN3D, _BUILT, _COMPILED = "room", "blobs_1m", ("room", "blobs_77k")
 
 # Sides of small images [px], as environments have them.
 _SIDES = (8, 32, 64, 84)
-# So many calls of each are timed at once.
+# Number of calls of each that are timed together.
 _SMALL_CALLS = 25
 
-# Lines of the table.
+# Rows of the table.
 _ONE = "One view of 640x480, `packets`, depth"
 _ONE_ALONE = f"{_ONE}, 1 thread"
 _ONE_OPEN3D = "One view of 640x480, Open3D"
@@ -54,11 +54,11 @@ class Figure:
     scene: str
     value: float | None
     shown: str
-    """The cell's text; why there is no value, if there is none."""
+    """Return the cell's text, or the reason for a missing value."""
 
 
 def measure_more(scenes: Sequence[str], rounds: int) -> list[Figure]:
-    """All of it, as far as it is about one of the scenes and runs on this machine."""
+    """Measure all workloads of these scenes that run on this machine."""
     figures = []
     for name in scenes:
         figures += _attempt(_ONE, name, lambda name=name: _single_view(wv.scenes.PRESETS[name], rounds))
@@ -79,13 +79,13 @@ def measure_more(scenes: Sequence[str], rounds: int) -> list[Figure]:
 def _attempt(title: str, scene: str, measure: Callable[[], Iterator[Figure]]) -> list[Figure]:
     try:
         return list(measure())
-    except Exception as error:  # what fails, however it does, is a cell of the table
+    except Exception as error:  # any failure is shown in its cell of the table
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         return [Figure(title, scene, None, f"missing: {reason}".replace("|", "/"))]
 
 
 def _single_view(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]:
-    """Milliseconds a view."""
+    """Return the time of a single view [ms]."""
     camera = wv.Camera.from_fov(640, 480, hfov=preset.camera.hfov, near=preset.camera.near, far=preset.camera.far)
     scene = preset.build()
     works = [Work(scene, camera, pose[None]) for pose in preset.poses(_SINGLE_VIEWS)]
@@ -110,7 +110,7 @@ def _single_view(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]
 
 
 def _small_view(preset: wv.scenes.ScenePreset, side: int, rounds: int) -> Iterator[Figure]:
-    """Microseconds a view, of which each has new memory; Open3D's rays are made before."""
+    """Return the time of a view into new memory [us]; Open3D's rays are made in advance."""
     camera = wv.Camera.from_fov(side, side, hfov=preset.camera.hfov, near=preset.camera.near, far=preset.camera.far)
     scene = preset.build()
     renderer = wv.Renderer(scene, camera, outputs=("depth",))
@@ -131,7 +131,7 @@ def _one_by_one(runs: list[Callable[[], Any]]) -> Callable[[], None]:
 
 
 def _two_threads(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]:
-    """How many times as fast two threads are as one."""
+    """Return the speedup of two threads."""
     if core_count() < 2:
         raise RuntimeError("there is only 1 core")
     work = Work(preset.build(), preset.camera, preset.poses(_BATCH))
@@ -140,7 +140,7 @@ def _two_threads(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]
 
 
 def _building(preset: wv.scenes.ScenePreset) -> Iterator[Figure]:
-    """Seconds for the BVH and for Warp's tree of the same triangles."""
+    """Return the time to build the BVH and Warp's BVH of the same triangles [s]."""
     scene = preset.build()
     first = np.cumsum([0] + [len(item.vertices) for item in scene])
     vertices = np.concatenate([item.vertices for item in scene])
@@ -150,7 +150,7 @@ def _building(preset: wv.scenes.ScenePreset) -> Iterator[Figure]:
         points = wp.array(vertices, dtype=wp.vec3, device="cpu")
         return wp.Mesh(points, wp.array(faces.ravel(), dtype=wp.int32, device="cpu"), bvh_constructor="sah")
 
-    mesh()  # warm, as the clusters are
+    mesh()  # warm, as the other builder is
     clusters, other = _medians([lambda: scene.to(scene.device).bvh(), mesh], _BUILDS)
     yield Figure(_CLUSTERS, preset.name, clusters, f"{clusters:.2f} s")
     yield Figure(_MESH, preset.name, other, f"{other:.2f} s{_beside(other, clusters)}")
@@ -159,7 +159,7 @@ def _building(preset: wv.scenes.ScenePreset) -> Iterator[Figure]:
 
 
 def _narrow(names: Sequence[str]) -> Iterator[Figure]:
-    """Speed when compiled for less, as a share of native speed."""
+    """Return the speed of code compiled for fewer instructions, relative to native speed."""
     found = compare_targets(names)
     for target in found:
         for name in names if target != NATIVE else ():
@@ -182,23 +182,23 @@ def _beside(seconds: float, baseline: float) -> str:
 
 
 def compared(ratio: float) -> str:
-    """How something that takes that many times the time of another compares with it."""
+    """Describe a ratio of times."""
     slower = ratio >= 1
     return f"{number(ratio if slower else 1 / ratio)}x {'slower' if slower else 'faster'}"
 
 
 def number(value: float) -> str:
-    """Two digits or all that are before the point."""
+    """Format two significant digits, or all before the point."""
     return f"{value:,.0f}" if value >= 10 else f"{value:.1f}" if value >= 0.995 else f"{value:.2g}"
 
 
 def row(cells: Sequence[str]) -> str:
-    """One line of a Markdown table."""
+    """Return one row of a Markdown table."""
     return f"| {' | '.join(cells)} |"
 
 
 def more_markdown(figures: Sequence[Figure]) -> str:
-    """The table, and how to read it below."""
+    """Return the table, with notes below."""
     scenes = list(dict.fromkeys(figure.scene for figure in figures))
     cells = {(figure.title, figure.scene): figure.shown for figure in figures}
     lines = [row(["`packets` beyond batches", *scenes]), row(["---", *["---:"] * len(scenes)])]

@@ -1,21 +1,21 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Real robots as `warpvis.mujoco.Renderer` shows them, against `mujoco.Renderer` and exact rays; and how fast both are.
+"""Compare `warpvis.mujoco.Renderer` on real robots with `mujoco.Renderer` and exact rays, and measure both.
 
     MUJOCO_GL=egl python bench/mujoco_agreement.py [--configurations 50] [--tolerance 5e-4] [--rounds 30]
 
-Robots come out of the packages mujoco_warp, gymnasium_robotics and dm_control, where these are installed; all cameras
-and the free one see them with random joints. Exits 1 if depth of any image, a model's segmentation or its rays miss a
-bound. Pixels less than 1 mm behind MuJoCo's near plane do not count: rounding decides there what is cut away.
+Robots come from the packages mujoco_warp, gymnasium_robotics and dm_control, as far as they are installed. All cameras
+and the free camera see them with random joints. Exits with 1 if depth of any image, a model's segmentation or its rays
+exceed a bound. Pixels less than 1 mm behind MuJoCo's near plane do not count, because rounding decides what it clips.
 
 - Depth: pixels where both renderers show a geom, away from silhouettes. Segmentation: all pixels.
-- Rays: `mj_multiRay` through 200 random pixels of an image, in double precision on the true shapes. They meet surfaces
-  from behind too, however near, so these images are made with ``cull_backfaces=False`` and ``near_plane="occlude"``;
-  but not planes, whose backs do not count.
+- Rays: `mj_multiRay` through 200 random pixels of an image, in double precision on the true shapes. They also hit
+  surfaces from behind and at any distance, so these images use ``cull_backfaces=False`` and ``near_plane="occlude"``;
+  planes are excepted, because rays do not hit them from below.
 - Speed: `update_scene` and `render` of depth, medians of the model's cameras, summed; MuJoCo in the model's quality.
 
-In compared images MuJoCo draws round shapes with 128 slices and 64 stacks: its default of 28 slices leaves out 0.6 % of
-a radius, more than our tolerance from 8 cm up.
+In compared images MuJoCo tessellates round shapes with 128 slices and 64 stacks: its default of 28 slices removes 0.6 %
+of a radius, more than the tolerance from 8 cm up.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ _MODELS = (
 )
 _SIZE = _HEIGHT, _WIDTH = 240, 320
 _RAYS, _MIN_SAME = 200, 0.995
-Found = defaultdict[str, list[Any]]  # what the images of one model have shown, an item for each
+Found = defaultdict[str, list[Any]]  # findings by name, one item for each image of a model
 
 
 def report(found: Found, tolerance: float) -> tuple[bool, list[str]]:
-    """Whether all bounds are kept, and cells of the table's row."""
+    """Return whether all bounds hold, and the cells of the table's row."""
     errors, rays, ray_same = (np.concatenate(found[name]) for name in ("errors", "ray_errors", "ray_same"))
     quantiles = [np.quantile(values, (0.5, 0.99)) for values in (*found["errors"], rays) if values.size]
     *within, rays_keep = [bool((pair < np.array([1e-4, 2e-3]) + tolerance).all()) for pair in quantiles]
@@ -67,14 +67,14 @@ def report(found: Found, tolerance: float) -> tuple[bool, list[str]]:
 
 
 def find_model(package: str, path: str) -> Path | None:
-    """A file of an installed package; None if it is not there."""
+    """Return a file of an installed package, or None."""
     spec = importlib.util.find_spec(package)
     folders = list(spec.submodule_search_locations or []) if spec else []
     return next((Path(folder) / path for folder in folders if (Path(folder) / path).is_file()), None)
 
 
 def random_joints(model: mujoco.MjModel, count: int) -> NDArray[np.float64]:
-    """Positions, shape ``(count, nq)``: hinges and slides in the middle half of their range, or in -1 to 1."""
+    """Return positions, shape ``(count, nq)``: hinges and slides in the middle half of their range, or in -1 to 1."""
     joints = np.isin(model.jnt_type, (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)))
     low, high = np.where(model.jnt_limited[joints, None], model.jnt_range[joints], (-2, 2)).T
     qpos, shares = np.tile(model.qpos0, (count, 1)), np.random.default_rng(0).uniform(0.25, 0.75, (count, len(low)))
@@ -83,14 +83,14 @@ def random_joints(model: mujoco.MjModel, count: int) -> NDArray[np.float64]:
 
 
 def take_depth(renderer: Any, data: mujoco.MjData, camera: int, option: Any = None) -> NDArray[np.float32]:
-    """Depth, by the calls that both renderers have."""
+    """Return depth, by the calls that both renderers have."""
     renderer.update_scene(data, camera, option)
     renderer.enable_depth_rendering()
     return renderer.render()
 
 
 def take_images(renderer: Any, data: mujoco.MjData, camera: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Depth, and the geom of every pixel or -1; without sites."""
+    """Return depth, and the geom of every pixel or -1; without sites."""
     option = mujoco.MjvOption()
     option.sitegroup[:] = 0
     depth = take_depth(renderer, data, camera, option).astype(np.float64)
@@ -100,7 +100,7 @@ def take_images(renderer: Any, data: mujoco.MjData, camera: int) -> tuple[NDArra
 
 
 def away_from_silhouettes(depth: NDArray[np.float64], reach: int = 2, step: float = 0.03) -> NDArray[np.bool_]:
-    """Where no pixel nearby is much nearer or farther."""
+    """Return the pixels without a step of depth nearby."""
     least = most = np.pad(depth, reach, mode="edge")
     for axis, size in enumerate(depth.shape):
         near = [(slice(None),) * axis + (slice(k, k + size),) for k in range(2 * reach + 1)]
@@ -120,7 +120,7 @@ def compare_images(ours: Renderer, theirs: mujoco.Renderer, data: mujoco.MjData,
 
 
 def compare_rays(ours: Renderer, data: mujoco.MjData, camera: int, rng: np.random.Generator, found: Found) -> None:
-    """Count rays through random pixels of one image."""
+    """Compare rays through random pixels of one image."""
     pixels = np.unravel_index(rng.choice(_HEIGHT * _WIDTH, _RAYS, replace=False), _SIZE)
     expected, expected_geoms, behind = cast_rays(ours.model, data, camera, pixels)
     image, image_geoms = take_images(ours, data, camera)
@@ -130,12 +130,12 @@ def compare_rays(ours: Renderer, data: mujoco.MjData, camera: int, rng: np.rando
 
 
 def cast_rays(model: mujoco.MjModel, data: mujoco.MjData, camera: int, pixels: Any) -> tuple[NDArray[Any], ...]:
-    """MuJoCo's depth along the camera's axis through pixels' centres, geoms or -1, and which geoms show their back."""
+    """Return MuJoCo's depth along the optical axis at pixel centers, geoms or -1, and which geoms show their back."""
     right, up, forward, eye = np.zeros((4, 3))
     mujoco.mjv_cameraFrame(eye, forward, up, right, data, viewer_camera(model, camera))
     lens = camera_from_mujoco(model, camera, _WIDTH, _HEIGHT)
     x, y = (pixels[1] + 0.5 - lens.cx) / lens.fx, (pixels[0] + 0.5 - lens.cy) / lens.fy
-    rays = np.outer(x, right) - np.outer(y, up) + forward  # so long that distances are depths
+    rays = np.outer(x, right) - np.outer(y, up) + forward  # length 1 along the axis: distances are depths
     geoms, depth = np.empty(_RAYS, dtype=np.int32), np.empty(_RAYS)
     groups = np.isin(range(mujoco.mjNGROUP), DEFAULT_GROUPS).astype(np.uint8)
     mujoco.mj_multiRay(model, data, eye, rays.ravel(), groups, True, -1, geoms, depth, None, _RAYS, mujoco.mjMAXVAL)
@@ -145,11 +145,11 @@ def cast_rays(model: mujoco.MjModel, data: mujoco.MjData, camera: int, pixels: A
 
 
 def agreement(path: Path, configurations: int, tolerance: float) -> Found:
-    """Compare what all cameras see of a model in random configurations."""
+    """Compare the images of all cameras of a model in random configurations."""
     spec, found, rng = mujoco.MjSpec.from_file(str(path)), Found(list), np.random.default_rng(1)
     spec.visual.quality.numslices, spec.visual.quality.numstacks, spec.visual.quality.offsamples = 128, 64, 0
     model = spec.compile()
-    # Rays know no near plane.
+    # Rays have no near plane.
     whole = {"cull_backfaces": False, "near_plane": "occlude"}
     data, uncut = mujoco.MjData(model), Renderer(model, *_SIZE, tolerance=tolerance, **whole)
     with Renderer(model, *_SIZE, tolerance=tolerance) as ours, mujoco.Renderer(model, *_SIZE) as theirs:
@@ -162,7 +162,7 @@ def agreement(path: Path, configurations: int, tolerance: float) -> Found:
 
 
 def speed(path: Path, rounds: int, tolerance: float) -> list[str]:
-    """Cells of the table's row: times of both, summed over the model's cameras, and their ratio."""
+    """Return cells of the table's row: times of both, summed over the model's cameras, and their ratio."""
     model = mujoco.MjModel.from_xml_path(str(path))
     data, total = mujoco.MjData(model), np.zeros(2)
     data.qpos[:] = random_joints(model, 1)[0]

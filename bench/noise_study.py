@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""When the paper's rule begins to fail with a Kinect's noise: random scenes, by distance and by what can be seen.
+"""Study when the paper's rule fails with the noise of a Kinect: random scenes, by distance and visible fraction.
 
-``python bench/noise_study.py`` puts a ball of 0.2 m and two obstacles at random places of the paper's floor, 10,000
-times, and lets the robot look, with an exact camera and with a Kinect of no noise, its own, twice and four times that.
-It asks the depth image alone: is there a pixel within the ball's sphere that is not ground (lower than 1 cm)? The truth
-is the exact image's. It prints tables of how often the answer is wrong, and of floor that is taken for something else.
+``python bench/noise_study.py`` places a ball of 0.2 m and two obstacles at random on the paper's floor, 10,000 times,
+and renders the robot's view with an exact camera and with a Kinect of 0, 1, 2 and 4 times its noise. The rule uses the
+depth image only: does the ball's sphere contain a pixel that is not ground (lower than 1 cm)? The exact image gives the
+truth. Prints tables of how often the answer is wrong, and of floor that appears above the ground.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ LEVELS = (None, 0.0, 1.0, 2.0, 4.0)
 """Noise, as multiples of a Kinect's; None is the exact image."""
 DISTANCES = (0.6, 1.2, 2.4, 3.6)
 FRACTIONS = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)
-SIZE_MARGIN = 1.1  # of the sphere, as in the experiments
+SIZE_MARGIN = 1.1  # factor of the sphere's radius, as in the experiments
 BALL, LOW, HIGH = 0.2, (0.2, 0.8, 0.35), (0.2, 0.8, 1.4)
 FLOOR = 4.0
 CHUNK = 200
 
 
 def sensor_of(level: float | None) -> wv.sensors.StereoDepth | None:
-    """Return a Kinect whose noise and steps are so many times as large; without noise it still loses pixels."""
+    """Return a Kinect with scaled noise and depth steps; without noise it still loses pixels."""
     if level is None:
         return None
     kinect = wv.sensors.kinect_v1(320, 240)
@@ -45,7 +45,7 @@ def sensor_of(level: float | None) -> wv.sensors.StereoDepth | None:
 
 
 def build() -> wv.Scene:
-    """The floor, and what is put elsewhere in each world."""
+    """Return the floor, with the objects that each world places."""
     scene = wv.Scene()
     scene.add(shapes.floor(FLOOR, FLOOR), name="floor", label="ground")
     scene.add(trimesh.creation.icosphere(3, BALL / 2), name="ball", label="object", movable=True)
@@ -55,7 +55,7 @@ def build() -> wv.Scene:
 
 
 def worlds(count: int, seed: int) -> NDArray[np.float32]:
-    """Random places, ``(count, 3, 7)``: the ball before the robot, obstacles anywhere between that do not touch it."""
+    """Return random poses, ``(count, 3, 7)``: the ball before the robot, obstacles in between, apart from the ball."""
     rng = np.random.default_rng(seed)
     rows = np.zeros((count, 3, 7), dtype=np.float32)
     rows[..., 6] = 1
@@ -75,18 +75,18 @@ def worlds(count: int, seed: int) -> NDArray[np.float32]:
 
 @dataclass
 class Answers:
-    """Of every scene."""
+    """Results of every scene."""
 
     distance: NDArray[np.float64]
-    """From the camera to the ball [m]."""
+    """Distance from the camera to the ball [m]."""
     fraction: NDArray[np.float64]
-    """Share of the ball's pixels, were it alone, that the exact image shows."""
+    """Fraction of the isolated ball's pixels that the exact image shows."""
     pixels: NDArray[np.int64]
-    """Pixels within the sphere that the depth image has."""
+    """Number of pixels of the depth image within the sphere."""
 
 
 def ask(scene: wv.Scene, rows: NDArray[np.float32], level: float | None, floor: NDArray[np.float64]) -> Answers:
-    """Look at all worlds; of pixels of the floor, count how many there are and are not taken for it, by distance."""
+    """Render all worlds, and count by distance the floor's pixels and those that appear above the ground."""
     camera, pose = EXPERIMENTS[0].camera, EXPERIMENTS[0].poses()[:1].astype(np.float32)
     poses = np.repeat(pose, CHUNK, axis=0)
     outputs = ("depth", "points", "segmentation")
@@ -131,7 +131,7 @@ def _ranges(ends: tuple[float, ...], unit: str) -> list[str]:
 
 
 def table(answers: dict[float | None, Answers], least: int) -> str:
-    """Return how often the answer is wrong, by noise and what can be seen, for balls that are far and near."""
+    """Return how often the answer is wrong, by noise and visible fraction, for far and near balls."""
     lines = ["| Ball visible, distance | scenes | " + " | ".join(_title(level) for level in LEVELS) + " |"]
     lines.append("|---|---:|" + "---:|" * len(LEVELS))
     first = answers[LEVELS[0]]
@@ -155,7 +155,7 @@ def table(answers: dict[float | None, Answers], least: int) -> str:
 
 
 def floor_table(floors: dict[float | None, NDArray[np.float64]]) -> str:
-    """Return the share of the floor's pixels that are 1 cm or more above it, by distance."""
+    """Return the fraction of the floor's pixels that appear 1 cm or more above it, by distance."""
     lines = ["| Floor at | " + " | ".join(_title(level) for level in LEVELS) + " |", "|---|" + "---:|" * len(LEVELS)]
     for index, title in enumerate(_ranges(DISTANCES, " m"), start=1):
         shares = [floors[level][1, index] / max(1.0, floors[level][0, index]) for level in LEVELS]

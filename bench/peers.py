@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods of making depth images of the same views: warpvis and its peers, behind one interface.
+"""Define methods that render the same views, warpvis and its peers, behind one interface.
 
-A method is a function of the work to do. It builds its trees, rays and buffers, which is not timed, and returns what
-is: a callable that makes all the views, in whatever form the library gives them. A second callable turns that form
-into depth images, so that the pictures can be compared. Every peer is used in the fastest way that its users have;
-a method that cannot run raises.
+A method is a function of the work to do. It builds its acceleration structures, rays and buffers, which is not timed,
+and returns two callables: the first renders all views in the library's own format and is timed; the second converts
+that format to depth images for comparison. Every peer is used in the fastest way available to its users. A method that
+cannot run raises.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import core_count
 
 Prepared = tuple[Callable[[], Any], Callable[[Any], NDArray]]
-"""What is timed, and what makes depth images ``(V, H, W)`` of its result: planar, in metres, +inf where nothing is."""
+"""The call to time, and a function that returns its depth images ``(V, H, W)``: planar [m], +inf without a hit."""
 
 _LLVM_FOLDERS = (
     "/usr/lib/*-linux-gnu",
@@ -41,16 +41,16 @@ _LLVM_FOLDERS = (
     "/opt/homebrew/opt/llvm/lib",
 )
 
-# The least distance that OpenGL draws. It has to be nearer than anything in view, for what is cut off hides nothing.
+# OpenGL's near plane [m]. It must be nearer than anything in view, because clipped surfaces occlude nothing.
 _GL_NEAR = 1e-3
 
 
-# From here on peers get the triangles of all objects as one mesh.
+# Number of objects from which peers receive the triangles of all objects as one mesh.
 _MANY_OBJECTS = 1000
 
 
 def joined(scene: wv.Scene) -> wv.Scene:
-    """Make a scene of one object of all triangles, where they are."""
+    """Return a scene with one object that has all triangles in the world frame."""
     first = np.cumsum([0] + [len(item.vertices) for item in scene])
     faces = np.concatenate([item.faces + start for item, start in zip(scene, first, strict=False)])
     still = wv.Scene(device=scene.device)
@@ -60,7 +60,7 @@ def joined(scene: wv.Scene) -> wv.Scene:
 
 @dataclass(frozen=True)
 class Work:
-    """Views of a scene that every method has to make."""
+    """Views of a scene that every method has to render."""
 
     scene: wv.Scene
     camera: wv.Camera
@@ -69,19 +69,19 @@ class Work:
 
     @cached_property
     def still(self) -> wv.Scene:
-        """The same triangles, none of which moves: the scene itself, or one object where there are many or some move.
+        """Return a scene of the same triangles without movable objects: the scene itself, or one merged object.
 
-        Peers have no objects that move, or take a call for each.
+        Peers have no movable objects, or require a call for each.
         """
         return joined(self.scene) if self.scene.movable or len(self.scene) > _MANY_OBJECTS else self.scene
 
     def first(self, count: int) -> Work:
-        """The first views of them."""
+        """Return the first views."""
         return self if count >= len(self.poses) else Work(self.scene, self.camera, self.poses[:count])
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Views, height and width."""
+        """Number of views, height and width."""
         return len(self.poses), self.camera.height, self.camera.width
 
     @cached_property
@@ -91,18 +91,18 @@ class Work:
 
     @cached_property
     def directions(self) -> NDArray[np.float32]:
-        """Rays of all pixels, row by row, 1 long along the optical axis so that length is depth, ``(V, H * W, 3)``."""
+        """Rays of all pixels in row-major order, of length 1 along the optical axis, ``(V, H * W, 3)``."""
         y, x = np.indices(self.shape[1:]).reshape(2, -1)
         pixels = self.camera.back_project(np.stack([x, y], axis=-1) + 0.5, np.ones(len(x)))
         return (pixels @ self.matrices[:, :3, :3].transpose(0, 2, 1)).astype(np.float32)
 
     @property
     def origins(self) -> NDArray[np.float32]:
-        """Where those rays start, ``(V, H * W, 3)``, without memory of its own."""
+        """Origins of these rays, ``(V, H * W, 3)``, a view without memory."""
         return np.broadcast_to(self.poses[:, None, :3], self.directions.shape)
 
     def as_images(self, depth: NDArray) -> NDArray:
-        """Depth of all rays as images."""
+        """Return depth of all rays as images."""
         return depth.reshape(self.shape)
 
 
@@ -113,22 +113,22 @@ class Method:
     title: str
     prepare: Callable[[Work], Prepared]
     packages: tuple[str, ...]
-    """Whose versions matter."""
+    """Packages whose versions are reported."""
     most_views: int = sys.maxsize
-    """How many views a round may have; slow methods are measured on the first few."""
+    """Maximum number of views per round; slow methods are measured on the first ones."""
     culls: bool = False
-    """Whether it sees through triangles from behind, which is another picture where a camera is inside a mesh."""
+    """Whether it hits triangles from behind, which matters if a camera is inside a mesh."""
 
 
 def warpvis(work: Work, *outputs: Any, caster: Any = "packets", **options: Any) -> Prepared:
-    """This library; depth, unless told otherwise."""
+    """Return this library's method, by default for depth."""
     renderer = wv.Renderer(work.scene, work.camera, outputs=outputs or ("depth",), caster=caster, **options)
     views = renderer.render(work.poses)
     return lambda: renderer.render(work.poses, out=views), lambda result: result.depth.numpy()
 
 
 def open3d(work: Work) -> Prepared:
-    """Open3D's RaycastingScene: Embree, one ray at a time, on all cores."""
+    """Return Open3D's RaycastingScene: Embree, single rays, on all cores."""
     import open3d as o3d
 
     caster = o3d.t.geometry.RaycastingScene(nthreads=core_count())
@@ -139,7 +139,7 @@ def open3d(work: Work) -> Prepared:
 
 
 def embreex(work: Work) -> Prepared:
-    """Embree, one ray at a time, on one core, without the conversions that trimesh's `RayMeshIntersector` adds."""
+    """Return Embree with single rays on one core, without the conversions of trimesh's `RayMeshIntersector`."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -156,9 +156,9 @@ def embreex(work: Work) -> Prepared:
 
 
 def mitsuba(work: Work) -> Prepared:
-    """Mitsuba's LLVM variant: Embree's packets of 16 coherent rays, on all cores.
+    """Return Mitsuba's LLVM variant: Embree's packets of 16 coherent rays, on all cores.
 
-    Packets of 4x4 pixels are a quarter faster than rows of 16. Putting those pixels back in order is not timed.
+    Packets of 4x4 pixels are a quarter faster than rows of 16. Reordering those pixels is not timed.
     """
     mi, dr = _import_mitsuba()
     dr.set_thread_count(core_count())
@@ -184,7 +184,7 @@ def mitsuba(work: Work) -> Prepared:
 
 
 def mujoco_rays(work: Work) -> Prepared:
-    """MuJoCo's mj_multiRay: double precision, on one core."""
+    """Return MuJoCo's mj_multiRay: double precision, on one core."""
     mujoco, model, data = _load_mujoco(work)
     origins = work.matrices[:, :3, 3]
     directions = work.directions.astype(np.float64).reshape(len(origins), -1)
@@ -200,7 +200,7 @@ def mujoco_rays(work: Work) -> Prepared:
 
 
 def mujoco_renderer(work: Work) -> Prepared:
-    """MuJoCo's Renderer: OpenGL, on a machine without a GPU by Mesa's llvmpipe on all cores."""
+    """Return MuJoCo's Renderer: OpenGL, on a machine without a GPU by Mesa's llvmpipe on all cores."""
     mujoco, model, data = _load_mujoco(work)
     if not hasattr(mujoco, "GLContext"):
         raise RuntimeError("no OpenGL library")
@@ -208,7 +208,7 @@ def mujoco_renderer(work: Work) -> Prepared:
     model.vis.map.znear, model.vis.map.zfar = _GL_NEAR / model.stat.extent, far / model.stat.extent
     renderer = mujoco.Renderer(model, work.camera.height, work.camera.width)
     renderer.enable_depth_rendering()
-    renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = False  # two-sided, as all others are
+    renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = False  # two-sided, like all others
     to_opengl = np.diag([1.0, -1.0, -1.0])
     rotations = (work.matrices[:, :3, :3] @ to_opengl).reshape(-1, 9)
     images = np.empty(work.shape, dtype=np.float32)
@@ -224,7 +224,7 @@ def mujoco_renderer(work: Work) -> Prepared:
 
 
 def find_llvm() -> str | None:
-    """The newest LLVM shared library in the usual folders, which Dr.Jit does not look for by Debian's name."""
+    """Return the newest LLVM shared library in the usual folders: Dr.Jit does not find it by Debian's name."""
     found = {}
     for folder in _LLVM_FOLDERS:
         for path in glob(f"{folder}/libLLVM[-.]*"):
@@ -262,18 +262,18 @@ def _import_mujoco() -> Any:
         os.environ.setdefault("MUJOCO_GL", "egl")  # read when mujoco is imported
     try:
         import mujoco
-    except AttributeError:  # PyOpenGL without a library to load; rays need none
+    except AttributeError:  # PyOpenGL found no library; rays need none
         os.environ["MUJOCO_GL"] = "disable"
         import mujoco
     return mujoco
 
 
 def _load_mujoco(work: Work) -> tuple[Any, Any, Any]:
-    """MuJoCo, and the scene as its model: a mesh geom for every object, and one camera."""
+    """Return MuJoCo, and the scene as its model: a mesh geom for every object, and one camera."""
     mujoco, camera = _import_mujoco(), work.camera
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.width, camera.height
-    spec.visual.quality.offsamples = 0  # samples of a pixel would be averaged, and depths in between are nowhere
+    spec.visual.quality.offsamples = 0  # multisampling would average depth across edges
     for i, item in enumerate(work.still):
         spec.add_mesh(
             name=f"m{i}",
@@ -290,7 +290,7 @@ def _load_mujoco(work: Work) -> tuple[Any, Any, Any]:
 
 
 BASELINE = "**warpvis** `packets`, depth"
-"""The row that others are compared with."""
+"""The row with which others are compared."""
 
 _OWN = ("warpvis", "warp-lang")
 

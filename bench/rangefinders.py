@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rangefinder sensors of a MuJoCo model in thousands of worlds: rays in a second, beside MuJoCo's own sensors.
+"""Measure rangefinder sensors of a MuJoCo model in thousands of worlds against MuJoCo's own sensors, in rays/s.
 
     python bench/rangefinders.py quadruped.xml [--worlds 4096] [--hills] [--device cuda:0]
 
-The model is any MJCF file with rangefinders, such as the quadruped of dm_control's suite. MuJoCo computes all sensors
-of positions (`mj_sensorPos`) of data whose poses are there, on as many threads; warpvis reads such poses, too.
-Readings are compared first. Calls take turns; medians are printed, and what joint positions take from the start.
+The model is any MJCF file with rangefinders, such as the quadruped of dm_control's suite. MuJoCo computes all position
+sensors (`mj_sensorPos`) of data with computed poses, on as many threads; warpvis reads the same poses. Readings are
+compared first. Calls alternate; the medians are printed, and the time of a call that starts from joint positions.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ROUNDS = 7
 
 
 def place_worlds(model: mujoco.MjModel, count: int) -> list[mujoco.MjData]:
-    """Put the model's first free body somewhere in each world, a little off the floor, and move its joints."""
+    """Place the model's first free body at random in each world, slightly above the floor, and move its joints."""
     rng, worlds = np.random.default_rng(0), []
     for _ in range(count):
         data = mujoco.MjData(model)
@@ -40,7 +40,7 @@ def place_worlds(model: mujoco.MjModel, count: int) -> list[mujoco.MjData]:
 
 
 def median_seconds(calls: Sequence[Callable[[], object]]) -> list[float]:
-    """Time calls in turns."""
+    """Return median times of alternating calls."""
     times: list[list[float]] = [[] for _ in calls]
     for _ in range(ROUNDS):
         for call, seconds in zip(calls, times, strict=True):

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measure workloads of warpvis beside peers in the same run, and compare the ratios with a table of earlier ones.
+"""Measure workloads of warpvis against peers in the same run, and compare the ratios with a table of earlier ones.
 
-A ratio is the time of a peer by that of warpvis: it falls if warpvis becomes slower. Ratios of one run differ less from
-those of the next than times do, since whatever else a machine does meets both sides.
+A ratio is the time of a peer divided by that of warpvis: it falls if warpvis becomes slower. Ratios vary less between
+runs than times, because other load on the machine affects both sides.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from gpu_timing import Run, Timer, enough_calls
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# A ratio counts as fallen from here on, unless told otherwise; it is then measured a second time.
+# Default decrease of a ratio that counts as lower; the ratio is then measured a second time.
 TOLERATED = 0.05
 
 ROUNDS = 9
 
-# No further round of a workload begins after that many seconds, once there were that many rounds.
+# No further round of a workload begins after this many seconds, once the minimum number of rounds is complete.
 _MAX_SECONDS, _MIN_ROUNDS = 3.0, 3
 
-# Both sides must make the same values, up to corners that round otherwise.
+# Fraction of values that must agree; rays at edges may round differently.
 _MIN_SAME = 0.95
 
-# Of several ways to use a peer, those that are slower than the fastest by this factor at first look are dropped.
+# Ways to use a peer that are slower than its fastest by this factor in a first measurement are dropped.
 _WORTH_A_LOOK = 1.25
 
 
@@ -46,14 +46,14 @@ class Contest:
     """One or more ways to use each peer, of which the fastest counts."""
     timer: Timer
     same: float = 1.0
-    """Share of values that both sides agree on."""
+    """Fraction of values on which both sides agree."""
     with_graphs: bool = False
     """Whether calls are replayed as CUDA graphs."""
 
 
 @dataclass(frozen=True)
 class Workload:
-    """A name, and a function that builds scenes and buffers, which are not timed."""
+    """A name, and a function that builds scenes and buffers, which is not timed."""
 
     name: str
     prepare: Callable[[], Contest]
@@ -66,26 +66,26 @@ class Figure:
     ms: float
     """Median time of warpvis's call."""
     ratios: dict[str, float]
-    """Median time of each peer by it."""
+    """Median time of each peer relative to it."""
     commit: str = ""
     date: str = ""
 
     def fallen(self, before: Figure | None, tolerated: float = TOLERATED) -> dict[str, float]:
-        """Return ratios that are lower than `before` by more than a share, as shares of what they were."""
+        """Return ratios that are lower than in `before` by more than a fraction, relative to their former values."""
         earlier = before.ratios if before else {}
         shares = {peer: ratio / earlier[peer] for peer, ratio in self.ratios.items() if peer in earlier}
         return {peer: share for peer, share in shares.items() if share < 1 - tolerated}
 
 
 def read_table(path: Path) -> dict[str, Figure]:
-    """Return the rows of a table by their workloads' names; none if there is no file."""
+    """Return the rows of a table by workload name; empty if the file does not exist."""
     if not path.is_file():
         return {}
     return {name: Figure(**row) for name, row in json.loads(path.read_text(encoding="utf-8"))["workloads"].items()}
 
 
 def write_table(path: Path, machine: str, table: Mapping[str, Figure]) -> None:
-    """Write a table; an interrupted run leaves the former file whole."""
+    """Write a table; an interrupted run leaves the previous file intact."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps({"machine": machine, "workloads": {name: asdict(row) for name, row in table.items()}}, indent=1)
     draft = path.with_suffix(".tmp")
@@ -97,17 +97,17 @@ def measure(contest: Contest, rounds: int) -> Figure:
     """Return medians over rounds in which all calls take turns.
 
     Raises:
-        RuntimeError: If both sides make different values.
+        RuntimeError: If the values of both sides differ.
     """
     if not contest.same >= _MIN_SAME:
         raise RuntimeError(f"both sides must agree on {_MIN_SAME:.0%} of values, got {contest.same:.2%}")
     timer = contest.timer
     rows = [("", contest.ours), *((peer, run) for peer, ways in contest.peers.items() for run in ways)]
     if contest.with_graphs:
-        for _ in range(2):  # what calls allocate and load, they do before they are recorded
+        for _ in range(2):  # allocations and module loads happen before calls are captured
             for _, run in rows:
                 run()
-        gc.collect()  # no memory is freed while calls are recorded
+        gc.collect()  # no memory may be freed during capture
         rows = [(peer, timer.record(run) or run) for peer, run in rows]
     first = [min(timer.device_seconds(run, 1) for _ in range(2)) for _, run in rows]
     fastest = {
@@ -123,7 +123,7 @@ def measure(contest: Contest, rounds: int) -> Figure:
 
 
 def _rounds(timer: Timer, runs: Sequence[Run], first: Sequence[float], rounds: int) -> list[list[float]]:
-    """Return the seconds of each call, one a round."""
+    """Return the times of each call [s], one per round."""
     calls = [enough_calls(seconds) for seconds in first]
     times: list[list[float]] = [[] for _ in runs]
     gc.collect()
@@ -141,7 +141,7 @@ def _rounds(timer: Timer, runs: Sequence[Run], first: Sequence[float], rounds: i
 
 
 def describe_exception(error: Exception) -> str:
-    """Return one short clause."""
+    """Return the error's first clause."""
     if isinstance(error, ModuleNotFoundError):
         return f"{str(error.name).partition('.')[0]} is not installed"
     line = (str(error).strip() or type(error).__name__).splitlines()[0]
@@ -150,7 +150,7 @@ def describe_exception(error: Exception) -> str:
 
 
 def commit_name() -> str:
-    """Return the commit that is measured, with "-dirty" if files differ from it; "unversioned" without git."""
+    """Return the current commit, with "-dirty" if files differ from it; "unversioned" without git."""
     commit = _git("rev-parse", "--short", "HEAD")
     if commit is None:
         return "unversioned"
@@ -167,7 +167,7 @@ def _git(*arguments: str) -> str | None:
 
 @dataclass
 class Guard:
-    """A run: what is compared with a table, printed and written as it comes."""
+    """A run, whose figures are compared with a table, printed and written as they come."""
 
     machine: str
     table_path: Path
@@ -258,7 +258,7 @@ class Guard:
 def add_options(
     parser: argparse.ArgumentParser, limit: float, tolerated: float = TOLERATED, rounds: int = ROUNDS
 ) -> None:
-    """Add the options that all guards have."""
+    """Add the options that all guards share."""
     parser.add_argument("--only", nargs="+", metavar="NAME", help="workloads that have one of these in their names")
     parser.add_argument("--list", action="store_true", help="print the workloads' names")
     parser.add_argument("--update", action="store_true", help="write the table")
@@ -276,7 +276,7 @@ def add_options(
 
 
 def run_guard(options: argparse.Namespace, machine: str, table: Path, workloads: Iterable[Workload]) -> int:
-    """Do what the options specify and return the exit status."""
+    """Execute the options and return the exit status."""
     chosen = [w for w in workloads if not options.only or any(text in w.name for text in options.only)]
     if options.list:
         print(*(workload.name for workload in chosen), sep="\n")

@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""All benchmarks: measured, kept, compared with this machine's last run, and then side by side with the peers.
+"""Run all benchmarks, compare them with this machine's last run, and compare warpvis with its peers.
 
-Results are kept in `.benchmarks/<machine>/`, one file a commit. What became slower is listed at the end of its part;
-the ratios of cpu_all.py are one of them.
-Arguments that are not named here are compare.py's (``--scenes room --views 8``).
+Results are stored in `.benchmarks/<machine>/`, one file per commit. Each part ends with a list of what became slower,
+including the ratios of cpu_all.py. Arguments that are not listed here go to compare.py (``--scenes room --views 8``).
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ from typing import Any
 from machine import OtherWork, machine_id
 from ratios import ROOT, commit_name
 
-# A benchmark counts as slower from here on. Medians of two runs of the same code differ by some per cent.
+# Relative increase that counts as slower. Medians of two runs of the same code differ by several per cent.
 TOLERATED = 0.15
 
 
 def last_run(storage: Path) -> Path | None:
-    """The newest file of results."""
-    # pytest-benchmark keeps a folder for every Python.
+    """Return the newest file of results."""
+    # pytest-benchmark has one folder per Python version.
     return max(storage.glob("*/*.json"), key=lambda path: path.stat().st_mtime_ns, default=None)
 
 
@@ -41,7 +40,7 @@ def run_benchmarks(storage: Path, name: str, last: Path | None) -> int:
 
 
 def report(new: Path, last: Path | None) -> list[str]:
-    """Print all figures beside those of the last run, then what became slower, which is returned."""
+    """Print all figures next to those of the last run, and return those that became slower."""
     now, before = _load(new), _load(last) if last else {}
     slower = []
     print(f"\n{'median':>12} {'fps':>10} {'time':>8}  benchmark")
@@ -66,7 +65,7 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _seconds(bench: dict[str, Any]) -> float:
-    """Time of one view, which stays comparable when the number of views is changed."""
+    """Return the time of one view, which is comparable between numbers of views."""
     return bench["stats"]["median"] / bench["extra_info"].get("views", 1)
 
 
@@ -94,7 +93,7 @@ def main() -> int:
     new = last_run(storage)
     if code != 0 or new is None or new == last:
         if new != last:
-            new.unlink()  # of a run that failed, and not to be compared with
+            new.unlink()  # a failed run must not serve for comparison
         return code or 1
     slower = report(new, last)
     print(others.warning(), flush=True)

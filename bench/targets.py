@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The `packets` caster compiled for less than this processor has: what a machine with narrower lanes loses.
+"""Measure the `packets` caster compiled for fewer instructions than this processor has, as for narrower lanes.
 
-A process compiles its kernels for one target only, so every target is measured in processes of its own, which take
-turns. ``targets.py TARGET SCENE...`` is one of them; it prints frames per second as JSON.
+A process compiles its kernels for one target only, so every target is measured in separate processes, which take turns.
+``targets.py TARGET SCENE...`` is one of them; it prints frames per second as JSON.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import warp as wp
 
 NATIVE = "native"
 
-# Warp adds AVX to whatever it is told, because of half floats: its generic x86-64 is not narrower than that.
+# Warp always adds AVX, for half floats: its generic x86-64 is not narrower than that.
 FLAGS = {NATIVE: wp.config.cpu_compiler_flags, "AVX2": "-target-cpu haswell", "AVX": ""}
 """Warp's `cpu_compiler_flags` by target."""
 
@@ -29,10 +29,10 @@ _TURNS = 3
 
 
 def compare_targets(scenes: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Frames per second of all targets on the scenes, ``[target][scene]``: the median of three processes.
+    """Return frames per second of all targets on the scenes, ``[target][scene]``: the median of three processes.
 
     Raises:
-        RuntimeError: The processor is of another kind, or a process failed.
+        RuntimeError: If the processor is of another kind, or a process failed.
     """
     if platform.machine().lower() not in ("x86_64", "amd64"):
         raise RuntimeError(f"the machine is {platform.machine()}, not x86-64")
@@ -40,7 +40,7 @@ def compare_targets(scenes: Sequence[str]) -> dict[str, dict[str, float]]:
     for turn in range(_TURNS + 1):
         for target in FLAGS:
             found = _run(target, scenes)
-            if turn > 0:  # the first may have had to compile, which leaves a processor hot
+            if turn > 0:  # the first may have compiled, which leaves a processor hot
                 runs[target].append(found)
     return {target: {s: float(np.median([run[s] for run in found])) for s in scenes} for target, found in runs.items()}
 
@@ -56,7 +56,7 @@ def _run(target: str, scenes: Sequence[str]) -> dict[str, float]:
 def main(target: str, *scenes: str) -> int:
     """Measure one target in this process."""
     wp.config.log_level = wp.LOG_WARNING
-    wp.config.cpu_compiler_flags = FLAGS[target]  # before anything of warpvis is imported, let alone compiled
+    wp.config.cpu_compiler_flags = FLAGS[target]  # before importing warpvis, which may compile
     from timing import take_turns
 
     import warpvis as wv

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Timing calls in turns, so that whatever else the machine does meets all of them alike."""
+"""Time calls in turns, so that other load on the machine affects all of them equally."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-# Fast calls are made several times a round, for a time that can be measured.
+# Fast calls are repeated in a round until the time is measurable.
 _MIN_SECONDS = 0.1
 
-# The threads of a library may keep spinning for a while after their work is done; they must not disturb the next one.
+# Threads of a library may spin for a while after their work: a pause keeps them from disturbing the next one.
 _PAUSE = 0.05
 
 
 def take_turns(calls: Sequence[Callable[[], Any]], rounds: int) -> list[list[float]]:
-    """Seconds of each call, one a round. The calls must have been made once, to be warm."""
+    """Return the times of each call [s], one per round. Each call must have run once before."""
     repeats = [max(1, round(_MIN_SECONDS / _seconds(call, 1))) for call in calls]
     times: list[list[float]] = [[] for _ in calls]
     gc.collect()
