@@ -96,6 +96,11 @@ def _rendering(folder):
     return {"K": K, "poses": _poses(), "other_poses": _poses()[::-1], "pixels": pixels}
 
 
+def _files(folder):
+    _room().export(folder / "lab.glb")
+    return {}
+
+
 def _depth_cameras(folder):
     camera, sensor = wv.Camera.from_fov(320, 200, hfov=1.4), wv.sensors.StereoDepth(0.05, sigma=0.08, subpixel=32)
     wall = wv.Scene()
@@ -107,8 +112,6 @@ def _depth_cameras(folder):
 
 def _worlds(folder):
     box = trimesh.creation.box((0.1, 0.1, 0.1))
-    object_poses = np.tile(np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32), (2, 22, 1))
-    object_poses[..., 0] = np.linspace(1, 3, 22)
     return {
         "table": trimesh.creation.box((1, 1, 0.1)),
         "gripper": trimesh.creation.box((0.2, 0.1, 0.1)),
@@ -118,10 +121,6 @@ def _worlds(folder):
         "cube": box,
         "chair_poses": np.random.default_rng(1).uniform(size=(20, 7)) * [1, 1, 1, 0, 0, 0, 0] + [0, 0, 0, 0, 0, 0, 1],
         "chair": box,
-        "camera": wv.Camera.kinect(),
-        "poses": _poses(),
-        "object_poses": object_poses,
-        "world": np.array([1, 0, 1], dtype=np.int32),
     }
 
 
