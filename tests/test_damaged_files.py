@@ -577,6 +577,6 @@ def test_long_names_are_not_repeated(tmp_path):
     path.with_name("a.zip").write_bytes(path.with_name("a.zip").read_bytes().replace(b"a.obj", b"b.obj", 1))
     assert "does not unpack: File name in directory" in refusal(wv.Scene.load, path.with_name("a.zip"))
     world = write(path.with_name("a.wbt"), f"#VRML_SIM R2023b utf8\nBox{LONG} {{ }}\n")
-    assert f"{world}: left out Boxaaa" in refusal(wv.Scene.load, world)
+    assert f"{world}: skipped Boxaaa" in refusal(wv.Scene.load, world)
     with pytest.raises(FileFormatError):
         wv.Scene.load(write(path.with_name("b.wbt"), "#VRML_SIM R2023b utf8\n{"))

@@ -264,27 +264,42 @@ def test_cardboard_boxes_have_a_lid(angle, end):
 
 
 REPLACED = {
-    "WoodenBox { size 0.2 4 0.1 }": ("size 4 of WoodenBox, 3 is taken", [0.2, 3, 0.1]),
-    "WoodenBox { size 0.2 1 0.001 }": ("size 0.001 of WoodenBox, 0.01 is taken", [0.2, 1, 0.01]),
-    "CardboardBox { size 2 2 2 }": ("size 2 2 2 of CardboardBox, 0.6 0.6 0.6 is taken", [0.6, 0.6, 0.6]),
-    "CardboardBox { size 0.1 4 0.1 }": ("size 4 of CardboardBox, 2.5 is taken", [0.1, 2.5, 0.1]),
-    "Door { frameHeight 3 }": ("frameHeight 3 of Door, 2.4 is taken", [0.351, 1, 2.4]),
-    "Window { windowHeight 2 }": ("sizes that do not fit together of Window, the default ones is", [0.5, 0.8, 2.4]),
-    "Window { size 0.1 2 2.4 }": ("sizes that do not fit together of Window", [0.5, 0.8, 2.4]),
-    "CircleArena { subdivision 4 }": ("subdivision 4 of CircleArena, 8 is taken", [2.02, 2.02, 0.1]),
-    "Cabinet { depth 0.01 }": ("depth 0.01 of Cabinet, 0.12 is taken", [0.12, 0.8, 1.5]),
-    "Cabinet { columnsWidths 0.01 layout [ ] }": ("columnsWidths 0.01 of Cabinet, 0.06 is taken", [0.5, 0.12, 1.5]),
-    "Cabinet { outerThickness 0.01 layout [ ] }": ("outerThickness 0.01 of Cabinet, 0.0102", [0.5, 0.7604, 1.4604]),
-    'Cabinet { layout [ "Desk (1, 1, 1, 1)" ] }': ("layout 'Desk (1, 1, 1, 1)' of Cabinet, nothing", [0.5, 0.8, 1.5]),
-    'Cabinet { layout "Drawer (1, 1, 0, 1)" }': ("layout 'Drawer (1, 1, 0, 1)' of Cabinet, nothing", [0.5, 0.8, 1.5]),
-    'Cabinet { layout "Shelf (4, 1, 0, 1)" }': ("layout 'Shelf (4, 1, 0, 1)' of Cabinet, nothing", [0.5, 0.8, 1.5]),
+    "WoodenBox { size 0.2 4 0.1 }": ("size 4 of WoodenBox, Webots uses 3", [0.2, 3, 0.1]),
+    "WoodenBox { size 0.2 1 0.001 }": ("size 0.001 of WoodenBox, Webots uses 0.01", [0.2, 1, 0.01]),
+    "CardboardBox { size 2 2 2 }": ("size 2 2 2 of CardboardBox, Webots uses 0.6 0.6 0.6", [0.6, 0.6, 0.6]),
+    "CardboardBox { size 0.1 4 0.1 }": ("size 4 of CardboardBox, Webots uses 2.5", [0.1, 2.5, 0.1]),
+    "Door { frameHeight 3 }": ("frameHeight 3 of Door, Webots uses 2.4", [0.351, 1, 2.4]),
+    "Window { windowHeight 2 }": ("inconsistent sizes of Window, Webots uses the defaults", [0.5, 0.8, 2.4]),
+    "Window { size 0.1 2 2.4 }": ("inconsistent sizes of Window", [0.5, 0.8, 2.4]),
+    "CircleArena { subdivision 4 }": ("subdivision 4 of CircleArena, Webots uses 8", [2.02, 2.02, 0.1]),
+    "Cabinet { depth 0.01 }": ("depth 0.01 of Cabinet, Webots uses 0.12", [0.12, 0.8, 1.5]),
+    "Cabinet { columnsWidths 0.01 layout [ ] }": (
+        "columnsWidths 0.01 of Cabinet, Webots uses 0.06",
+        [0.5, 0.12, 1.5],
+    ),
+    "Cabinet { outerThickness 0.01 layout [ ] }": (
+        "outerThickness 0.01 of Cabinet, Webots uses 0.0102",
+        [0.5, 0.7604, 1.4604],
+    ),
+    'Cabinet { layout [ "Desk (1, 1, 1, 1)" ] }': (
+        "layout 'Desk (1, 1, 1, 1)' of Cabinet, Webots uses nothing",
+        [0.5, 0.8, 1.5],
+    ),
+    'Cabinet { layout "Drawer (1, 1, 0, 1)" }': (
+        "layout 'Drawer (1, 1, 0, 1)' of Cabinet, Webots uses nothing",
+        [0.5, 0.8, 1.5],
+    ),
+    'Cabinet { layout "Shelf (4, 1, 0, 1)" }': (
+        "layout 'Shelf (4, 1, 0, 1)' of Cabinet, Webots uses nothing",
+        [0.5, 0.8, 1.5],
+    ),
 }
 
 
 @pytest.mark.parametrize("text", REPLACED)
 def test_what_webots_replaces_is_replaced_with_a_warning(text):
     message, size = REPLACED[text]
-    with pytest.warns(UserWarning, match=re.escape(f"lab.wbt:3: for {message}")):
+    with pytest.warns(UserWarning, match=re.escape(f"lab.wbt:3: instead of {message}")):
         np.testing.assert_allclose(np.ptp(extents(text), axis=0), size, atol=1e-9)
 
 

@@ -224,7 +224,11 @@ BAD = {
         ArrayError,
         "must have 320 x 240 values, got 7",
     ),
-    "no node": (lambda worlds: eye_of(worlds["R2023b"]).pose(), PoseError, "give node_pose, or the eye a node to ask"),
+    "no node": (
+        lambda worlds: eye_of(worlds["R2023b"]).pose(),
+        PoseError,
+        "node_pose must be given, or the DepthEye needs a node",
+    ),
     "two poses": (
         lambda worlds: eye_of(worlds["R2023b"]).pose(np.eye(7)[[6, 6]]),
         PoseError,

@@ -199,8 +199,8 @@ def test_a_kinect_that_is_plugged_into_an_unknown_robot(tmp_path):
     with pytest.warns(UserWarning) as caught:
         world = load_text(tmp_path, text)
     messages = [str(warning.message) for warning in caught]
-    assert "left out Rover (1 with 1 node in it)" in messages[0]
-    assert "'kinect range' is taken to be at the origin of Rover" in messages[1]
+    assert "skipped Rover (1 with 1 node in it)" in messages[0]
+    assert "'kinect range' is assumed to be at the origin of Rover" in messages[1]
     device = world.devices["kinect range"]
     assert device.robot == "Rover" and world.robots == {"Rover": ()} and len(world.scene) == 1
     np.testing.assert_allclose(device.pose[:3], [1.0127, 2, 1.05], atol=1e-5)
@@ -299,9 +299,7 @@ def test_a_lens_bends_the_image(tmp_path):
     lens = " width 32 height 32 lens Lens { radialCoefficients 0.5 0 }"
     post = wall(2.05, "0.1 2.6 9")
     straight, bent = (load_text(tmp_path, finder(FINDER + fields) + post) for fields in (" width 32 height 32", lens))
-    with pytest.warns(
-        IntrinsicsWarning, match="'eye' has a Lens, which true depth leaves out: its image is a pinhole's"
-    ):
+    with pytest.warns(IntrinsicsWarning, match="'eye' has a Lens, which exact depth ignores; pass webots_version"):
         true = render_range(bent, "eye")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -393,7 +391,7 @@ def test_the_largest_are_recognised(tmp_path):
     text = ball(2, 0.5, "small", 0.05) + ball(2, 0, "large", 0.2) + ball(2, -0.5, "middle", 0.1)
     assert recognised(tmp_path, "", text) == ["large", "middle", "small"]
     assert recognised(tmp_path, "maxObjects 2", text) == ["large", "middle"]
-    with pytest.warns(UserWarning, match="maxObjects 0 of Recognition is -1"):
+    with pytest.warns(UserWarning, match="maxObjects 0 of Recognition is replaced by -1"):
         assert recognised(tmp_path, "maxObjects 0", text) == ["large", "middle", "small"]
 
 
@@ -438,16 +436,19 @@ BAD = {
     "no version": (lambda tmp: render_range(plain(tmp), "eye", webots_version="new"), "expected a Webots version"),
     "values of a camera": (
         lambda tmp: render_range(plain(tmp, "Camera"), "eye", webots_version="header"),
-        "'eye' is a camera: Webots gives no ranges of it, so ask for true depth",
+        "'eye' is a camera, which has no ranges in Webots: omit webots_version",
     ),
     "recognition of a range finder": (
         lambda tmp: recognise(plain(tmp), "eye"),
-        "'eye' must be a Camera with a Recognition node, which this range-finder does not have",
+        "'eye' must be a Camera with a Recognition node, got a range-finder without",
     ),
     "segmentation without": (lambda tmp: segmentation_image(plain(tmp, "Camera"), "eye"), "with a Recognition node"),
-    "no width": (lambda tmp: strict(tmp, 'name "eye" width 0'), "width 0 of RangeFinder is 1"),
+    "no width": (lambda tmp: strict(tmp, 'name "eye" width 0'), "width 0 of RangeFinder is replaced by 1"),
     "half a width": (lambda tmp: strict(tmp, 'name "eye" width 1.5'), "expected a whole number in 'width'"),
-    "projection": (lambda tmp: strict(tmp, 'name "eye" projection "flat"'), "projection flat of RangeFinder is planar"),
+    "projection": (
+        lambda tmp: strict(tmp, 'name "eye" projection "flat"'),
+        "projection flat of RangeFinder is replaced by planar",
+    ),
     "name of numbers": (lambda tmp: strict(tmp, "name 1"), "expected a string in 'name' of RangeFinder"),
 }
 

@@ -408,7 +408,7 @@ def test_mesh_files_that_cannot_be_read(tmp_path):
     world = tmp_path / "lab.wbt"
     (tmp_path / "a.fbx").write_bytes(b"x")
     (tmp_path / "a.stl").write_bytes(b"nothing of the kind")
-    with pytest.raises(MissingMeshError, match=r"lab.wbt:2: the file 'b.obj' of Mesh is not at hand"):
+    with pytest.raises(MissingMeshError, match=r"lab.wbt:2: the file 'b.obj' of Mesh is missing"):
         tessellate(parse('Mesh { url "b.obj" }', file=world))
     with pytest.raises(MissingMeshError, match=r"lab.wbt:2: .*a.fbx: no reader of .fbx is installed"):
         tessellate(parse('Mesh { url "a.fbx" }', file=world))
@@ -445,13 +445,15 @@ BAD = {
     GRID.format("xSpacing 0"): "a positive xSpacing [m] of at most 1e+18 in ElevationGrid, got 0",
     GRID.format('height "high"'): "numbers in 'height' of ElevationGrid",
     "IndexedFaceSet { coord Coordinate { point [ 1 2 3 4 ] } }": "groups of 3 numbers in point in Coordinate, got 4",
-    face_set([(0, 0, 0)] * 3, "0 1 3 -1"): "-1 or an index below 3, the number of points, at every place of coordIndex",
-    face_set([(0, 0, 0)] * 3, "0 1 -2"): "in IndexedFaceSet, got -2 at place 2",
-    face_set([(0, 0, 0)] * 3, "0 1 0.5"): "in IndexedFaceSet, got 0.5 at place 2",
-    face_set([(0, 0, 0)] * 3, "0 1 1e300"): "in IndexedFaceSet, got 1e+300 at place 2",
+    face_set(
+        [(0, 0, 0)] * 3, "0 1 3 -1"
+    ): "-1 or an index below 3, the number of points, at every position of coordIndex",
+    face_set([(0, 0, 0)] * 3, "0 1 -2"): "in IndexedFaceSet, got -2 at position 2",
+    face_set([(0, 0, 0)] * 3, "0 1 0.5"): "in IndexedFaceSet, got 0.5 at position 2",
+    face_set([(0, 0, 0)] * 3, "0 1 1e300"): "in IndexedFaceSet, got 1e+300 at position 2",
     "Extrusion { spine [ 0 0 0 ] }": "at least two points in crossSection and spine in Extrusion, got 5 and 1",
-    "Extrusion { spine [ 1 1 1, 1 1 1 ] }": "a spine that goes on at every point in Extrusion, got one that rests at",
-    "Extrusion { scale [ 1 1, 2 2, 3 3 ] }": "1 or 2 values in scale, as many as points of the spine",
+    "Extrusion { spine [ 1 1 1, 1 1 1 ] }": "a spine with a tangent at every point in Extrusion, got none at",
+    "Extrusion { scale [ 1 1, 2 2, 3 3 ] }": "1 or 2 values in scale, one for all or each point of the spine",
     "Extrusion { splineSubdivision 1e8 }": "at most 4194304 points in Extrusion, got 100000001 x 5",
     "Extrusion { crossSection [ 1 2 3 ] }": "groups of 2 numbers in crossSection in Extrusion, got 3 numbers",
     "Teapot { }": "one of Box, CadShape, Capsule, Cone, Cylinder, ElevationGrid, Extrusion, IndexedFaceSet",

@@ -110,7 +110,7 @@ def test_def_names_end_with_the_file(project):
     first, second = project.expand("DEF CUBE Shape { } Pair { }").nodes("children")
     assert first is second and first.text("name", "") == "inner"
     with pytest.raises(
-        FileFormatError, match=r"Bad.proto:6: expected a name after USE that a DEF above gave, got 'CUBE'"
+        FileFormatError, match=r"Bad.proto:6: expected a name after USE that a DEF above defines, got 'CUBE'"
     ):
         project.expand("DEF CUBE Shape { } Bad { }")
     with pytest.raises(FileFormatError, match=r"w.wbt:2: expected a name after USE"):
@@ -313,6 +313,6 @@ def test_nodes_of_all_instances_are_limited(project, monkeypatch):
         project.proto(f"P{i}", "", f"Group {{ children [ {f'P{i + 1} {{ }} ' * 10} ] }}")
     world = project.world("P0 { }")
     protos, nodes = Protos(world), [world.nodes[0]]
-    with pytest.raises(FileFormatError, match=r"expected PROTOs that stand for at most 5000 nodes, got more"):
+    with pytest.raises(FileFormatError, match=r"expected PROTOs of at most 5000 nodes in total, got more"):
         while nodes:
             nodes = [child for node in nodes for child in protos.expand(node).nodes("children")]

@@ -206,7 +206,7 @@ ONE = np.ones((1, 1, 1), dtype=np.float32)
             lambda: range_values(np.ones((2, 2)), **KINECT, version="R2023b"),
             "depth must have shape (V, H, W), got (2, 2)",
         ),
-        (lambda: values_of([1.0, -INF], "R2023b"), "not so 1 of 2 values, the first -inf at (0, 0, 1)"),
+        (lambda: values_of([1.0, -INF], "R2023b"), "got 1 other of 2 values, the first -inf at (0, 0, 1)"),
         (lambda: values_of([np.nan], "R2023b"), "depth must be from 0 up or +inf, rendered with near 0 and far inf"),
         (lambda: values_of([1.0], "R2023b", near=0), "near must be a positive number of metres, got 0"),
         (lambda: values_of([1.0], "R2023b", min_range=-1), "min_range must be a number of metres from 0 up, got -1"),

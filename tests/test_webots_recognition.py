@@ -64,9 +64,9 @@ def test_the_range_is_ahead(tmp_path):
 
 
 def test_what_is_reset(tmp_path):
-    with pytest.warns(UserWarning, match="maxRange 0 of Recognition is 100"):
+    with pytest.warns(UserWarning, match="maxRange 0 of Recognition is replaced by 100"):
         assert names(tmp_path, target((40, 0, 0)), "maxRange 0") == ["it"]
-    with pytest.warns(UserWarning, match="occlusion 3 of Recognition is 1"):
+    with pytest.warns(UserWarning, match="occlusion 3 of Recognition is replaced by 1"):
         assert names(tmp_path, target((4, 0, 0)) + block(2), "occlusion 3") == []
 
 

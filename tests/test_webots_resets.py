@@ -35,45 +35,46 @@ def shape(geometry):
 
 # Geometry, the same with what Webots takes, and what the warning says (src/webots/nodes/Wb*.cpp, sanitizeFields).
 RESETS = {
-    "box": ("Box { size 3 -1 3 }", "Box { size 1 1 1 }", "size 3 -1 3 of Box is 1 1 1"),
-    "flat box": ("Box { size 3 3 0 }", "Box { size 1 1 1 }", "size 3 3 0 of Box is 1 1 1"),
-    "plane": ("Plane { size 5 -5 }", "Plane { size 1 1 }", "size 5 -5 of Plane is 1 1"),
+    "box": ("Box { size 3 -1 3 }", "Box { size 1 1 1 }", "size 3 -1 3 of Box is replaced by 1 1 1"),
+    "flat box": ("Box { size 3 3 0 }", "Box { size 1 1 1 }", "size 3 3 0 of Box is replaced by 1 1 1"),
+    "plane": ("Plane { size 5 -5 }", "Plane { size 1 1 }", "size 5 -5 of Plane is replaced by 1 1"),
     "cylinder": (
         "Cylinder { height 0 radius 2 subdivision 2 }",
         "Cylinder { height 1 radius 2 subdivision 3 }",
-        "height 0 of Cylinder is 1; .*subdivision 2 of Cylinder is 3",
+        "height 0 of Cylinder is replaced by 1; .*subdivision 2 of Cylinder is replaced by 3",
     ),
     "cylinder of many": ("Cylinder { subdivision 1001 }", "Cylinder { subdivision 3 }", "subdivision 1001 of Cylinder"),
     "cone": (
         "Cone { bottomRadius -1 height -2 }",
         "Cone { bottomRadius 1 height 1 }",
-        "bottomRadius -1 of Cone is 1; .*height -2 of Cone is 1",
+        "bottomRadius -1 of Cone is replaced by 1; .*height -2 of Cone is replaced by 1",
     ),
     "capsule": (
         "Capsule { radius 0 height 0 subdivision 3 }",
         "Capsule { radius 1 height 1 subdivision 4 }",
-        "radius 0 of Capsule is 1; .*height 0 of Capsule is 1; .*subdivision 3 of Capsule is 4",
+        "radius 0 of Capsule is replaced by 1; .*height 0 of Capsule is replaced by 1; .*"
+        "subdivision 3 of Capsule is replaced by 4",
     ),
     "sphere": (
         "Sphere { radius -2 subdivision 7 }",
         "Sphere { radius 1 subdivision 1 }",
-        "subdivision 7 of Sphere is 1",
+        "subdivision 7 of Sphere is replaced by 1",
     ),
     "round sphere": (
         "Sphere { ico FALSE subdivision 64 }",
         "Sphere { ico FALSE subdivision 24 }",
-        "subdivision 64 of Sphere is 24",
+        "subdivision 64 of Sphere is replaced by 24",
     ),
     "grid": (
         "ElevationGrid { xDimension 2 yDimension 2 xSpacing 0 ySpacing -1 }",
         "ElevationGrid { xDimension 2 yDimension 2 }",
-        "xSpacing 0 of ElevationGrid is 1; .*ySpacing -1 of ElevationGrid is 1",
+        "xSpacing 0 of ElevationGrid is replaced by 1; .*ySpacing -1 of ElevationGrid is replaced by 1",
     ),
     "face of no point": (
         "IndexedFaceSet { coord Coordinate { point [ 0 0 0, 1 0 0, 1 1 0, 0 1 0 ] } "
         "coordIndex [ 0 1 2 -1 0 2 4 -1 0 -3 1 -1 0 2 3 ] }",
         "IndexedFaceSet { coord Coordinate { point [ 0 0 0, 1 0 0, 1 1 0, 0 1 0 ] } coordIndex [ 0 1 2 -1 0 2 3 ] }",
-        "2 faces of IndexedFaceSet have no such point and are left out",
+        "2 faces of IndexedFaceSet have invalid indices and are skipped",
     ),
 }
 
@@ -87,13 +88,17 @@ def test_values_are_reset_as_webots_resets_them(case, tmp_path):
     assert f"{world.path}:3: " in said[0] and re.search(message, said[0])
     np.testing.assert_array_equal(world.scene["it"].vertices, wanted.scene["it"].vertices)
     np.testing.assert_array_equal(world.scene["it"].faces, wanted.scene["it"].faces)
-    with pytest.raises(FileFormatError, match=r"world.wbt: expected values that Webots takes, got others: .*wbt:3: "):
+    with pytest.raises(
+        FileFormatError, match=r"world.wbt: expected values that are valid in Webots, got others: .*wbt:3: "
+    ):
         load(tmp_path / "a", shape(wrong), strict=True)
 
 
 def test_a_grid_of_fewer_than_no_points_is_not_drawn(tmp_path):
     world, said = load(tmp_path, shape("ElevationGrid { xDimension -3 yDimension 2 }"))
-    assert "xDimension -3 of ElevationGrid is 0" in said[0] and [item.name for item in world.scene] == ["good"]
+    assert "xDimension -3 of ElevationGrid is replaced by 0" in said[0] and [item.name for item in world.scene] == [
+        "good"
+    ]
 
 
 def test_boxes_of_old_worlds_still_show_their_inside(tmp_path):
@@ -108,12 +113,20 @@ def test_one_bad_body_of_many_instances_is_named_once(tmp_path):
         "Solid { children Shape { geometry Cylinder { height IS h } } } }\n"
     )
     world, said = load(tmp_path, "Rod { h -1 } " * 30)
-    assert len(world.scene) == 31 and len(world.notes) == 1 and said[0].count("height -1 of Cylinder is 1") == 1
+    assert (
+        len(world.scene) == 31
+        and len(world.notes) == 1
+        and said[0].count("height -1 of Cylinder is replaced by 1") == 1
+    )
 
 
 def test_very_many_corrections_are_counted(tmp_path):
     world, said = load(tmp_path, "\n".join(shape("Sphere { radius 0 }") for _ in range(50)))
-    assert len(world.notes) == 50 and said[0].count("radius 0 of Sphere is 1") == 20 and "and 30 more" in said[0]
+    assert (
+        len(world.notes) == 50
+        and said[0].count("radius 0 of Sphere is replaced by 1") == 20
+        and "and 30 more" in said[0]
+    )
 
 
 # What cannot be read, and what the warning says of it.
@@ -137,7 +150,7 @@ def test_what_cannot_be_read_is_left_out(case, tmp_path):
     text, message = REFUSED[case]
     world, said = load(tmp_path, text)
     assert [item.name for item in world.scene] == ["good"]
-    assert len(said) == 1 and f"left out what cannot be read: {world.path}:3: " in said[0] and message in said[0]
+    assert len(said) == 1 and f"skipped an unreadable node: {world.path}:3: " in said[0] and message in said[0]
     assert len(world.refused) == 1 and message in world.refused[0] and not world.skipped
     with pytest.raises(FileFormatError, match=r"world.wbt:3: expected"):
         load(tmp_path, text, strict=True)
@@ -147,7 +160,11 @@ def test_what_cannot_be_read_is_left_out(case, tmp_path):
 def test_walls_and_boxes_without_extent_have_the_default_size(text, usual, tmp_path):
     world, said = load(tmp_path, text.format('name "it" size 0.7 0 2.4'))
     np.testing.assert_allclose(np.ptp(world.scene["it"].bounds, axis=0), usual, atol=1e-6)
-    assert len(said) == 1 and "world.wbt:3: for size 0.7 0 2.4 of" in said[0] and "the default size is taken" in said[0]
+    assert (
+        len(said) == 1
+        and "world.wbt:3: instead of size 0.7 0 2.4 of" in said[0]
+        and "Webots uses the default size" in said[0]
+    )
 
 
 def test_the_rest_of_a_solid_stays(tmp_path):
@@ -158,20 +175,20 @@ def test_the_rest_of_a_solid_stays(tmp_path):
     )
     assert len(world.scene["car"].faces) == 12 and list(world.devices) == ["ranger"]
     assert (world.devices["ranger"].width, world.devices["ranger"].projection) == (1, "planar")
-    assert len(world.refused) == 2 and "width 0 of RangeFinder is 1" in said[1]
-    assert "projection flat of RangeFinder is planar" in said[1]
+    assert len(world.refused) == 2 and "width 0 of RangeFinder is replaced by 1" in said[1]
+    assert "projection flat of RangeFinder is replaced by planar" in said[1]
 
 
 def test_the_vertical_axis_is_reset(tmp_path):
     world, said = load(tmp_path, 'WorldInfo { coordinateSystem "UNE" }')
-    assert world.scene.up == "z" and "coordinateSystem UNE of WorldInfo is ENU" in said[0]
+    assert world.scene.up == "z" and "coordinateSystem UNE of WorldInfo is replaced by ENU" in said[0]
     world, said = load(tmp_path, 'WorldInfo { gravity "down" }')
     assert world.scene.up == "z" and "expected numbers in 'gravity' of WorldInfo" in said[0]
 
 
 def test_scene_load_warns_alike(tmp_path):
     load(tmp_path, shape("Box { size 0 1 1 }"))
-    with pytest.warns(UserWarning, match=r"world.wbt:3: size 0 1 1 of Box is 1 1 1"):
+    with pytest.warns(UserWarning, match=r"world.wbt:3: size 0 1 1 of Box is replaced by 1 1 1"):
         assert len(Scene.load(tmp_path / "world.wbt")) == 2
     with pytest.raises(FileFormatError, match="size 0 1 1 of Box"):
         Scene.load(tmp_path / "world.wbt", strict=True)

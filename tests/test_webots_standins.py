@@ -28,7 +28,9 @@ def load(folder, text, version="R2023b", **options):
 def test_a_pedestrian_is_a_human_of_capsules(version, up, tmp_path):
     """As tall as Webots' own, with the soles on the ground, and wider than thick."""
     place = "3 0 1.27" if up == 2 else "3 1.27 0"
-    with pytest.warns(UserWarning, match=r"capsules for people, stand in for Pedestrian \(1\)") as caught:
+    with pytest.warns(
+        UserWarning, match=r"used stand-ins for Pedestrian \(1\), .*: boxes, cylinders, and capsules for people"
+    ) as caught:
         world = load(tmp_path, f'Pedestrian {{ translation {place} name "Ada" }}', version)
     assert len(caught) == 1 and world.stand_ins == {"Pedestrian": 1} and not world.skipped
     person = world.scene["Ada"]
@@ -42,7 +44,7 @@ def test_a_pedestrian_is_a_human_of_capsules(version, up, tmp_path):
 
 
 def test_a_pedestrian_stands_on_the_ground_by_default(tmp_path):
-    with pytest.warns(UserWarning, match="stand in for Pedestrian"):
+    with pytest.warns(UserWarning, match="used stand-ins for Pedestrian"):
         world = load(tmp_path, "Pedestrian { rotation 0 0 1 1.5708 }")
     assert world.scene["pedestrian"].bounds[0, 2] == pytest.approx(0, abs=0.02)
     assert world.scene["pedestrian"].bounds[1, 0] > 0.3  # it is turned: its arms are along x
@@ -53,7 +55,7 @@ def test_a_pedestrian_is_recognised(tmp_path):
         'Robot { translation 0 0 1 children Camera { name "eye" recognition Recognition { } } } '
         "Pedestrian { translation 4 0 1.27 shirtColor 1 0 0 }"
     )
-    with pytest.warns(UserWarning, match="stand in for Pedestrian"):
+    with pytest.warns(UserWarning, match="used stand-ins for Pedestrian"):
         (person,) = recognise(load(tmp_path, text), "eye")
     np.testing.assert_allclose(person.colors, [[1, 0, 0], [0.24, 0.25, 0.5]])
 
@@ -71,7 +73,7 @@ SIZES = {
 
 @pytest.mark.parametrize("kind", SIZES)
 def test_furniture_stands_on_its_origin(kind, tmp_path):
-    with pytest.warns(UserWarning, match=rf"stand in for {kind} \(2\)"):
+    with pytest.warns(UserWarning, match=rf"used stand-ins for {kind} \(2\)"):
         world = load(tmp_path, f'{kind} {{ translation 1 2 0 }} DEF OTHER {kind} {{ translation 5 0 1 name "b" }}')
     low, high = world.scene["b"].bounds
     np.testing.assert_allclose(high - low, SIZES[kind], atol=1e-6)
@@ -85,7 +87,7 @@ def test_furniture_stands_on_its_origin(kind, tmp_path):
 @pytest.mark.parametrize("version", ["R2023b", "R2021b"])
 def test_what_is_known_is_as_high_in_old_worlds(kind, version, tmp_path):
     """And as long and as wide, in whichever axes."""
-    with pytest.warns(UserWarning, match=rf"stand in for {kind} \(1\)"):
+    with pytest.warns(UserWarning, match=rf"used stand-ins for {kind} \(1\)"):
         world = load(tmp_path, f"{kind} {{ translation 0 0 0 }}", version)
     up = 2 if version == "R2023b" else 1
     size = np.ptp(world.scene.bounds, axis=0)
@@ -108,7 +110,7 @@ def test_a_sofa_has_a_seat_before_its_back(tmp_path):
     """Its seat is at knee height, its back behind it, where x is less; so it is with other seats."""
     heights = {"Sofa": (0.45, 0.7), "Armchair": (0.45, 0.7), "Chair": (0.5, 1.0), "Toilet": (0.46, 1.018)}
     for kind, (seat, back) in heights.items():
-        with pytest.warns(UserWarning, match="stand in"):
+        with pytest.warns(UserWarning, match="used stand-ins"):
             scene = load(tmp_path, f"{kind} {{ translation 0 0 0 }}").scene
         assert height_at(scene, 0.15, 0) == pytest.approx(seat, abs=1e-3), kind
         low = float(scene.bounds[0, 0])
@@ -117,7 +119,7 @@ def test_a_sofa_has_a_seat_before_its_back(tmp_path):
 
 def test_furniture_is_where_webots_puts_it_by_default(tmp_path):
     for kind, bottom in (("WashingMachine", 0.005), ("Can", -0.0011), ("Sofa", 0.0)):
-        with pytest.warns(UserWarning, match="stand in"):
+        with pytest.warns(UserWarning, match="used stand-ins"):
             world = load(tmp_path, f"{kind} {{ }}")
         assert world.scene.bounds[0, 2] == pytest.approx(bottom, abs=1e-4), kind
 
@@ -127,13 +129,13 @@ def test_cars_and_small_robots_are_robots(tmp_path):
     text = 'BmwX5Simple { translation 0 0 0.4 } E-puck { translation 9 0 0 controller "walk" sensors Camera { } }'
     with pytest.warns(UserWarning) as caught:
         world = load(tmp_path, text)
-    assert "stand in for BmwX5Simple (1), E-puck (1)" in str(caught[0].message)
-    assert "'camera' is taken to be at the origin of E-puck" in str(caught[1].message)
+    assert "used stand-ins for BmwX5Simple (1), E-puck (1)" in str(caught[0].message)
+    assert "'camera' is assumed to be at the origin of E-puck" in str(caught[1].message)
     assert world.robots == {"vehicle": ("vehicle",), "e-puck": ("e-puck",)}
     assert {item.label for item in world.scene} == {Label.ROBOT}
     assert world.devices["camera"].robot == "e-puck"
     np.testing.assert_allclose(world.scene["vehicle"].bounds, [[-0.9, -0.9, 0.3], [3.6, 0.9, 1.9]], atol=1e-6)
-    with pytest.warns(UserWarning, match="stand in for BmwX5Simple"):
+    with pytest.warns(UserWarning, match="used stand-ins for BmwX5Simple"):
         old = load(tmp_path, "BmwX5Simple { translation 0 0.4 0 }", "R2021b")
     np.testing.assert_allclose(old.scene["vehicle"].bounds, [[-0.9, 0.3, -0.9], [0.9, 1.9, 3.6]], atol=1e-6)
 
@@ -141,7 +143,7 @@ def test_cars_and_small_robots_are_robots(tmp_path):
 def test_a_long_list_of_what_is_missing_is_cut_short(tmp_path):
     """World.skipped has it all."""
     box = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
-    with pytest.warns(UserWarning, match=r"left out Thing0 \(2\), .*Thing11 \(1\), and 8 others, of which") as caught:
+    with pytest.warns(UserWarning, match=r"skipped Thing0 \(2\), .*Thing11 \(1\), and 8 others, whose files") as caught:
         world = load(tmp_path, box + " ".join(f"Thing{k} {{ }}" for k in [*range(20), 0]))
     assert len(world.skipped) == 20 and "Thing12" not in str(caught[0].message)
 
@@ -159,14 +161,14 @@ def test_what_says_its_size_is_a_box_as_large(tmp_path):
     silo = world.scene["silo"]
     np.testing.assert_allclose(silo.bounds, [[7, -2, 0], [11, 2, 5]], atol=1e-6)
     assert trimesh.Trimesh(silo.vertices, silo.faces).volume == pytest.approx(np.pi * 4 * 5, rel=0.01)  # it is round
-    with pytest.warns(UserWarning, match="stand in for Silo"):
+    with pytest.warns(UserWarning, match="used stand-ins for Silo"):
         old = load(tmp_path, "Silo { translation 9 0 0 radius 2 height 5 }", "R2021b")
     np.testing.assert_allclose(old.scene.bounds, [[7, 0, -2], [11, 5, 2]], atol=1e-6)
 
 
 def test_a_stack_of_pallets_is_as_high_as_it_says(tmp_path):
     text = 'WoodenPalletStack { } WoodenPalletStack { name "b" translation 5 0 0 palletNumber 3 palletSize 1 2 0.2 }'
-    with pytest.warns(UserWarning, match=r"stand in for WoodenPalletStack \(2\)"):
+    with pytest.warns(UserWarning, match=r"used stand-ins for WoodenPalletStack \(2\)"):
         world = load(tmp_path, text)
     sizes = [np.ptp(item.bounds, axis=0) for item in world.scene]
     np.testing.assert_allclose(sizes, [[1.2, 0.8, 1.12], [1, 2, 0.6]], atol=1e-6)
@@ -176,14 +178,14 @@ def test_a_stack_of_pallets_is_as_high_as_it_says(tmp_path):
 def test_the_ground_and_what_is_hollow_are_no_boxes(tmp_path):
     box = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
     text = box + "UnevenTerrain { size 50 50 5 } Pit { size 1 1 1 } SolidPipe { radius 1 height 1 }"
-    with pytest.warns(UserWarning, match=r"left out UnevenTerrain \(1\), Pit \(1\), SolidPipe \(1\)"):
+    with pytest.warns(UserWarning, match=r"skipped UnevenTerrain \(1\), Pit \(1\), SolidPipe \(1\)"):
         world = load(tmp_path, text)
     assert len(world.scene) == 1 and not world.stand_ins
 
 
 def test_geometry_that_says_its_size_is_a_box(tmp_path):
     text = 'Solid { name "it" children Shape { geometry TexturedBox { size 1 2 3 mapping "flat" } } }'
-    with pytest.warns(UserWarning, match=r"stand in for TexturedBox \(1\)"):
+    with pytest.warns(UserWarning, match=r"used stand-ins for TexturedBox \(1\)"):
         world = load(tmp_path, text)
     item = world.scene["it"]
     assert trimesh.Trimesh(item.vertices, item.faces).volume == pytest.approx(6)
@@ -193,14 +195,14 @@ def test_devices_in_the_slots_of_a_stand_in_are_known(tmp_path):
     slot = 'slot Solid { children Camera { name "eye" } }'
     with pytest.warns(UserWarning) as caught:
         world = load(tmp_path, f"Cart {{ translation 2 0 0 size 1 1 1 {slot} }}")
-    assert "'eye' is taken to be at the origin of Cart" in str(caught[1].message)
+    assert "'eye' is assumed to be at the origin of Cart" in str(caught[1].message)
     assert list(world.devices) == ["eye"] and len(world.scene) == 1
 
 
 def test_strict_refuses_them(tmp_path):
     box = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
     for text in ("Sofa { }", "Pedestrian { }", "Crate { size 1 1 1 }"):
-        with pytest.raises(FileFormatError, match=r"left out \w+ \(1\)"):
+        with pytest.raises(FileFormatError, match=r"skipped \w+ \(1\)"):
             load(tmp_path, box + text, strict=True)
 
 
@@ -217,7 +219,7 @@ def test_webots_own_files_are_found_by_webots_home(tmp_path, monkeypatch):
     world = load(tmp_path / "lab", "Sofa { }", strict=True)
     assert len(world.scene["real"].faces) == 4
     monkeypatch.setenv("WEBOTS_HOME", str(tmp_path / "nowhere"))
-    with pytest.raises((FileFormatError, SceneError), match="left out Sofa"):
+    with pytest.raises((FileFormatError, SceneError), match="skipped Sofa"):
         load(tmp_path / "lab", "Sofa { }", strict=True)
 
 
@@ -273,7 +275,7 @@ def test_downloads_of_another_release_are_found_for_urls_without_one(cache, tmp_
     text = 'Solid { children Shape { geometry Mesh { url "webots://projects/a.obj" } } }'
     assert len(load(tmp_path / "lab", text, "R2022b", strict=True).scene["solid"].faces) == 4
     named = text.replace("webots://", RELEASE.replace("R2023b", "R2022b"))
-    with pytest.raises(SceneError, match="left out Mesh"):
+    with pytest.raises(SceneError, match="skipped Mesh"):
         load(tmp_path / "lab", named, "R2022b")
 
 
@@ -282,7 +284,7 @@ def test_a_warning_says_where_downloads_come_from(tmp_path):
     for version, said in (("R2023b", True), ("R2022a", False)):
         with pytest.raises(SceneError) as caught:
             load(tmp_path, "Spaceship { }", version)
-        assert ("or open the world once in Webots, whose downloads are found" in str(caught.value)) == said
+        assert ("or open the world once in Webots, which downloads them" in str(caught.value)) == said
 
 
 def test_the_search_path_comes_before_the_cache(cache, tmp_path):
@@ -298,7 +300,7 @@ def test_the_search_path_comes_before_the_cache(cache, tmp_path):
 def test_a_message_of_a_download_names_its_url(cache, tmp_path):
     url = RELEASE + "projects/objects/sofa/protos/Sofa.proto"
     (cache / hashlib.sha1(url.encode()).hexdigest()).write_text(SOFA.replace("Solid {", "Solid ["))
-    with pytest.warns(UserWarning, match=rf"the file of Sofa was of no use: {url}:5: expected"):
+    with pytest.warns(UserWarning, match=rf"ignored the file of Sofa: {url}:5: expected"):
         world = load(tmp_path / "lab", f'EXTERNPROTO "{url}"\nSofa {{ }}')
     assert world.stand_ins == {"Sofa": 1}
 
@@ -354,23 +356,23 @@ def test_furniture_whose_meshes_are_missing_has_a_stand_in(tmp_path):
         world = load(tmp_path, "Sofa { translation 1 0 0 } Sofa { translation 4 0 0 }")
     assert len(caught) == 1 and not world.skipped and world.stand_ins == {"Sofa": 2}
     message = str(caught[0].message)
-    assert "stand in for Sofa (2)" in message
-    assert f"the file of Sofa was of no use: {tmp_path / 'Sofa.proto'}: Mesh meshes/lost.obj of it not found" in message
+    assert "used stand-ins for Sofa (2)" in message
+    assert f"ignored the file of Sofa: {tmp_path / 'Sofa.proto'}: its Mesh meshes/lost.obj not found" in message
     np.testing.assert_allclose(world.scene.bounds[1], [4.5, 0.9, 0.795], atol=1e-5)
-    with pytest.raises(FileFormatError, match=r"left out Mesh meshes/lost\.obj"):
+    with pytest.raises(FileFormatError, match=r"skipped Mesh meshes/lost\.obj"):
         load(tmp_path, "Sofa { }", strict=True)
 
 
 def test_a_pedestrian_whose_meshes_are_missing_is_a_human(tmp_path):
     lacking(tmp_path, "Pedestrian", f"Pose {{ children [ {LOST} {LOST} ] }}")
-    with pytest.warns(UserWarning, match=r"Mesh meshes/lost\.obj and 1 more of it not found"):
+    with pytest.warns(UserWarning, match=r"its Mesh meshes/lost\.obj and 1 more not found"):
         world = load(tmp_path, "Pedestrian { translation 0 0 1.27 }")
     assert world.scene["pedestrian"].label == Label.HUMAN and world.stand_ins == {"Pedestrian": 1}
 
 
 def test_what_is_known_exactly_comes_before_a_file_without_its_parts(tmp_path):
     lacking(tmp_path, "Wall", "WallBoard { }")
-    with pytest.warns(UserWarning, match=r"the file of Wall was of no use: .*: WallBoard of it not found") as caught:
+    with pytest.warns(UserWarning, match=r"ignored the file of Wall: .*: its WallBoard not found") as caught:
         world = load(tmp_path, "Wall { size 0.2 3 2 }")
     assert len(caught) == 1 and not world.stand_ins and not world.skipped
     np.testing.assert_allclose(np.ptp(world.scene["wall"].bounds, axis=0), [0.2, 3, 2], atol=1e-6)
@@ -379,7 +381,7 @@ def test_what_is_known_exactly_comes_before_a_file_without_its_parts(tmp_path):
 def test_whatever_says_its_size_is_a_box_only_if_nothing_of_it_is_there(tmp_path):
     lacking(tmp_path, "Crate", LOST, "field SFVec3f size 1 1 1")
     lacking(tmp_path, "Cart", f"{LOST} Shape {{ geometry Box {{ size 1 1 1 }} }}", "field SFVec3f size 5 5 5")
-    with pytest.warns(UserWarning, match=r"left out Mesh meshes/lost\.obj \(1\).*stand in for Crate \(1\)"):
+    with pytest.warns(UserWarning, match=r"skipped Mesh meshes/lost\.obj \(1\).*used stand-ins for Crate \(1\)"):
         world = load(tmp_path, "Crate { translation 0 0 4 size 1 2 3 } Cart { translation 9 0 0 size 5 5 5 }")
     assert world.stand_ins == {"Crate": 1}
     sizes = sorted(np.ptp(item.bounds, axis=0).tolist() for item in world.scene)
@@ -391,6 +393,6 @@ def test_a_file_with_a_camera_is_kept(tmp_path):
     for kind in ("E-puck", "Crate"):
         lacking(tmp_path, kind, f'{LOST} Camera {{ name "eye" }}', "field SFVec3f size 1 1 1")
         box = 'Solid { name "box" children Shape { geometry Box { size 1 1 1 } } }'
-        with pytest.warns(UserWarning, match=r"left out Mesh meshes/lost\.obj \(1\)"):
+        with pytest.warns(UserWarning, match=r"skipped Mesh meshes/lost\.obj \(1\)"):
             world = load(tmp_path, f"{box} {kind} {{ translation 1 0 0 size 1 1 1 }}")
         assert list(world.devices) == ["eye"] and not world.stand_ins and not world.devices["eye"].notes

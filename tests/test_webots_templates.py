@@ -159,7 +159,7 @@ def test_the_modules_of_javascript(project):
         ("%< if (true) { >%", "[0-9]+: .* got SyntaxError: "),
         ("%< let a = 1;", "7: expected '>%' after '%<', got the end of the file"),
         ("a %<= undefined >%", "7: .*expected '{' after undefined, got '}'"),
-        ("%< return 5; >%", "6: expected a template that makes a text, got '5'"),
+        ("%< return 5; >%", "6: expected a template that returns a text, got '5'"),
         ("%< throw null; >%", "6: .* got null"),
         ('a "%<= "\\ud800" >%"', "6: .* got UnicodeDecodeError"),
         ("a %<= 0 / 0 >%", "7: expected finite numbers, got 'NaN'"),

@@ -187,10 +187,10 @@ def test_an_arenas_floor_is_ground_and_its_walls_are_not(tmp_path):
 
 def test_scales_that_webots_corrects(tmp_path):
     text = "Transform { scale -2 0 3 children Shape { geometry Box { size 1 1 1 } } }"
-    with pytest.warns(UserWarning, match=r"world.wbt:2: scale -2 0 3 of Transform is 1 1 3"):
+    with pytest.warns(UserWarning, match=r"world.wbt:2: scale -2 0 3 of Transform is replaced by 1 1 3"):
         world = load_text(tmp_path, text, "R2022a")
     np.testing.assert_allclose(np.ptp(world.scene.bounds, axis=0), [1, 1, 3])
-    with pytest.warns(UserWarning, match=r"scale -2 0 3 of Transform is -2 1 3"):
+    with pytest.warns(UserWarning, match=r"scale -2 0 3 of Transform is replaced by -2 1 3"):
         world = load_text(tmp_path, text, "R2022b")
     np.testing.assert_allclose(np.ptp(world.scene.bounds, axis=0), [2, 1, 3])
     assert volume(world.scene, "shape") == pytest.approx(6)
@@ -203,10 +203,10 @@ def test_what_is_skipped_is_named_once(tmp_path):
         world = load_text(tmp_path, text, search_path=[tmp_path / "protos"])
     assert len(caught) == 1
     message = str(caught[0].message)
-    assert "world.wbt: left out Spaceship (2), Comet (1), Mesh none.obj (1)" in message and "protos" in message
+    assert "world.wbt: skipped Spaceship (2), Comet (1), Mesh none.obj (1)" in message and "protos" in message
     assert world.skipped == {"Spaceship": 2, "Comet": 1, "Mesh none.obj": 1}
     assert "Spaceship: skipped" in world.tree
-    with pytest.raises(FileFormatError, match=r"left out Spaceship \(2\)"):
+    with pytest.raises(FileFormatError, match=r"skipped Spaceship \(2\)"):
         load_text(tmp_path, text, strict=True)
 
 
@@ -294,7 +294,7 @@ def test_nodes_in_what_is_skipped_are_counted(tmp_path):
     """They are in no image: where the fields of a PROTO put them only its file says."""
     limb = solid("translation 1 0 0")
     text = f"{solid('')} OwnJoint {{ endPoint {limb} }} OwnJoint {{ endPoint {limb} other NULL }} Ghost {{ }}"
-    with pytest.warns(UserWarning, match=r"left out OwnJoint \(2 with 6 nodes in it\), Ghost \(1\), of which"):
+    with pytest.warns(UserWarning, match=r"skipped OwnJoint \(2 with 6 nodes in it\), Ghost \(1\), whose files"):
         world = load_text(tmp_path, text)
     assert world.skipped == {"OwnJoint": 2, "Ghost": 1} and len(world.scene) == 1
 
@@ -305,9 +305,7 @@ def test_a_proto_file_of_no_use_is_named(tmp_path):
         "#VRML_SIM R2023b utf8\nPROTO WoodenBox [ ] {\n Solid { ] }\n}\n"
     )
     text, files = "WoodenBox { }", [tmp_path / "files"]
-    with pytest.warns(
-        UserWarning, match=r"the file of WoodenBox was of no use: .*WoodenBox.proto:3: expected"
-    ) as caught:
+    with pytest.warns(UserWarning, match=r"ignored the file of WoodenBox: .*WoodenBox.proto:3: expected") as caught:
         assert len(load_text(tmp_path, text, search_path=files).scene) == 1  # by the own expander
     assert len(caught) == 1
     with pytest.raises(FileFormatError, match=r"WoodenBox.proto:3: expected"):
@@ -355,7 +353,7 @@ def test_an_instance_is_one_object(tmp_path):
 
 def test_geometry_without_triangles_and_without_a_file(tmp_path):
     text = solid('name "dots"', "PointSet { }") + solid('name "what"', "Blob { }") + solid('name "box"')
-    with pytest.warns(UserWarning, match=r"left out Blob \(1\)"):
+    with pytest.warns(UserWarning, match=r"skipped Blob \(1\)"):
         world = load_text(tmp_path, text)
     assert [item.name for item in world.scene] == ["box"] and world.skipped == {"Blob": 1}
 
@@ -367,14 +365,14 @@ def test_meshes_are_found_on_the_search_path(tmp_path):
     for root in ("webots://", "https://raw.githubusercontent.com/cyberbotics/webots/R2023b/"):
         text = solid("", f'Mesh {{ url "{root}projects/things/a.obj" }}')
         assert len(load_text(tmp_path, text, search_path=[tmp_path / "webots"], strict=True).scene["solid"].faces) == 4
-        with pytest.raises(SceneError, match=r"left out Mesh .*; nothing is left"):
+        with pytest.raises(SceneError, match=r"skipped Mesh .*; no triangles remain"):
             load_text(tmp_path, text)
 
 
 def test_urls_of_webots_own_folders_do_not_lead_out_of_the_search_path(tmp_path):
     (tmp_path / "webots").mkdir()
     text = solid("", f'Mesh {{ url "webots://{(WORLDS / "tetrahedron.obj").resolve()}" }}')
-    with pytest.raises(SceneError, match=r"left out Mesh .*; nothing is left"):
+    with pytest.raises(SceneError, match=r"skipped Mesh .*; no triangles remain"):
         load_text(tmp_path, text, search_path=[tmp_path / "webots"])
 
 
@@ -403,11 +401,12 @@ BAD = {
     "children of numbers": (lambda folder: load_text(folder, "Solid { children [ 1 2 ] }"), "expected nodes in 'child"),
     "coordinate system": (
         lambda folder: load_text(folder, 'WorldInfo { coordinateSystem "UNE" }' + solid(""), strict=True),
-        "expected values that Webots takes, got others: .*world.wbt:2: coordinateSystem UNE of WorldInfo is ENU",
+        "expected values that are valid in Webots, got others: .*world.wbt:2: "
+        "coordinateSystem UNE of WorldInfo is replaced by ENU",
     ),
     "negative radius": (
         lambda folder: load_text(folder, solid("", "Sphere { radius -1 }"), strict=True),
-        "world.wbt:2: radius -1 of Sphere is 1",
+        "world.wbt:2: radius -1 of Sphere is replaced by 1",
     ),
     "beyond all": (
         lambda folder: load_text(folder, "\n" + solid("translation 1e30 0 0")),
@@ -464,7 +463,7 @@ def test_info_prints_the_tree(tmp_path):
     assert "device  'range-finder' of 'robot': range-finder, 320x240" in result.stdout
     assert "left out  Spaceship (1)" in result.stdout
     assert "stand-in  Can (1)" in result.stdout
-    assert "warning: world.wbt: left out Spaceship (1)" in result.stderr
+    assert "warning: world.wbt: skipped Spaceship (1)" in result.stderr
 
 
 def test_render_writes_every_range_finder(tmp_path):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read Webots' worlds, from V6.0 to R2025a, and give the depth images that their range finders and lidars give."""
+"""Webots worlds, from V6.0 to R2025a: scenes, and the images of their range finders, lidars and cameras."""
 
 from __future__ import annotations
 

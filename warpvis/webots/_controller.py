@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Inside a Webots controller: what its range finder measures, labelled and mapped."""
+"""Range finders inside a running Webots controller: depth, poses, points, labels and floor maps."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NO_IMAGE = "the range finder has no image: enable() it and step the simulation 
 
 
 class RangeFinder(Protocol):
-    """What is asked of a range finder of Webots' package `controller`."""
+    """The methods of `controller.RangeFinder`, of Webots' Python package, that are called."""
 
     def getWidth(self) -> int:
         """Return the image's width [px]."""
@@ -38,36 +38,36 @@ class RangeFinder(Protocol):
         """Return the horizontal field of view [rad]."""
 
     def getMinRange(self) -> float:
-        """Return the least range that is measured [m]."""
+        """Return the minimum range [m]."""
 
     def getMaxRange(self) -> float:
-        """Return the greatest range that is measured [m]."""
+        """Return the maximum range [m]."""
 
     def getRangeImage(
         self, data_type: str = "list"
     ) -> Sequence[float] | bytes | bytearray | memoryview | ctypes._Pointer[ctypes.c_float] | None:
-        """Return the newest image, row by row; None before there is one. Older releases know no `data_type`."""
+        """Return the latest image in row-major order, or None before the first one. Older releases lack `data_type`."""
 
 
 class SupervisorNode(Protocol):
-    """What is asked of a node of Webots' package `controller`."""
+    """The methods of `controller.Node`, of Webots' Python package, that are called."""
 
     def getPosition(self) -> Sequence[float]:
-        """Return the node's origin in the world [m], 3 numbers."""
+        """Return the node's origin in the world [m], 3 values."""
 
     def getOrientation(self) -> Sequence[float]:
-        """Return the rotation node to world, a 3x3 matrix row by row, 9 numbers."""
+        """Return the node-to-world rotation, a 3x3 matrix in row-major order, 9 values."""
 
 
 class SupervisorRobot(Protocol):
-    """What is asked of a `Supervisor` of Webots' package `controller`."""
+    """The method of `controller.Supervisor`, of Webots' Python package, that is called."""
 
     def getFromDevice(self, device: Any, /) -> SupervisorNode | None:
-        """Return a device's node: of the device itself up to R2022b, of its tag from R2023a on."""
+        """Return the node of a device, passed as the device up to R2022b and as its tag from R2023a on."""
 
 
 class ClassifyOptions(TypedDict, total=False):
-    """Options of `warpvis.classify`, but for the camera's axes and the world's."""
+    """Options of `warpvis.classify`, except the axes of the camera and the world."""
 
     spheres: Sequence[Sphere] | ArrayLike
     ground_tolerance: float
@@ -80,7 +80,7 @@ class ClassifyOptions(TypedDict, total=False):
 
 
 class DepthEye:
-    """A range finder of a running Webots simulation, and where it is.
+    """A range finder of a running Webots simulation, and its pose.
 
     Example:
         >>> robot = Supervisor()  # of Webots' package `controller`
@@ -102,23 +102,26 @@ class DepthEye:
         version: str | Version = "R2023b",
         near: float = 0.01,
     ) -> None:
-        """Take a device and what knows where it is; it needs no more of Webots than the methods named here.
+        """Connect to a range finder and, optionally, to a node that provides its pose.
+
+        Only the methods named here are called, so stand-ins for Webots' classes work as well.
 
         Args:
-            range_finder: What `Robot.getDevice` gives: `getWidth`, `getHeight`, `getFov`, `getMinRange`,
-                `getMaxRange`, `getRangeImage`. Its projection must be planar.
-            robot: The controller's `Supervisor`, which is asked for the range finder's own node; the robot's field
+            range_finder: A device from `Robot.getDevice`, with `getWidth`, `getHeight`, `getFov`, `getMinRange`,
+                `getMaxRange` and `getRangeImage`. Its projection must be planar.
+            robot: The controller's `Supervisor`, which finds the node of the range finder. The robot's field
                 `supervisor` must be TRUE.
-            node: In its place, the node whose pose is asked for: `getPosition` and `getOrientation` of what, for
-                example, `Supervisor.getSelf` gives. Without either, poses are given to each call.
-            translation: The range finder's place in the frame of `node` [m], as its field says, shape ``(3,)``.
-            rotation: Its rotation there, axis and angle [rad], shape ``(4,)``.
-            version: Version of Webots. Up to R2021b cameras look along -z and depth is biased, which is undone; from
-                R2022a on they look along x.
-            near: The device's field `near` [m], which the bias depends on.
+            node: Alternatively, a node with `getPosition` and `getOrientation`, for example from
+                `Supervisor.getSelf`. Without `robot` and `node`, each call needs `node_pose`.
+            translation: Position of the range finder in the frame of `node` [m], its field `translation`, shape
+                ``(3,)``.
+            rotation: Its rotation in that frame, axis and angle [rad], its field `rotation`, shape ``(4,)``.
+            version: Webots release. Up to R2021b, cameras look along -z and their depth is biased; the bias is
+                removed. From R2022a on, cameras look along x.
+            near: The device's field `near` [m], which determines the bias.
 
         Raises:
-            WarpvisError: An argument is not what it has to be, or `robot` finds no node of the range finder.
+            WarpvisError: If an argument is invalid, or `robot` finds no node of the range finder.
         """
         self._version = as_version(version)
         place, turn = as_numpy(translation, name="translation"), as_numpy(rotation, name="rotation")
@@ -130,7 +133,7 @@ class DepthEye:
         asked = ("getWidth", "getHeight", "getFov", "getMinRange", "getMaxRange", "getRangeImage")
         missing = [name for name in asked if not callable(getattr(range_finder, name, None))]
         if missing:
-            raise ArrayError(f"range_finder must be a device of Webots, with {missing[0]}(), got {range_finder!r}")
+            raise ArrayError(f"range_finder must be a Webots device with {missing[0]}(), got {range_finder!r}")
         if robot is not None:
             if node is not None:
                 raise PoseError("give robot or node, not both: robot finds the range finder's own node")
@@ -143,15 +146,16 @@ class DepthEye:
             near=range_finder.getMinRange(),
             far=range_finder.getMaxRange(),
         )
-        """The device as a camera."""
+        """The device as a pinhole camera."""
 
     def depth(self) -> NDArray[np.float32]:
-        """Read the device's image as planar depth [m], shape ``(H, W)``; NaN where it has no image yet, which is 0.
+        """Read the device's image as planar depth [m], shape ``(H, W)``.
 
-        +inf is nothing in its range or, since Webots does not tell them apart, something nearer than its least range.
+        Pixels that Webots has not rendered yet, whose range is 0, are NaN. +inf means that nothing is in range or that
+        something is nearer than the minimum range: Webots does not distinguish them.
 
         Raises:
-            ArrayError: There is no image yet, or it is of another size than the device.
+            ArrayError: If there is no image yet, or its size differs from the device's.
         """
         values = self._values()
         far, size = self.camera.far, (self.camera.height, self.camera.width)
@@ -165,15 +169,15 @@ class DepthEye:
         return np.where(missing, np.float32(np.nan), values).reshape(size)
 
     def pose(self, node_pose: ArrayLike | None = None, *, quaternion: QuaternionOrder = "xyzw") -> NDArray[np.float64]:
-        """Compute where the camera is: OpenCV camera to world, ``x y z qx qy qz qw`` [m], shape ``(7,)``.
+        """Compute the camera's pose: OpenCV camera to world, ``x y z qx qy qz qw`` [m], shape ``(7,)``.
 
         Args:
-            node_pose: Pose of the node in the world, ``x y z qx qy qz qw`` or a 4x4 matrix; by default the node is
-                asked.
+            node_pose: Pose of the node in the world, ``x y z qx qy qz qw`` or a 4x4 matrix. By default it is read
+                from the node.
             quaternion: Order of the quaternion in a `node_pose` of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
 
         Raises:
-            PoseError: The pose is none, or there is no node to ask.
+            PoseError: If `node_pose` is invalid, or neither it nor a node is given.
         """
         node_pose = to_xyzw(node_pose, quaternion, "node_pose")
         if node_pose is None:
@@ -197,19 +201,19 @@ class DepthEye:
         quaternion: QuaternionOrder = "xyzw",
         **options: Unpack[ClassifyOptions],
     ) -> wp.array:
-        """Label the pixels by the paper's cases.
+        """Label the pixels as `warpvis.classify` does.
 
         Args:
             node_pose: As for `pose`.
             up: The world's vertical axis.
             quaternion: As for `pose`.
-            **options: Of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
+            **options: Options of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
 
         Returns:
             `Label` values, shape ``(1, H, W)`` uint8.
 
         Raises:
-            WarpvisError: An argument is not what it has to be.
+            WarpvisError: If an argument is invalid.
         """
         return classify(self.depth(), self.camera, self.pose(node_pose, quaternion=quaternion), up=up, **options)
 
@@ -223,20 +227,20 @@ class DepthEye:
         quaternion: QuaternionOrder = "xyzw",
         **options: Unpack[ClassifyOptions],
     ) -> FloorMap:
-        """Project what is seen to the floor.
+        """Project the labeled points to a floor map.
 
         Args:
             node_pose: As for `pose`.
             bounds: As for `warpvis.floor_map`.
-            cell_size: Likewise.
+            cell_size: As for `warpvis.floor_map` [m].
             up: The world's vertical axis.
             quaternion: As for `pose`.
-            **options: Of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
+            **options: Options of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
 
         Raises:
-            WarpvisError: An argument is not what it has to be.
+            WarpvisError: If an argument is invalid.
         """
-        depth, pose = self.depth(), self.pose(node_pose, quaternion=quaternion)  # once: the simulation goes on
+        depth, pose = self.depth(), self.pose(node_pose, quaternion=quaternion)  # read once: the simulation advances
         labels = classify(depth, self.camera, pose, up=up, **options)
         points = back_project(depth, self.camera, pose)
         return floor_map(
@@ -249,13 +253,13 @@ class DepthEye:
         )
 
     def _values(self) -> NDArray[np.float32]:
-        """Read the device's flat image: a list, a buffer of single precision, or a pointer to one."""
+        """Read the device's flat image, which is a list, a float32 buffer, or a pointer to one."""
         period = getattr(self._device, "getSamplingPeriod", None)
-        if callable(period) and not period():  # up to R2022b the buffer is then memory that nothing was written to
+        if callable(period) and not period():  # up to R2022b, the buffer of a disabled device is uninitialized
             raise ArrayError(_NO_IMAGE)
         try:
             image = self._device.getRangeImage(data_type="buffer")
-        except TypeError:  # older releases know no kinds
+        except TypeError:  # older releases lack data_type
             image = self._device.getRangeImage()
         if image is None or (isinstance(image, ctypes._Pointer) and not image):
             raise ArrayError(_NO_IMAGE)
@@ -263,13 +267,13 @@ class DepthEye:
             return np.ctypeslib.as_array(image, shape=(self.camera.height * self.camera.width,)).copy()
         if isinstance(image, bytes | bytearray | memoryview):
             if len(memoryview(image).cast("B")) % 4:
-                raise ArrayError(f"the range image must be single precision numbers, got {len(image)} bytes")
+                raise ArrayError(f"the range image must be float32 values of 4 bytes, got {len(image)} bytes")
             return np.frombuffer(image, dtype=np.float32)
         return as_numpy(image, name="the range image").astype(np.float32).ravel()
 
     def _ask_node(self) -> NDArray[np.float64]:
         if self._node is None:
-            raise PoseError("give node_pose, or the eye a node to ask: DepthEye(range_finder, node=...)")
+            raise PoseError("node_pose must be given, or the DepthEye needs a node: DepthEye(range_finder, node=...)")
         matrix = np.eye(4)
         matrix[:3, 3] = np.asarray(self._node.getPosition(), dtype=np.float64)
         matrix[:3, :3] = np.asarray(self._node.getOrientation(), dtype=np.float64).reshape(3, 3)
@@ -277,14 +281,14 @@ class DepthEye:
 
 
 def _node_of(robot: SupervisorRobot, device: RangeFinder) -> SupervisorNode:
-    """Find a device's node.
+    """Find the node of a device.
 
-    Up to R2022b `Supervisor.getFromDevice` takes the device and no tag. From R2023a on, where the library calls C
-    through ctypes, it takes the tag and no device; only devices of that library have one.
+    Up to R2022b, `Supervisor.getFromDevice` accepts only the device. From R2023a on, where the library calls C through
+    ctypes, it accepts only the tag; only devices of that library have one.
     """
     find = getattr(robot, "getFromDevice", None)
     if not callable(find):
-        raise PoseError(f"robot must be a Supervisor of Webots, with getFromDevice(), got {robot!r}")
+        raise PoseError(f"robot must be a Webots Supervisor with getFromDevice(), got {robot!r}")
     found: SupervisorNode | None = find(getattr(device, "_tag", device))
     if found is None:
         raise PoseError("robot finds no node of the range finder: its field supervisor must be TRUE")

@@ -1,34 +1,34 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras that are PROTOs in Webots, as nodes, for worlds whose PROTO files are not at hand.
+"""Built-in replacements of Webots' depth camera PROTOs, for worlds whose PROTO files are not available.
 
 Fields are those of Webots' user guide (https://cyberbotics.com/doc/guide, the pages Range-Finder Sensors and Camera
-Sensors); places are measured at what the PROTO files of R2021c to R2025a make.
+Sensors). Positions were measured on the nodes that the PROTO files of R2021c to R2025a expand to.
 """
 
 from __future__ import annotations
 
 from warpvis.webots._nodes import Node, Value, Version, new_node
 
-_KINECT_HEAD, _KINECT_SIZE = 0.05, (0.28, 0.038, 0.064)  # height above its foot; to the right, up and back [m]
-_KINECT_OFF = 0.0127  # of the two sensors from its middle [m]
+_KINECT_HEAD, _KINECT_SIZE = 0.05, (0.28, 0.038, 0.064)  # height above the foot; size to the right, up and back [m]
+_KINECT_OFF = 0.0127  # distance of the two sensors from the center [m]
 _KINECT_TURNED = (-0.5774, 0.5773, 0.5774, -2.0944), (0.577351, -0.577351, -0.577351, -2.09439)
 _ASTRA_FIELD_OF_VIEW, _ASTRA_RANGE = 1.04, (0.6, 8.0)
 
 DEPTH_CAMERAS = ("Kinect", "Astra")
-"""The PROTOs that `expand_depth_camera` knows."""
+"""The PROTOs that `expand_depth_camera` expands."""
 
 
 def expand_depth_camera(node: Node) -> Node | None:
-    """Make the node that such a PROTO stands for, without the meshes of its body.
+    """Build the Solid that such a PROTO expands to, without the meshes of its body.
 
     Kinect: a head of 0.28 m x 0.038 m x 0.064 m, the bounding box of its mesh, 0.05 m above a foot that is not drawn,
-    with the range finder ``"<cameraName> range"`` and the camera ``"<cameraName> color"``. They are 12.7 mm to the left
-    and to the right of its middle, and since R2022a both 12.7 mm before it. Since then, too, the head of one with
-    ``foot FALSE`` looks along -z of the Kinect's own axes, with y up, as before.
+    with the range finder ``"<cameraName> range"`` and the camera ``"<cameraName> color"``. Up to R2021b they are
+    12.7 mm to the left and to the right of the center; since R2022a both are 12.7 mm in front of it. In all releases,
+    the head of a Kinect with ``foot FALSE`` looks along -z of the Kinect's axes, with y up.
 
     Astra: two boxes, the bounding object of its mesh, with the range finder ``"<name> depth"`` and the camera
-    ``"<name> rgb"`` before them.
+    ``"<name> rgb"`` in front of them.
 
     Returns:
         A Solid, or None for other types.
@@ -44,7 +44,7 @@ def _kinect(node: Node) -> Node:
     camera: dict[str, Value] = {"fieldOfView": [1.0], "width": [width], "height": [height]}
     left, right = [-_KINECT_OFF, 0.0, 0.0], [_KINECT_OFF, 0.0, 0.0]
     head: dict[str, Value] = {}
-    if z_up:  # the head's own axes are still those of before
+    if z_up:  # the head still has its axes of releases before R2022a
         left = right = [0.0, 0.0, -_KINECT_OFF]
         camera["rotation"] = [*_KINECT_TURNED[1]]
     if foot:
@@ -67,7 +67,7 @@ def _kinect(node: Node) -> Node:
 def _astra(node: Node) -> Node:
     camera: dict[str, Value] = {"fieldOfView": [_ASTRA_FIELD_OF_VIEW], "width": [640.0], "height": [480.0]}
     name = node.text("name", "Astra")
-    # Forward and up of the origin: it was in the middle of the body, and is at the foot since R2023a.
+    # Offset of the body's center from the origin, which was at the center and is at the foot since R2023a.
     forward, up = (0.007, 0.027) if node.version >= Version(2023, 1) else (0.0, 0.0)
     ranges: dict[str, Value] = {
         "name": [f"{name} depth"],
@@ -93,7 +93,7 @@ def _placed(node: Node) -> dict[str, Value]:
 
 
 def _axes(node: Node, forward: float, left: float, up: float) -> tuple[float, float, float]:
-    """Turn lengths into the axes of the node's version: x forward and z up, or x to the right and y up."""
+    """Order lengths along the axes of the node's version: x forward and z up, or x to the right and y up."""
     return (forward, left, up) if node.version.z_up else (-left, up, -forward)
 
 

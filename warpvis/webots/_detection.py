@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The rules by which Webots recognises a Solid (``src/webots/nodes/utils/WbObjectDetection.cpp`` and ``WbCamera.cpp``).
+"""Webots' rules for recognizing a Solid (``src/webots/nodes/utils/WbObjectDetection.cpp`` and ``WbCamera.cpp``).
 
-Vectors here are in the camera's own frame: x forward, y to the left, z up.
+Vectors are in the camera frame: x forward, y to the left, z up.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from warpvis.webots.shapes._geometry import Resolve
 
 _RIGHT, _BOTTOM, _LEFT, _TOP = range(4)
 
-# Up to this vertical field of view [rad] Webots draws a wide image by cameras side by side, which it makes so much
-# higher than the image (`WbWrenCamera::setupSphericalSubCameras`).
+# Up to this vertical field of view [rad], Webots renders a wide image by cameras side by side, whose vertical field of
+# view is enlarged by this factor (`WbWrenCamera::setupSphericalSubCameras`).
 _ONE_CAMERA_HIGH, _HIGHER = 1.230959417, 1.27
 
 
 class Box(NamedTuple):
-    """What of a Solid is within the frustum, as a box along the camera's axes [m]."""
+    """Bounding box, along the camera's axes, of the part of a Solid within the frustum [m]."""
 
     middle: NDArray[np.float64]
     size: NDArray[np.float64]
     round: bool
-    """Whether spheres alone make it."""
+    """Whether it bounds spheres only."""
 
     def corners(self) -> NDArray[np.float64]:
-        """List the corners about the middle, or of a sphere the ends of its axes, to which occlusion 2 sends rays."""
+        """List the targets of rays in occlusion mode 2, relative to the middle: corners, or a sphere's axis ends."""
         if self.round:
             ends = np.kron(np.eye(3), [[1.0], [-1.0]])
         else:
@@ -44,16 +44,16 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class Frustum:
-    """The four sides of what a camera shows, through its origin."""
+    """The four side planes of a camera's frustum, through its origin."""
 
     device: Device
     inwards: NDArray[np.float64]
-    """Normals of length 1, right, bottom, left and top, shape ``(4, 3)``: inwards, but of a camera that sees more than
-    half of all directions, outwards."""
+    """Unit normals of the right, bottom, left and top planes, shape ``(4, 3)``: inward, but outward for a camera whose
+    field of view exceeds a hemisphere."""
 
     @classmethod
     def of(cls, device: Device) -> Frustum:
-        """Compute the sides."""
+        """Compute the side planes of a device."""
         x, y, z = _corner(device)
         right, left = np.array([(x, -y, z), (x, -y, -z)]), np.array([(x, y, z), (x, y, -z)])
         sides = ((right[0], right[1]), (right[1], left[1]), (left[1], left[0]), (left[0], right[0]))
@@ -62,16 +62,16 @@ class Frustum:
 
     @property
     def sees_around(self) -> bool:
-        """Whether the camera sees more than half of all directions."""
+        """Whether the field of view exceeds a hemisphere."""
         return self.device.fov > math.pi
 
     def box(self, extent: Extent, eye: NDArray[np.float64], axes: NDArray[np.float64], resolve: Resolve) -> Box | None:
-        """Compute the box of what of a Solid is within; None if nothing is.
+        """Compute the box of the part of a Solid within the frustum; None if no part is.
 
         Args:
             extent: The Solid.
-            eye: The camera's place in the world [m], shape ``(3,)``.
-            axes: The camera's axes in the world, a row each.
+            eye: Position of the camera in the world [m], shape ``(3,)``.
+            axes: Axes of the camera in the world, one per row.
             resolve: Finds the files of meshes.
         """
         found: Box | None = None
@@ -89,7 +89,7 @@ class Frustum:
         return found
 
     def _of_points(self, points: NDArray[np.float64]) -> Box | None:
-        """Move what is outside to the sides, one after the other; what is behind the camera stays where it is."""
+        """Project outside points onto the side planes, one after the other; points behind the camera are not moved."""
         if self.sees_around:
             return self._of_points_around(points)
         ahead, behind = points[points[:, 0] > 0], points[points[:, 0] <= 0]
@@ -102,7 +102,7 @@ class Frustum:
             ahead = np.where(outside[:, None], ahead - np.outer(ahead @ normal, normal), ahead)
             beyond[side], within[side] = outside.any(), (~outside).any()
             inside &= ~outside
-        if not inside.any():  # none is inside: it may still cross what is shown
+        if not inside.any():  # no point is inside, but the hull may still cross the frustum
             across = beyond[[_RIGHT, _LEFT]].all() and within[[_BOTTOM, _TOP]].all()
             upright = beyond[[_BOTTOM, _TOP]].all() and within[[_RIGHT, _LEFT]].all()
             if not (across or upright):
@@ -112,7 +112,7 @@ class Frustum:
         return Box((low + high) / 2, high - low, False)
 
     def _of_points_around(self, points: NDArray[np.float64]) -> Box | None:
-        """Move what is behind the camera and outside of all four sides to the one that it is farthest from."""
+        """Project points behind the camera and outside all side planes onto the farthest of these planes."""
         distances = points @ self.inwards.T
         outside = (points[:, 0] <= 0) & (distances >= 0).all(axis=1)
         if outside.all():
@@ -124,7 +124,7 @@ class Frustum:
         return Box((low + high) / 2, high - low, False)
 
     def _of_round(self, middle: NDArray[np.float64], bound: Bound, axes: NDArray[np.float64]) -> Box | None:
-        """Cut off what is outside of each side, by the distance of the middle from it."""
+        """Cut off the part outside each side plane, by the distance of the middle from the plane."""
         size = np.full(3, 2 * bound.radius)
         if bound.axis is not None:
             along = np.abs(axes @ bound.axis)
@@ -143,7 +143,7 @@ class Frustum:
         return Box(middle, size, bound.axis is None)
 
     def on_image(self, box: Box) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Compute the middle and the size of a box on the image [px], without the lens."""
+        """Compute the middle and the size of a box in the image [px], without lens distortion."""
         points = box.middle + box.corners()
         if self.device.projection == "planar":
             place = self._planar(points)
@@ -156,15 +156,15 @@ class Frustum:
         return (int(middle[0]), int(middle[1])), (int(high[0] - low[0]), int(high[1] - low[1]))
 
     def _planar(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compute places in the image, from -1/2 to 1/2 to the right and downwards, shape ``(n, 2)``."""
+        """Project points to image coordinates from -1/2 to 1/2, right and down, shape ``(n, 2)``."""
         ahead = np.where(np.abs(points[:, :1]) > 0, np.abs(points[:, :1]), 1e-300)
         sideways, slopes = -points[:, 1:], _slopes(self.device)
         return np.where(points[:, :1] < 0, np.where(sideways < 0, -0.5, 0.5), 0.5 * sideways / ahead / slopes)
 
     def _wide(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compute the same of an image in steps of angle.
+        """Project points to the same coordinates of a cylindrical or spherical image.
 
-        Exactly ahead and behind Webots divides 0 by 0; here it is as close by.
+        On the forward axis, where Webots divides 0 by 0, the result is the limit.
         """
         device, (x, y, z) = self.device, points.T
         if device.projection == "spherical":
@@ -180,14 +180,14 @@ class Frustum:
 
 
 def _slopes(device: Device) -> NDArray[np.float64]:
-    """Compute tangents of half the fields of view of square pixels, horizontal and vertical."""
+    """Compute the tangents of half the horizontal and vertical fields of view, for square pixels."""
     return math.tan(device.fov / 2) * np.array([1.0, device.height / device.width])
 
 
 def _corner(device: Device) -> tuple[float, float, float]:
-    """Compute where the upper left corner of what a camera shows is, as Webots has it.
+    """Compute the upper left corner of the frustum as Webots does.
 
-    Of wide images these are corners by planar formulas of a field of view that is no planar image's.
+    For wide images too, Webots uses the formulas of a planar projection.
     """
     half = device.fov / 2
     if device.projection == "planar":
@@ -209,13 +209,13 @@ def _merge(one: Box, other: Box) -> Box:
 
 
 def is_hidden(lengths: NDArray[np.float64], hits: NDArray[np.float64], size: NDArray[np.float64]) -> bool:
-    """Tell whether rays to a Solid all end before it, by more than half of its size.
+    """Return whether all rays to a Solid end before it, by more than half of its size.
 
     Args:
-        lengths: Of the rays [m], shape ``(n,)``: one to the Solid's origin, or those to the corners of its box.
-        hits: How far the first obstacle is along each [m], inf for none.
-        size: Of its box [m]; ray `i` is compared with the length along axis ``i // 2``, in Webots' order.
+        lengths: Lengths of the rays [m], shape ``(n,)``: one to the Solid's origin, or one to each corner of its box.
+        hits: Distance to the first obstacle along each ray [m], inf for none.
+        size: Size of the Solid's box [m]. Ray `i` is compared with the length along axis ``i // 2``, as in Webots.
     """
     before = np.where(hits < lengths, lengths - hits, 0.0)
-    axis = np.minimum(np.arange(len(lengths)) // 2, 2)  # Webots reads beyond the vector for the last two of eight
+    axis = np.minimum(np.arange(len(lengths)) // 2, 2)  # for rays 6 and 7 of 8, Webots reads past the vector
     return bool((before > 0.5 * size[axis]).all())

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Range finders and cameras of Webots worlds: where they are, what they measure, and the images they give."""
+"""Range finders and cameras of Webots worlds: their poses and parameters."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ Projection = Literal["planar", "cylindrical", "spherical"]
 PROJECTIONS: tuple[Projection, ...] = ("planar", "cylindrical", "spherical")
 
 DEFAULT_FOV = 0.785398
-"""Field of view that Webots takes where none or a wrong one is given [rad]."""
+"""Webots' default field of view, which also replaces invalid ones [rad]."""
 
 
 @dataclass(frozen=True)
 class Lens:
-    """Brown's model of distortion, a `Lens` node."""
+    """A `Lens` node: Brown's distortion model."""
 
     center: tuple[float, float] = (0.5, 0.5)
-    """Centre of the distortion, in widths from the left and heights from the bottom of the image."""
+    """Center of the distortion, in widths from the left and heights from the bottom of the image."""
     radial: tuple[float, float] = (0.0, 0.0)
     """Radial coefficients."""
     tangential: tuple[float, float] = (0.0, 0.0)
@@ -44,9 +44,9 @@ class Device:
     """A range finder or a camera of a Webots world."""
 
     name: str
-    """What its controller calls it."""
+    """Name for the controller."""
     robot: str
-    """Name of the robot that it is part of; empty if it is part of none."""
+    """Name of its robot; empty without a robot."""
     kind: Kind
     """``"range-finder"``, ``"kinect"`` for the range finder of a Kinect, or ``"camera"``."""
     width: int
@@ -56,85 +56,85 @@ class Device:
     fov: float
     """Horizontal field of view [rad]."""
     near: float
-    """Nearer than this Webots draws nothing, so that it hides nothing either [m]."""
+    """Distance of Webots' near clipping plane [m]: nearer geometry is neither drawn nor occludes."""
     min_range: float
-    """Least range that is measured [m]."""
+    """Minimum range [m]."""
     max_range: float
-    """Greatest range that is measured [m]; infinite for a camera without `far`."""
+    """Maximum range [m]; infinite for a camera without `far`."""
     projection: Projection
-    """``"planar"``, a pinhole's; or ``"cylindrical"``, ``"spherical"``."""
+    """``"planar"`` (pinhole), ``"cylindrical"`` or ``"spherical"``."""
     noise: float
-    """The file's `noise`."""
+    """The node's field `noise`."""
     resolution: float
-    """Step of the ranges [m], or -1."""
+    """Resolution of the ranges [m], or -1 for none."""
     lens: Lens | None
-    """Its distortion, if any."""
+    """Lens distortion, if any."""
     pose: NDArray[np.float64]
     """OpenCV camera to world, ``x y z qx qy qz qw``, shape ``(7,)``."""
     version: Version
-    """Version of the file that it is in, which decides about the device's axes."""
+    """Version of its file, which determines the device's axes."""
     recognition: Node | None = None
     """A camera's `Recognition` node."""
     notes: tuple[str, ...] = ()
-    """What was corrected in its fields, as Webots corrects it."""
+    """Corrections of invalid fields, the same that Webots makes."""
 
     @property
     def measures(self) -> bool:
-        """Whether its images are ranges."""
+        """Whether it measures ranges."""
         return self.kind != "camera"
 
     @property
     def bends(self) -> bool:
-        """Whether Webots bends its image, which is planar, by a `Lens` with coefficients other than 0."""
+        """Whether Webots distorts its image: the projection is planar and its `Lens` has nonzero coefficients."""
         bent = self.lens is not None and any((*self.lens.radial, *self.lens.tangential))
         return bent and self.projection == "planar"
 
     @property
     def camera(self) -> Camera:
-        """The device as a pinhole camera without its `lens`, whose depth range is what it measures.
+        """The device as a pinhole camera without its `lens`, with the device's range limits.
 
-        Its vertical field of view is that of square pixels, ``2 atan(tan(fov / 2) height / width)``, in all versions.
+        In all versions pixels are square: the vertical field of view is ``2 atan(tan(fov / 2) height / width)``.
 
         Raises:
-            SceneError: Its projection is another one.
+            SceneError: If the projection is not planar.
         """
         if self.projection != "planar":
-            raise SceneError(f"{self.name!r} has a {self.projection} projection, so it is no pinhole camera")
+            raise SceneError(f"{self.name!r} has a {self.projection} projection, so it is not a pinhole camera")
         return Camera.from_fov(self.width, self.height, hfov=self.fov, near=self.min_range, far=self.max_range)
 
     def describe(self) -> str:
-        """Describe the device in a few words."""
+        """Return a one-line description."""
         reach = f"{self.min_range:g} to {self.max_range:g} m"
         return f"{self.kind}, {self.width}x{self.height}, fov {self.fov:g}, {self.projection}, {reach}"
 
     def at_origin_of(self, proto: str) -> Device:
-        """Return the same device, with a note that it was plugged into a PROTO whose slots are not known."""
+        """Return a copy with the note that the device is in a slot of a PROTO whose file is missing."""
         return dataclasses.replace(self, notes=(*self.notes, origin_note(self.name, proto)))
 
 
 def origin_note(name: str, proto: str) -> str:
-    """Write that a device was plugged into a PROTO whose slots are not known."""
-    return f"{name!r} is taken to be at the origin of {proto}, whose slots are not known without its file"
+    """Return the note that a device is in a slot of a PROTO whose file is missing."""
+    return f"{name!r} is assumed to be at the origin of {proto}, whose slots are unknown without its file"
 
 
 def read_device(
     node: Node, rotation: NDArray[np.float64], offset: NDArray[np.float64], robot: str, protos: Sequence[str] = ()
 ) -> Device | None:
-    """Read the device that a node is; None if it is none.
+    """Read a device node; return None for any other node.
 
     Args:
         node: Any node.
-        rotation: Node to world, shape ``(3, 3)``.
-        offset: The node's origin in the world [m], shape ``(3,)``.
+        rotation: Node-to-world rotation, shape ``(3, 3)``.
+        offset: Origin of the node in the world [m], shape ``(3,)``.
         robot: Name of its robot.
-        protos: The PROTOs that it is within.
+        protos: Types of the PROTOs that contain it.
 
     Raises:
-        FileFormatError: A field is not what it has to be.
+        FileFormatError: If a field has an invalid value.
     """
     if node.type not in ("RangeFinder", "Camera"):
         return None
-    # Up to V8.4 a camera could be one.
+    # Up to V8.4, a Camera with this type was a range finder.
     measures = node.type == "RangeFinder" or node.text("type", "color") == "range-finder"
     notes: list[str] = []
     width, height = (_size(node, name, notes) for name in ("width", "height"))
@@ -191,7 +191,7 @@ def _projection(node: Node, notes: list[str]) -> Projection:
 
 
 def read_field_of_view(node: Node, projection: Projection, notes: list[str], default: float = DEFAULT_FOV) -> float:
-    """Read the horizontal field of view [rad], corrected as Webots does (``WbAbstractCamera.cpp``)."""
+    """Read the horizontal field of view [rad], corrected as by Webots (``WbAbstractCamera.cpp``)."""
     fov, fixed = node.number("fieldOfView", default), None
     if fov <= 0 or (projection == "planar" and fov >= math.pi):
         fixed = DEFAULT_FOV
@@ -204,7 +204,7 @@ def read_field_of_view(node: Node, projection: Projection, notes: list[str], def
 
 
 def read_ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, float, float]:
-    """Read `near`, least and greatest range [m], corrected in the order of Webots' checks (``WbRangeFinder.cpp``)."""
+    """Read `near`, minimum and maximum range [m], corrected in the order of Webots' checks (``WbRangeFinder.cpp``)."""
     near = node.number("near", 0.01)
     if near <= 0:
         notes.append(correction(node, "near", near, 0.01))
@@ -215,7 +215,7 @@ def read_ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, fl
             notes.append(correction(node, "far", far, near + 1))
             far = near + 1
         return near, near, far if far > 0 else math.inf
-    # A range finder of the time when it was a type of camera measured from `near` on.
+    # Range finders that are a type of Camera measured from `near` on.
     least = node.number("minRange", near if node.type == "Camera" else 0.01)
     if least <= 0:
         notes.append(correction(node, "minRange", least, near))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Solids as Webots' recognition knows them: their bounding objects, or spheres about what they show."""
+"""Extents of Solids in Webots' recognition: bounding objects, or bounding spheres of shapes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from warpvis.webots.shapes._resets import reset_fields
 
 _ROUND = {"Sphere", "Cylinder", "Capsule"}
 _GROUPS = {"Group", "Pose", "Transform"}
-# The physics has round shapes and endless planes; these come close.
+# Fields of fine tessellations, which approximate the exact round shapes and infinite planes of Webots' physics.
 _FINE: dict[str, dict[str, Value]] = {
     "Sphere": {"subdivision": [4.0], "ico": [True]},
     "Cylinder": {"subdivision": [72.0]},
@@ -41,37 +41,37 @@ class Bound(NamedTuple):
     """A geometry of a bounding object, in the world [m]."""
 
     points: NDArray[np.float64]
-    """Corners, shape ``(n, 3)``; of round geometry its middle, shape ``(1, 3)``."""
+    """Vertices, shape ``(n, 3)``; for round geometry its center, shape ``(1, 3)``."""
     radius: float = 0.0
-    """Of round geometry."""
+    """Radius of round geometry; 0 for other geometry."""
     height: float = 0.0
-    """With the caps; 0 for a sphere."""
+    """Height including the caps; 0 for a sphere."""
     axis: NDArray[np.float64] | None = None
-    """Along the height, of length 1."""
+    """Unit vector along the height."""
 
 
 @dataclass(eq=False)
 class Extent:
-    """Where a Solid is, and what bounds it."""
+    """A Solid with its position and bounds."""
 
     origin: NDArray[np.float64]
-    """Of its own axes [m], shape ``(3,)``."""
+    """Origin of its frame in the world [m], shape ``(3,)``."""
     robot: str = ""
-    """The robot that it is part of."""
+    """Name of its robot; empty without a robot."""
     level: int = 0
-    """Number of Solids from the robot down to it; 0 for the robot itself."""
+    """Depth below the robot, counted in Solids; 0 for the robot itself."""
     bounding: list[tuple[Node, Transform]] = field(default_factory=list)
-    """The geometry of its bounding object."""
+    """Geometry nodes of its bounding object, with their transforms."""
     parts: list[Ball | Extent] = field(default_factory=list)
-    """Spheres about its shapes, and the Solids in it, in the order of the file."""
+    """Bounding spheres of its shapes, and its child Solids, in the order of the file."""
 
     @property
     def solids(self) -> list[Extent]:
-        """The Solids in it, without those in them."""
+        """Its direct child Solids."""
         return [part for part in self.parts if isinstance(part, Extent)]
 
     def family(self) -> Iterator[Extent]:
-        """Go through it and all Solids in it."""
+        """Iterate over it and all its descendants, depth first."""
         waiting = [self]
         while waiting:
             extent = waiting.pop()
@@ -79,11 +79,11 @@ class Extent:
             waiting += reversed(extent.solids)
 
     def is_bounded(self) -> bool:
-        """Tell whether it or a Solid in it has a bounding object."""
+        """Return whether it or a descendant has a bounding object."""
         return any(extent.bounding for extent in self.family())
 
     def sphere(self) -> Ball | None:
-        """Compute the sphere about all that it shows, as Webots does: each sphere in turn enlarges the one before."""
+        """Compute the bounding sphere of all its shapes as Webots does, by merging one sphere after the other."""
         whole: Ball | None = None
         for extent in self.family():
             for part in extent.parts:
@@ -93,36 +93,36 @@ class Extent:
 
 
 class Bounds(NamedTuple):
-    """Solids of a world as its physics knows them."""
+    """Extents of all Solids of a world."""
 
     recognised: dict[str, Extent]
-    """Those with `recognitionColors`, by their keys in `WebotsWorld.recognisable`."""
+    """Solids with `recognitionColors`, by their keys in `WebotsWorld.recognisable`."""
     solids: list[Extent]
-    """All of them."""
+    """All Solids."""
     resolve: Resolve
     """Finds the files of meshes."""
 
 
 def _enclose(one: Ball, other: Ball) -> Ball:
-    """Compute the smallest sphere about two (``WbBoundingSphere::enclose``)."""
-    apart = other.center - one.center
-    distance = float(np.linalg.norm(apart))
+    """Compute the smallest sphere that encloses two (``WbBoundingSphere::enclose``)."""
+    offset = other.center - one.center
+    distance = float(np.linalg.norm(offset))
     if distance + other.radius <= one.radius:
         return one
     if distance + one.radius <= other.radius:
         return other
     radius = (one.radius + distance + other.radius) / 2
-    return Ball(one.center + apart * ((radius - one.radius) / distance), radius)
+    return Ball(one.center + offset * ((radius - one.radius) / distance), radius)
 
 
 def ball_about(vertices: NDArray[np.float64]) -> Ball:
-    """Compute a sphere about the middle of points, shape ``(n, 3)``."""
+    """Compute the sphere around points, shape ``(n, 3)``, centered on their bounding box."""
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     return Ball(middle, float(np.linalg.norm(vertices - middle, axis=1).max()))
 
 
 def bounding_geometry(node: Node, transform: Transform) -> list[tuple[Node, Transform]]:
-    """List the geometry nodes of a bounding object, and where each is."""
+    """List the geometry nodes of a bounding object with their transforms."""
     if node.type == "Shape":
         geometry = node.node("geometry")
         return [(geometry, transform)] if geometry is not None else []
@@ -134,7 +134,7 @@ def bounding_geometry(node: Node, transform: Transform) -> list[tuple[Node, Tran
 
 
 def bound_of(node: Node, transform: Transform, resolve: Resolve) -> Bound | None:
-    """Read one geometry of a bounding object; None for what cannot be read."""
+    """Read one geometry of a bounding object; return None if it cannot be read."""
     if node.type not in _ROUND:
         triangles = triangles_of(node, transform, resolve, fine=False)
         return None if triangles is None else Bound(triangles[0])
@@ -154,7 +154,7 @@ def bound_of(node: Node, transform: Transform, resolve: Resolve) -> Bound | None
 
 
 def triangles_of(node: Node, transform: Transform, resolve: Resolve, *, fine: bool = True) -> Triangles | None:
-    """Make the triangles of one geometry of a bounding object, in the world; None for what cannot be read."""
+    """Tessellate one geometry of a bounding object in world coordinates; return None if it cannot be read."""
     if fine:
         node = dataclasses.replace(node, fields={**node.fields, **_FINE.get(node.type, {})})
     try:

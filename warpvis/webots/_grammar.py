@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The text of Webots worlds: nodes of fields, without any knowledge of what the nodes mean.
+"""Parser of Webots' world files into nodes and fields, without semantics.
 
 Webots' documentation: https://cyberbotics.com/doc/reference/nodes-and-keywords. The grammar::
 
@@ -8,8 +8,8 @@ Webots' documentation: https://cyberbotics.com/doc/reference/nodes-and-keywords.
     node  := ["DEF" name] type "{" (["hidden"] field value)* "}" | "USE" name | "NULL"
     value := node | "[" (node | literal)* "]" | number+ | string | "TRUE" | "FALSE"
 
-White space and commas separate, and ``#`` begins a comment. No table of types is needed: a field's numbers go on until
-the next word or bracket. Several fields' lists of one element may come without brackets.
+Whitespace and commas are separators, and ``#`` starts a comment. No table of field types is needed: a field's numbers
+end at the next word or bracket. A list of one element may be written without brackets.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, Version, shown
 
 MAX_NESTED = 300
-"""Nodes within nodes, followed through USE: trees may be walked by functions that call themselves."""
+"""Maximum depth of nested nodes, followed through USE, so that recursive functions may walk the tree."""
 MAX_NODES = 10_000_000
-"""Nodes of a world where every USE counts as a copy: a few nested USEs can stand for more than memory holds."""
+"""Maximum number of nodes of a world, where every USE counts as a copy: nested USEs grow exponentially."""
 
 _NUMBER = r"[+-]?+(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?+\d++)?+(?![^\s,\[\]{}\"\#])"
 _TOKEN = re.compile(
@@ -52,13 +52,13 @@ _NOT_FINITE = {"nan", "inf", "infinity"}
 
 @dataclass
 class World:
-    """What a file holds.
+    """The content of a world file.
 
     Attributes:
         path: The file.
-        version: Version of its header.
-        externprotos: Urls of the PROTO files that it names.
-        nodes: Its nodes.
+        version: Version in its header.
+        externprotos: URLs of its EXTERNPROTO lines.
+        nodes: Its top-level nodes.
     """
 
     path: Path
@@ -76,7 +76,7 @@ def parse_world(path: str | Path) -> World:
     """Read a world file.
 
     Raises:
-        FileFormatError: The file cannot be read, or something in it is not as the grammar says; the line is named.
+        FileFormatError: If the file cannot be read or has a syntax error, with its line.
     """
     return parse_text(read_text(Path(path)), str(path))
 
@@ -85,7 +85,7 @@ def parse_text(text: str, file: str = "<text>") -> World:
     """Parse the text of a world.
 
     Raises:
-        FileFormatError: Something in it is not as the grammar says; the line is named.
+        FileFormatError: If the text has a syntax error, with its line.
     """
     version = read_version(text, file)
     parser = Parser(text, file, version)
@@ -103,12 +103,12 @@ def parse_text(text: str, file: str = "<text>") -> World:
 
 
 def read_text(path: Path) -> str:
-    """Read a file's text; bytes that are not UTF-8 come only in comments and names of old worlds, and are replaced.
+    """Read the text of a file; replace bytes that are not UTF-8, which occur in comments and names of old worlds.
 
     Raises:
-        FileFormatError: The file cannot be read.
+        FileFormatError: If the file cannot be read.
     """
-    require_content(path, "a file of Webots")
+    require_content(path, "a Webots file")
     try:
         return path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
@@ -121,7 +121,7 @@ def read_version(text: str, file: str) -> Version:
     """Read the version in a text's header.
 
     Raises:
-        FileFormatError: The first line is no header.
+        FileFormatError: If the first line is not a header.
     """
     line = re.split(r"[\r\n]", text[:200].removeprefix("\ufeff"), maxsplit=1)[0].strip()
     match = _HEADER.fullmatch(line)
@@ -134,11 +134,11 @@ def read_version(text: str, file: str) -> Version:
 
 
 class Parser:
-    """Reads a text from its start, one thing at a time.
+    """A parser that reads a text incrementally.
 
     Args:
         text: The text.
-        file: Its name, for messages and `Node.file`.
+        file: Name of the file, for messages and `Node.file`.
         version: `Node.version`.
         first_line: Line number of the text's first line.
         protos: `Node.protos`.
@@ -155,7 +155,7 @@ class Parser:
         protos: tuple[str, ...] = (),
         interface: Mapping[str, Value] | None = None,
     ) -> None:
-        """Go to the first token."""
+        """Advance to the first token."""
         if "\r" in text:
             text = text.replace("\r\n", "\n").replace("\r", "\n")
         self.text = text = text.removeprefix("\ufeff")
@@ -166,12 +166,12 @@ class Parser:
         self._interface = interface
         self._breaks = [match.start() for match in re.finditer("\n", text)]
         self._tokens: Iterator[re.Match[str]] = _TOKEN.finditer(text)
-        self._named: dict[str, Node] = {}  # by DEF, the last of each name
-        self._open: list[Node | list[float | str | bool | Node]] = []  # what is not yet closed, outermost first
+        self._named: dict[str, Node] = {}  # by DEF name; a later DEF replaces an earlier one
+        self._open: list[Node | list[float | str | bool | Node]] = []  # stack of open nodes and lists
         self.advance()
 
     def advance(self) -> None:
-        """Go to the next token: `kind`, which is the character itself for brackets, `token` and `start`."""
+        """Advance to the next token and set `kind` (for a bracket, the character itself), `token` and `start`."""
         match = next(self._tokens)
         kind = match.lastgroup or "bad"
         self.token: str = match[kind]
@@ -179,11 +179,11 @@ class Parser:
         self.kind = self.token if kind == "mark" else kind
 
     def line(self) -> int:
-        """Count the lines down to the current token."""
+        """Return the line number of the current token."""
         return self._first_line + bisect_left(self._breaks, self.start)
 
     def fail(self, wanted: str, got: str | None = None) -> NoReturn:
-        """Say what was wanted, and what the current token is."""
+        """Raise a FileFormatError with the expected and the current token."""
         if got is None:
             got = "the end of the file" if self.kind == "end" else shown(self.token)
             if self.kind == "bad" and self.token.startswith('"'):
@@ -191,7 +191,7 @@ class Parser:
         raise FileFormatError(f"{self._file}:{self.line()}: expected {truncate(wanted)}, got {got}")
 
     def take(self, kind: str, wanted: str) -> str:
-        """Take the current token, which must be of a kind, and go on to the next."""
+        """Return the current token, which must be of the given kind, and advance."""
         token = self.token
         if self.kind != kind or (kind == "word" and token in _KEYWORDS):
             self.fail(wanted)
@@ -199,7 +199,7 @@ class Parser:
         return token
 
     def externprotos(self) -> list[str]:
-        """Read the urls of the EXTERNPROTO lines from here on; those that are only importable make no instances."""
+        """Read the URLs of consecutive EXTERNPROTO lines, without IMPORTABLE ones, which have no instances."""
         urls = []
         while self.kind == "word" and self.token in ("EXTERNPROTO", "IMPORTABLE"):
             importable = self.token == "IMPORTABLE"
@@ -214,7 +214,7 @@ class Parser:
         return urls
 
     def nodes(self) -> list[Node]:
-        """Read the nodes from here on, up to anything else."""
+        """Read consecutive nodes."""
         nodes = []
         while self.kind == "word" and self.token not in _KEYWORDS - {"DEF", "USE", "NULL"}:
             node = self.value()
@@ -223,7 +223,7 @@ class Parser:
         return nodes
 
     def value(self, wanted: str = "a value") -> Value:
-        """Read the value from here on, with all that is in it."""
+        """Read a value, including nested values."""
         value = self._begin(wanted)
         while self._open:
             top = self._open[-1]
@@ -234,7 +234,7 @@ class Parser:
         return value
 
     def _begin(self, wanted: str) -> Value:
-        """Begin a value: one that is complete, or one that is open and on the stack."""
+        """Begin a value; return it complete, or push it on the stack if it is a node or a list."""
         if self.kind == "numbers":
             return self._read_numbers()
         if self.kind == "string":
@@ -264,14 +264,14 @@ class Parser:
         node = Node(self.take("word", wanted), {}, name, self._file, line, self._version, self._protos)
         self.take("{", f"'{{' after {node.type}")
         self._open.append(node)
-        if len(self._open) > 2 * MAX_NESTED:  # each node within a list within a node
+        if len(self._open) > 2 * MAX_NESTED:  # each nested node is in a list
             self.fail(f"at most {MAX_NESTED} nodes within nodes", "more")
         if name is not None:
             self._named[name] = node
         return node
 
     def _read_field(self, node: Node) -> None:
-        """Read a field of an open node, or its end."""
+        """Read a field or the end of an open node."""
         if self.kind == "}":
             self._open.pop()
             self._count(node)
@@ -289,7 +289,7 @@ class Parser:
             node.fields[name] = self._begin(f"a value of {name!r}")
 
     def _read_item(self, items: list[float | str | bool | Node]) -> None:
-        """Read an item of an open list, or its end."""
+        """Read an item or the end of an open list."""
         if self.kind == "]":
             self._open.pop()
             self.advance()
@@ -316,7 +316,7 @@ class Parser:
     def _use(self) -> Node:
         self.advance()
         if self.kind != "word" or self.token not in self._named:
-            self.fail("a name after USE that a DEF above gave")
+            self.fail("a name after USE that a DEF above defines")
         node = self._named[self.token]
         if node in self._open:
             self.fail("a USE outside its own DEF", f"USE {self.token}")
@@ -327,7 +327,7 @@ class Parser:
     def _substitute(self, node: Node, name: str, interface: Mapping[str, Value]) -> None:
         self.advance()
         field = self.take("word", "a field of the PROTO after IS")
-        if field not in interface:  # Webots leaves out what has it
+        if field not in interface:  # Webots skips the field
             return
         value = node.fields[name] = interface[field]
         for item in value if isinstance(value, list) else [value]:
@@ -335,9 +335,9 @@ class Parser:
                 self._count(item)
 
     def _count(self, node: Node) -> None:
-        """Add a complete node to the size and the height of the open node that it is in."""
+        """Add a complete node to the size and the height of its parent, an open node."""
         owner = self._open[-1] if self._open else None
-        if isinstance(owner, list):  # whose owner is the node below, or none
+        if isinstance(owner, list):  # the node that has the list is below it on the stack
             owner = self._open[-2] if len(self._open) > 1 else None
         if not isinstance(owner, Node):
             return

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which nodes of Webots have shapes, places and parts, and whether all that an instance of a PROTO shows is at hand."""
+"""Classification of Webots' node types, and a check for missing files of PROTO instances."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ DEVICES = {
 }
 SOLIDS = {"Solid", "Charger", "Servo", "Track", *ROBOTS, *DEVICES}
 TRANSFORMS = {"Transform", "Pose", "TrackWheel", "Fluid", *SOLIDS}
-# The fields in which a node's parts are. A joint's end point is saved where the joint's position puts it.
+# Fields that contain a node's parts. A joint's end point is saved at the joint's current position.
 PARTS = {
     "Group": ("children",),
     "Lidar": ("children", "rotatingHead"),
-    "Propeller": ("slowHelix",),  # what is shown of it at rest
+    "Propeller": ("slowHelix",),  # the part that is visible at rest
     **dict.fromkeys(("HingeJoint", "SliderJoint", "Hinge2Joint", "BallJoint", "Slot"), ("endPoint",)),
 }
-# PROTOs of Webots (projects/joints/protos): a joint's end point behind start points, each with the field that gives the
-# play before it. Without play there is no start point; Webots takes the default for a play below zero.
+# Webots' joint PROTOs with backlash (projects/joints/protos): start points between joint and end point, each with the
+# field of its backlash. Without backlash there is no start point; Webots replaces a negative one by the default.
 JOINTS = {
     "HingeJointWithBacklash": (("startPoint", "backlash"),),
     "Hinge2JointWithBacklash": (("startPoint", "backlash"), ("startPoint2", "backlash2")),
 }
 _DEFAULT_BACKLASH = 0.01  # [rad]
-# Not in any image of a range finder; the list's last ones are PROTOs.
+# Not visible to range finders; the last two types are PROTOs.
 UNSEEN = {
     *("WorldInfo", "Viewpoint", "Background", "Fog", "DirectionalLight", "PointLight", "SpotLight", "Billboard"),
     *("SolidReference", "Muscle", "ContactProperties", "TexturedBackground", "TexturedBackgroundLight"),
 }
 LINES = {"IndexedLineSet", "PointSet"}  # geometry without triangles
 MAX_LOOKED_AT = 10_000
-"""Nodes of an instance that are looked at for missing parts."""
+"""Maximum number of nodes of an instance that are searched for missing parts."""
 
 
 def parts_of(node: Node) -> list[Node]:
-    """List the nodes in a node that are drawn with it."""
+    """List the child nodes that are drawn with a node."""
     return [part for name in PARTS.get(node.type, ("children",)) for part in node.nodes(name)]
 
 
 def expand_joint(node: Node) -> Node | None:
-    """Make a Group of what an instance of `JOINTS` draws: all at rest, as Webots saves end points; None for others.
+    """Build a Group of the visible parts of an instance of `JOINTS`, at rest; return None for other types.
 
     Raises:
-        FileFormatError: A field is not what it has to be.
+        FileFormatError: If a field has an invalid value.
     """
     if node.type not in JOINTS:
         return None
@@ -64,18 +64,19 @@ def expand_joint(node: Node) -> Node | None:
 def missing_parts(
     body: Node, expand: Callable[[Node], Node | None], find_mesh: Callable[[str, Node], Path | None]
 ) -> tuple[list[str], int, bool]:
-    """Look for what an instance of a PROTO shows and is not at hand.
+    """Find PROTOs and meshes that an instance of a PROTO shows and whose files are missing.
 
     Args:
-        body: What its file makes of it.
-        expand: Expands an instance of a PROTO; None for one without a file.
-        find_mesh: Finds the file of a url that a node names.
+        body: The expanded instance.
+        expand: Expands an instance of a PROTO; returns None for one without a file.
+        find_mesh: Finds the file of a node's URL.
 
     Returns:
-        What is missing, PROTOs and meshes; how many shapes there are; and whether there are cameras or range finders.
+        The missing PROTOs and meshes; the number of other shapes; and whether there are cameras, range finders or
+        lidars.
 
     Raises:
-        FileFormatError: A field is not what it has to be.
+        FileFormatError: If a field has an invalid value.
     """
     missing: list[str] = []
     shapes, eyes, seen, nodes = 0, False, {id(body)}, [body]
@@ -104,7 +105,7 @@ def missing_parts(
 def _lacking(
     geometry: Node, expand: Callable[[Node], Node | None], find_mesh: Callable[[str, Node], Path | None]
 ) -> str:
-    """Say what a geometry node needs and is not at hand; nothing if it is."""
+    """Describe the missing PROTO or mesh of a geometry node; return an empty text if none is missing."""
     if geometry.type not in GEOMETRIES:
         found = expand(geometry)
         return geometry.type if found is None else ""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The images of lidars, as Webots' version of a world gives them."""
+"""Range images of lidars in Webots worlds."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from warpvis.webots._world import WebotsWorld
 
 
 def find_lidar(world: WebotsWorld, name: str) -> Lidar:
-    """Find the lidar of that name.
+    """Return the lidar of the given name.
 
     Raises:
-        SceneError: There is none.
+        SceneError: If the world has no such lidar.
     """
     require_world(world)
     if not isinstance(name, str) or name not in world.lidars:
@@ -41,28 +41,29 @@ def render_lidar(
 ) -> NDArray[np.float32]:
     """Render the range image of a lidar.
 
-    As in Webots, back faces are not seen, and transparent things are; so is the robot's own body. A rotating lidar's
-    image is that of a whole turn while nothing moves.
+    As in Webots, back faces are invisible, and transparent objects and the robot's own body are visible. The image of a
+    rotating lidar is that of one revolution in a static world.
 
     Args:
         world: The world, from `load_webots`.
         lidar_name: The lidar.
-        webots_version: By default ranges are the true ones along `Lidar.rays` (REP 117): +inf where nothing is hit or
-            it is farther than `Lidar.max_range`, -inf where it is nearer than `Lidar.min_range`. ``"header"`` gives the
-            values that the Webots of the world's header gives, as of `render_range`: along `Lidar.drawn_rays`, with
-            resolution, and nothing nearer than `Lidar.near` in the way; another version's name, like ``"R2019a"``, that
-            version's limits. Webots takes them from images of pixels as fine as its columns; these here are exact.
-        exclude_body: Whether to see through the robot that the lidar is part of.
-        seed: Seed of the lidar's noise, which Webots' values have only if it is given.
-        threads: CPU threads to use; all cores of this process by default.
+        webots_version: By default, ranges are exact, along `Lidar.rays` (REP 117): +inf where nothing is hit or the hit
+            is farther than `Lidar.max_range`, -inf where it is nearer than `Lidar.min_range`. ``"header"`` reproduces
+            the Webots release in the world's header, as in `render_range`: rays are `Lidar.drawn_rays`, ranges are
+            quantized, and geometry nearer than `Lidar.near` does not occlude. The name of another release, like
+            ``"R2019a"``, applies that release's limits. Webots samples rendered images whose pixels are as wide as
+            columns; ranges here are computed exactly along the rays.
+        exclude_body: Whether to hide the robot that the lidar is part of.
+        seed: Seed of the lidar's noise. Noise is added only if `seed` and `webots_version` are given.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
-        Ranges [m], shape ``(layers, columns)``: lengths of the rays; with `webots_version`, of a planar projection,
-        planar depth.
+        Ranges [m], shape ``(layers, columns)``: lengths of the rays, or planar depth for a planar projection with
+        `webots_version`.
 
     Raises:
-        SceneError: There is no such lidar, or it has too many rays.
-        FileFormatError: `webots_version` is no version.
+        SceneError: If there is no such lidar, or it has too many rays.
+        FileFormatError: If `webots_version` is not a version.
     """
     lidar = find_lidar(world, lidar_name)
     exclude = (list(world.robots.get(lidar.robot, ())) if check_flag(exclude_body, "exclude_body") else []) or None

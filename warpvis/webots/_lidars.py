@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lidars of Webots worlds: where they are, and the rays that they cast (``WbLidar.cpp``, ``WbWrenCamera.cpp``)."""
+"""Lidars of Webots worlds: poses, parameters and rays (``WbLidar.cpp``, ``WbWrenCamera.cpp``)."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from warpvis.webots._devices import origin_note, read_field_of_view, read_ranges
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots.shapes._resets import correction
 
-# From here on images of rotating lidars begin behind them, and fixed ones' points are right about their columns
-# (Webots' pull requests 6324 and 6417).
+# From this release on, images of rotating lidars begin behind them, and points of fixed lidars use the correct azimuths
+# of their columns (Webots' pull requests 6324 and 6417).
 _BEGINS_BEHIND = Version(2024, 1)
 
 
@@ -33,63 +33,63 @@ class Lidar:
     """A `Lidar` node of a Webots world."""
 
     name: str
-    """What its controller calls it."""
+    """Name for the controller."""
     robot: str
-    """Name of the robot that it is part of; empty if it is part of none."""
+    """Name of its robot; empty without a robot."""
     layers: int
-    """Number of layers, ``numberOfLayers``: rows of its image, the highest first."""
+    """Number of layers, ``numberOfLayers``: rows of the image, from the highest layer down."""
     columns: int
-    """Points of a layer, ``horizontalResolution``: columns of its image, from left to right."""
+    """Points per layer, ``horizontalResolution``: columns of the image, from left to right."""
     fov: float
-    """Horizontal field of view [rad]; of the turning head if it rotates, whose image has the whole turn."""
+    """Horizontal field of view [rad]. For a rotating lidar, that of its head; its image covers a whole revolution."""
     vertical_fov: float
     """Angle from the lowest to the highest layer [rad]."""
     tilt: float
-    """How far it looks up [rad]."""
+    """Upward tilt [rad]."""
     rotates: bool
     """Whether its type is ``"rotating"``."""
     projection: Literal["planar", "cylindrical"]
-    """``"cylindrical"``, of lengths of rays; or ``"planar"``, of which Webots gives planar depth."""
+    """``"cylindrical"``, whose ranges are lengths of rays, or ``"planar"``, whose ranges in Webots are planar depth."""
     near: float
-    """Nearer than this Webots draws nothing, so that it hides nothing either [m]."""
+    """Distance of Webots' near clipping plane [m]: nearer geometry is neither drawn nor occludes."""
     min_range: float
-    """Least range that is measured [m]."""
+    """Minimum range [m]."""
     max_range: float
-    """Greatest range that is measured [m]."""
+    """Maximum range [m]."""
     noise: float
-    """The file's `noise`."""
+    """The node's field `noise`."""
     resolution: float
-    """Step of the ranges [m], or -1."""
+    """Resolution of the ranges [m], or -1 for none."""
     frequency: float
-    """Turns in a second, if it rotates."""
+    """Revolutions per second [Hz] of a rotating lidar."""
     pose: NDArray[np.float64]
     """Lidar (x forward, y left, z up, in all versions) to world, ``x y z qx qy qz qw``, shape ``(7,)``."""
     version: Version
-    """Version of the file that it is in."""
+    """Version of its file."""
     notes: tuple[str, ...] = ()
-    """What was corrected in its fields, as Webots corrects it."""
+    """Corrections of invalid fields, the same that Webots makes."""
 
     @cached_property
     def rays(self) -> Rays:
-        """What it is to measure: a ray for each value of its image, shape ``(layers, columns)``.
+        """The lidar's nominal rays, one per value of its image, shape ``(layers, columns)``.
 
-        Layers are evenly spread over the vertical field of view, columns look through the middles of equal parts of the
-        horizontal one, and the whole is tilted about y; of a rotating lidar, each layer is. Its columns go clockwise
-        from behind, up to R2023b from ahead, and have times; rings are layers. Those of a planar projection are lines
-        of the pixels of a pinhole.
+        Layers are evenly spaced over the vertical field of view, and columns are at the centers of equal parts of the
+        horizontal one. A fixed lidar is tilted as a whole about y; a rotating one has the tilt added to each layer's
+        elevation. Columns of a rotating lidar go clockwise, from behind (up to R2023b, from ahead), and have times.
+        Rings are layers. Rays of a planar projection are those of pinhole pixels.
         """
         return self._cast(self.min_range, self.max_range, drawn=False)
 
     @cached_property
     def drawn_rays(self) -> Rays:
-        """The same as Webots draws them, without limits: a layer is a line of a coarse image, the one above it.
+        """The rays that Webots renders, without range limits.
 
-        Their `near` is where Webots begins to draw.
+        Each layer is the row of Webots' coarse image at or above it. `near` of the rays is Webots' near plane.
         """
         return self._cast(self.near, math.inf, drawn=True)
 
     def describe(self) -> str:
-        """Describe the lidar in a few words."""
+        """Return a one-line description."""
         kind = "rotating lidar" if self.rotates else "lidar"
         around = 2 * math.pi if self.rotates else self.fov
         reach = f"{self.min_range:g} to {self.max_range:g} m"
@@ -97,25 +97,25 @@ class Lidar:
         return f"{kind}, {image}, {self.projection}, {reach}"
 
     def at_origin_of(self, proto: str) -> Lidar:
-        """Return the same lidar, with a note that it was plugged into a PROTO whose slots are not known."""
+        """Return a copy with the note that the lidar is in a slot of a PROTO whose file is missing."""
         return dataclasses.replace(self, notes=(*self.notes, origin_note(self.name, proto)))
 
     def points(self, ranges: ArrayInput) -> NDArray[np.float32]:
-        """Compute the point cloud that Webots makes of a range image, in the device's own axes.
+        """Compute Webots' point cloud of a range image, in the device frame.
 
-        Its angles are those of the layers and columns, not of the pixels that were drawn: up to R2023b, columns of a
-        lidar that does not rotate are taken to reach from edge to edge of the field of view, up to half a column aside
-        of where they look. A tilted one's layers are taken to be cones.
+        Webots uses the nominal angles of layers and columns, not those of the rendered pixels. Up to R2023b, it spreads
+        the columns of a fixed lidar from edge to edge of the field of view, up to half a column off their rays. Layers
+        of a tilted lidar are assumed to be cones.
 
         Args:
             ranges: Values of `warpvis.webots.render_lidar` [m], shape ``(layers, columns)``.
 
         Returns:
             Points [m], shape ``(layers, columns, 3)``: x forward, y left, z up; up to R2021b x right, y up, z backward.
-            Not finite where the range is not.
+            Points of non-finite ranges are not finite.
 
         Raises:
-            ArrayError: The image is of another shape.
+            ArrayError: If the shape of `ranges` is not ``(layers, columns)``.
         """
         image = as_numpy(ranges, name="ranges").astype(np.float64)
         if image.shape != (self.layers, self.columns):
@@ -130,29 +130,29 @@ class Lidar:
             azimuth = self.fov / 2 - column * self.fov / max(self.columns - 1, 1)
         forward, left, up = np.moveaxis(_directions(azimuth, self._elevations() + self.tilt), -1, 0)
         axes = (forward, left, up) if self.version.z_up else (-left, up, -forward)
-        with np.errstate(invalid="ignore"):  # of infinite ranges straight along an axis
+        with np.errstate(invalid="ignore"):  # inf * 0 for infinite ranges along an axis
             return (image[..., None] * np.stack(axes, axis=-1)).astype(np.float32)
 
     def _elevations(self) -> NDArray[np.float64]:
-        """Compute the elevations of the layers, from above, without the tilt [rad]."""
+        """Compute the elevations of the layers, from the highest down, without the tilt [rad]."""
         if self.layers == 1:
             return np.zeros(1)
         return self.vertical_fov * (0.5 - np.arange(self.layers) / (self.layers - 1))
 
     def cosines(self) -> NDArray[np.float64]:
-        """Compute the cosines of the angles between `drawn_rays` and where its camera looks, of a planar projection."""
+        """Compute the cosines of the angles between `drawn_rays` and the optical axis of a planar projection."""
         forward = np.array([math.cos(self.tilt), 0.0, math.sin(self.tilt)])
         return self.drawn_rays.directions @ forward
 
     def _cast(self, near: float, far: float, *, drawn: bool) -> Rays:
         if self.layers * self.columns > MAX_RAYS:
             raise SceneError(
-                f"{self.name!r} has {self.layers} layers of {self.columns} points, and {MAX_RAYS} rays are the most"
+                f"{self.name!r} must have at most {MAX_RAYS} rays, got {self.layers} layers of {self.columns} points"
             )
         width = image_width(self.columns, self.fov, self.rotates)
         height = image_height(self.layers, self.fov, self.vertical_fov, width)
         line = np.arange(self.layers) * ((height - 1) / max(self.layers - 1, 1))
-        above = (height - 1) / 2 - (np.floor(line) if drawn else line)  # lines above the middle
+        above = (height - 1) / 2 - (np.floor(line) if drawn else line)  # rows above the center of the image
         column = np.arange(self.columns) + 0.5
         elevation = np.asarray(above * (self.fov / width) if drawn else self._elevations(), dtype=np.float64)
         times = None
@@ -176,13 +176,13 @@ class Lidar:
 
 
 def image_width(columns: int, fov: float, rotates: bool) -> int:
-    """Compute how many pixels wide the image is of which Webots takes the columns: a rotating head's is narrower."""
+    """Compute the width [px] of the image that Webots renders for the columns; a rotating head's is narrower."""
     return max(math.ceil(columns * (fov / (2 * math.pi))), 1) if rotates else columns
 
 
 def image_height(layers: int, fov: float, vertical_fov: float, width: int) -> int:
-    """Compute how many lines it has: as many as there are between the highest and the lowest layer."""
-    # As Webots writes it, whose rounding it has.
+    """Compute the height of that image [px], from the highest to the lowest layer."""
+    # Webots' expression, for the same rounding.
     return 1 if layers == 1 else math.ceil((vertical_fov + fov / width) * (width / fov))
 
 
@@ -193,16 +193,16 @@ def _directions(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) ->
 
 
 def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.float64], robot: str) -> Lidar | None:
-    """Read the lidar that a node is; None if it is none.
+    """Read a lidar node; return None for any other node.
 
     Args:
         node: Any node.
-        rotation: Node to world, shape ``(3, 3)``.
-        offset: The node's origin in the world [m], shape ``(3,)``.
+        rotation: Node-to-world rotation, shape ``(3, 3)``.
+        offset: Origin of the node in the world [m], shape ``(3,)``.
         robot: Name of its robot.
 
     Raises:
-        FileFormatError: A field is not what it has to be.
+        FileFormatError: If a field has an invalid value.
     """
     if node.type != "Lidar":
         return None
@@ -249,7 +249,7 @@ def _projection(node: Node, notes: list[str]) -> Literal["planar", "cylindrical"
     if projection not in ("planar", "cylindrical"):
         notes.append(correction(node, "projection", projection, "planar"))
         return "planar"
-    # The older field is obeyed before the newer one.
+    # The older field `spherical` overrides the newer one.
     return "planar" if projection == "planar" or not node.flag("spherical", True) else "cylindrical"
 
 
@@ -268,8 +268,8 @@ def _image(node: Node, fov: float, rotates: bool, notes: list[str]) -> tuple[int
         notes.append(correction(node, "numberOfLayers", layers, 1))
     width = image_width(columns, fov, rotates)
     if max(vertical * width / fov, counted * 2 * math.pi / vertical) > MAX_RAYS:
-        node.refuse("fieldOfView", f"angles that make an image of at most {MAX_RAYS} lines", f"{fov:g}")
-    # Every layer has a line of its own.
+        node.refuse("fieldOfView", f"angles [rad] for an image of at most {MAX_RAYS} rows", f"{fov:g}")
+    # Every layer needs a separate row.
     if image_height(counted, fov, vertical, width) < counted:
         needed = math.ceil(counted * fov / vertical)
         needed = int(needed * (2 * math.pi / fov)) if rotates else needed
@@ -279,12 +279,12 @@ def _image(node: Node, fov: float, rotates: bool, notes: list[str]) -> tuple[int
 
 
 def _frequency(node: Node, notes: list[str]) -> float:
-    """Read the turns in a second, within the least and the greatest."""
-    least, most = node.number("minFrequency", 1.0), node.number("maxFrequency", 25.0)
-    least = least if least > 0 else 0.01
-    most = max(most, least)
+    """Read the rotation frequency [Hz], clipped to its limits."""
+    lower, upper = node.number("minFrequency", 1.0), node.number("maxFrequency", 25.0)
+    lower = lower if lower > 0 else 0.01
+    upper = max(upper, lower)
     given = node.number("defaultFrequency", 10.0)
-    taken = min(max(given, least), most)
-    if taken != given:
-        notes.append(correction(node, "defaultFrequency", given, taken))
-    return taken
+    clipped = min(max(given, lower), upper)
+    if clipped != given:
+        notes.append(correction(node, "defaultFrequency", given, clipped))
+    return clipped

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lights and the background of Webots' worlds.
 
-Webots turns the colours of lights and materials into linear ones (src/wren/LightNode.cpp) and adds up light so. Its
-fields and their defaults are those of its reference: light.md, directionallight.md, pointlight.md, spotlight.md, and
+Webots converts the colors of lights and materials to linear RGB (src/wren/LightNode.cpp) and sums light in that space.
+Fields and their defaults are those of its reference: light.md, directionallight.md, pointlight.md, spotlight.md, and
 background.md.
 """
 
@@ -25,10 +25,10 @@ from warpvis.webots._transforms import Transform
 LIGHTS: dict[str, LightKind] = {"DirectionalLight": "directional", "PointLight": "point", "SpotLight": "spot"}
 
 _FACES = ("right", "left", "top", "bottom", "front", "back")
-"""Of a background, in the order of OpenGL's cube maps (src/webots/nodes/WbBackground.cpp)."""
+"""Faces of a background, in the order of OpenGL's cube maps (src/webots/nodes/WbBackground.cpp)."""
 
-# The shader looks up (x, y, -z), resources/wren/shaders/skybox.frag; of worlds whose z is up, WbBackground.cpp changes
-# and turns the images (gCoordinateSystemSwap, gCoordinateSystemRotate), which comes to the same as turning the world.
+# The shader samples (x, y, -z), resources/wren/shaders/skybox.frag. For worlds with z up, WbBackground.cpp swaps and
+# rotates the images (gCoordinateSystemSwap, gCoordinateSystemRotate), which is equivalent to rotating the world.
 _WORLD_TO_CUBE = {
     "y": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
     "z": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (-1.0, 0.0, 0.0)),
@@ -38,13 +38,14 @@ _NO_ATTENUATION = (1.0, 0.0, 0.0)
 
 
 def read_lights(node: Node, transform: Transform) -> list[Light]:
-    """Read a light, and what it adds everywhere; nothing of one that is off, or does not read.
+    """Read a light and its ambient light; return an empty list if it is off or cannot be read.
 
-    Directional lights go where they say in the world, whatever they are in; the others are where their node is.
+    Directions of directional lights are in the world frame, regardless of parent nodes; other lights are in the frame
+    of their node.
     """
     try:
         return _lights(node, transform) if node.flag("on", True) else []
-    except WarpvisError:  # it changes no depth
+    except WarpvisError:  # does not affect depth
         return []
 
 
@@ -57,7 +58,7 @@ def _lights(node: Node, transform: Transform) -> list[Light]:
     if kind == "directional":
         attenuation = _NO_ATTENUATION
     elif attenuation != _NO_ATTENUATION:
-        ambient = 0.0  # one of the two, says the reference
+        ambient = 0.0  # the reference allows only one of the two
     if ambient:
         added = tuple(ambient * part for part in color)
         found.append(Light("ambient", name, color=(0.0, 0.0, 0.0), ambient=added, color_space="linear"))  # type: ignore[arg-type]
@@ -89,14 +90,14 @@ _LOCATIONS = {"SpotLight": (0.0, 0.0, 10.0)}
 
 
 def read_background(node: Node, up: Literal["z", "y"], find: Callable[[str, Node], Path | None]) -> Background | None:
-    """Read a Background; its sky is left out unless all six images are at hand; None where it does not read."""
+    """Read a Background; return None if it cannot be read. The sky is skipped unless all six images are available."""
     try:
         colors = node.numbers("skyColor")
         color = np.clip(colors[:3], 0, 1) if len(colors) >= 3 else np.zeros(3)
         luminosity = max(0.0, node.number("luminosity", 1.0))
         urls = [next(iter(node.texts(f"{face}Url")), "") for face in _FACES]
         files = [find(url, node) if url else None for url in urls]
-    except WarpvisError:  # it changes no depth
+    except WarpvisError:  # does not affect depth
         return None
     sky = tuple(Texture(file) for file in files if file is not None)
     return Background(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The colours and textures of Webots' Shapes: what their Appearance or PBRAppearance says."""
+"""Materials and textures of Webots' Shapes, from their Appearance or PBRAppearance nodes."""
 
 from __future__ import annotations
 
@@ -21,67 +21,67 @@ from warpvis.webots.shapes._coordinates import texture_coordinates
 from warpvis.webots.shapes._polygons import Triangles
 
 Find = Callable[[str, Node], Path | None]
-"""Finds the file of a url that a node names; None if it is not at hand."""
+"""Finds the file of a node's URL; returns None if the file is not available."""
 
-# What Webots takes where a field is left out (docs/reference of Webots: material.md and pbrappearance.md).
+# Defaults of omitted fields (docs/reference of Webots: material.md and pbrappearance.md).
 _DIFFUSE = (0.8, 0.8, 0.8)
 _SHININESS = 0.2
 _WRAPS: dict[bool, Wrap] = {True: "repeat", False: "clamp"}
 _EXPONENT = 128.0
-"""Of a highlight whose shininess is 1, as in OpenGL."""
+"""Specular exponent for a shininess of 1, as in OpenGL."""
 
 
 def shape_appearance(shape: Node) -> Node | None:
-    """Return the node that says what a Shape looks like; None without, or where there is none such."""
+    """Return the appearance node of a Shape; None if it is missing or invalid."""
     try:
         return shape.node("appearance")
-    except WarpvisError:  # what is no appearance changes no depth
+    except WarpvisError:  # does not affect depth
         return None
 
 
 class Surface(NamedTuple):
-    """What a Shape looks like, and what of."""
+    """A Shape's appearance and mesh."""
 
     appearance: Node | None
     geometry: Node
     mesh: Triangles
     """In the geometry's frame."""
-    turned_round: bool
-    """Whether the corners of its triangles go the other way round where it is."""
+    mirrored: bool
+    """Whether its transform to the world reverses the orientation of triangles."""
 
     def coordinates(self) -> NDArray[np.float32] | None:
-        """Return texture coordinates of the corners of its triangles; None where it has no texture, or they none."""
+        """Return texture coordinates of the triangles' corners; None without a texture or coordinates."""
         if self.appearance is None or _texture_node(self.appearance) is None:
             return None
         try:
-            uv = texture_coordinates(self.geometry, *self.mesh, turned_round=self.turned_round)
+            uv = texture_coordinates(self.geometry, *self.mesh, mirrored=self.mirrored)
             change = self.appearance.node("textureTransform")
             return uv if uv is None or change is None else _transformed(uv, change)
-        except WarpvisError:  # it changes no depth
+        except WarpvisError:  # does not affect depth
             return None
 
 
 def joined_look(surfaces: Sequence[Surface], find: Find) -> Look | None:
-    """Remember what shapes look like that became one object; None if none says anything.
+    """Return the lazily loaded appearance of an object that consists of several shapes; None if no shape has any.
 
     Args:
         surfaces: The shapes, in the order of the object's triangles.
-        find: Finds the images that they name.
+        find: Finds the files of their images.
     """
     return Look(partial(_joined, surfaces, find)) if any(item.appearance for item in surfaces) else None
 
 
 def _joined(surfaces: Sequence[Surface], find: Find) -> Appearance | None:
     numbers: dict[int, int] = {}
-    kept: list[Material | None] = []
+    found: list[Material | None] = []
     rows: list[NDArray[np.int32]] = []
     for surface in surfaces:
         node = surface.appearance
         if id(node) not in numbers:
-            numbers[id(node)] = len(kept)
-            kept.append(None if node is None else _material(node, find))
+            numbers[id(node)] = len(found)
+            found.append(None if node is None else _material(node, find))
         rows.append(np.full(len(surface.mesh[1]), numbers[id(node)], dtype=np.int32))
-    if not any(kept):
+    if not any(found):
         return None
     parts = [surface.coordinates() for surface in surfaces]
     uv = None
@@ -90,53 +90,53 @@ def _joined(surfaces: Sequence[Surface], find: Find) -> Appearance | None:
         uv = np.concatenate(
             [np.zeros((size, 3, 2)) if part is None else part for part, size in zip(parts, sizes, strict=True)]
         )
-    materials = tuple(item or Material() for item in kept)
-    return Appearance(materials, np.concatenate(rows) if len(kept) > 1 else None, uv=uv)
+    materials = tuple(item or Material() for item in found)
+    return Appearance(materials, np.concatenate(rows) if len(found) > 1 else None, uv=uv)
 
 
-def _material(look: Node, find: Find) -> Material | None:
-    """Read a material; None where the node says none, or what is no colour."""
+def _material(appearance: Node, find: Find) -> Material | None:
+    """Read the material of an appearance node; return None if it has none or cannot be read."""
     try:
-        texture = _texture(_texture_node(look), find)
-        if look.type == "PBRAppearance":
-            return _pbr(look, texture)
-        if look.type != "Appearance":
+        texture = _texture(_texture_node(appearance), find)
+        if appearance.type == "PBRAppearance":
+            return _pbr(appearance, texture)
+        if appearance.type != "Appearance":
             return None
-        said = look.node("material")
-        return _classic(said, texture) if said is not None else None if texture is None else Material(texture=texture)
-    except WarpvisError:  # it changes no depth
+        node = appearance.node("material")
+        return _classic(node, texture) if node is not None else None if texture is None else Material(texture=texture)
+    except WarpvisError:  # does not affect depth
         return None
 
 
-def _texture_node(look: Node) -> Node | None:
-    """Return the ImageTexture of an appearance."""
+def _texture_node(appearance: Node) -> Node | None:
+    """Return the ImageTexture of an appearance node; None if it is missing or invalid."""
     try:
-        found = look.node("baseColorMap" if look.type == "PBRAppearance" else "texture")
-    except WarpvisError:  # likewise
+        found = appearance.node("baseColorMap" if appearance.type == "PBRAppearance" else "texture")
+    except WarpvisError:  # does not affect depth
         return None
     return found if found is not None and found.type == "ImageTexture" and found.texts("url") else None
 
 
-def _texture(said: Node | None, find: Find) -> Texture | None:
+def _texture(node: Node | None, find: Find) -> Texture | None:
     """Read an ImageTexture (Webots' reference, imagetexture.md)."""
-    if said is None:
+    if node is None:
         return None
-    url = said.texts("url")[0]
-    file = find(url, said)
-    wrap_u, wrap_v = (_WRAPS[said.flag(field, True)] for field in ("repeatS", "repeatT"))
-    smooth: Filter = "linear" if said.number("filtering", 4) > 0 else "nearest"
+    url = node.texts("url")[0]
+    file = find(url, node)
+    wrap_u, wrap_v = (_WRAPS[node.flag(field, True)] for field in ("repeatS", "repeatT"))
+    smooth: Filter = "linear" if node.number("filtering", 4) > 0 else "nearest"
     return Texture(b"" if file is None else file, url if file is None else str(file), wrap_u, wrap_v, smooth)
 
 
 def _transformed(uv: NDArray[np.float32], change: Node) -> NDArray[np.float32]:
-    """Change texture coordinates as a TextureTransform says (src/wren/TextureTransform.cpp).
+    """Apply a TextureTransform to texture coordinates (src/wren/TextureTransform.cpp).
 
-    Webots moves them, turns and stretches them about the center, whose v counts upwards from the image's lower edge.
+    Webots translates them, then rotates and scales them about the center; v increases from the image's lower edge.
     """
     center, move = change.vector("center", (0.0, 0.0)), change.vector("translation", (0.0, 0.0))
     angle, scale = change.number("rotation", 0.0), change.vector("scale", (1.0, 1.0))
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return (((uv + move + center) @ turn.T) * scale - center).astype(np.float32)
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return (((uv + move + center) @ rotation.T) * scale - center).astype(np.float32)
 
 
 def _pbr(look: Node, texture: Texture | None) -> Material:
@@ -155,7 +155,7 @@ def _pbr(look: Node, texture: Texture | None) -> Material:
 
 
 def _classic(said: Node, texture: Texture | None) -> Material:
-    """Read a Material; where there is a texture, that stands for its colours (src/webots/nodes/WbMaterial.cpp)."""
+    """Read a Material; a texture replaces its colors (src/webots/nodes/WbMaterial.cpp)."""
     alpha = 1 - _unit(said.number("transparency", 0.0))
     plain = texture is None
     return Material(
@@ -171,7 +171,7 @@ def _classic(said: Node, texture: Texture | None) -> Material:
 
 
 def _color(node: Node, field: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Read a colour; Webots turns it into a linear one (src/wren/PhongMaterial.cpp, PbrMaterial.cpp)."""
+    """Read a color as linear RGB, as Webots converts it (src/wren/PhongMaterial.cpp, PbrMaterial.cpp)."""
     return linear_color(np.clip(node.vector(field, default), 0.0, 1.0))  # type: ignore[return-value]
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes of Webots worlds, and the releases of Webots whose rules they follow."""
+"""Nodes and releases of Webots worlds."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ BUILTIN_NODES = frozenset(
     VacuumGripper Viewpoint VisualShape WorldInfo Zoom
     """.split()
 )
-"""Types of nodes that Webots itself defines, old ones included; any other type is a PROTO."""
+"""Node types built into Webots, including obsolete ones; any other type is a PROTO."""
 
 
 @dataclass(frozen=True, order=True)
 class Version:
-    """A release of Webots, as a header names it: ``R2023b`` is (2023, 2), ``V7.2.5`` is (7, 2, 5)."""
+    """A Webots release, as in a file header: ``R2023b`` is (2023, 2), ``V7.2.5`` is (7, 2, 5)."""
 
     year: int
     number: int
@@ -44,10 +44,10 @@ class Version:
 
     @classmethod
     def parse(cls, text: str) -> Version:
-        """Read the version that a text like ``R2023b`` or ``V8.6`` names.
+        """Parse a version like ``R2023b`` or ``V8.6``.
 
         Raises:
-            FileFormatError: The text is no version.
+            FileFormatError: If `text` is not a version.
         """
         match = _RELEASE.fullmatch(check_text(text, "version", FileFormatError))
         if match is None:
@@ -59,7 +59,7 @@ class Version:
 
     @property
     def z_up(self) -> bool:
-        """Whether geometry stands along z and devices look along x: R2022a or later; before, y and -z."""
+        """Whether geometry is upright along z and devices look along x (since R2022a) rather than along y and -z."""
         return self >= _Z_UP
 
     def __str__(self) -> str:
@@ -75,18 +75,19 @@ _Literal = TypeVar("_Literal")
 
 @dataclass(eq=False)
 class Node:
-    """A node: its type, and the fields that the file gives it; the caller knows the defaults of the others.
+    """A node with the fields that its file specifies; callers provide the defaults of the others.
 
     Attributes:
         type: Name of a built-in node type or of a PROTO.
-        fields: A node, None for NULL, or a list of literals or nodes; a single literal is a list of one.
+        fields: Values by field: a node, None for NULL, or a list of literals or nodes; a single literal is a list of
+            length 1.
         name: DEF name.
-        file: File that holds it.
-        line: Line in that file.
-        version: Version of that file's header.
+        file: File that contains it.
+        line: Line number in that file.
+        version: Version in that file's header.
         protos: Files of the PROTOs whose bodies it comes from, outermost first.
-        size: Number of nodes in it, itself included, where every USE counts as a copy.
-        height: Number of nodes on the longest way down, itself included.
+        size: Number of nodes in its subtree, including itself, where every USE counts as a copy.
+        height: Number of nodes on the longest path down, including itself.
     """
 
     type: str
@@ -103,37 +104,37 @@ class Node:
         return f"<{self.type} at {self.file}:{self.line}>"
 
     def number(self, field: str, default: float) -> float:
-        """Read a field's number."""
+        """Read a number."""
         values = _literals(self, field, float, "a number", single=True)
         return values[0] if values else default
 
     def integer(self, field: str, default: int) -> int:
-        """Read a field's whole number."""
+        """Read a whole number."""
         value = self.number(field, default)
         if value != int(value):
             self.refuse(field, "a whole number", f"{value:g}")
         return int(value)
 
     def flag(self, field: str, default: bool) -> bool:
-        """Read a field's TRUE or FALSE."""
+        """Read a TRUE or FALSE."""
         values = _literals(self, field, bool, "TRUE or FALSE", single=True)
         return values[0] if values else default
 
     def text(self, field: str, default: str) -> str:
-        """Read a field's string."""
+        """Read a string."""
         values = _literals(self, field, str, "a string", single=True)
         return values[0] if values else default
 
     def numbers(self, field: str) -> NDArray[np.float64]:
-        """Read all numbers of a field in a row, shape ``(n,)``; none for a missing one."""
+        """Read all numbers of a field, shape ``(n,)``; empty for a missing field."""
         return np.array(_literals(self, field, float, "numbers"), dtype=np.float64)
 
     def texts(self, field: str) -> list[str]:
-        """Read all strings of a field; none for a missing one."""
+        """Read all strings of a field; empty for a missing field."""
         return _literals(self, field, str, "strings")
 
     def vector(self, field: str, default: tuple[float, ...]) -> NDArray[np.float64]:
-        """Read a field's vector, rotation or colour, of as many numbers as `default` has."""
+        """Read a vector, rotation or color, of the length of `default`."""
         if field not in self.fields:
             return np.array(default, dtype=np.float64)
         values = self.numbers(field)
@@ -142,14 +143,14 @@ class Node:
         return values
 
     def node(self, field: str) -> Node | None:
-        """Read a field's node; None for NULL or a missing one."""
+        """Read a node; None for NULL or a missing field."""
         nodes = self.nodes(field)
         if len(nodes) > 1:
             self.refuse(field, "one node", str(len(nodes)))
         return nodes[0] if nodes else None
 
     def nodes(self, field: str) -> list[Node]:
-        """Read a field's nodes, without NULL; none for a missing one."""
+        """Read all nodes of a field, without NULL; empty for a missing field."""
         value = self.fields.get(field)
         if value is None:
             return []
@@ -160,7 +161,7 @@ class Node:
         return nodes
 
     def refuse(self, field: str, wanted: str, got: str) -> NoReturn:
-        """Say what was wanted in a field, and what is there."""
+        """Raise a FileFormatError with the expected and the actual value of a field."""
         raise FileFormatError(f"{self.file}:{self.line}: expected {wanted} in {field!r} of {self.type}, got {got}")
 
 
@@ -168,10 +169,10 @@ Value: TypeAlias = Node | list[float | str | bool | Node] | None
 
 
 def new_node(like: Node, kind: str, fields: dict[str, Value], name: str | None = None) -> Node:
-    """Make a node that is in no file, at the place of another: of its version, its file and its line.
+    """Create a node with the version, file and line of another.
 
     Args:
-        like: The node that it stands for, or is a part of.
+        like: The node that it replaces or is part of.
         kind: Its type.
         fields: Its fields.
         name: Its DEF name.
@@ -197,12 +198,12 @@ def _literals(node: Node, field: str, kind: type[_Literal], wanted: str, *, sing
 
 
 def shown(text: str) -> str:
-    """Quote a text as messages show it: its beginning, if it is long."""
+    """Quote a text for messages, truncated if it is long."""
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
 def described(value: Value | float | str | bool) -> str:
-    """Write a value as messages show it."""
+    """Format a value for messages."""
     if value is None:
         return "NULL"
     if isinstance(value, Node):

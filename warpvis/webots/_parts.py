@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""From a Webots world's Solids to the objects of a scene: where they are, their triangles, names and labels."""
+"""Conversion of a Webots world's Solids to scene objects with triangles, names and labels."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from warpvis.webots.shapes._polygons import Triangles, join
 from warpvis.webots.shapes._resets import correction
 
 GROUND_HEIGHT = 0.1
-"""A level surface within this height of 0 is ground [m]."""
+"""Maximum absolute height of a level surface that is labeled as ground [m]."""
 
 _MAX_SENTENCES, _MAX_NAMES = 20, 12  # in a warning
 _SCALAR_GRAVITY = Version(2020, 2)
@@ -37,7 +37,7 @@ HUMANS = ("*human*", "*person*", "*pedestrian*")
 
 
 def corrected_scale(node: Node) -> tuple[NDArray[np.float64], str]:
-    """Read a node's scale, in which 1 stands for what Webots does not take, and a note of that."""
+    """Read a node's scale, with values that are invalid in Webots replaced by 1, and a note of the correction."""
     scale = node.vector("scale", (1.0, 1.0, 1.0))
     wrong = scale == 0 if node.version >= _NEGATIVE_SCALES else scale <= 0
     if not wrong.any():
@@ -48,17 +48,17 @@ def corrected_scale(node: Node) -> tuple[NDArray[np.float64], str]:
 
 @dataclass(eq=False)
 class Solid:
-    """A Solid with its shapes, or shapes outside of any Solid: what becomes an object."""
+    """A Solid with its shapes, or a shape outside of any Solid, which becomes an object."""
 
-    wanted: str  # its name, if that is free
+    wanted: str  # its name, if not taken
     robots: tuple[str, ...] = ()
     human: bool = False
     ground: bool = False
     recognised: bool = False
     arena: bool = False
     parts: list[Triangles] = field(default_factory=list)
-    surfaces: list[Surface] = field(default_factory=list)  # of each part
-    level: list[bool] = field(default_factory=list)  # of each part, whether it is a level surface near the ground
+    surfaces: list[Surface] = field(default_factory=list)  # per part
+    level: list[bool] = field(default_factory=list)  # per part, whether it is a level surface near the ground
 
     def label(self) -> Label:
         """Choose the label by the rules of `warpvis.webots.load_webots`."""
@@ -75,30 +75,30 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A node to walk through, and where it is."""
+    """A node to visit, with its transform and context."""
 
     node: Node
     transform: Transform
     owner: Solid | None = None
-    """The Solid that its shapes belong to."""
+    """The Solid to which its shapes are added."""
     robots: tuple[str, ...] = ()
     recognised: tuple[str, ...] = ()
     human: bool = False
     called: str = ""
     """The nearest DEF name, for shapes outside of any Solid."""
     instances: tuple[Node, ...] = ()
-    """The PROTO instances that this node is the body of."""
+    """The PROTO instances that expand to this node."""
     within: tuple[str, ...] = ()
-    """Types of the PROTOs that it is in."""
+    """Types of the PROTOs that contain it."""
     origin: str = ""
-    """The PROTO without a file in whose fields it is: only devices are of interest then."""
+    """The PROTO without a file whose fields contain it; then only devices are read."""
     extent: Extent | None = None
-    """The Solid that it is in."""
+    """The Solid that contains it."""
     depth: int = 0
 
     @property
     def is_part(self) -> bool:
-        """Whether a Solid is part of its owner, since its instance's file puts it there, as a table's legs."""
+        """Whether a Solid is merged into its owner because it comes from the same PROTO file, like a table's legs."""
         node = self.node
         if self.owner is None or node.type in ROBOTS or len(node.numbers("recognitionColors")):
             return False
@@ -106,14 +106,13 @@ class Step:
 
 
 class Names:
-    """Names that are taken."""
+    """A set of unique names."""
 
     def __init__(self) -> None:
-        """Begin with none."""
         self._numbers: dict[str, int] = {}
 
     def take(self, name: str) -> str:
-        """Take the name, or the first of ``"name (2)"``, ``"name (3)"``, ... that is free."""
+        """Reserve and return `name`, or the first of ``"name (2)"``, ``"name (3)"``, ... that is not taken."""
         result, number = name, self._numbers.get(name, 1)
         while result in self._numbers:
             number += 1
@@ -124,7 +123,7 @@ class Names:
 
 
 def is_level(vertices: NDArray[np.float64], faces: NDArray[np.int32], up: int) -> bool:
-    """Tell whether a surface is level, seen from above, and near the ground."""
+    """Return whether a surface is level, visible from above, and near the ground."""
     if np.ptp(vertices[:, up]) > 1e-3 or abs(vertices[0, up]) > GROUND_HEIGHT:
         return False
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -132,10 +131,10 @@ def is_level(vertices: NDArray[np.float64], faces: NDArray[np.int32], up: int) -
 
 
 def vertical_axis(world: World) -> tuple[Literal["z", "y"], list[str]]:
-    """Find the axis that points up: by WorldInfo's `coordinateSystem` ("ENU": z), or `gravity`, which was a vector.
+    """Find the vertical axis from WorldInfo's `coordinateSystem` ("ENU": z) or `gravity`, a vector in old releases.
 
     Returns:
-        The axis; and a sentence, if the file says something that Webots does not take.
+        The axis, and notes of corrected fields.
     """
     notes = []
     info = next((node for node in world.nodes if node.type == "WorldInfo"), None)
@@ -153,12 +152,12 @@ def vertical_axis(world: World) -> tuple[Literal["z", "y"], list[str]]:
 
 
 def names_of(names: Mapping[Solid, list[str]], solids: Iterable[Solid]) -> tuple[str, ...]:
-    """List the names of the objects that these became."""
+    """List the names of the objects made from the given Solids."""
     return tuple(name for solid in solids for name in names.get(solid, ()))
 
 
 def make_parts(solids: Iterable[Solid], find: Find) -> tuple[list[Part], dict[Solid, list[str]]]:
-    """Make objects of all that has triangles, and list their names; images are found when somebody asks for them."""
+    """Build objects from all Solids with triangles, and list their names; images are loaded lazily."""
     made: list[Part] = []
     names: dict[Solid, list[str]] = {}
     taken = Names()
@@ -167,14 +166,14 @@ def make_parts(solids: Iterable[Solid], find: Find) -> tuple[list[Part], dict[So
             continue
         for wanted, label, numbers in _objects_of(solid):
             parts = [solid.parts[number] for number in numbers]
-            look = joined_look([solid.surfaces[number] for number in numbers], find)
-            made.append(Part(taken.take(wanted), join(parts), label, appearance=look))
+            appearance = joined_look([solid.surfaces[number] for number in numbers], find)
+            made.append(Part(taken.take(wanted), join(parts), label, appearance=appearance))
             names.setdefault(solid, []).append(made[-1].name)
     return made, names
 
 
 def _objects_of(solid: Solid) -> list[tuple[str, Label, list[int]]]:
-    """Name and label the objects that a Solid becomes, and list their parts: an arena has a floor and walls."""
+    """Return name, label and part indices of each object made from a Solid; arenas are split into floor and walls."""
     if solid.arena and any(solid.level) and not all(solid.level):
         floor = [number for number, level in enumerate(solid.level) if level]
         walls = [number for number, level in enumerate(solid.level) if not level]
@@ -192,29 +191,30 @@ def skipped_message(
     search_path: Iterable[str | os.PathLike[str]],
     downloads: bool,
 ) -> str:
-    """Say what was left out or stands for something else, and why; nothing if all was read."""
+    """Describe what was skipped or replaced by stand-ins, and why; return an empty text if everything was read."""
     parts = []
     if skipped:
         listed = _counted(skipped, below)
         searched = ", ".join(os.fspath(folder) for folder in search_path) or "none"
         parts.append(
-            f"left out {listed}, of which no file was found or read beside the world or on the search path "
-            f"({searched}): add the folders that hold them to it"
-            + (", or open the world once in Webots, whose downloads are found" if downloads else "")
+            f"skipped {listed}, whose files were not found or not readable in the world's project and the search path "
+            f"({searched}): add the folders that contain them"
+            + (", or open the world once in Webots, which downloads them" if downloads else "")
         )
     if stand_ins:
         listed = _counted(stand_ins)
         parts.append(
-            f"boxes, cylinders, and capsules for people, stand in for {listed}, of which no file was found or read"
+            f"used stand-ins for {listed}, whose files were not found or not readable: "
+            "boxes, cylinders, and capsules for people"
         )
     for name, reason in reasons.items():
-        parts.append(f"the file of {name} was of no use: {reason}")
-    parts += [f"left out what cannot be read: {reason}" for reason in truncate(refused)]
+        parts.append(f"ignored the file of {name}: {reason}")
+    parts += [f"skipped an unreadable node: {reason}" for reason in truncate(refused)]
     return f"{path}: {'; '.join(parts)}" if parts else ""
 
 
 def _counted(counts: Mapping[str, int], below: Mapping[str, int] | None = None) -> str:
-    """List what there is, how often, and how many nodes are in it, but for all after the first of very many."""
+    """List names with counts and numbers of contained nodes, truncated to `_MAX_NAMES`."""
     inside = {name: f" with {pluralize(count, 'node')} in it" for name, count in (below or {}).items() if count}
     listed = [f"{truncate_text(name)} ({count}{inside.get(name, '')})" for name, count in counts.items()]
     more = len(listed) - _MAX_NAMES
@@ -222,7 +222,7 @@ def _counted(counts: Mapping[str, int], below: Mapping[str, int] | None = None) 
 
 
 def truncate(sentences: Iterable[str]) -> list[str]:
-    """Leave out what was said before, and all but the first of very many: the bodies of PROTOs are read often."""
-    known = list(dict.fromkeys(sentences))
-    more = len(known) - _MAX_SENTENCES
-    return known if more <= 0 else [*known[:_MAX_SENTENCES], f"and {more} more"]
+    """Remove duplicates, which repeated PROTOs cause, and truncate to `_MAX_SENTENCES`."""
+    unique = list(dict.fromkeys(sentences))
+    more = len(unique) - _MAX_SENTENCES
+    return unique if more <= 0 else [*unique[:_MAX_SENTENCES], f"and {more} more"]

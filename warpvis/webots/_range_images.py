@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The images of range finders, as Webots' version of a world gives them."""
+"""Range images of range finders in Webots worlds."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from warpvis.webots._world import WebotsWorld
 
 
 def require_world(world: object) -> WebotsWorld:
-    """Return `world` itself; raise `SceneError` if it is none."""
+    """Return `world`; raise `SceneError` if it is not a `WebotsWorld`."""
     if not isinstance(world, WebotsWorld):
-        raise SceneError(f"world must be what load_webots gives, got {type(world).__name__}")
+        raise SceneError(f"world must be a WebotsWorld from load_webots, got {type(world).__name__}")
     return world
 
 
 def find_device(world: WebotsWorld, name: str) -> Device:
-    """Find the device of that name.
+    """Return the device of the given name.
 
     Raises:
-        SceneError: There is none.
+        SceneError: If the world has no such device.
     """
     require_world(world)
     if not isinstance(name, str) or name not in world.devices:
@@ -54,41 +54,42 @@ def render_range(
 ) -> NDArray[np.float32]:
     """Render the image of a range finder, or of a camera as if it measured ranges.
 
-    As in Webots, back faces are not seen, and transparent things are; so is the robot's own body.
+    As in Webots, back faces are invisible, and transparent objects and the robot's own body are visible.
 
     Args:
         world: The world, from `load_webots`.
         device_name: The device.
-        webots_version: By default ranges are the true ones (REP 117): +inf where nothing is hit or it is farther than
-            `Device.max_range`, -inf where it is nearer than `Device.min_range`; a `Lens` is left out, and a warning
-            says so. ``"header"`` gives the values that the
-            Webots of the world's header gives, with its lens, near plane and resolution, and nothing nearer than
-            `Device.near` in the way; another version's name, like ``"R2019a"``, that version's values. R2022a is taken
-            to be its revision 1.
-        exclude_body: Whether to see through the robot that the device is part of.
-        seed: Seed of the device's noise, which Webots' values have only if it is given.
-        threads: CPU threads to use; all cores of this process by default.
+        webots_version: By default, ranges are exact (REP 117): +inf where nothing is hit or the hit is farther than
+            `Device.max_range`, -inf where it is nearer than `Device.min_range`; a `Lens` is ignored with a warning.
+            ``"header"`` reproduces the values of the Webots release in the world's header, including lens, near plane
+            and resolution; geometry nearer than `Device.near` does not occlude. The name of another release, like
+            ``"R2019a"``, reproduces that release. R2022a is assumed to be its revision 1.
+        exclude_body: Whether to hide the robot that the device is part of.
+        seed: Seed of the device's noise. Noise is added only if `seed` and `webots_version` are given.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
-        Ranges [m], shape ``(H, W)``: planar depth, or the ray's length if the projection is cylindrical or spherical.
+        Ranges [m], shape ``(H, W)``: planar depth, or lengths of rays for a cylindrical or spherical projection.
 
     Raises:
-        SceneError: There is no such device, or `webots_version` is given and it is a camera.
-        FileFormatError: `webots_version` is no version.
+        SceneError: If there is no such device, or `webots_version` is given for a camera.
+        FileFormatError: If `webots_version` is not a version.
     """
     device = find_device(world, device_name)
     exclude = list(world.robots.get(device.robot, ())) if check_flag(exclude_body, "exclude_body") else []
     if webots_version is None:
         if device.bends:
             warnings.warn(
-                f"{device_name!r} has a Lens, which true depth leaves out: its image is a pinhole's; "
-                'webots_version="header", on the command line --version-exact, bends it',
+                f"{device_name!r} has a Lens, which exact depth ignores; pass "
+                'webots_version="header" (on the command line --version-exact) for a distorted image',
                 IntrinsicsWarning,
                 stacklevel=2,
             )
         return _depth(world.scene, device, device.min_range, device.max_range, exclude, threads)
     if not device.measures:
-        raise SceneError(f"{device_name!r} is a camera: Webots gives no ranges of it, so ask for true depth")
+        raise SceneError(
+            f"{device_name!r} is a camera, which has no ranges in Webots: omit webots_version for exact depth"
+        )
     version = world.version if str(webots_version) == "header" else Version.parse(webots_version)
     pixels = None
     if device.bends and device.lens is not None:
@@ -103,7 +104,7 @@ def render_range(
         projection=device.projection,
         near_bias=device.projection == "planar" and version < ranges.UNBIASED,
     )
-    if pixels is not None:  # the image that is bent ends where it does
+    if pixels is not None:  # pixels that look outside of the undistorted image
         size = (device.width, device.height)
         values[0, ~((pixels >= 0) & (pixels < size)).all(axis=2)] = 0
     if seed is not None:
@@ -120,7 +121,7 @@ def _depth(
     threads: int | None,
     pixels: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Render ranges by REP 117 [m], shape ``(H, W)``, at the pixels' centres or at other points of the image."""
+    """Render ranges by REP 117 [m], shape ``(H, W)``, at pixel centers or at other points of the image."""
     hidden = list(exclude) or None
     if device.projection != "planar":
         views = render_wide(
@@ -148,7 +149,7 @@ def _depth(
 def _drawn_depth(
     scene: Scene, device: Device, exclude: Sequence[str], threads: int | None, pixels: NDArray[np.float32] | None
 ) -> NDArray[np.float32]:
-    """Render depth of what OpenGL draws [m]: nothing nearer than `near`, which then hides nothing; +inf for nothing."""
+    """Render depth as OpenGL does [m]: geometry nearer than `near` is clipped and does not occlude; +inf for no hit."""
     depth = _depth(scene, device, device.near, math.inf, exclude, threads, pixels)
     too_near = np.isneginf(depth)
     if too_near.any() and device.projection == "planar":
@@ -156,13 +157,13 @@ def _drawn_depth(
         depth = np.full_like(depth, np.inf)
         if len(cut):
             depth = _depth(cut, device, 0.0, math.inf, (), threads, pixels)
-    elif too_near.any():  # put together of planar images with near planes of their own
+    elif too_near.any():  # Webots composes these of planar images, each with a near plane
         depth = _depth(scene, device, 0.0, math.inf, exclude, threads)
     return depth
 
 
 def _cut_near(scene: Scene, device: Device, exclude: Sequence[str]) -> Scene:
-    """Cut the scene's triangles as the near plane does."""
+    """Clip the scene's triangles at the near plane."""
     matrix = poses_to_matrices(device.pose)
     axis, origin = matrix[:3, 2], matrix[:3, 3]
     cut = Scene(device=scene.device, up=scene.up)
@@ -177,14 +178,14 @@ def _cut_near(scene: Scene, device: Device, exclude: Sequence[str]) -> Scene:
         crossing = inside.any(axis=1) & ~inside.all(axis=1)
         for corners, d in zip(triangles[crossing], depth[crossing], strict=True):
             parts.append(_clip(corners, d))
-        left = np.concatenate(parts)
-        if len(left):
-            cut.add((left.reshape(-1, 3), np.arange(len(left) * 3).reshape(-1, 3)), name=item.name, label=item.label)
+        rest = np.concatenate(parts)
+        if len(rest):
+            cut.add((rest.reshape(-1, 3), np.arange(len(rest) * 3).reshape(-1, 3)), name=item.name, label=item.label)
     return cut
 
 
 def _clip(corners: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cut off the part of a triangle with positive depth (Sutherland and Hodgman 1974), shape ``(1 or 2, 3, 3)``."""
+    """Clip a triangle to positive depth (Sutherland and Hodgman 1974); return triangles ``(1 or 2, 3, 3)``."""
     polygon = []
     for k in range(3):
         a, b, da, db = corners[k], corners[(k + 1) % 3], depth[k], depth[(k + 1) % 3]

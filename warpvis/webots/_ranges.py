@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a RangeFinder of Webots makes of true depth, release by release: range limits, noise, resolution, and lens.
+"""Sensor model of Webots' RangeFinder by release: range limits, lens distortion, noise and resolution.
 
-Webots does it in shaders (``encode_depth.frag``, ``merge_spherical.frag``, ``lens_distortion.frag``,
+Webots computes these in shaders (``encode_depth.frag``, ``merge_spherical.frag``, ``lens_distortion.frag``,
 ``range_noise.frag`` and ``depth_resolution.frag`` in its ``resources/wren/shaders``), in single precision, in this
-order: range limits, lens, noise, resolution. A file's header names a release but not its revision: R2022a is taken to
-be revision 1, which corrected the range finder.
+order: range limits, lens, noise, resolution. A file's header specifies a release but not its revision: R2022a is
+assumed to be revision 1, which corrected the range finder.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from warpvis.errors import ArrayError
 from warpvis.webots._devices import PROJECTIONS, Projection
 from warpvis.webots._nodes import Version
 
-# First releases that read +inf where nothing is within reach: of what is too near, and, later, too far (Webots' pull
-# requests 2509 and 4167).
+# First releases whose ranges below the minimum, and from the maximum on, are +inf (Webots' pull requests 2509 and
+# 4167).
 _INFINITE_TOO_NEAR = Version.parse("R2021a")
 _INFINITE_TOO_FAR = Version.parse("R2022a")
 UNBIASED = Version(2022, 1)
-"""The first release whose range finders are right about depth."""
+"""The first release whose range finders have no depth bias."""
 
 _LAST_BIASED = Version.parse("R2022a")  # before its revision 1: pull request 4309
 
@@ -41,38 +41,38 @@ def range_values(
     projection: Projection = "planar",
     near_bias: bool = False,
 ) -> NDArray[np.float32]:
-    """Turn true depth images into the values that a range finder of a release of Webots gives.
+    """Convert exact depth images to the values of a range finder in a Webots release.
 
     ======================  ==================  ===========================
-    release                 below `min_range`   from `max_range`, nothing
+    release                 below `min_range`   from `max_range`, no hit
     ======================  ==================  ===========================
     up to R2020b            `max_range`         `max_range`
     R2021a, R2021b          +inf                `max_range`; +inf if not planar
     R2022a and later        +inf                +inf
     ======================  ==================  ===========================
 
-    What is seen nearer than `near` hides nothing in Webots, which clips it away; here it is too near as all else below
-    `min_range` is. An image that is not planar is put together there of planar ones, in which the limit `min_range` is
-    of planar depth too: lengths between it and 1.73 times it may be too near, which is not reproduced.
+    Webots clips geometry nearer than `near`, which then does not occlude; this function treats it like all depth below
+    `min_range`. Webots composes images that are not planar from planar ones and compares `min_range` with planar depth:
+    lengths of up to 1.73 `min_range` may be too near, which is not reproduced.
 
     Args:
-        depth: Planar depth, or lengths of rays as of `warpvis.rendering.render_wide` [m], shape ``(V, H, W)``, rendered
-            without limits: finite, or +inf where there is nothing.
-        near: Distance of the near plane [m], which only the bias depends on.
-        min_range: Least distance that is measured [m].
-        max_range: Distance from which on nothing is measured [m].
+        depth: Planar depth, or lengths of rays as from `warpvis.rendering.render_wide` [m], shape ``(V, H, W)``,
+            rendered without limits: finite, or +inf for no hit.
+        near: Distance of the near plane [m], used only for the bias.
+        min_range: Minimum range [m].
+        max_range: Maximum range [m], itself excluded.
         version: The release, like ``"R2023b"`` or ``"V8.6"``.
         projection: ``"planar"``, ``"cylindrical"`` or ``"spherical"``.
-        near_bias: Whether to reproduce the error of releases up to R2022a before its revision 1: for a true depth z
-            they read ``z' = f (z - n) / (f - n)``, of the near plane n and the far one f = `max_range`. Limits are of
-            z'. Later releases are right, and for them this changes nothing.
+        near_bias: Whether to reproduce the bias of releases up to R2022a before its revision 1: for a true depth z
+            they return ``z' = f (z - n) / (f - n)``, with the near plane n and the far plane f = `max_range`. Limits
+            apply to z'. This has no effect on later releases.
 
     Returns:
-        Values as Webots' controllers get them [m], shape ``(V, H, W)``.
+        Values as received by Webots' controllers [m], shape ``(V, H, W)``.
 
     Raises:
-        ArrayError: An argument is not what it has to be.
-        FileFormatError: `version` is a text that names no release.
+        ArrayError: If an argument is invalid.
+        FileFormatError: If `version` is a text that is not a release.
     """
     release = as_version(version)
     images = _check_depth(depth)
@@ -100,24 +100,24 @@ def add_noise(
 ) -> NDArray[np.float32]:
     """Add Gaussian noise to range values.
 
-    From R2022a on, values from `max_range` on become +inf; before, they are noisy like all others. Noisy values may lie
-    outside of the range's limits, as in Webots. Its documentation says that the standard deviation is `noise` times
-    the maximal range; its shaders of all releases take `noise` as metres, and so does this function. The numbers
-    themselves are NumPy's: Webots draws them from the time of the simulation.
+    From R2022a on, values from `max_range` on become +inf; before, noise is added to them like to all others. Noisy
+    values may be outside the range limits, as in Webots. Webots' documentation defines the standard deviation as
+    `noise` times the maximum range, but the shaders of all releases use `noise` in meters, as does this function.
+    Random numbers come from NumPy, whereas Webots seeds them with the simulation time.
 
     Args:
         values: Values from `range_values` [m].
         noise: Standard deviation [m], a RangeFinder's field ``noise``.
-        max_range: Distance from which on nothing is measured [m].
+        max_range: Maximum range [m].
         version: The release, like ``"R2023b"``.
-        seed: Of the random numbers: the same seed gives the same noise.
+        seed: Seed of the random numbers.
 
     Returns:
-        Noisy values [m], of the shape of `values`; +inf stays. A `noise` of 0 changes nothing.
+        Noisy values [m], of the shape of `values`; +inf is unchanged. If `noise` is 0, all values are.
 
     Raises:
-        ArrayError: An argument is not what it has to be.
-        FileFormatError: `version` is a text that names no release.
+        ArrayError: If an argument is invalid.
+        FileFormatError: If `version` is a text that is not a release.
     """
     release = as_version(version)
     given = as_numpy(values, name="values").astype(np.float32)
@@ -138,13 +138,13 @@ def quantise(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
 
     Args:
         values: Values [m].
-        resolution: The step [m]; or -1, as in Webots, for values as they are.
+        resolution: The step [m]; or -1, as in Webots, for no rounding.
 
     Returns:
-        Values [m], of the same shape; +inf stays.
+        Values [m], of the same shape; +inf is unchanged.
 
     Raises:
-        ArrayError: `resolution` is neither positive nor -1.
+        ArrayError: If `resolution` is neither positive nor -1.
     """
     given = as_numpy(values, name="values").astype(np.float32)
     if is_number(resolution) and resolution == -1:
@@ -156,11 +156,12 @@ def quantise(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
 def distort_pixels(
     width: int, height: int, center: ArrayLike, radial: ArrayLike, tangential: ArrayLike
 ) -> NDArray[np.float32]:
-    """Compute where in the undistorted image each pixel of an image through a Lens of Webots looks.
+    """Map each pixel of an image distorted by Webots' Lens to coordinates in the undistorted image.
 
-    Brown's model in coordinates from 0 to 1 across and down the image, in the approximate inverse of Lambers,
-    Sommerhoff and Kolb, "Realistic Lens Distortion Rendering" (2018). With (x, y) the pixel's place from the `center`,
-    ``r2 = x^2 + y^2``, radial coefficients k1 and k2 and tangential ones p1 and p2, it looks, from there, at ::
+    The mapping is Brown's model in coordinates from 0 to 1 across and down the image, in the approximate inverse of
+    Lambers, Sommerhoff and Kolb, "Realistic Lens Distortion Rendering" (2018). For a pixel at (x, y) relative to
+    `center`, ``r2 = x^2 + y^2``, radial coefficients k1 and k2 and tangential ones p1 and p2, the coordinates in the
+    undistorted image relative to `center` are ::
 
         x - c ((k1 r2 + k2 r2^2) x + 2 p1 x y + p2 (r2 + 2 x^2))
         y - c ((k1 r2 + k2 r2^2) y + 2 p2 x y + p1 (r2 + 2 y^2))
@@ -173,16 +174,16 @@ def distort_pixels(
     Args:
         width: Image width [px].
         height: Image height [px].
-        center: The lens' centre, from 0 to 1 across and down the image, shape ``(2,)``.
+        center: Center of distortion, from 0 to 1 across and down the image, shape ``(2,)``.
         radial: Coefficients k1 and k2, shape ``(2,)``.
         tangential: Coefficients p1 and p2, shape ``(2,)``.
 
     Returns:
-        Coordinates ``(x, y)`` [px] as `Renderer.render_at` takes them, shape ``(height, width, 2)``; NaN where the
-        formula has none. Outside of the image it sees nothing; Webots writes 0 there.
+        Coordinates ``(x, y)`` [px] for `Renderer.render_at`, shape ``(height, width, 2)``; NaN where the formula is
+        undefined. For coordinates outside the image, Webots writes 0.
 
     Raises:
-        ArrayError: An argument is not what it has to be.
+        ArrayError: If an argument is invalid.
     """
     for name, value in (("width", width), ("height", height)):
         if not is_whole(value) or not 1 <= value < 2**31:
@@ -203,11 +204,11 @@ def distort_pixels(
 
 
 def as_version(version: Version | str) -> Version:
-    """Return a release, from itself or from its name.
+    """Convert the name of a release to a `Version`; return a `Version` unchanged.
 
     Raises:
-        ArrayError: It is neither.
-        FileFormatError: There is no release of that name.
+        ArrayError: If `version` is neither.
+        FileFormatError: If `version` is a text that is not a release.
     """
     if isinstance(version, str):
         return Version.parse(version)
@@ -224,8 +225,8 @@ def _check_depth(depth: ArrayInput) -> np.ndarray:
     if len(bad):
         first = tuple(bad[0].tolist())
         raise ArrayError(
-            f"depth must be from 0 up or +inf, rendered with near 0 and far inf: not so "
-            f"{len(bad)} of {pluralize(images.size, 'value')}, "
+            f"depth must be from 0 up or +inf, rendered with near 0 and far inf, got "
+            f"{len(bad)} other of {pluralize(images.size, 'value')}, "
             f"the first {images[first]} at {first}"
         )
     return images

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a Webots camera with a Recognition node recognises."""
+"""Objects and segmentation images of Webots cameras with a Recognition node."""
 
 from __future__ import annotations
 
@@ -34,54 +34,54 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Recognised:
-    """A Solid that a camera recognises."""
+    """A Solid recognized by a camera."""
 
     name: str
     """Its key in `WebotsWorld.recognisable`."""
     objects: tuple[str, ...]
     """Names of its objects in the scene."""
     position: NDArray[np.float64]
-    """The middle of its box in the OpenCV frame of the camera [m], shape ``(3,)``, as Webots computes it."""
+    """Center of its box in the OpenCV frame of the camera [m], shape ``(3,)``, as computed by Webots."""
     size: NDArray[np.float64]
-    """Lengths of that box along the camera's axes [m], shape ``(3,)``."""
+    """Size of that box along the camera's axes [m], shape ``(3,)``."""
     image_position: tuple[int, int]
-    """Middle of that box's corners in the image: Webots' ``position_on_image`` [px]."""
+    """Center of that box's projected corners: Webots' ``position_on_image`` [px]."""
     image_size: tuple[int, int]
-    """Their width and height: Webots' ``size_on_image`` [px]."""
+    """Width and height of the projected corners: Webots' ``size_on_image`` [px]."""
     box: tuple[int, int, int, int]
-    """Box of all of it that is within the image, hidden or not: x, y, width and height [px]."""
+    """Bounding box of its silhouette within the image, ignoring occlusion: x, y, width and height [px]."""
     visible_pixels: int
-    """Pixels that show it."""
+    """Number of pixels in which it is visible."""
     colors: NDArray[np.float64]
     """Its `recognitionColors`, shape ``(n, 3)``."""
 
 
 def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = None) -> list[Recognised]:
-    """List what a camera's Recognition node lists, largest in the image first.
+    """List the objects recognized by a camera's Recognition node, by decreasing size in the image.
 
-    The rules are Webots' (``WbObjectDetection.cpp``, ``WbCamera.cpp``), for Solids with `recognitionColors` that are
-    not the camera's robot or a Solid just below it. A Solid's box is about its bounding objects and those of the
-    Solids in it, or, without any, about the sphere of its shapes. It is along the camera's axes, and what is outside of
-    the image is cut off. It must be partly within the image and a pixel wide and high there. The distance of its
-    middle, ahead, is at most `maxRange` plus half of the box's length ahead.
+    The rules are those of Webots (``WbObjectDetection.cpp``, ``WbCamera.cpp``). They apply to Solids with
+    `recognitionColors`, except the camera's robot and its direct child Solids. A Solid's box, along the camera's axes,
+    bounds its bounding objects and those of its descendants, or, without any, the bounding sphere of its shapes. The
+    part outside the image is cut off. The box must overlap the image and be at least a pixel wide and high in it. The
+    forward distance of its center must be at most `maxRange` plus half of the box's forward length.
 
-    Then comes the test that `occlusion` names: 0, none; 1, the ray to the Solid's origin, and 2, one of those to its
-    box's corners, must not end in another Solid's bounding object more than half of the box's length before that. The
-    camera's own robot hides nothing, nor does what has no bounding object: see `visible_pixels`. Of what passes, the
-    `maxObjects` with the largest sizes in the image are listed.
+    Then the field `occlusion` selects a test: 0 is none; 1 casts a ray to the Solid's origin, 2 one to each corner of
+    its box. At least one ray must not end in another Solid's bounding object more than half of the box's length before
+    its target. The camera's own robot and Solids without a bounding object do not occlude; compare `visible_pixels`.
+    The `maxObjects` objects with the largest sizes in the image are returned.
 
-    Of cylindrical and spherical images the sides are planes by planar formulas, and places in the image those of the
-    projection, as in Webots since R2023a. A camera that sees more than half of all directions recognises what is
-    ahead, or behind it beyond one of the four planes; of round bounds nothing is cut off then.
+    For cylindrical and spherical images, the frustum's planes follow planar formulas, and image positions follow the
+    projection, as in Webots since R2023a. A camera whose field of view exceeds a hemisphere recognizes objects in front
+    of it, and objects behind it beyond one of the four planes; round bounds are then not cut off.
 
     Args:
         world: The world, from `load_webots`.
         camera_name: The camera.
-        threads: CPU threads to use; all cores of this process by default.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Raises:
-        SceneError: There is no such camera, or it has no Recognition node.
-        FileFormatError: A field of the Recognition node is not of its type.
+        SceneError: If there is no such camera, or it has no Recognition node.
+        FileFormatError: If a field of the Recognition node has a wrong type.
     """
     device, node = _recognising(world, camera_name)
     reach, most, occlusion = _limits(node)
@@ -119,7 +119,7 @@ def _detected(
     extent: Extent,
     reach: float,
 ) -> Box | None:
-    """Compute the box of what is shown of a Solid; None if it is the robot's own, too far away or not in the image."""
+    """Compute the box of a Solid; None if it belongs to the camera's robot, is too far away or not in the image."""
     eye, axes = frame
     if device.robot and extent.robot == device.robot and extent.level <= 1:
         return None
@@ -133,7 +133,7 @@ def _detected(
 def _seen(
     world: WebotsWorld, device: Device, groups: Mapping[str, tuple[str, ...]], threads: int | None
 ) -> tuple[dict[str, list[int]], NDArray[np.int64]]:
-    """Compute the boxes of silhouettes by object, and the number of pixels that show each object of the scene."""
+    """Compute silhouette boxes by object, and the number of visible pixels of each object of the scene."""
     scene, camera = world.scene, _camera(device, 0.0, math.inf)
     chosen = list(dict.fromkeys(name for names in groups.values() for name in names))
     if isinstance(camera, Camera):
@@ -142,14 +142,14 @@ def _seen(
         )
         boxes = dict(zip(chosen, silhouettes.silhouette_box.numpy()[0].tolist(), strict=True))
     else:
-        boxes = _boxes_alone(scene, camera, device, chosen, threads)
+        boxes = _isolated_boxes(scene, camera, device, chosen, threads)
     return boxes, np.bincount(_object_image(world, device, threads).ravel() + 1, minlength=len(scene) + 1)[1:]
 
 
-def _boxes_alone(
+def _isolated_boxes(
     scene: Scene, camera: WideCamera, device: Device, chosen: Sequence[str], threads: int | None
 ) -> dict[str, list[int]]:
-    """Compute the boxes of silhouettes in a wide image, of which each object is rendered alone."""
+    """Compute silhouette boxes in a wide image by rendering each object in isolation."""
     renderer = Renderer(scene, camera, outputs=("segmentation",), threads=threads)
     boxes = {}
     for name in chosen:
@@ -164,7 +164,7 @@ def _boxes_alone(
 
 
 def _obstacles(bounds: Bounds) -> tuple[Scene, dict[Extent, str]]:
-    """Make a scene of all bounding objects, and name what each Solid's are called in it."""
+    """Build a scene of all bounding objects; return it with the object name of each Solid."""
     scene = Scene()
     names: dict[Extent, str] = {}
     for extent in bounds.solids:
@@ -177,18 +177,18 @@ def _obstacles(bounds: Bounds) -> tuple[Scene, dict[Extent, str]]:
 
 
 def segmentation_image(world: WebotsWorld, camera_name: str, *, threads: int | None = None) -> NDArray[np.int32]:
-    """Render a Recognition node's segmentation image: objects of Solids with `recognitionColors`, else nothing.
+    """Render a Recognition node's segmentation image, which shows Solids with `recognitionColors` only.
 
     Args:
         world: The world, from `load_webots`.
         camera_name: The camera.
-        threads: CPU threads to use; all cores of this process by default.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
         Indices into the scene's objects, -1 for none, shape ``(H, W)`` int32.
 
     Raises:
-        SceneError: There is no such camera, or it has no Recognition node.
+        SceneError: If there is no such camera, or it has no Recognition node.
     """
     device, _ = _recognising(world, camera_name)
     image = _object_image(world, device, threads)
@@ -199,7 +199,7 @@ def segmentation_image(world: WebotsWorld, camera_name: str, *, threads: int | N
 def _recognising(world: WebotsWorld, name: str) -> tuple[Device, Node]:
     device = find_device(world, name)
     if device.recognition is None:
-        raise SceneError(f"{name!r} must be a Camera with a Recognition node, which this {device.kind} does not have")
+        raise SceneError(f"{name!r} must be a Camera with a Recognition node, got a {device.kind} without")
     return device, device.recognition
 
 
@@ -207,7 +207,7 @@ def _limits(node: Node) -> tuple[float, int, int]:
     """Read `maxRange`, `maxObjects` and `occlusion`, reset as Webots resets them."""
     reach, most = node.number("maxRange", 100.0), node.integer("maxObjects", -1)
     value = node.fields.get("occlusion")
-    if isinstance(value, list) and value and isinstance(value[0], bool):  # it was TRUE or FALSE at first
+    if isinstance(value, list) and value and isinstance(value[0], bool):  # TRUE or FALSE in early releases
         occlusion = node.integer("occlusionAccuracy", 1) if node.flag("occlusion", True) else 0
     else:
         occlusion = node.integer("occlusion", 1)
@@ -224,7 +224,7 @@ def _limits(node: Node) -> tuple[float, int, int]:
 
 
 def _camera(device: Device, near: float, far: float) -> Camera | WideCamera:
-    """Make the camera that a device is, of any projection, with another depth range [m]."""
+    """Build the camera of a device, of any projection, with the given depth limits [m]."""
     if device.projection == "planar":
         return dataclasses.replace(device.camera, near=near, far=far)
     return WideCamera(device.width, device.height, device.fov, device.projection, near, far)
@@ -245,9 +245,9 @@ def _hidden(
     occlusion: int,
     threads: int | None,
 ) -> bool:
-    """Tell whether all rays to a Solid end in bounding objects of others, well before it."""
+    """Return whether all rays to a Solid end well before it in other Solids' bounding objects."""
     scene, names = obstacles
-    # Webots adds the corners of the box along the camera's axes to a place in the world without turning them.
+    # Webots adds the box's corners, in camera axes, to a position in the world without rotating them.
     ends = extent.origin + (np.zeros((1, 3)) if occlusion == 1 else box.corners())
     lengths = np.linalg.norm(ends - eye, axis=1)
     own = {extent, *extent.solids}
@@ -263,7 +263,7 @@ def _hidden(
 
 
 def _union(boxes: Sequence[Sequence[int]]) -> tuple[int, int, int, int] | None:
-    """Find the box around boxes; None if all are empty."""
+    """Compute the bounding box of boxes; None if all are empty."""
     filled = np.array([box for box in boxes if box[2] > 0])
     if not len(filled):
         return None

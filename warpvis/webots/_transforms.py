@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of Webots' nodes in the world."""
+"""Transforms of Webots' nodes."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from warpvis.webots._nodes import Node
 
 
 class Transform(NamedTuple):
-    """A frame in the world: a point p of it is at ``offset + linear p``."""
+    """An affine transform to the world: ``p_world = offset + linear p``."""
 
     linear: NDArray[np.float64]
-    """Rotations and scales, shape ``(3, 3)``."""
+    """Product of rotations and scales, shape ``(3, 3)``."""
     rotation: NDArray[np.float64]
-    """The rotations alone."""
+    """Product of rotations, without scales, shape ``(3, 3)``."""
     offset: NDArray[np.float64]
-    """Its origin [m], shape ``(3,)``."""
+    """Origin in the world [m], shape ``(3,)``."""
 
     def within(self, node: Node, scale: NDArray[np.float64]) -> Transform:
-        """Compute the frame of a node in this one: ``p_parent = T + R (S p_child)``."""
+        """Compute the transform of a child node: ``p_parent = T + R (S p_child)``."""
         rotation = rotation_matrix(node.vector("rotation", (0.0, 0.0, 1.0, 0.0)))
         offset = self.offset + self.linear @ node.vector("translation", (0.0, 0.0, 0.0))
         return Transform(self.linear @ (rotation * scale), self.rotation @ rotation, offset)
 
 
 def rotation_matrix(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Convert an SFRotation, axis and angle [rad], to a matrix; the axis has any length, and 0 0 0 turns nothing."""
+    """Convert an SFRotation, axis and angle [rad], to a matrix; the axis need not be normalized, 0 0 0 is identity."""
     length = np.linalg.norm(rotation[:3])
     if length == 0:
         return np.eye(3)

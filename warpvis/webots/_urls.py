@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Urls of the files that worlds and PROTO files name, and where on this machine such a file may be."""
+"""Local paths of the URLs in worlds and PROTO files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ON_GITHUB = re.compile(r"(https?://raw\.githubusercontent\.com/[^/]+/[^/]+/[^/]
 _RELEASE = "https://raw.githubusercontent.com/cyberbotics/webots/{}/"
 _WITH_CACHE = ("R2025a", "R2023b", "R2023a", "R2022b")
 CACHED_SINCE = Version(2022, 2)
-"""The first release whose worlds name their PROTOs by urls, and whose downloads are kept under their urls' names."""
+"""The first release whose worlds refer to PROTOs by URLs, and whose downloads are cached by URL."""
 
 
 @dataclass(frozen=True)
@@ -28,38 +28,38 @@ class Found:
     """A file on this machine."""
 
     path: Path
-    """Where it is."""
+    """Its path."""
     name: str
-    """What messages call it and urls in it are relative to: its path; of a copy in Webots' cache, its url."""
+    """Name in messages and base of relative URLs: its path, or the URL of a copy in Webots' cache."""
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where the files that a world and its PROTOs name may be.
+    """The folders that are searched for the files of a world and its PROTOs.
 
-    Today's Webots looks beside the file that names a url. Up to R2022a it looked in the folders of the PROTOs that it
-    comes from, in the ``protos`` of their projects, and in the world's ``worlds``. A value of an instance's field is
-    relative to the instance's file, which is the world's or another PROTO's. ``webots://`` and the same files on GitHub
-    are looked for below the folders of the search path, and at last in the cache in which Webots keeps what it has
-    downloaded: a file there is named after the SHA-1 of its url (``WbNetwork.cpp``).
+    Current releases of Webots resolve a URL relative to the file that contains it. Up to R2022a, Webots searched the
+    folders of the PROTOs that the node comes from, the ``protos`` of their projects, and the world's ``worlds``. A
+    value of an instance's field is relative to the instance's file, a world or another PROTO. ``webots://`` URLs and
+    the same files on GitHub are searched for below the folders of the search path, and finally in Webots' download
+    cache, whose files are named by the SHA-1 of their URL (``WbNetwork.cpp``).
     """
 
     world: Path
     """The world's file."""
     version: Version
-    """The world's version, which says of which release ``webots://`` files were downloaded."""
+    """The world's version, which determines the release from which ``webots://`` files were downloaded."""
     search_path: list[Path] = field(default_factory=list)
-    """Folders that may be Webots' own, or its ``projects``."""
+    """Folders of PROTO files, possibly Webots' installation folder or its ``projects``."""
     cache: Path | None = None
     """Folder of Webots' cache."""
 
     def find(self, url: str, file: str, protos: Iterable[str] = ()) -> Found | None:
-        """Find the file of a url; None if it is not on this machine.
+        """Find the local file of a URL; return None if there is none.
 
         Args:
-            url: The url.
-            file: Name of the file of the node that has it: `Found.name`.
-            protos: Such names of the PROTOs whose bodies the node comes from, outermost first.
+            url: The URL.
+            file: Name of the file of its node, a `Found.name`.
+            protos: Names of the files of the PROTOs whose bodies the node comes from, outermost first.
         """
         url = with_slashes(url)
         if not is_web(url) and not is_web(file):
@@ -70,7 +70,7 @@ class Places:
         return self.find_in_tree(url, file) or self.find_in_cache(url, file)
 
     def find_in_tree(self, url: str, file: str) -> Found | None:
-        """Find a file of Webots' own folders below those of the search path."""
+        """Find a file of Webots' source tree below the folders of the search path."""
         url = _absolute(url, file)
         on_github = _ON_GITHUB.fullmatch(url)
         tail = url.removeprefix("webots://") if url.startswith("webots://") else on_github[2] if on_github else None
@@ -81,7 +81,7 @@ class Places:
         return None if path is None else Found(path, str(path))
 
     def find_in_cache(self, url: str, file: str) -> Found | None:
-        """Find what Webots has downloaded from a url, or from where a ``webots://`` url leads in a release."""
+        """Find a file that Webots downloaded from a URL, or from the address of a ``webots://`` URL in a release."""
         if self.cache is None:
             return None
         url = _absolute(url, file)
@@ -98,7 +98,7 @@ class Places:
         return None
 
     def _in_project(self, url: str, file: Path, protos: list[Path]) -> Iterator[Path]:
-        """List where a relative url may lead, best first."""
+        """List the candidate paths of a relative URL, best first."""
         folders = [file.parent]
         for proto in [*reversed(protos), self.world]:
             folders += [proto.parent, proto.parent.parent / "protos", proto.parent.parent / "worlds"]
@@ -107,16 +107,16 @@ class Places:
 
 
 def installed() -> list[Path]:
-    """Find Webots' own files: ``projects`` in the folder that the environment's WEBOTS_HOME names."""
+    """Return Webots' ``projects`` folder below the environment variable WEBOTS_HOME, if it exists."""
     home = os.environ.get("WEBOTS_HOME")
     projects = Path(home, "projects") if home else None
     return [projects] if projects is not None and projects.is_dir() else []
 
 
 def webots_cache() -> Path | None:
-    """Find the folder in which Webots from R2022b on keeps what it has downloaded; None if there is none.
+    """Return the folder of Webots' download cache (R2022b and later), or None if it does not exist.
 
-    Webots' user guide, chapter "Installation Procedure", says where that is on each system.
+    Its location on each system is in Webots' user guide, chapter "Installation Procedure".
     """
     if sys.platform == "darwin":
         base = Path("~/Library/Caches")
@@ -128,17 +128,17 @@ def webots_cache() -> Path | None:
     try:
         folder = base.expanduser() / inside
         return folder if folder.is_dir() else None
-    except (OSError, RuntimeError):  # no such home
+    except (OSError, RuntimeError):  # no home directory
         return None
 
 
 def with_slashes(url: str) -> str:
-    """Write a url of Windows as Webots reads it."""
+    """Replace backslashes by slashes, as Webots does."""
     return url.replace("\\", "/")
 
 
 def is_web(url: str) -> bool:
-    """Tell whether a url names its place by itself: ``webots://``, or of the web."""
+    """Return whether a URL is absolute: ``webots://`` or a web address."""
     return "://" in url
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A walk through the tree of a Webots world's nodes, which collects triangles, names, labels and devices."""
+"""Traversal of a Webots world's node tree, which collects triangles, names, labels and devices."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ from warpvis.webots.shapes._polygons import Triangles
 from warpvis.webots.shapes._resets import reset_fields
 
 MAX_VISITED = 1_000_000
-"""Nodes of a world that are walked through, each USE counted as a copy."""
+"""Maximum number of visited nodes of a world, each USE counted as a copy."""
 MAX_TRIANGLES = 50_000_000
-"""Triangles of a world."""
+"""Maximum number of triangles of a world."""
 
 _ARENAS = {"RectangleArena", "CircleArena"}
 _GROUNDS = {"Floor", "UnevenTerrain"}
@@ -69,11 +69,11 @@ _NAMES = {"RangeFinder": "range-finder", **dict.fromkeys(ROBOTS, "robot")}
 
 
 class _TooMuchError(FileFormatError):
-    """A world asks for more than is ever read: leaving out one node of it does not help."""
+    """A world exceeds a limit; skipping a single node does not help."""
 
 
 class Reader:
-    """Walks through a world, and keeps what it finds."""
+    """Traverses a world and collects its content."""
 
     def __init__(self, world: World, search_path: list[Path], strict: bool, cache: Path | None = None) -> None:
         self.version = world.version
@@ -82,12 +82,12 @@ class Reader:
         self.lidars: dict[str, Lidar] = {}
         self.robots: dict[str, list[Solid]] = {}
         self.recognisable: dict[str, tuple[Node, list[Solid]]] = {}
-        self.extents: list[Extent] = []  # of all Solids
-        self.bounds: dict[str, Extent] = {}  # of those that are recognised
+        self.extents: list[Extent] = []  # all Solids
+        self.bounds: dict[str, Extent] = {}  # Solids with recognitionColors
         self.lights: list[Light] = []
         self.background: Background | None = None
         self.skipped: dict[str, int] = {}
-        self.below: dict[str, int] = {}  # nodes in the fields of what is skipped
+        self.below: dict[str, int] = {}  # number of nodes in the fields of skipped nodes
         self.stand_ins: dict[str, int] = {}
         self.reasons: dict[str, str] = {}
         self.refused: list[str] = []
@@ -96,7 +96,7 @@ class Reader:
         self._world, self._strict = world, strict
         self._protos = Protos(world, search_path, cache)
         self._lines: list[tuple[int, str, Solid | None]] = []
-        self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by the node's id, and the node to keep it
+        self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by id of the node, with the node to keep it alive
         self._triangles = 0
         self._taken = {kind: Names() for kind in ("recognised", "devices", "lidars", "robots")}
         with self._leaving_out():
@@ -117,14 +117,14 @@ class Reader:
         while steps:
             visited += 1
             if visited > MAX_VISITED:
-                raise _TooMuchError(f"{self._world.path}: expected at most {MAX_VISITED} nodes to draw, got more")
+                raise _TooMuchError(f"{self._world.path}: expected at most {MAX_VISITED} nodes, got more")
             step = steps.pop()
             with self._leaving_out():
                 steps += reversed(list(self._visit(step)))
 
     @contextlib.contextmanager
     def _leaving_out(self) -> Iterator[None]:
-        """Leave out the node of whose reading this is a part, where it cannot be read; `strict` makes that an error."""
+        """Skip the node that is being read if it cannot be read; with `strict`, raise the error."""
         try:
             yield
         except FileFormatError as error:
@@ -133,7 +133,7 @@ class Reader:
             self.refused.append(str(error))
 
     def _visit(self, step: Step) -> Iterable[Step]:
-        """Note what a node is, and go on to the nodes in it."""
+        """Collect a node; return steps for its parts."""
         node = step.node
         if node.type in LIGHTS:
             self.lights += [] if step.origin else read_lights(node, step.transform)
@@ -156,7 +156,7 @@ class Reader:
         return [dataclasses.replace(step, node=part, instances=()) for part in parts_of(node)]
 
     def _expand(self, step: Step) -> Iterable[Step]:
-        """Expand an instance of a PROTO: go on to the node that it stands for, or to what is known in its fields."""
+        """Expand a PROTO instance; return steps for its body, or for the built-in nodes in its fields."""
         node = step.node
         body = self._expand_file(node)
         if body is not None and self._is_better_known(node, body):
@@ -181,7 +181,7 @@ class Reader:
             robots = (*robots, self._add_robot(self._solid_name(shown)))
         human = step.human or node.type == "Pedestrian"
         bodies = [] if substitute is None else [dataclasses.replace(shown, robots=robots, human=human)]
-        # Cameras that were plugged into it are known, though not where its slots are.
+        # Devices in its fields are read, although the poses of its slots are unknown.
         step = dataclasses.replace(
             step, transform=step.transform.within(node, np.ones(3)), robots=robots, origin=node.type, owner=None
         )
@@ -194,7 +194,7 @@ class Reader:
         ]
 
     def _expand_file(self, node: Node) -> Node | None:
-        """Expand an instance whose PROTO file is at hand and can be read; None for others."""
+        """Expand an instance from its PROTO file; return None if the file is missing or unreadable."""
         try:
             return self._protos.expand(node)
         except FileFormatError as error:
@@ -203,29 +203,29 @@ class Reader:
             self.reasons.setdefault(node.type, str(error))
             return None
 
-    def _expand_or_know(self, node: Node) -> Node | None:
+    def _expand_file_or_joint(self, node: Node) -> Node | None:
         return self._expand_file(node) or expand_joint(node)
 
     def _is_better_known(self, node: Node, body: Node) -> bool:
-        """Tell whether more is known of an instance without its file, whose meshes or PROTOs are not at hand.
+        """Return whether a built-in replacement is more complete than the file, whose meshes or PROTOs are missing.
 
-        Cameras and range finders are known by the file alone, but for those of `DEPTH_CAMERAS`.
+        Only the file has the cameras and range finders of an instance, except for `DEPTH_CAMERAS`.
         """
         known = node.type == "Pedestrian" or node.type in {*BUILTIN, *DEPTH_CAMERAS, *KNOWN}
         try:
             if self._strict or not (known or stand_in(node)):
                 return False
-            missing, shapes, eyes = missing_parts(body, self._expand_or_know, self.find_mesh)
-        except FileFormatError:  # it is met again where it is drawn
+            missing, shapes, eyes = missing_parts(body, self._expand_file_or_joint, self.find_mesh)
+        except FileFormatError:  # reported when the node is visited
             return False
         if not missing or (shapes and not known) or (eyes and node.type not in DEPTH_CAMERAS):
             return False
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-        self.reasons.setdefault(node.type, f"{body.file}: {missing[0]}{more} of it not found")
+        self.reasons.setdefault(node.type, f"{body.file}: its {missing[0]}{more} not found")
         return True
 
     def _expand_geometry(self, node: Node) -> Node | None:
-        """Expand a PROTO that stands for geometry; None where there is nothing to see, or no file for it."""
+        """Expand a PROTO of a geometry node; return None for lines and points, and without a file or stand-in."""
         if node.type in LINES:
             return None
         body = self._expand_file(node)
@@ -239,7 +239,7 @@ class Reader:
         return substitute
 
     def _enter_solid(self, step: Step) -> Step:
-        """Note a Solid, and return the step from which its parts go on."""
+        """Collect a Solid, and return the step that its parts continue from."""
         node, name = step.node, self._solid_name(step)
         is_part = step.is_part
         transform = step.transform.within(node, self._scale(node))
@@ -267,7 +267,7 @@ class Reader:
         return dataclasses.replace(step, transform=transform, called=node.name or step.called, depth=depth)
 
     def _begin_solid(self, step: Step, name: str) -> Step:
-        """Begin an object, which is part of the robots that it is in, and maybe of what is recognised."""
+        """Begin an object, and register it with its robots and recognizable Solid."""
         node = step.node
         human = step.human or any(fnmatch.fnmatchcase(name.lower(), pattern) for pattern in HUMANS)
         robots, recognised = step.robots, step.recognised
@@ -287,7 +287,7 @@ class Reader:
         return dataclasses.replace(step, owner=solid, robots=robots, recognised=recognised, human=human)
 
     def _begin_extent(self, step: Step, transform: Transform) -> Step:
-        """Note where a Solid is and what bounds it, which decides what hides what is recognised."""
+        """Collect the extent of a Solid, which recognition and its occlusion tests use."""
         node, outer = step.node, step.extent
         if step.origin:
             return step
@@ -328,13 +328,13 @@ class Reader:
             raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
         faces = keep_winding(faces, step.transform.linear)
         owner.parts.append((placed, faces))
-        owner.surfaces.append(Surface(shape_appearance(node), geometry, mesh, turned_round=faces is not mesh[1]))
+        owner.surfaces.append(Surface(shape_appearance(node), geometry, mesh, mirrored=faces is not mesh[1]))
         if step.recognised and step.extent is not None:
             step.extent.parts.append(ball_about(placed))
         owner.level.append(is_level(placed, faces, "xyz".index(self.up)))
 
     def _tessellate(self, geometry: Node) -> Triangles | None:
-        """Tessellate a geometry node once, which USE may show more than once; None where there is nothing to draw."""
+        """Tessellate a geometry node, cached because USE may repeat it; return None if it has no triangles."""
         known = self._meshes.get(id(geometry))
         if known is None:
             mesh = None
@@ -349,12 +349,12 @@ class Reader:
         return known[1]
 
     def find_mesh(self, url: str, node: Node) -> Path | None:
-        """Find the file of a url in the project, in Webots' own folders on the search path, or in its cache."""
+        """Find the file of a URL in the project, in Webots' folders on the search path, or in Webots' cache."""
         found = self._protos.places.find(url, node.file, node.protos)
         return None if found is None else found.path
 
     def _solid_name(self, step: Step) -> str:
-        """Name a Solid as its instance does, else by its DEF name, else as the PROTO or Webots does."""
+        """Return a Solid's name: of its instance, else its DEF name, else the default of the PROTO or of Webots."""
         node = step.node
         nodes = [*step.instances, node]
         default = _NAMES.get(node.type) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", node.type).lower()
@@ -374,7 +374,7 @@ class Reader:
         return scale
 
     def corrections(self) -> tuple[str, ...]:
-        """List values that were corrected, as Webots corrects them."""
+        """List the corrections of invalid fields, the same that Webots makes."""
         found: list[Device | Lidar] = [*self.devices.values(), *self.lidars.values()]
         return tuple(dict.fromkeys([note for item in found for note in item.notes] + self.notes))
 
@@ -386,7 +386,7 @@ class Reader:
         self.stand_ins[what] = self.stand_ins.get(what, 0) + 1
 
     def describe(self, names: Mapping[Solid, list[str]]) -> str:
-        """Write the tree of what was read, a line each, indented by what holds what."""
+        """Format the tree of collected nodes, one per line, indented by depth."""
         lines = []
         for depth, text, solid in self._lines:
             if solid is not None and solid.parts:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Webots worlds as scenes."""
+"""Loading of Webots worlds as scenes."""
 
 from __future__ import annotations
 
@@ -27,34 +27,34 @@ from warpvis.webots._walk import Reader
 
 @dataclass(frozen=True, eq=False)
 class WebotsWorld:
-    """A Webots world as it was read; `load_webots` makes it."""
+    """A Webots world, from `load_webots`."""
 
     scene: Scene
-    """Its geometry, one object for every Solid that has any."""
+    """Its geometry, with one object per Solid with shapes."""
     path: Path
-    """The file."""
+    """The world file."""
     version: Version
-    """Version of the file's header."""
+    """Version in the file's header."""
     devices: dict[str, Device]
-    """Range finders and cameras, by name; of equal names, later ones are ``"name (2)"``, ..."""
+    """Range finders and cameras by name; duplicate names become ``"name (2)"``, ..."""
     lidars: dict[str, Lidar]
-    """Lidars, likewise."""
+    """Lidars by name; duplicate names become ``"name (2)"``, ..."""
     robots: dict[str, tuple[str, ...]]
-    """For every robot, the names of the objects that are its body, what it carries included."""
+    """Names of the objects of each robot, including objects that it carries."""
     recognisable: dict[str, tuple[Node, tuple[str, ...]]]
-    """For every Solid with `recognitionColors`, its node and the names of its objects."""
+    """Node and object names of each Solid with `recognitionColors`."""
     bounds: Bounds
-    """Where Solids are and what bounds them, for `warpvis.webots.recognise`."""
+    """Extents of Solids, for `warpvis.webots.recognise`."""
     skipped: dict[str, int]
-    """What was not found, and how often it is there: PROTOs without a file, meshes without a file."""
+    """PROTOs and meshes whose files were not found, with the number of occurrences."""
     stand_ins: dict[str, int]
-    """PROTOs without a file for which boxes, a cylinder or capsules of their size stand in, and how often."""
+    """PROTOs without a file that were replaced by boxes, a cylinder or capsules, with the number of occurrences."""
     refused: tuple[str, ...]
-    """Why nodes were left out that could not be read, with file and line."""
+    """Errors of nodes that were skipped because they could not be read, with file and line."""
     notes: tuple[str, ...]
-    """Values that Webots does not take and what was taken instead, as it does, with file and line."""
+    """Corrections of invalid values, the same that Webots makes, with file and line."""
     tree: str
-    """What was read, a line each, indented by what holds what."""
+    """The nodes that were read, one per line, indented by depth."""
 
     def __repr__(self) -> str:
         found = f"devices={list(self.devices)}, lidars={list(self.lidars)}"
@@ -72,36 +72,36 @@ def load_webots(
 ) -> WebotsWorld:
     """Read a Webots world, a ``.wbt`` file of V6.0 to R2025a.
 
-    What a file's header says decides how its nodes are meant: up to R2021b geometry stands along y and cameras look
-    along -z, from R2022a on it stands along z and they look along x. `Scene.up` is the axis that
-    ``WorldInfo.coordinateSystem``, or in old worlds ``gravity``, says.
+    The version in the file's header determines the axes of nodes: up to R2021b, geometry is upright along y and cameras
+    look along -z; from R2022a on, geometry is upright along z and cameras look along x. `Scene.up` is the axis of
+    ``WorldInfo.coordinateSystem`` or, in old worlds, of ``gravity``.
 
-    Every Solid that has shapes of its own becomes an object; devices and robots are Solids. An instance of a PROTO is
-    one object, with the Solids that its file puts into it (a table's legs), but for robots and what has
-    `recognitionColors`. An object is called what its `name` field says, else by its DEF name, else by Webots' default
-    ("solid", "robot", ...), with " (2)", " (3)", ... where that is taken. Shapes outside of any Solid are objects too,
-    by DEF name, or "shape". Bounding objects, lights and backgrounds are not drawn, as in Webots' range images, which
-    show transparent things as if they were not.
+    Every Solid with shapes becomes an object; devices and robots are Solids. A PROTO instance is one object, including
+    the Solids in its file (such as a table's legs), except for robots and Solids with `recognitionColors`. The name of
+    an object is its field `name`, else its DEF name, else Webots' default ("solid", "robot", ...), with " (2)", " (3)",
+    ... appended to duplicates. Shapes outside of any Solid are objects too, named by their DEF name, or "shape".
+    Bounding objects, lights and backgrounds are not drawn, and transparent objects are opaque, as in Webots' range
+    images.
 
-    Labels: `Label.HUMAN` for pedestrians and what is called ``*human*``, ``*person*`` or ``*pedestrian*``;
-    `Label.ROBOT` for robots and all they carry; `Label.GROUND` for what is called ``*floor*`` or ``*ground*`` (but no
-    light), for the floors of arenas, and for level surfaces within 0.1 m of height 0; `Label.OBJECT` for Solids with
-    `recognitionColors`; else `Label.OBSTACLE`.
+    Labels: `Label.HUMAN` for pedestrians and names like ``*human*``, ``*person*`` or ``*pedestrian*``; `Label.ROBOT`
+    for robots and objects that they carry; `Label.GROUND` for names like ``*floor*`` or ``*ground*`` (without "light"
+    or "lamp"), floors of arenas, and level surfaces within 0.1 m of height 0; `Label.OBJECT` for Solids with
+    `recognitionColors`; otherwise `Label.OBSTACLE`.
 
     Args:
-        path: The file.
-        device: Where the scene is rendered.
-        labels: Labels by name that come before the rules; a name may be a pattern (``"wall_*"``), and the last one
-            that fits counts. Or a file of them, as for `Scene.load`.
-        label_names: Names of classes of your own, as for `Scene`.
-        search_path: Folders to look for PROTO files in, first of all; ``projects`` below the environment's
-            ``WEBOTS_HOME`` is looked in after them, and at last the cache in which Webots keeps what it has downloaded.
-        strict: Whether what cannot be read, and what Webots does not take, is an error. By default the first is left
-            out and the second is reset as Webots resets it, and one warning each names them with file and line.
+        path: The world file.
+        device: Device on which the scene is rendered.
+        labels: Labels by name, which override these rules. A name may be a pattern (``"wall_*"``); the last match
+            applies. Or a file of labels, as for `Scene.load`.
+        label_names: Names of user-defined classes, as for `Scene`.
+        search_path: Folders that are searched for PROTO files first, before ``projects`` below the environment
+            variable ``WEBOTS_HOME`` and Webots' download cache.
+        strict: Whether unreadable nodes and values that are invalid in Webots raise an error. By default, nodes are
+            skipped and values are corrected as by Webots, and one warning each lists them with file and line.
 
     Raises:
-        FileFormatError: The file is missing or does not parse, or something cannot be read and `strict` is set.
-        SceneError: The world has no geometry, or a label's pattern fits nothing.
+        FileFormatError: If the file is missing or does not parse, or, with `strict`, something cannot be read.
+        SceneError: If the world has no geometry, or a pattern of `labels` matches no object.
     """
     path = as_path(path)
     if not path.is_file():
@@ -134,12 +134,12 @@ def load_webots(
 
 
 def read_world(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
-    """Read the objects of a world alone; see `load_webots`."""
+    """Read the objects of a world; see `load_webots`."""
     return _read(path, search_path, strict)[2]
 
 
 def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader, dict[Solid, list[str]], FileParts]:
-    """Walk through a world; return what that found, the names of the objects that it becomes, and the objects."""
+    """Traverse a world; return the reader with its content, the object names of each Solid, and the objects."""
     reader = Reader(parse_world(path), [*search_path, *installed()], strict, webots_cache())
     reader.walk()
     missed = reader.skipped, reader.below, reader.stand_ins, reader.reasons, reader.refused
@@ -149,9 +149,9 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     if strict and message:
         raise FileFormatError(message)
     if strict and notes:
-        raise FileFormatError(f"{path}: expected values that Webots takes, got others: {listed}")
+        raise FileFormatError(f"{path}: expected values that are valid in Webots, got others: {listed}")
     if not any(solid.parts for solid in reader.solids):
-        raise SceneError(f"{message}; nothing is left" if message else f"{path}: holds no triangles")
+        raise SceneError(f"{message}; no triangles remain" if message else f"{path}: holds no triangles")
     parts, names = make_parts(reader.solids, reader.find_mesh)
     sentences = tuple(filter(None, (message, f"{path}: {listed}" if notes else "")))
     lights, background = tuple(reader.lights), reader.background

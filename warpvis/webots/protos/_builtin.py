@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The best-known PROTOs of Webots as boxes and planes of our own, for worlds whose PROTO files are not at hand.
+"""Built-in replacements of common Webots PROTOs by boxes and planes, for worlds whose PROTO files are not available.
 
 Fields and their defaults are those of Webots' user guide (https://cyberbotics.com/doc/guide, the pages Floors, Tables,
-Apartment Structure, Solids, Factory and Cabinet); places and dimensions are measured at what the PROTO files of R2019a
-to R2021c (y up) and R2022b to R2025a (z up) make: boxes agree to 1e-6 m, doors' leaves to 1e-5 m. Handles and knobs are
-left out. What Webots changes in a field, these change too, and warn; other lengths that are not above zero are errors.
+Apartment Structure, Solids, Factory and Cabinet). Positions and dimensions were measured on expanded PROTO files of
+R2019a to R2021c (y up) and R2022b to R2025a (z up): boxes agree to 1e-6 m, leaves of doors to 1e-5 m. Handles and knobs
+are omitted. Fields are corrected with a warning as in Webots; other lengths that are not positive are errors.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from warpvis.webots.shapes._polygons import positive, positives, refuse, whole
 
 Vector: TypeAlias = Sequence[float] | NDArray[np.float64]
 
-_KEPT = ("translation", "rotation", "recognitionColors")
+_COPIED_FIELDS = ("translation", "rotation", "recognitionColors")
 
 
 def expand(node: Node) -> Node | None:
-    """Make a Solid that stands for an instance of a PROTO; None for PROTOs that are not in `BUILTIN`.
+    """Expand an instance of a PROTO in `BUILTIN` to a Solid; return None for other types.
 
-    Lengths in comments and names here: *along* is the length of a wall or the width of a door, a table or a cabinet,
-    *across* its thickness or depth, and *up*. These are the axes y, x and z since R2022a, and x, z and y before, so
-    that a field like ``size`` has them in the order across, along, up, or along, up, across.
+    In this module, *along* is the length of a wall or the width of a door, table or cabinet, *across* its thickness or
+    depth, and *up* its height. Their axes are y, x and z since R2022a, and x, z and y before, so that the order in a
+    field like ``size`` is across, along, up, or along, up, across.
 
     Returns:
         A node of type Solid with the instance's DEF name, translation, rotation and name, and its shapes as children.
 
     Raises:
-        FileFormatError: Its sizes do not make one.
+        FileFormatError: If its sizes are invalid.
     """
     if node.type not in _EXPANDERS:
         return None
     make, name = _EXPANDERS[node.type]
-    fields: dict[str, Value] = {field: node.fields[field] for field in _KEPT if field in node.fields}
+    fields: dict[str, Value] = {field: node.fields[field] for field in _COPIED_FIELDS if field in node.fields}
     if "translation" not in fields and node.type in _LIFTED:
         since, height = _LIFTED[node.type]
         fields["translation"] = _list(_space(node, 0, 0, height if node.version >= since else 0.0))
@@ -53,30 +53,30 @@ def expand(node: Node) -> Node | None:
 
 
 def _floor(node: Node, field: str = "size", default: tuple[float, float] = (10, 10)) -> Iterable[Node]:
-    """Make one level rectangle that faces up; texture sizes and subdivisions do not change it."""
+    """Build one level rectangle that faces up, regardless of texture sizes and subdivisions."""
     yield _shape(node, "Plane", {"size": _list(positives(node, field, default))})
 
 
 def _rectangle_arena(node: Node) -> Iterable[Node]:
-    """Make a floor and four walls around it; their corners belong to the second pair."""
+    """Build a floor and four walls around it; the corners belong to the second pair of walls."""
     x, y = positives(node, "floorSize", (1, 1))
     thickness, height = positive(node, "wallThickness", 0.01), positive(node, "wallHeight", 0.1)
     yield from _floor(node, "floorSize", (1, 1))
     longer = x + 2 * thickness
     for sign in (-1, 1):
-        at_x, at_y = sign * (x + thickness) / 2, sign * (y + thickness) / 2
-        yield _box(node, _level(node, thickness, y, height), _level(node, at_x, 0, height / 2))
-        yield _box(node, _level(node, longer, thickness, height), _level(node, 0, at_y, height / 2))
+        wall_x, wall_y = sign * (x + thickness) / 2, sign * (y + thickness) / 2
+        yield _box(node, _level(node, thickness, y, height), _level(node, wall_x, 0, height / 2))
+        yield _box(node, _level(node, longer, thickness, height), _level(node, 0, wall_y, height / 2))
 
 
 def _circle_arena(node: Node) -> Iterable[Node]:
-    """Make a disc up to the middle of the wall, with a corner on x, and a pipe with one on the other level axis.
+    """Build a disc up to the middle of the wall, with a corner on x, and a pipe with one on the other level axis.
 
-    The pipe is as thick as `wallThickness` at its corners outside and at the middles of its sides inside.
+    `wallThickness` is measured at the pipe's outer corners and the middles of its inner sides.
     """
     radius = positive(node, "radius", 1.0)
     thickness, height = positive(node, "wallThickness", 0.01), positive(node, "wallHeight", 0.1)
-    corners = int(_changed(node, "subdivision", whole(node, "subdivision", 48, -1000, 1000), least=8))
+    corners = int(_changed(node, "subdivision", whole(node, "subdivision", 48, -1000, 1000), lower=8))
     yield _face_set(node, [(0, 0), (radius + thickness / 2, 0)], corners, 0.25)
     outer = radius + thickness
     inner = outer - abs(outer * np.cos(np.pi / corners) - radius)
@@ -85,27 +85,27 @@ def _circle_arena(node: Node) -> Iterable[Node]:
 
 
 def _wall(node: Node) -> Iterable[Node]:
-    """Make a box that stands on the ground: 0.2 across, 1 along and 2.4 up by default [m]."""
+    """Build a box on the ground: 0.2 across, 1 along and 2.4 up by default [m]."""
     along, up, across = _sizes(_with_default_size(node), "size", (1, 2.4, 0.2))
     yield _part(node, (along, up, across), (0, up / 2, 0))
 
 
 def _solid_box(node: Node) -> Iterable[Node]:
-    """Make a box about its origin, of size x y z in both conventions."""
+    """Build a box centered on its origin, of size x y z in both conventions."""
     yield _box(node, positives(_with_default_size(node), "size", (2, 2, 2)), (0, 0, 0))
 
 
 def _wooden_box(node: Node) -> Iterable[Node]:
-    """Make a box about its origin, with sides of 0.01 to 3 m."""
+    """Build a box centered on its origin, with sides of 0.01 to 3 m."""
     size = positives(node, "size", (0.6, 0.6, 0.6))
     yield _box(node, [_changed(node, "size", side, 0.01, 3) for side in size], (0, 0, 0))
 
 
 def _cardboard_box(node: Node) -> Iterable[Node]:
-    """Make a hollow box about its origin, whose lid turns by `lidAngle` about its edge at the back, which is at -x.
+    """Build a hollow box centered on its origin, whose lid rotates by `lidAngle` about its rear edge, at -x.
 
-    Its volume is at most 1, and its sides are 0.01 to 2.5. Before R2023a it has no inside and no lid, and bevelled
-    edges that are left out here: the box is as large as the mesh between them.
+    Its volume is at most 1 m^3, and its sides are 0.01 to 2.5 m. Before R2023a it is solid, without a lid; its beveled
+    edges are omitted, and the box has the size of the mesh between them.
     """
     size = positives(node, "size", (0.6, 0.6, 0.6))
     if not 1e-6 <= size.prod() <= 1:
@@ -131,7 +131,7 @@ def _cardboard_box(node: Node) -> Iterable[Node]:
 
 
 def _table(node: Node) -> Iterable[Node]:
-    """Make a tray with its top at the table's height, and four feet under its corners, `feetPadding` further in."""
+    """Build a tray with its top at the table's height, and four feet `feetPadding` inward from its corners."""
     along, up, across = _sizes(node, "size", (1.8, 0.74, 1))
     feet = node.vector("feetSize", (0.1, 0.1))  # along the level axes, in the order of `size`
     _check(node, bool((feet >= 0).all()), "a feetSize that is not negative", f"{feet[0]:g} {feet[1]:g}")
@@ -148,14 +148,14 @@ def _table(node: Node) -> Iterable[Node]:
 
 
 def _door(node: Node) -> Iterable[Node]:
-    """Make a wall above `frameHeight`, a frame below it, and the closed leaf before it, whatever its `position`.
+    """Build a wall above `frameHeight`, a frame below it, and in front the closed leaf, regardless of `position`.
 
-    The frame's posts and its lintel are `frameSize` wide and high, and stick out of the wall by `frameSize` across on
-    both sides. The leaf covers half of each post and of the lintel; its handle is left out.
+    The frame's posts and lintel are `frameSize` wide and high, and protrude from the wall by `frameSize` across on both
+    sides. The leaf covers half of each post and of the lintel; its handle is omitted.
     """
     along, up, across = _sizes(node, "size", (1, 2.4, 0.2))
     post, lintel, out = _sizes(node, "frameSize", (0.05, 0.05, 0.05))
-    height = _changed(node, "frameHeight", positive(node, "frameHeight", 2.0), most=up)
+    height = _changed(node, "frameHeight", positive(node, "frameHeight", 2.0), upper=up)
     leaf = positive(node, "doorThickness", 0.05)
     _check(node, 2 * post < along and lintel < height, "a frame with an opening", f"frameSize {post:g} {lintel:g}")
     if height < up:
@@ -166,11 +166,11 @@ def _door(node: Node) -> Iterable[Node]:
 
 
 def _window(node: Node) -> Iterable[Node]:
-    """Make walls below and above a pane, a frame around it, and a sill on the lower wall.
+    """Build walls below and above a pane, a frame around it, and a sill on the lower wall.
 
-    The frame sticks out of the wall by `frameSize` across on both sides, and the sill further by the first number of
-    `windowSillSize`; the second is its height, and the frame's lower bar lies on it. Sizes that do not fit are all
-    replaced by the defaults: in Webots since R2022a also those of a wall no thicker than twice `frameSize` across.
+    The frame protrudes from the wall by `frameSize` across on both sides, and the sill further by the first number of
+    `windowSillSize`; the second is its height, and the frame's lower bar is on top of it. Inconsistent sizes are all
+    replaced by the defaults; in Webots since R2022a, also if the wall is not thicker than twice `frameSize` across.
     """
     usual = (0.8, 2.4, 0.2), (0.05, 0.05, 0.02) if not node.version.z_up else (0.02, 0.05, 0.05)
     size, frame = _sizes(node, "size", usual[0]), _sizes(node, "frameSize", usual[1])
@@ -181,7 +181,7 @@ def _window(node: Node) -> Iterable[Node]:
     _check(node, min(sill_out, sill) >= 0, "a windowSillSize [m] that is not negative", f"{sill_out:g} {sill:g}")
     side = 2 if node.version.z_up else 0
     if height <= 2 * frame[1] or below + height > size[1] * (1 + 1e-9) or size[side] <= 2 * frame[side]:
-        _warn(node, "sizes that do not fit together", "the default ones")
+        _warn(node, "inconsistent sizes", "the defaults")
         (size, frame), below, height = usual, 0.7, 1.4
     (along, up, across), (post, bar, out) = size, frame
     _check(node, 2 * post < along, "a frame with an opening", f"frameSize {post:g} along")
@@ -208,15 +208,15 @@ _ITEM = re.compile(
 
 
 def _cabinet(node: Node) -> Iterable[Node]:
-    """Make back, sides, bottom and top, of `outerThickness`, around rows and columns, and what `layout` puts in.
+    """Build back, sides, bottom and top, of `outerThickness`, around rows and columns, and the items of `layout`.
 
-    Its origin is at the middle of its back, at the bottom. Doors and drawers are closed and `innerThickness` thick;
-    their handles are left out. Rows and columns are at least three times as high and wide as that.
+    The origin is at the bottom center of the back. Doors and drawers are closed and `innerThickness` thick; their
+    handles are omitted. Rows and columns are at least three times as high and wide as that.
     """
     inner, outer = positive(node, "innerThickness", 0.02), positive(node, "outerThickness", 0.03)
     if 2 * outer <= inner:
-        outer = _changed(node, "outerThickness", outer, least=0.51 * inner)
-    depth = _changed(node, "depth", positive(node, "depth", 0.5), least=2 * outer + 3 * inner)
+        outer = _changed(node, "outerThickness", outer, lower=0.51 * inner)
+    depth = _changed(node, "depth", positive(node, "depth", 0.5), lower=2 * outer + 3 * inner)
     cells = []
     for field, default in (("columnsWidths", (0.4, 0.17, 0.17)), ("rowsHeights", (0.24, 0.2, 0.2, 0.4, 0.4))):
         cells.append(np.array([_changed(node, field, length, 3 * inner) for length in _lengths(node, field, default)]))
@@ -227,22 +227,22 @@ def _cabinet(node: Node) -> Iterable[Node]:
         yield _part(node, (outer, height, depth - outer), (sign * (inside + outer) / 2, outer + height / 2, middle))
     for bottom in (0.0, height + outer):
         yield _part(node, (width, outer, depth), (0, bottom + outer / 2, depth / 2))
-    most = np.array([len(lengths) for lengths in cells])
+    counts = np.array([len(lengths) for lengths in cells])
     for line in node.texts("layout") if "layout" in node.fields else _LAYOUT:
         item = _ITEM.fullmatch(line)
         numbers = [int(number) for number in item.groups()[1:]] if item else [0, 0, 0, 0]
         first, count = np.array(numbers[:2]) - 1, np.array(numbers[2:])
-        fits = ((first >= 0) & (first < most) & (first + count <= most)).all()
+        fits = ((first >= 0) & (first < counts) & (first + count <= counts)).all()
         if item is None or not fits or (item[1] != "Shelf" and not count.all()):
             _warn(node, f"layout {line!r}", "nothing")
             continue
-        first[0] += item[1] == "Shelf" and count[0] == 0  # it stands at the right of its column
-        low, high = (np.array([cells[i][: at[i]].sum() for i in (0, 1)]) for at in (first, first + count))
+        first[0] += item[1] == "Shelf" and count[0] == 0  # the shelf is at the right of its column
+        low, high = (np.array([cells[i][: end[i]].sum() for i in (0, 1)]) for end in (first, first + count))
         place = (low + high) / 2 + (-inside / 2, outer)  # along and up
         if item[1] == "Shelf":
-            apart = 0.0001 if count[0] < count[1] else 0.0
+            offset = 0.0001 if count[0] < count[1] else 0.0
             size = (*(inner + high - low), 0.995 * (depth - outer - inner))
-            yield _part(node, size, (*(place + apart), (depth + outer - inner) / 2 + apart))
+            yield _part(node, size, (*(place + offset), (depth + outer - inner) / 2 + offset))
         else:
             yield from _front(node, 0.995 * (high - low), place, depth, inner)
             if item[1] == "Drawer":
@@ -250,22 +250,22 @@ def _cabinet(node: Node) -> Iterable[Node]:
 
 
 def _front(node: Node, size: Vector, place: Vector, depth: float, thick: float) -> Iterable[Node]:
-    """Make a closed door, or the front of a drawer."""
+    """Build a closed door or the front of a drawer."""
     yield _part(node, (*size, thick), (*place, depth - thick / 2))
 
 
 def _drawer(node: Node, size: Vector, place: Vector, depth: float, deep: float, thick: float) -> Iterable[Node]:
-    """Make a drawer behind its front: its back, bottom and sides."""
-    (along, up), (at, height), middle = size, place, depth - deep / 2
-    yield _part(node, (along - thick, up - thick, thick), (at, height, depth - deep + thick / 2))
-    yield _part(node, (along - thick, thick, deep - 2 * thick), (at, height - up / 2 + thick, middle))
+    """Build back, bottom and sides of a drawer."""
+    (along, up), (center, height), middle = size, place, depth - deep / 2
+    yield _part(node, (along - thick, up - thick, thick), (center, height, depth - deep + thick / 2))
+    yield _part(node, (along - thick, thick, deep - 2 * thick), (center, height - up / 2 + thick, middle))
     for sign in (-1, 1):
-        aside = at + sign * (along / 2 - thick)
-        yield _part(node, (thick, up - 2 * thick, deep - 2 * thick), (aside, height + thick / 2, middle))
+        side = center + sign * (along / 2 - thick)
+        yield _part(node, (thick, up - 2 * thick, deep - 2 * thick), (side, height + thick / 2, middle))
 
 
 def _frame(node: Node, size: Vector, bars: Vector, bottom: float) -> Iterable[Node]:
-    """Make two posts and, between them at the top, a lintel, within a size along, up, across."""
+    """Build two posts and a lintel between them at the top, of a total size along, up, across."""
     along, up, across = size
     post, bar = bars
     for sign in (-1, 1):
@@ -273,16 +273,16 @@ def _frame(node: Node, size: Vector, bars: Vector, bottom: float) -> Iterable[No
     yield _part(node, (along - 2 * post, bar, across), (0, bottom + up - bar / 2, 0))
 
 
-def _changed(node: Node, field: str, value: float, least: float = 0.0, most: float = np.inf) -> float:
-    """Limit a field's value as Webots does, and warn of it."""
-    taken = min(max(value, least), most)
-    if taken != value:
-        _warn(node, f"{field} {value:g}", f"{taken:g}")
-    return taken
+def _changed(node: Node, field: str, value: float, lower: float = 0.0, upper: float = np.inf) -> float:
+    """Clip a field's value as Webots does, with a warning."""
+    clipped = min(max(value, lower), upper)
+    if clipped != value:
+        _warn(node, f"{field} {value:g}", f"{clipped:g}")
+    return clipped
 
 
 def _with_default_size(node: Node) -> Node:
-    """Leave out a `size` with a number that is not above zero, for which Webots' file takes the default."""
+    """Remove a `size` that is not positive, for which Webots' file uses the default."""
     size = node.numbers("size")
     if (size > 0).all():
         return node
@@ -290,8 +290,8 @@ def _with_default_size(node: Node) -> Node:
     return new_node(node, node.type, {name: value for name, value in node.fields.items() if name != "size"}, node.name)
 
 
-def _warn(node: Node, what: str, taken: str) -> None:
-    message = f"{node.file}:{node.line}: for {what} of {node.type}, {taken} is taken, as in Webots"
+def _warn(node: Node, given: str, replacement: str) -> None:
+    message = f"{node.file}:{node.line}: instead of {given} of {node.type}, Webots uses {replacement}"
     warnings.warn(message, stacklevel=2)
 
 
@@ -318,34 +318,34 @@ def _check(node: Node, right: bool, wanted: str, got: str) -> None:
 
 
 def _space(node: Node, along: float, across: float, up: float) -> tuple[float, float, float]:
-    """Turn lengths along, up and across into a vector x y z."""
+    """Convert lengths along, across and up to a vector x y z."""
     return (across, along, up) if node.version.z_up else (along, up, across)
 
 
 def _level(node: Node, first: float, second: float, up: float) -> tuple[float, float, float]:
-    """Turn lengths along x, the other level axis and up into a vector x y z, as floors do in both conventions."""
+    """Convert lengths along x, the other level axis and up to a vector x y z, in both conventions."""
     return (first, second, up) if node.version.z_up else (first, up, second)
 
 
 def _part(node: Node, size: Vector, place: Vector) -> Node:
-    """Make a box of a size along, up, across about such a place."""
+    """Build a box from its size and center, both along, up, across."""
     return _box(node, *(_space(node, along, across, up) for along, up, across in (size, place)))
 
 
 def _box(node: Node, size: Vector, place: Vector) -> Node:
-    """Make a box of a size x y z about a place."""
+    """Build a box from its size and center, both x y z."""
     shape = _shape(node, "Box", {"size": _list(size)})
     if not np.any(place):
         return shape
     return new_node(node, "Pose", {"translation": _list(place), "children": [shape]})
 
 
-def _face_set(node: Node, profile: Sequence[tuple[float, float]], corners: int, turn: float) -> Node:
-    """Make a surface of revolution about the upright axis, turned about it by a part of a whole turn."""
+def _face_set(node: Node, profile: Sequence[tuple[float, float]], corners: int, revolutions: float) -> Node:
+    """Build a surface of revolution about the upright axis, rotated about it."""
     triangles = revolve(profile, [True] * (len(profile) - 1), corners)
     assert triangles is not None
     (x, y, z), faces = triangles[0].T, triangles[1]
-    c, s = np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)
+    c, s = np.cos(2 * np.pi * revolutions), np.sin(2 * np.pi * revolutions)
     vertices = np.stack([c * x - s * y, s * x + c * y, z], axis=1)
     points = vertices if node.version.z_up else turned(vertices)
     coord = new_node(node, "Coordinate", {"point": _list(points.ravel())})
@@ -374,14 +374,14 @@ _EXPANDERS: dict[str, tuple[Callable[[Node], Iterable[Node]], str]] = {
     "Window": (_window, "window"),
     "WoodenBox": (_wooden_box, "wooden box"),
 }
-"""For each PROTO, what makes its shapes, and its default name."""
+"""Functions that build the shapes, and default names, by PROTO."""
 
 _LIFTED = {
     "CardboardBox": (Version(0, 0), 0.3),
     "SolidBox": (Version(2023, 2), 1.0),
     "WoodenBox": (Version(0, 0), 0.3),
 }
-"""Since when, and how far, default translations lift [m]."""
+"""Heights of default translations [m], and the first releases with them."""
 
 BUILTIN: frozenset[str] = frozenset(_EXPANDERS)
-"""PROTOs that `expand` knows."""
+"""PROTOs that `expand` expands."""

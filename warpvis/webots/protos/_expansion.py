@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""PROTO instances of a Webots world: their files are found, and the nodes that they stand for are made."""
+"""Expansion of a Webots world's PROTO instances from their files."""
 
 from __future__ import annotations
 
@@ -18,41 +18,41 @@ from warpvis.webots.protos._template_engine import TemplateEngine
 from warpvis.webots.protos._templates import render, script_value
 
 MAX_PROTOS_NESTED = 50
-"""PROTOs within PROTOs."""
+"""Maximum depth of nested PROTOs."""
 MAX_PROTO_NODES = 1_000_000
-"""Nodes that all PROTO instances of a world may stand for."""
+"""Maximum number of nodes that all PROTO instances of a world expand to."""
 MAX_INSTANCES = 50_000
-"""PROTO instances of a world, those within PROTOs included: a few that double each other make any number."""
+"""Maximum number of PROTO instances of a world, including nested ones: doubling PROTOs grow exponentially."""
 
 
 class Protos:
     """The PROTOs of a world.
 
-    The file of a PROTO is, in this order: what an EXTERNPROTO line of the world or PROTO file says, where
-    ``webots://projects/...`` and the same path on GitHub are looked for below the folders of the search path; a file of
-    its name beside the file that uses it; in ``protos`` folders of the world's project; anywhere below the search path;
-    in Webots' cache, by what an EXTERNPROTO line says.
+    The file of a PROTO is searched for in this order: the URL in an EXTERNPROTO line of the world or PROTO file, where
+    ``webots://projects/...`` and the same path on GitHub are resolved below the folders of the search path; the folder
+    of the file that uses it; ``protos`` folders of the world's project; all folders below the search path; and Webots'
+    cache, by the URL in an EXTERNPROTO line.
 
     Args:
         world: The world.
-        search_path: Folders to look in: the folder of Webots itself, or any with PROTO files below it.
+        search_path: Webots' installation folder, or other folders with PROTO files below them.
         cache: Folder of Webots' cache.
 
     Raises:
-        FileFormatError: A folder of the search path does not exist.
+        FileFormatError: If a folder of the search path does not exist.
     """
 
     def __init__(
         self, world: World, search_path: Sequence[str | os.PathLike[str]] = (), cache: Path | None = None
     ) -> None:
-        """Take a world; see the class."""
+        """Initialize for a world; see the class."""
         self._world = world
         self.places = Places(world.path, world.version, [Path(folder) for folder in search_path], cache)
         for folder in self.places.search_path:
             if not folder.is_dir():
                 raise FileFormatError(f"{folder}: expected a folder of PROTO files, got no such folder")
         self._urls = {str(world.path): world.externprotos}  # by file
-        self._index: dict[str, Path] | None = None  # by name, of all files in the project and below the search path
+        self._index: dict[str, Path] | None = None  # by name, for all files in the project and below the search path
         self._files: dict[Path, ProtoFile] = {}
         self._found: dict[tuple[str, str], ProtoFile | None] = {}  # by type and the file that uses it
         self._expanded: dict[Node, Node | None] = {}
@@ -61,21 +61,21 @@ class Protos:
         self._nodes = self._instances = 0
 
     def close(self) -> None:
-        """End the process of the templates, if there is one."""
+        """End the template process, if it is running."""
         self._engine.close()
 
     def expand(self, node: Node) -> Node | None:
-        """Make the node that a PROTO instance stands for.
+        """Expand a PROTO instance.
 
-        It has the instance's DEF name, and the version of the PROTO's own file. Where the root of a PROTO's body is an
-        instance itself, that is expanded too; if its file is not found, it is the result as it is.
+        The result has the instance's DEF name and the version of the PROTO's file. If the root of the PROTO's body is
+        an instance too, it is expanded recursively; if its file is not found, it is returned unexpanded.
 
         Returns:
-            The node; the same one for the same instance. None for a built-in type, and for a PROTO without a file.
+            The expanded node, cached by instance; None for a built-in type and for a PROTO without a file.
 
         Raises:
-            FileFormatError: A PROTO file does not parse, its template fails or needs an engine that is not installed, a
-                value is not of the field's type or not allowed, or PROTOs use each other in a circle.
+            FileFormatError: If a PROTO file does not parse, its template fails or needs an engine that is not
+                installed, a value has a wrong type or is not allowed, or PROTOs use each other in a cycle.
         """
         if node.type in BUILTIN_NODES:
             return None
@@ -97,8 +97,8 @@ class Protos:
         path = proto.source
         protos = (*node.protos, path)
         if path in node.protos:
-            circle = " -> ".join(Path(file).stem for file in protos[node.protos.index(path) :])
-            raise FileFormatError(f"{node.file}:{node.line}: expected PROTOs that do not use themselves, got {circle}")
+            cycle = " -> ".join(Path(file).stem for file in protos[node.protos.index(path) :])
+            raise FileFormatError(f"{node.file}:{node.line}: expected PROTOs that do not use themselves, got {cycle}")
         if len(protos) > MAX_PROTOS_NESTED:
             raise FileFormatError(
                 f"{node.file}:{node.line}: expected at most {MAX_PROTOS_NESTED} PROTOs within PROTOs, got more"
@@ -119,13 +119,13 @@ class Protos:
         self._nodes += root.size
         if self._nodes > MAX_PROTO_NODES:
             raise FileFormatError(
-                f"{node.file}:{node.line}: expected PROTOs that stand for at most {MAX_PROTO_NODES} nodes, got more"
+                f"{node.file}:{node.line}: expected PROTOs of at most {MAX_PROTO_NODES} nodes in total, got more"
             )
         root.name = node.name
         return root
 
     def _render(self, proto: ProtoFile, values: dict[str, Value], node: Node) -> str:
-        """Run a PROTO's template on an instance's values, and return the text that it makes."""
+        """Run a PROTO's template with an instance's values, and return the resulting text."""
         given: dict[str, Json] = {}
         for name, field in proto.fields.items():
             if name in proto.template_fields:
@@ -152,7 +152,7 @@ class Protos:
         return found
 
     def _describe(self, node: Node) -> dict[str, tuple[str, Value, Value]] | None:
-        """Look up type, value and default of each field of an instance; None for other nodes, and without a file."""
+        """Return type, value and default of each field of an instance; None for other nodes, and without a file."""
         proto = None if node.type in BUILTIN_NODES else self._find(node)
         if proto is None:
             return None
@@ -161,7 +161,7 @@ class Protos:
         return {name: (field.type, values[name], given.get(name, values[name])) for name, field in proto.fields.items()}
 
     def _context(self, proto: ProtoFile) -> dict[str, Json]:
-        """Tell templates where they are."""
+        """Return the variable `context` of templates."""
         version, path = self._world.version, self._world.path.absolute()
         info = next((node for node in self._world.nodes if node.type == "WorldInfo"), None)
         axes = "ENU" if version >= Version(2020, 2) else "NUE"
@@ -177,7 +177,7 @@ class Protos:
         }
 
     def _find(self, node: Node) -> ProtoFile | None:
-        """Find the file of an instance's PROTO, and read it; None if there is none."""
+        """Find and read the file of an instance's PROTO; return None if there is none."""
         key = (node.type, node.file)
         if key not in self._found:
             found = self._locate(node)
@@ -193,7 +193,7 @@ class Protos:
         return self._files[path]
 
     def _locate(self, node: Node) -> Found | None:
-        """Go through the places where a PROTO's file may be, best first."""
+        """Search for a PROTO's file, best location first."""
         name, folder = f"{node.type}.proto", Path(node.file).parent
         named = map(with_slashes, self._urls.get(node.file, self._world.externprotos))
         urls = [url for url in named if PurePosixPath(url).name == name]

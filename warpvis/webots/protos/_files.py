@@ -32,11 +32,11 @@ class ProtoField:
     """A field of a PROTO's interface.
 
     Attributes:
-        type: Like ``SFVec3f``.
-        default: Text of the default; it is parsed for every instance, for it may hold PROTOs itself.
+        type: Type, like ``SFVec3f``.
+        default: Text of the default. It is parsed for every instance, since it may contain PROTOs.
         line: Line of that text.
-        allowed: The values that it may have; empty if any. Nodes may be of types derived from the allowed ones, so they
-            are not checked.
+        allowed: Allowed values; empty if unrestricted. Nodes are not checked, since they may have types derived from
+            the allowed ones.
     """
 
     type: str
@@ -51,14 +51,14 @@ class ProtoFile:
 
     Attributes:
         path: The file.
-        source: What messages call it and its urls are relative to: its path, or the url of a copy in Webots' cache.
-        version: Version of its header: the body's, whatever the world's is.
-        externprotos: Urls of the PROTO files that it names.
+        source: Name in messages and base of relative URLs: its path, or the URL of a copy in Webots' cache.
+        version: Version in its header, which applies to the body regardless of the world's version.
+        externprotos: URLs of its EXTERNPROTO lines.
         name: Name of the PROTO.
         fields: Its interface.
-        body: Text from its opening brace to the end of the file.
-        body_line: Line at which that begins.
-        language: Language of the body's template; None if it is none.
+        body: Text from the opening brace of the body to the end of the file.
+        body_line: Line at which that text begins.
+        language: Language of the body's template; None if the body is not a template.
         template_fields: Names of the fields that the template reads.
     """
 
@@ -74,16 +74,16 @@ class ProtoFile:
     template_fields: frozenset[str]
 
     def values(self, instance: Node, protos: tuple[str, ...]) -> dict[str, Value]:
-        """Look up the fields' values in an instance: what it says, else the defaults.
+        """Return the values of the fields of an instance, or their defaults.
 
-        What it says of fields that the interface lacks is left out, as in Webots.
+        Fields that are not in the interface are ignored, as in Webots.
 
         Args:
             instance: A node of this type.
             protos: `Node.protos` of the nodes in defaults.
 
         Raises:
-            FileFormatError: A value is not of the field's type, or is not allowed.
+            FileFormatError: If a value has a wrong type or is not allowed.
         """
         return {
             name: _checked(field, name, instance) if name in instance.fields else self.default(name, protos)
@@ -91,7 +91,7 @@ class ProtoFile:
         }
 
     def default(self, name: str, protos: tuple[str, ...] = ()) -> Value:
-        """Parse the default of a field anew."""
+        """Parse the default of a field."""
         field = self.fields[name]
         return Parser(field.default, self.source, self.version, first_line=field.line, protos=protos).value()
 
@@ -101,10 +101,10 @@ def read_proto(path: Path, source: str | None = None) -> ProtoFile:
 
     Args:
         path: The file.
-        source: Its url, if it is a copy in Webots' cache, whose name says nothing.
+        source: Its URL, if it is a copy in Webots' cache, whose file name is a hash.
 
     Raises:
-        FileFormatError: The file cannot be read, or something in its interface is not as the grammar says.
+        FileFormatError: If the file cannot be read, or its interface has a syntax error.
     """
     text = read_text(path)
     source = str(path) if source is None else source
@@ -128,7 +128,9 @@ def read_proto(path: Path, source: str | None = None) -> ProtoFile:
         parser.fail("'{' and the body of the PROTO")
     head, body = parser.text[: start - 1], parser.text[start:]
     read = set(re.findall(r"\bfields\s*\.\s*(\w+)", body))
-    used = fields if re.search(r"\bfields\b\s*[^\s.]", body) else read & set(fields)  # all, if not by name
+    used = (
+        fields if re.search(r"\bfields\b\s*[^\s.]", body) else read & set(fields)
+    )  # all fields, if not accessed by name
     language = language_of(head, body)
     return ProtoFile(path, source, version, externprotos, name, fields, body, line, language, frozenset(used))
 
@@ -157,7 +159,7 @@ def _read_field(parser: Parser, file: str, version: Version) -> tuple[str, Proto
 
 
 def _checked(field: ProtoField, name: str, instance: Node) -> Value:
-    """Check an instance's value of a field, which must be of its type and allowed."""
+    """Return an instance's value of a field after checking its type and the allowed values."""
     value = instance.fields[name]
     kind, single = field.type[2:], field.type.startswith("SF")
     if kind == "Node":

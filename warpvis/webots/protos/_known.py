@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sizes of Webots' furniture, cars and small robots, which boxes stand in for where PROTO files are not at hand.
+"""Sizes of Webots' furniture, cars and small robots, for box stand-ins where PROTO files are not available.
 
-Numbers are those of the bounding objects in the PROTO files of R2021c to R2023b, without their tilts, or where those
-say little, the sizes that the files' descriptions name. Axes are x, y and z since R2022a: x ahead, z up.
+Sizes are those of the bounding objects in the PROTO files of R2021c to R2023b, without their tilts, or, where these are
+too coarse, the sizes in the files' descriptions. Axes are those since R2022a: x forward, z up.
 """
 
 from __future__ import annotations
@@ -15,39 +15,39 @@ from warpvis.webots._nodes import Node, Value, new_node
 
 _Sides: TypeAlias = tuple[float, float, float]
 Piece: TypeAlias = tuple[_Sides, _Sides]
-"""A box: its size and its middle [m]."""
+"""A box: size and center [m]."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """What stands in for a PROTO."""
+    """The stand-in of a PROTO."""
 
     pieces: tuple[Piece, ...]
     """Its boxes."""
     ahead: Literal["x", "-x", "-z", "z"] = "x"
-    """Which axis x was before R2022a, when y was up: things were turned in different ways."""
+    """The axis before R2022a (y up) that corresponds to x; it differs between PROTOs."""
     name: str = ""
-    """Its default name, if that is not its type in words."""
+    """Its default name, if it differs from its type in words."""
     translation: _Sides = (0.0, 0.0, 0.0)
-    """Its default place since R2022a."""
+    """Its default translation since R2022a [m]."""
     old_lift: float = 0.0
-    """How much lower its boxes were about its origin before R2022a [m]."""
+    """How much lower its boxes were relative to its origin before R2022a [m]."""
     robot: bool = False
-    """Whether it is a robot, with or without a controller."""
+    """Whether it is a robot, even without a field `controller`."""
 
 
 def _standing(across: float, along: float, up: float) -> tuple[Piece, ...]:
-    """Make a box that stands on the origin."""
+    """Build a box whose bottom is at the origin."""
     return (((across, along, up), (0.0, 0.0, up / 2)),)
 
 
 def _feet(x: float, y: float, size: _Sides) -> tuple[Piece, ...]:
-    """Make four equal feet that stand at (+-x, +-y)."""
+    """Build four equal feet at (+-x, +-y)."""
     return tuple((size, (one * x, other * y, size[2] / 2)) for one in (-1, 1) for other in (-1, 1))
 
 
 def _seat(width: float) -> tuple[Piece, ...]:
-    """Make an armchair or a sofa: the seat, two arms, the back and its cushion, on four feet."""
+    """Build an armchair or a sofa: seat, two arms, back and cushion, on four feet."""
     inside, arm = width - 0.4, width / 2 - 0.1
     return (
         ((1.0, inside, 0.35), (0.0, 0.0, 0.275)),
@@ -59,7 +59,7 @@ def _seat(width: float) -> tuple[Piece, ...]:
 
 
 def _car(*pieces: Piece) -> Known:
-    """Make a car, whose origin is between its rear wheels."""
+    """Build a car, whose origin is between its rear wheels."""
     return Known(pieces, ahead="z", name="vehicle", translation=(0.0, 0.0, 0.4), robot=True)
 
 
@@ -180,11 +180,11 @@ KNOWN: dict[str, Known] = {
     ),
     "WoodenChair": Known(_standing(0.42, 0.44, 0.944), ahead="-z"),
 }
-"""By the names of PROTOs."""
+"""Stand-ins by PROTO name."""
 
 
 def known_shapes(node: Node, known: Known) -> list[Node]:
-    """Make the boxes of an instance, in the axes of its version."""
+    """Build the boxes of an instance, in the axes of its version."""
     lift = 0.0 if node.version.z_up else known.old_lift
     return [
         box_at(node, sides(node, size, known), place_in(node, (x, y, z - lift), known))
@@ -193,12 +193,12 @@ def known_shapes(node: Node, known: Known) -> list[Node]:
 
 
 def sides(node: Node, size: _Sides, known: Known) -> _Sides:
-    """Turn a size into the axes of a node's version."""
+    """Convert a size to the axes of a node's version."""
     return tuple(map(abs, place_in(node, size, known)))  # type: ignore[return-value]
 
 
 def place_in(node: Node, place: _Sides, known: Known) -> _Sides:
-    """Turn a place into the axes of a node's version."""
+    """Convert a position to the axes of a node's version."""
     if node.version.z_up:
         return place
     x, y, z = place
@@ -206,12 +206,12 @@ def place_in(node: Node, place: _Sides, known: Known) -> _Sides:
 
 
 def box_at(node: Node, size: tuple[float, ...], place: tuple[float, ...]) -> Node:
-    """Make a Box about a place."""
+    """Build a Shape of a Box centered on a position."""
     return shape_at(node, new_node(node, "Box", {"size": [*size]}), place)
 
 
 def shape_at(node: Node, geometry: Node, place: tuple[float, ...]) -> Node:
-    """Show a geometry about a place."""
+    """Build a Shape of a geometry centered on a position."""
     shape = new_node(node, "Shape", {"geometry": geometry})
     if not any(place):
         return shape

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in for PROTOs without a file that `expand` does not know: a human of capsules, and boxes of their size.
+"""Stand-ins for PROTOs without a file that are not in `BUILTIN`: a human of capsules, boxes and cylinders.
 
-The places of a pedestrian's limbs are those of its bounding objects, in Webots R2022b to R2023b.
+A pedestrian's limbs are placed like its bounding objects in Webots R2022b to R2023b.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, new_node
 from warpvis.webots.protos._known import KNOWN, box_at, known_shapes, shape_at
 
-# Capsules of a pedestrian whose arms hang down: ends across, along and up from its origin, radius [m].
+# Capsules of a pedestrian with hanging arms: end points (across, along, up) relative to the origin, radius [m].
 _LIMBS = (
     ((0.0, 0.0, 0.15), (0.0, 0.0, -0.12), 0.17),  # torso
     ((0.01, 0.0, 0.36), (0.01, 0.0, 0.26), 0.07),  # neck
@@ -26,18 +26,18 @@ _LIMBS = (
     *(((-0.05, 0.116 * side, -0.8), (-0.06, 0.116 * side, -1.13), 0.075) for side in (-1, 1)),  # lower legs
     *(((-0.08, 0.115 * side, -1.22), (0.09, 0.115 * side, -1.22), 0.05) for side in (-1, 1)),  # feet
 )
-# What has a size and is not at all like a box of it: the ground, a hole in it, a wall around nothing.
+# PROTOs with a size that are not similar to a box: terrain, a hole, a hollow pipe.
 _UNLIKE_BOXES = {"Pit", "SolidPipe", "UnevenTerrain"}
-_STANDING = 1.27  # of the origin above the ground, where no translation is given [m]
-_ON_GROUND = 0.1  # an origin within this height of its parent's is the bottom of a box, not its middle [m]
+_STANDING = 1.27  # default height of the origin above the ground [m]
+_ON_GROUND = 0.1  # up to this height above the parent's origin, the origin is a box's bottom, not its center [m]
 
 
 def stand_in(node: Node) -> Node | None:
-    """Make a Solid in place of an instance without a file; None if nothing is known of its size.
+    """Build a Solid as the stand-in of an instance without a file; return None if its size is unknown.
 
-    A Pedestrian becomes a human of capsules, furniture of `KNOWN` its boxes, and whatever has a field
-    ``size`` of three lengths a box as large, with ``radius`` and ``height`` a cylinder: on its origin if that is at the
-    ground, else about it.
+    A Pedestrian becomes a human of capsules, a type in `KNOWN` its boxes, an instance with a field ``size`` of three
+    lengths a box, and one with ``radius`` and ``height`` a cylinder. Box or cylinder stand on the origin if that is at
+    ground height, and are centered on it otherwise.
     """
     if node.type == "Pedestrian":
         return _pedestrian(node)
@@ -62,18 +62,18 @@ def stand_in(node: Node) -> Node | None:
 
 
 def stand_in_geometry(node: Node) -> Node | None:
-    """Make a Box in place of a geometry without a file that has a `size` of three lengths, as TexturedBox has."""
+    """Build a Box as the stand-in of a geometry PROTO with a `size` of three lengths, such as TexturedBox."""
     size = _size_of(node)
     return None if size is None else new_node(node, "Box", {"size": [*size]}, node.name)
 
 
 def _default_name(proto: str) -> str:
-    """Return what Webots' furniture is named by default, its type in words: "office chair" of an OfficeChair."""
+    """Return the default name of Webots' furniture, its type in words: "office chair" for OfficeChair."""
     return re.sub(r"(?<!^)(?=[A-Z])", " ", proto).lower()
 
 
 def _size_of(node: Node) -> tuple[float, ...] | None:
-    """Read how large an instance says that it is; None if it does not, or not in lengths."""
+    """Read the size of an instance from its fields [m]; return None if it has no valid size."""
     try:
         if node.type == "WoodenPalletStack":
             up = 2 if node.version.z_up else 1
@@ -115,11 +115,11 @@ def _pedestrian(node: Node) -> Node:
 
 
 def _solid(node: Node, children: list[Node]) -> Node:
-    kept = ("translation", "rotation", "recognitionColors", "name")
-    fields = {field: node.fields[field] for field in kept if field in node.fields}
+    copied = ("translation", "rotation", "recognitionColors", "name")
+    fields = {field: node.fields[field] for field in copied if field in node.fields}
     return new_node(node, "Solid", {**fields, "children": [*children]}, node.name)
 
 
 def _axes(node: Node, across: float, along: float, up: float) -> tuple[float, float, float]:
-    """Turn lengths into the axes of the node's version: x, y and z, or before R2022a z, x and y."""
+    """Convert lengths to the axes of the node's version: x, y and z, or before R2022a z, x and y."""
     return (across, along, up) if node.version.z_up else (along, up, across)

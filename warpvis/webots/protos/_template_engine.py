@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A process for a world's templates: it is started with the first one, and anew after one that it did not survive."""
+"""The process that runs a world's templates, started lazily and restarted after a crash."""
 
 from __future__ import annotations
 
@@ -19,43 +19,43 @@ from pathlib import Path
 from warpvis.core.types import Json
 
 WALL_SECONDS = 30.0
-"""Longest that a template may take where its process cannot end itself, or is not let run [s]."""
+"""Maximum wall time of a template, for processes that cannot end themselves or are suspended [s]."""
 WORLD_SECONDS = 60.0
-"""Longest that all templates of a world may take [s]."""
+"""Maximum wall time of all templates of a world [s]."""
 
 _SCRIPT = Path(__file__).with_name("_template_process.py")
 
 
 class TemplateEngine:
-    """Runs templates in a process of its own, which ends with this object, and with the process that made it.
+    """Runs templates in a separate process, which ends with this object and with the parent process.
 
-    It is started by executing Python, never by a fork that goes on: in a process with threads or CUDA, and in those
-    that `multiprocessing` makes, it works alike. Processes that are forked from this one start their own.
+    The process executes a new Python interpreter instead of continuing a fork, which is safe in processes with threads
+    or CUDA and in those of `multiprocessing`. Processes forked from this one start separate template processes.
     """
 
     def __init__(self) -> None:
-        """Start nothing yet."""
+        """Initialize without starting the process."""
         self._lock = threading.Lock()
         self._owner = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._end: weakref.finalize[..., TemplateEngine] | None = None
-        self._left = WORLD_SECONDS
+        self._remaining_seconds = WORLD_SECONDS
 
     def run(self, job: dict[str, Json]) -> dict[str, str]:
         """Run a job of `_template_process`; return its answer.
 
         Returns:
-            One of the keys ``"text"``, ``"odd"``, ``"error"`` with ``"kind"``, ``"late"`` where the clock ended it, or
-            ``"ended"``: what else ended it.
+            A dictionary with one of the keys ``"text"``, ``"odd"``, ``"error"`` (with ``"kind"``), ``"late"`` after a
+            timeout, or ``"ended"`` with another reason for the end of the process.
         """
         with self._lock:
-            if self._left <= 0:
+            if self._remaining_seconds <= 0:
                 return {"ended": f"ones of a world that together run longer than {WORLD_SECONDS:g} s"}
             start = time.monotonic()
             try:
                 return self._ask(json.dumps(job).encode())
             finally:
-                self._left -= time.monotonic() - start
+                self._remaining_seconds -= time.monotonic() - start
 
     def _ask(self, job: bytes) -> dict[str, str]:
         process = self._started()
@@ -84,15 +84,15 @@ class TemplateEngine:
         code = process.returncode
         if late.is_set() or code == -getattr(signal, "SIGPROF", 0):
             return {"late": ""}
-        return {"ended": f"one that its process did not survive (exit status {code})"}
+        return {"ended": f"one that ended its process (exit status {code})"}
 
     def _started(self) -> subprocess.Popen[bytes]:
         if self._process is not None and self._owner == os.getpid():
             return self._process
         if self._end is not None:
             self._end.detach()
-        if not sys.executable or getattr(sys, "frozen", False):  # a frozen program's executable is the program
-            raise OSError("this program does not say where a Python interpreter is")
+        if not sys.executable or getattr(sys, "frozen", False):  # a frozen program's executable is not Python
+            raise OSError("sys.executable must be a Python interpreter, got none")
         paths = "\n".join(path for path in sys.path if "\n" not in path)
         command = [sys.executable, "-S", "-s", str(_SCRIPT), paths]
         self._process = subprocess.Popen(
@@ -103,21 +103,21 @@ class TemplateEngine:
         return self._process
 
     def close(self) -> None:
-        """End the process, if there is one; the next template starts another."""
+        """End the process, if it is running; the next template starts another."""
         if self._end is not None:
             self._end()
         self._process = self._end = None
 
 
 def is_installed(module: str) -> bool:
-    """Tell whether a module can be imported, without importing it."""
+    """Return whether a module can be imported, without importing it."""
     if module in sys.modules:
         return sys.modules[module] is not None
     return importlib.util.find_spec(module) is not None
 
 
 def _end(process: subprocess.Popen[bytes], owner: int) -> None:
-    if os.getpid() != owner:  # it belongs to the process that this one was forked from
+    if os.getpid() != owner:  # the process belongs to the parent of this fork
         return
     process.kill()
     for pipe in (process.stdin, process.stdout):

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the templates of PROTO files find there besides the language itself."""
+"""Libraries for the JavaScript and Lua templates of PROTO files."""
 
-# The functions that https://cyberbotics.com/doc/reference/javascript-procedural-proto documents. A rotation is
-# {x, y, z, a}, a quaternion {w, x, y, z}, a matrix has the keys 0 to 8, row by row. The random numbers are Webots' own
-# sequence; Math.random takes them too, and the clock stands still: a world is the same whenever it is read.
+# The functions documented at https://cyberbotics.com/doc/reference/javascript-procedural-proto. A rotation is
+# {x, y, z, a}, a quaternion {w, x, y, z}, a matrix has the keys 0 to 8 in row-major order. Random numbers are Webots'
+# sequence, also in Math.random, and the clock is constant, so that loading a world is deterministic.
 JAVASCRIPT = """
 "use strict";
 const $modules = (() => {
@@ -152,8 +152,8 @@ Math.random = () => $modules.wbrandom.real(0, 1);
 Date.now = () => 0;
 """
 
-# Lua's own functions without files, processes, code made of strings, and what could catch the end of the time limit;
-# `require` finds them, and the modules below.
+# Lua's standard functions without files, processes, code from strings, and functions that could catch the error of the
+# time limit; `require` finds them and the modules below.
 LUA = """
 function(code, fields, limit, modules)
   local quiet = function() end
@@ -191,7 +191,7 @@ function(code, fields, limit, modules)
 end
 """
 
-# What Webots' own Lua modules give, under the same names; a matrix has the keys 1 to 9, row by row.
+# The functions of Webots' Lua modules; a matrix has the keys 1 to 9 in row-major order.
 LUA_MODULES = """
 local core, geometry, random, rotation = {}, {}, {}, {}
 

@@ -1,17 +1,17 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The process that templates run in: a script, which imports nothing of warpvis and so starts in a moment.
+"""Script of the template process; it does not import warpvis, for a fast start.
 
-It reads jobs and writes answers, each as JSON after four bytes of its length. An engine's own limits end most
-templates. What they do not reach, code in C within the engine, ends with the process: the clock is a timer of the
-system, whose signal needs no Python, and memory is a limit of the process. It ends when its parent does.
+It reads jobs and writes answers, each as JSON after its length in four bytes. The engines' limits end most templates.
+C code within an engine, which these limits do not cover, is ended by limits of the process: a system timer, whose
+signal needs no Python code, and a memory limit. The process ends with its parent.
 """
 
 import os
 import sys
 
 if __name__ == "__main__":
-    sys.path[:] = sys.argv[1].split("\n")  # the parent's, so that the engines are those that it would import
+    sys.path[:] = sys.argv[1].split("\n")  # the parent's path, to import the same engines
 
 import json
 import select
@@ -20,14 +20,14 @@ from typing import Any, BinaryIO
 
 try:
     import resource
-except ImportError:  # not on Windows, where the parent's clock and the engines' limits remain
+except ImportError:  # Windows has only the parent's timeout and the engines' limits
     resource = None  # type: ignore[assignment]
 
-_PATIENCE = 1.0  # time between looks at whether the parent is there [s]
+_PATIENCE = 1.0  # interval between checks whether the parent is alive [s]
 
 
 def main() -> None:
-    """Answer jobs until there are no more."""
+    """Answer jobs until the input ends."""
     parent = os.getppid()
     jobs, answers = os.fdopen(os.dup(0), "rb", buffering=0), os.fdopen(os.dup(1), "wb")
     if resource is not None:
@@ -39,8 +39,8 @@ def main() -> None:
 
 
 def _read(jobs: BinaryIO, parent: int) -> dict[str, Any] | None:
-    """Read the next job; None where the parent has closed the pipe, or is gone."""
-    # Another process that the parent forked may hold the pipe open.
+    """Read the next job; return None after the parent has closed the pipe or ended."""
+    # Another process forked from the parent may keep the pipe open.
     while hasattr(os, "fork") and not select.select([jobs], [], [], _PATIENCE)[0]:
         if os.getppid() != parent:
             return None
@@ -61,7 +61,7 @@ def _exactly(jobs: BinaryIO, count: int) -> bytes | None:
 
 
 def _answer(job: dict[str, Any]) -> dict[str, str]:
-    """Run a template; say what it makes, or what the engine or the reading of its answer says."""
+    """Run a template; return its text, or the error of the engine or of encoding the text."""
     run = _javascript if job["language"] == "javascript" else _lua
     _limit(job["seconds"], job["memory"])
     try:
@@ -70,7 +70,7 @@ def _answer(job: dict[str, Any]) -> dict[str, str]:
             return {"odd": str(result)}
         result.encode()
         return {"text": result}
-    except Exception as error:  # the engines' own, and those of texts with zero bytes or without Unicode
+    except Exception as error:  # errors of the engines, and of texts with zero bytes or invalid Unicode
         kind = type(error).__name__
         return {"error": str(error) or kind, "kind": kind}
     finally:
@@ -78,7 +78,7 @@ def _answer(job: dict[str, Any]) -> dict[str, str]:
 
 
 def _limit(seconds: float, memory: int) -> None:
-    """Set the process' clock of computing time, and its memory beyond what it has; 0 for none."""
+    """Set limits of the process' CPU time [s] and of its additional memory [bytes]; 0 removes them."""
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGPROF, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_PROF, seconds)
@@ -95,7 +95,7 @@ def _limit(seconds: float, memory: int) -> None:
 
 def _javascript(job: dict[str, Any]) -> object:
     try:
-        import _quickjs as quickjs  # without the thread pools that the package makes
+        import _quickjs as quickjs  # without the package's thread pools
     except ImportError:
         import quickjs
     context = quickjs.Context()

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Templates of PROTO files: JavaScript between ``%<`` and ``>%``, in old files Lua between ``%{`` and ``}%``.
 
-A template becomes a program that puts the text between its statements together. Sources:
+A template is converted to a program that concatenates the text between its statements. Sources:
 https://cyberbotics.com/doc/reference/javascript-procedural-proto and lua-procedural-proto. The engines are quickjs-ng
-and lupa, of the extra ``[webots]``; a program has no files and no network, and it runs in a process whose time and
-memory are limited (`warpvis.webots.protos._template_engine`).
+and lupa, from the extra ``[webots]``. A program has no access to files or the network, and runs in a process with
+limited time and memory (`warpvis.webots.protos._template_engine`).
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ Language: TypeAlias = Literal["javascript", "lua"]
 Describe: TypeAlias = Callable[[Node], "dict[str, tuple[str, Value, Value]] | None"]
 
 SECONDS = 5
-"""Longest that a JavaScript template may run."""
-_LUA_STEPS = 200_000_000  # about as long
-_GRACE = 1  # that a template's process has over its engine [s]
-_HEAP = 256 << 20  # of an engine [bytes]
-_MEMORY = 1 << 30  # of the process, beyond what it has before [bytes]
-_STACK = 512 << 10  # bytes; threads have stacks of a few MiB
-_MAX_VALUES = 1_000_000  # that a template may be given
-_MAX_NESTED = 60  # nodes in them
-_PROTO_COST = 100  # values that an instance of a PROTO counts as: its defaults have to be parsed
+"""Maximum run time of a JavaScript template [s]."""
+_LUA_STEPS = 200_000_000  # takes about as long
+_GRACE = 1  # extra time of a template's process over its engine [s]
+_HEAP = 256 << 20  # of an engine [B]
+_MEMORY = 1 << 30  # of the process, beyond its initial memory [B]
+_STACK = 512 << 10  # [B]; threads have stacks of a few MiB
+_MAX_VALUES = 1_000_000  # passed to a template
+_MAX_NESTED = 60  # depth of nodes in them
+_PROTO_COST = 100  # an instance of a PROTO counts as this many values, since its defaults are parsed
 
 _MARKS = {"javascript": ("%<", ">%"), "lua": ("%{", "}%")}
 _IMPORT = re.compile(r"""\bimport\s*(\*\s*as\s+\w+|\{[^}]*\})\s*from\s*(["'])(?:[\w./]*/)?(\w+)(?:\.js)?\2""")
@@ -47,7 +47,7 @@ class _Piece(NamedTuple):
 
 
 def language_of(head: str, body: str) -> Language | None:
-    """Tell a template's language by the text before the PROTO's body; None for a body that is no template."""
+    """Determine a template's language from the text before the PROTO's body; return None if it is not a template."""
     if re.search(r"^#\s*template language:\s*javascript", head, re.MULTILINE):
         return "javascript" if "%<" in body else None
     return "lua" if "%{" in body else "javascript" if "%<" in body else None
@@ -56,21 +56,21 @@ def language_of(head: str, body: str) -> Language | None:
 def render(
     body: str, language: Language, variables: Mapping[str, Json], file: str, first_line: int, engine: TemplateEngine
 ) -> str:
-    """Run a template, and return the text that it makes.
+    """Run a template, and return the resulting text.
 
     Args:
         body: The template.
         language: Its language.
-        variables: Global variables, of what JSON can hold; None stands for undefined.
+        variables: Global variables, of JSON types; None is undefined.
         file: Name of its file.
-        first_line: Line of the body in it.
-        engine: Where it runs.
+        first_line: Line of the body in the file.
+        engine: The process that runs it.
 
     Returns:
-        Text with the line breaks of the template, so that lines agree up to the first loop.
+        Text with the line breaks of the template, so that line numbers agree up to the first loop.
 
     Raises:
-        FileFormatError: The engine is not installed, or the program fails, or ends at a limit.
+        FileFormatError: If the engine is not installed, or the program fails or exceeds a limit.
     """
     pieces = _split(body, *_MARKS[language], file, first_line)
     program, lines = _program(pieces, language)
@@ -88,7 +88,9 @@ def render(
     if "text" in answer:
         return answer["text"]
     if "odd" in answer:
-        raise FileFormatError(f"{file}:{first_line}: expected a template that makes a text, got {shown(answer['odd'])}")
+        raise FileFormatError(
+            f"{file}:{first_line}: expected a template that returns a text, got {shown(answer['odd'])}"
+        )
     if "late" in answer:
         _fail(file, lines[0], _too_long())
     if "ended" in answer:
@@ -100,29 +102,29 @@ def render(
 
 
 def script_value(value: Value, field_type: str, place: str, describe: Describe = lambda node: None) -> Json:
-    """Translate a field's value into what templates see: real numbers have six digits, as Webots hands them over.
+    """Convert a field's value for templates; floats are rounded to six digits, as by Webots.
 
     Args:
         value: The value.
-        field_type: Like ``SFVec3f``.
+        field_type: Type of the field, like ``SFVec3f``.
         place: File and line, for messages.
-        describe: For a node that is an instance of a PROTO, the type, value and default of each of its fields. Of other
-            nodes templates see the fields that the file gives; their types are not known: one value is a single one,
-            two to four numbers are a vector or rotation, more are a list.
+        describe: Returns type, value and default of each field of a PROTO instance. For other nodes, templates get the
+            fields in the file, whose types are unknown: one value is a scalar, two to four numbers are a vector or
+            rotation, and more are a list.
 
     Raises:
-        FileFormatError: The value holds more than a template may be given.
+        FileFormatError: If the value exceeds the limits of values for a template.
     """
     return _Script(place, describe).value(value, field_type)
 
 
 class _Script:
-    """Translates one value, and counts what is in it: a USE stands for a copy here."""
+    """Converts one value, counting its elements; a USE counts as a copy."""
 
     def __init__(self, place: str, describe: Describe) -> None:
         self._place = place
         self._describe = describe
-        self._left = _MAX_VALUES
+        self._remaining = _MAX_VALUES
         self._depth = 0
 
     def value(self, value: Value, field_type: str) -> Json:
@@ -181,8 +183,8 @@ class _Script:
         return {"node_name": node.type, "fields": fields}
 
     def _count(self, number: int) -> None:
-        self._left -= number
-        if self._left < 0:
+        self._remaining -= number
+        if self._remaining < 0:
             raise FileFormatError(f"{self._place}: expected at most {_MAX_VALUES} values for a template, got more")
 
 
@@ -191,7 +193,7 @@ def _named(items: Sequence[Json], keys: str) -> dict[str, Json]:
 
 
 def _split(body: str, opening: str, closing: str, file: str, first_line: int) -> list[_Piece]:
-    """Split a template into texts, statements and values; a comment hides what is in it, a string does not."""
+    """Split a template into texts, statements and values; comments are ignored, strings are not."""
     pattern = re.compile(rf'{re.escape(opening)}(?:(=?)(.*?){re.escape(closing)})?|\\.|["#]', re.DOTALL)
     pieces: list[_Piece] = []
     in_string = False
@@ -218,10 +220,10 @@ def _split(body: str, opening: str, closing: str, file: str, first_line: int) ->
 
 
 def _program(pieces: list[_Piece], language: Language) -> tuple[str, list[int]]:
-    """Write a program that puts the text together; return it, and the line of the file for each of its lines."""
+    """Write a program that concatenates the text; return it, and the line of the file for each of its lines."""
     program: list[str] = []
     lines: list[int] = []
-    breaks = ""  # the line breaks of statements, so that lines agree
+    breaks = ""  # line breaks of statements, for equal line numbers
     for piece in pieces:
         code = piece.text.rstrip().rstrip(";") if piece.kind == "value" else piece.text
         if piece.kind == "text":
@@ -242,7 +244,7 @@ def _program(pieces: list[_Piece], language: Language) -> tuple[str, list[int]]:
 
 
 def _imported(match: re.Match[str]) -> str:
-    """Write an import statement as a declaration: programs of functions know no imports."""
+    """Rewrite an import statement as a declaration, since functions cannot contain imports."""
     names = match[1].removeprefix("*").strip()
     names = re.sub(r"\s+as\s+", ": ", names) if names.startswith("{") else names.split()[-1]
     return f"const {names} = $modules.{match[3]}"
@@ -250,7 +252,7 @@ def _imported(match: re.Match[str]) -> str:
 
 def _javascript_job(program: str, variables: Mapping[str, Json]) -> dict[str, Json]:
     opening = '(function () { "use strict"; const $pieces = []; const _put = (v) => { $pieces.push(String(v)); };'
-    closing = 'return $pieces.join(""); })()'  # a sum of strings is a rope, which quickjs cannot give to Python
+    closing = 'return $pieces.join(""); })()'  # join, since quickjs cannot return the rope of a string sum to Python
     return {
         "library": JAVASCRIPT,
         "program": f"{opening}\n{program}\n{closing}",
@@ -279,7 +281,7 @@ _ENGINES: dict[Language, tuple[str, str]] = {
 
 
 def _place(language: Language, error: str, lines: Sequence[int]) -> tuple[int, str]:
-    """Tell the line of the file, and what is wrong there, from an engine's message."""
+    """Extract the line of the file and the error from an engine's message."""
     if language == "javascript":
         message = error.strip().split("\n")[0]
         place = re.search(r"<input>:(\d+)", error)

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Make triangles of Webots' geometry nodes, with the winding that Webots gives them."""
+"""Tessellation of Webots' geometry nodes, with Webots' winding."""

@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Texture coordinates of Webots' geometry nodes, v counted upwards.
+"""Texture coordinates of Webots' geometry nodes, with v upward.
 
-Those of Box, Plane, Cylinder, Cone, Sphere and ElevationGrid are what src/wren/StaticMesh.cpp of Webots makes, which
-counts v downwards. Extrusion, Capsule, spheres that are no icospheres, IndexedFaceSets that give none, and mesh files
-have none here.
+Coordinates of Box, Plane, Cylinder, Cone, Sphere and ElevationGrid follow src/wren/StaticMesh.cpp of Webots, whose v is
+downward. Extrusion, Capsule, UV spheres, IndexedFaceSets without texCoord, and mesh files have no coordinates here.
 """
 
 from __future__ import annotations
@@ -19,22 +18,25 @@ from warpvis.webots._nodes import Node
 from warpvis.webots.shapes._polygons import Points, split_polygons, triangulate, tuples
 
 Corners = NDArray[np.float64]
-"""Places of the corners of triangles in the node's frame, z up [m], shape ``(m, 3, 3)``."""
+"""Positions of the corners of triangles in the node's frame, z up [m], shape ``(m, 3, 3)``."""
 
 
 def texture_coordinates(
-    node: Node, vertices: Points, faces: NDArray[np.integer], *, turned_round: bool = False
+    node: Node, vertices: Points, faces: NDArray[np.integer], *, mirrored: bool = False
 ) -> NDArray[np.float32] | None:
-    """Return texture coordinates of the corners of a geometry node's triangles, shape ``(m, 3, 2)``; None without.
+    """Compute texture coordinates of the corners of a geometry node's triangles.
 
     Args:
         node: The node.
-        vertices: What `tessellate` makes of it.
-        faces: Likewise.
-        turned_round: Whether the corners of every triangle go the other way round, in a placement that mirrors.
+        vertices: Vertices from `tessellate`.
+        faces: Faces from `tessellate`.
+        mirrored: Whether to reverse the corners of every triangle, for a mirroring transform.
+
+    Returns:
+        Coordinates, shape ``(m, 3, 2)``, or None if the node has none.
 
     Raises:
-        FileFormatError: Its own coordinates are malformed.
+        FileFormatError: If the node's texCoordIndex is malformed.
     """
     found: NDArray[np.float64] | None = None
     if node.type == "IndexedFaceSet":
@@ -47,11 +49,11 @@ def texture_coordinates(
         found = _SHAPES[node.type](node, corners)
     if found is None or len(found) != len(faces):
         return None
-    return (found[:, ::-1] if turned_round else found).astype(np.float32)
+    return (found[:, ::-1] if mirrored else found).astype(np.float32)
 
 
 def _unit(corners: Corners) -> Corners:
-    """Stretch what lies about the origin to reach from -1 to 1 along all axes."""
+    """Scale positions around the origin to the range -1 to 1 along all axes."""
     sizes = np.abs(corners).max(axis=(0, 1))
     return corners / np.where(sizes > 0, sizes, 1.0)
 
@@ -71,7 +73,10 @@ def _plane(node: Node, corners: Corners) -> NDArray[np.float64]:
 
 
 def _around(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the share of a turn from y towards -x, beyond 1 of triangles across the seam, at poles in between."""
+    """Compute the angle from y toward -x in revolutions.
+
+    Triangles across the seam get values above 1, and corners at poles the mean of the other corners.
+    """
     share = np.arctan2(-x, y) / (2 * np.pi) % 1.0
     share[share > 1 - 1e-9] = 0.0
     pole = np.maximum(np.abs(x), np.abs(y)) < 1e-9
@@ -92,7 +97,7 @@ def _cone(node: Node, corners: Corners) -> NDArray[np.float64]:
     x, y, z = np.moveaxis(_unit(corners), -1, 0)
     count = node.integer("subdivision", 12)
     around, apex = _around(x, y), z > 0
-    # Its lower corners are one segment further on, and its apex is not.
+    # The lower corners are offset by one segment, unlike the apex.
     side = np.stack([np.where(apex, around, around - 1 / count), z / 2 + 0.5], axis=-1)
     cap = np.stack([x, -y], axis=-1) / 2 + 0.5
     return np.where((np.ptp(z, axis=1) == 0)[:, None, None], cap, side)
@@ -111,7 +116,7 @@ def _elevation_grid(node: Node, corners: Corners) -> NDArray[np.float64]:
 
 
 def _indexed(node: Node) -> NDArray[np.float64] | None:
-    """Return the coordinates that an IndexedFaceSet gives, of its triangles in the order of `indexed_face_set`."""
+    """Return the coordinates of an IndexedFaceSet's triangles, in the order of `indexed_face_set`."""
     given, coordinate = node.node("texCoord"), node.node("coord")
     if given is None or coordinate is None:
         return None
@@ -121,10 +126,11 @@ def _indexed(node: Node) -> NDArray[np.float64] | None:
     index, numbers = (row if len(row) and row[-1] == -1 else np.append(row, -1) for row in (index, numbers))
     inside = index >= 0
     if len(numbers) != len(index) or not ((numbers >= 0) == inside).all():
-        raise FileFormatError(f"{node.file}:{node.line}: texCoordIndex must have the corners of coordIndex")
+        raise FileFormatError(f"{node.file}:{node.line}: texCoordIndex must have the same polygons as coordIndex")
     if inside.any() and numbers.max() >= len(rows):
         raise FileFormatError(f"{node.file}:{node.line}: texCoordIndex must index the points of texCoord")
-    corners = np.where(inside, np.cumsum(inside) - 1, -1)  # in place of points: each has its own coordinates
+    # Corners instead of points, since each corner has its own coordinates.
+    corners = np.where(inside, np.cumsum(inside) - 1, -1)
     faces = triangulate(node, points[index[inside]], split_polygons(corners), index[inside])
     if not node.flag("ccw", True):
         faces = faces[:, ::-1]

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Triangles of Webots' geometry nodes, cut as Webots cuts them: its range finders see triangles, not round surfaces.
+"""Tessellation of Webots' geometry nodes, identical to Webots', since its range finders see triangles.
 
-Front faces are counter-clockwise, and Webots draws nothing else. Shapes stand along z; in files from before R2022a they
-are the same shapes turned by -90 degrees about x, so that z becomes y. The numbers of segments, their first angles and
-the limits are those of the source of Webots, ``src/wren/StaticMesh.cpp`` and ``src/webots/nodes/``.
+Front faces are counter-clockwise; Webots culls back faces. Shapes are upright along z; in files from before R2022a they
+are rotated by -90 degrees about x, so that z becomes y. Numbers of segments, first angles and limits are those of
+Webots' source, ``src/wren/StaticMesh.cpp`` and ``src/webots/nodes/``.
 """
 
 from __future__ import annotations
@@ -39,27 +39,27 @@ from warpvis.webots.shapes._polygons import (
 )
 
 Resolve = Callable[[str, Node], Path | None]
-"""Finds the file of a url that a node names; None if it is not at hand."""
+"""Finds the file of a node's URL; returns None if it is not available."""
 
 
 class MissingMeshError(FileFormatError):
-    """A mesh file is not at hand, or nothing installed reads its format: the rest of the world can do without it."""
+    """A mesh file is missing, or no reader of its format is installed; the rest of the world can be read without it."""
 
 
 def tessellate(node: Node, *, resolve: Resolve | None = None) -> Triangles | None:
-    """Make the triangles of a geometry node, in the node's own frame.
+    """Tessellate a geometry node in the node's frame.
 
     Args:
-        node: A node of one of the types in `GEOMETRIES`. Its version decides which axis is upright.
+        node: A node of one of the types in `GEOMETRIES`. Its version determines which axis is upright.
         resolve: Finds the files of Mesh and CadShape; by default `find_beside`.
 
     Returns:
-        Vertices [m] of shape ``(n, 3)`` float64 and corner indices of shape ``(m, 3)`` int32, every vertex in use; None
-        where there is nothing to draw.
+        Vertices [m], shape ``(n, 3)`` float64, without unused ones, and faces, shape ``(m, 3)`` int32; None if there
+        are no triangles.
 
     Raises:
-        FileFormatError: A field has a value that Webots does not take, or there would be too many triangles.
-        MissingMeshError: A mesh file is not at hand, or cannot be read here.
+        FileFormatError: If a field has a value that is invalid in Webots, or there would be too many triangles.
+        MissingMeshError: If a mesh file is missing, or no reader of its format is installed.
     """
     if node.type in _FILES:
         return _mesh_file(node, resolve or find_beside)
@@ -74,20 +74,20 @@ def tessellate(node: Node, *, resolve: Resolve | None = None) -> Triangles | Non
 
 
 def turned(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn points by -90 degrees about x: from z up to y up."""
+    """Rotate points by -90 degrees about x, from z up to y up."""
     x, y, z = vertices.T
     return np.stack([x, z, -y], axis=1)
 
 
 def revolve(profile: Sequence[tuple[float, float]], shown: Sequence[bool], segments: int) -> Triangles | None:
-    """Make a surface of revolution about z, facing outwards where the profile goes down.
+    """Build a surface of revolution about z, whose normals point outward where the profile descends.
 
-    Corner `k` of a ring lies at ``(r sin a, r cos a)`` with ``a = 2 pi k / segments``.
+    Vertex `k` of a ring is at ``(r sin a, r cos a)`` with ``a = 2 pi k / segments``.
 
     Args:
-        profile: Pairs of radius and height; a radius of zero is one vertex, and equal pairs are the same ring.
-        shown: For every two pairs that follow each other, whether there are triangles between them.
-        segments: Corners of a ring.
+        profile: Pairs of radius and height. A radius of zero is one vertex, and equal pairs share a ring.
+        shown: For each two consecutive pairs, whether there are triangles between them.
+        segments: Number of vertices of a ring.
     """
     angles = 2 * np.pi * np.arange(segments) / segments
     rings: dict[tuple[float, float], NDArray[np.int64]] = {}
@@ -110,7 +110,7 @@ def revolve(profile: Sequence[tuple[float, float]], shown: Sequence[bool], segme
 
 
 def find_beside(url: str, node: Node) -> Path | None:
-    """Resolve a url relative to the file that names it; None for ``webots://`` and other urls of the web."""
+    """Resolve a URL relative to the file that contains it; return None for ``webots://`` and web URLs."""
     return None if "://" in url else Path(node.file).parent / with_slashes(url)
 
 
@@ -122,7 +122,7 @@ _BOX_FACES = [
 
 def _box(node: Node) -> Triangles:
     size = node.vector("size", (2, 2, 2))
-    # Three negative numbers show the inside: so say the manuals until 2018. The sources since take positive ones only.
+    # According to manuals until 2018, three negative sizes show the inside. Later sources accept positive sizes only.
     inside = bool(node.version < Version(2019, 1) and (size < 0).all())
     if not inside:
         size = positives(node, "size", (2, 2, 2))
@@ -139,7 +139,7 @@ def _plane(node: Node) -> Triangles:
 
 def _cylinder(node: Node) -> Triangles | None:
     radius, top = positive(node, "radius", 1), positive(node, "height", 2) / 2
-    # The manual gives 12; the node's own file, 36 as far back as it is public.
+    # The default is 12 in the manual, but 36 in all public versions of the node's definition.
     segments = whole(node, "subdivision", 36 if node.version >= Version(2019, 1) else 12, 3, 1000)
     shown = [node.flag(field, True) for field in ("top", "side", "bottom")]
     return revolve([(0, top), (radius, top), (radius, -top), (0, -top)], shown, segments)
@@ -176,13 +176,13 @@ def _sphere(node: Node) -> Triangles | None:
 
 @lru_cache
 def _icosphere(subdivision: int) -> Triangles:
-    """Split the faces of a unit icosahedron in four, again and again, with the new corners on the sphere."""
+    """Subdivide a unit icosahedron, splitting each face in four, with new vertices on the sphere."""
     short, long = np.sqrt((5 - np.sqrt(5)) / 10), np.sqrt((5 + np.sqrt(5)) / 10)
-    # Three golden rectangles: corners at (+-short, +-long) of the xy, yz and zx planes.
+    # Three golden rectangles: vertices at (+-short, +-long) in the xy, yz and zx planes.
     signs = np.array([(a, b) for a in (-1, 1) for b in (-1, 1)])
     rectangle = np.c_[signs * (short, long), np.zeros(4)]
     vertices = np.concatenate([np.roll(rectangle, k, axis=1) for k in range(3)])
-    # Every three corners at an edge's length, 2 short, from each other.
+    # Faces are all triples of vertices with pairwise distances of the edge length, 2 short.
     near = np.abs(np.linalg.norm(vertices[:, None] - vertices, axis=2) - 2 * short) < 1e-9
     faces = np.array(
         [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] & near[b, c] & near[c, a]]
@@ -201,18 +201,18 @@ def _icosphere(subdivision: int) -> Triangles:
 
 
 def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
-    """Read the triangles of the first url. The whole file, whatever ``materialIndex`` says: the depth is the same.
+    """Read the triangles of the first URL. ``materialIndex`` is ignored, since it does not affect depth.
 
-    Of COLLADA files the unit counts, and the axis that they call upward, which becomes y, and since R2022b z (Webots'
-    pull requests 4172 and 4448); files of other kinds are taken as they are, and since then without heed to ``name``.
+    The unit and up axis of COLLADA files are applied; up becomes y, and since R2022b z (Webots' pull requests 4172 and
+    4448). Other formats are not converted, and since R2022b their ``name`` is ignored.
     """
     urls = node.texts("url")
     if not urls or not urls[0]:
         return None
     path = resolve(urls[0], node)
     if path is None or not path.is_file():
-        raise MissingMeshError(f"{node.file}:{node.line}: the file {urls[0]!r} of {node.type} is not at hand")
-    suffix = PurePosixPath(with_slashes(urls[0])).suffix.lower()  # in Webots' cache, files have none
+        raise MissingMeshError(f"{node.file}:{node.line}: the file {urls[0]!r} of {node.type} is missing")
+    suffix = PurePosixPath(with_slashes(urls[0])).suffix.lower()  # from the URL, as cached files have no suffix
     try:
         parts = _read(path, suffix, path.stat().st_mtime_ns)
     except FileFormatError as error:
@@ -232,9 +232,9 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
 
 @lru_cache(maxsize=64)
 def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArray[np.float64], NDArray[np.int64]]]]:
-    """Read name, vertices and faces of every part of a mesh file of such a name; `changed` tells it from older ones.
+    """Read name, vertices and faces of each part of a mesh file; the modification time `changed` is part of the key.
 
-    COLLADA files are in metres with y up, as the Open Asset Import Library, which Webots uses, gives them.
+    COLLADA files are converted to meters with y up, as by the Open Asset Import Library, which Webots uses.
     """
     import trimesh
 
@@ -256,14 +256,14 @@ def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArra
             named = path.suffix.lower() == suffix
             scene = trimesh.load_scene(path if named else io.BytesIO(path.read_bytes()), file_type=kind, **options)
         parts = []
-        for name in sorted(scene.graph.nodes_geometry):  # they come in no certain order
+        for name in sorted(scene.graph.nodes_geometry):  # for a deterministic order
             placement, key = scene.graph[name]
             mesh = scene.geometry[key]
             if len(getattr(mesh, "faces", ())):
                 vertices = np.asarray(mesh.vertices, dtype=np.float64) @ placement[:3, :3].T + placement[:3, 3]
                 faces = keep_winding(np.asarray(mesh.faces, dtype=np.int64), placement[:3, :3])
                 parts.append((str(name), (vertices @ linear.T, faces)))
-    except Exception as error:  # trimesh's readers raise what they like
+    except Exception as error:  # trimesh's readers may raise any exception
         raise FileFormatError(f"{path}: does not read as {kind.upper()}: {describe_exception(error)}") from None
     if not parts:
         raise FileFormatError(f"{path}: holds no triangles")
@@ -288,4 +288,4 @@ _LISTED: dict[str, Callable[[Node], Triangles | None]] = {
 _FILES = {"CadShape", "Mesh"}
 
 GEOMETRIES: frozenset[str] = frozenset({*_UPRIGHT, *_LISTED, *_FILES})
-"""Types of nodes that `tessellate` takes."""
+"""Node types that `tessellate` accepts."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Triangles of the Webots nodes that list points: IndexedFaceSet, ElevationGrid and Extrusion."""
+"""Triangulation of polygons and grids: IndexedFaceSet, ElevationGrid and Extrusion."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node
 
 MAX_POINTS = 1 << 22
-"""A grid or an extrusion has at most so many points: a short text can ask for any number of them."""
+"""Maximum number of points of a grid or extrusion, since a short text can define any number."""
 MAX_CORNERS = 2000
-"""A polygon that is not convex has at most so many corners: the time to cut it up grows with their square."""
+"""Maximum number of corners of a concave polygon; the time of triangulation is quadratic in it."""
 
 Triangles = tuple[NDArray[np.float64], NDArray[np.int32]]
 Points = NDArray[np.float64]
@@ -25,7 +25,7 @@ Indices = NDArray[np.int64]
 
 
 def refuse(node: Node, wanted: str, got: object) -> NoReturn:
-    """Say what a node should have had.
+    """Raise a FileFormatError with the expected and the actual content of a node.
 
     Raises:
         FileFormatError: Always.
@@ -33,22 +33,22 @@ def refuse(node: Node, wanted: str, got: object) -> NoReturn:
     raise FileFormatError(f"{node.file}:{node.line}: expected {wanted} in {node.type}, got {got}")
 
 
-def whole(node: Node, field: str, default: int, least: int, most: int | None = None) -> int:
-    """Read a field's whole number, which must be from `least` to `most`."""
+def whole(node: Node, field: str, default: int, lower: int, upper: int | None = None) -> int:
+    """Read a whole number, which must be from `lower` to `upper`."""
     value = node.integer(field, default)
-    if value < least or (most is not None and value > most):
-        limits = f"of at least {least}" if most is None else f"from {least} to {most}"
+    if value < lower or (upper is not None and value > upper):
+        limits = f"of at least {lower}" if upper is None else f"from {lower} to {upper}"
         refuse(node, f"{field} {limits}", value)
     return value
 
 
 def positive(node: Node, field: str, default: float) -> float:
-    """Read a field's number, which must be above zero."""
+    """Read a number, which must be positive."""
     return float(positives(node, field, (default,))[0])
 
 
 def positives(node: Node, field: str, default: tuple[float, ...]) -> Points:
-    """Read a field's vector, whose numbers must all be above zero."""
+    """Read a vector, whose elements must be positive."""
     values = node.vector(field, default)
     if not ((values > 0) & (values <= FARTHEST)).all():
         refuse(node, f"a positive {field} [m] of at most {FARTHEST:g}", " ".join(f"{value:g}" for value in values))
@@ -56,7 +56,7 @@ def positives(node: Node, field: str, default: tuple[float, ...]) -> Points:
 
 
 def tuples(node: Node, field: str, width: int, default: Sequence[Sequence[float]]) -> Points:
-    """Read a field's vectors, shape ``(n, width)``."""
+    """Read a list of vectors, shape ``(n, width)``."""
     if field not in node.fields:
         return np.array(default, dtype=np.float64).reshape(-1, width)
     values = node.numbers(field)
@@ -68,7 +68,7 @@ def tuples(node: Node, field: str, width: int, default: Sequence[Sequence[float]
 
 
 def compact(vertices: Points, faces: NDArray[np.integer]) -> Triangles | None:
-    """Drop vertices that no triangle uses; return None where there are no triangles."""
+    """Remove unused vertices; return None if there are no triangles."""
     if not len(faces):
         return None
     used, corners = np.unique(faces, return_inverse=True)
@@ -76,17 +76,17 @@ def compact(vertices: Points, faces: NDArray[np.integer]) -> Triangles | None:
 
 
 def join(parts: Sequence[tuple[Points, NDArray[np.integer]]]) -> tuple[Points, NDArray[np.integer]]:
-    """Join meshes to one: vertices [m], shape ``(n, 3)``, and corner indices, shape ``(m, 3)``."""
+    """Concatenate meshes: vertices [m], shape ``(n, 3)``, and faces, shape ``(m, 3)``."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
     vertices = np.concatenate([vertices for vertices, _ in parts])
     return vertices, np.concatenate([faces + start for (_, faces), start in zip(parts, starts[:-1], strict=True)])
 
 
 def indexed_face_set(node: Node) -> Triangles | None:
-    """Make the triangles of an IndexedFaceSet: polygons of ``coordIndex`` end at -1, or at the end of the list.
+    """Tessellate an IndexedFaceSet, in whose ``coordIndex`` polygons end at -1 or at the end of the list.
 
-    Polygons may be concave whatever ``convex`` says: Webots cuts up each of them. Those of fewer than three corners are
-    left out, as it does.
+    Polygons may be concave regardless of ``convex``, since Webots triangulates all of them. Like in Webots, polygons of
+    fewer than three corners are skipped.
     """
     coordinate = node.node("coord")
     if coordinate is None:
@@ -95,18 +95,18 @@ def indexed_face_set(node: Node) -> Triangles | None:
     given = node.numbers("coordIndex")
     wrong = np.flatnonzero((given != np.floor(given)) | (given < -1) | (given >= len(points)))
     if len(wrong):
-        wanted = f"-1 or an index below {len(points)}, the number of points, at every place of coordIndex"
-        refuse(node, wanted, f"{given[wrong[0]]:g} at place {wrong[0]}")
+        wanted = f"-1 or an index below {len(points)}, the number of points, at every position of coordIndex"
+        refuse(node, wanted, f"{given[wrong[0]]:g} at position {wrong[0]}")
     faces = triangulate(node, points, split_polygons(given.astype(np.int64)))
     return compact(points, faces if node.flag("ccw", True) else faces[:, ::-1])
 
 
 def elevation_grid(node: Node) -> Triangles | None:
-    """Make the triangles of an ElevationGrid, facing up; None for a grid without cells.
+    """Tessellate an ElevationGrid, facing up; return None for a grid without cells.
 
-    Point (i, j) lies at ``(xSpacing * i, ySpacing * j)`` with height ``height[i + j * xDimension]`` along z; before
-    R2022a at ``zSpacing * j`` along z, with the height along y. Heights that are not given are zero, and those beyond
-    the grid are not used (Webots' reference, ElevationGrid).
+    Point (i, j) is at ``(xSpacing * i, ySpacing * j)`` with height ``height[i + j * xDimension]`` along z; before
+    R2022a, at ``zSpacing * j`` along z with the height along y. Missing heights are zero, and excess heights are
+    ignored (Webots' reference, ElevationGrid).
     """
     second = "y" if node.version.z_up else "z"
     columns, rows = (whole(node, f"{axis}Dimension", 0, 0) for axis in ("x", second))
@@ -132,16 +132,16 @@ def elevation_grid(node: Node) -> Triangles | None:
 
 
 def triangulate(node: Node, points: Points, groups: list[Indices], names: Indices | None = None) -> Indices:
-    """Cut polygons into triangles of the same winding, shape ``(m, 3)``.
+    """Triangulate polygons, preserving their winding, shape ``(m, 3)``.
 
-    A polygon that crosses itself is cut as far as it goes; Webots' tessellator draws nothing of it. A triangle that has
-    a point twice is left out.
+    A self-intersecting polygon is triangulated as far as possible; Webots' tessellator skips it. Triangles with a
+    repeated point are removed.
 
     Args:
-        node: Where they come from, for messages.
-        points: Shape ``(n, 3)``.
-        groups: Polygons of equal numbers of corners, shape ``(k, corners)`` each.
-        names: Which point each row is, where rows are corners; each another one by default.
+        node: Their node, for messages.
+        points: Points, shape ``(n, 3)``.
+        groups: Polygons grouped by number of corners, shape ``(k, corners)`` each.
+        names: Index of the point of each row of `points`, if rows are corners. By default rows are distinct points.
     """
     parts = [np.empty((0, 3), dtype=np.int64)]
     for polygons in groups:
@@ -150,10 +150,10 @@ def triangulate(node: Node, points: Points, groups: list[Indices], names: Indice
             continue
         concave = np.zeros(len(polygons), dtype=bool)
         if corners > 3:
-            turns = _turns(points[polygons])
-            concave = (turns < -1e-9 * np.abs(turns).max(axis=1, keepdims=True)).any(axis=1)
-        if corners == 4:  # a fan from the corner that turns the other way does
-            first = np.where(concave, turns.argmin(axis=1), 0)
+            angles = _signed_turns(points[polygons])
+            concave = (angles < -1e-9 * np.abs(angles).max(axis=1, keepdims=True)).any(axis=1)
+        if corners == 4:  # a fan from the reflex corner is valid
+            first = np.where(concave, angles.argmin(axis=1), 0)
             polygons = np.take_along_axis(polygons, (first[:, None] + np.arange(4)) % 4, axis=1)
             concave[:] = False
         fan = [(0, k, k + 1) for k in range(1, corners - 1)]
@@ -167,7 +167,7 @@ def triangulate(node: Node, points: Points, groups: list[Indices], names: Indice
 
 
 def split_polygons(index: Indices) -> list[Indices]:
-    """Split a list that has -1 after each polygon, into groups of equal numbers of corners."""
+    """Split a list of polygons, each terminated by -1, into groups by number of corners."""
     if len(index) and index[-1] != -1:
         index = np.append(index, -1)
     ends = np.flatnonzero(index == -1)
@@ -177,54 +177,54 @@ def split_polygons(index: Indices) -> list[Indices]:
 
 
 def _normals(corners: Points) -> Points:
-    """Compute Newell's normals of polygons ``(..., n, 3)``, twice their area long; concave corners do not turn them."""
+    """Compute Newell's normals of polygons ``(..., n, 3)``, of length twice the area; concave corners are allowed."""
     around = corners - corners[..., :1, :]
     return np.cross(around, np.roll(around, -1, axis=-2)).sum(axis=-2)
 
 
-def _turns(corners: Points) -> Points:
-    """Measure how far each corner of polygons ``(k, n, 3)`` turns about the normal; below zero is the other way."""
+def _signed_turns(corners: Points) -> Points:
+    """Compute a signed measure of the turn at each corner of polygons ``(k, n, 3)``; negative at reflex corners."""
     edges = np.roll(corners, -1, axis=1) - corners
     return np.einsum("knx,kx->kn", np.cross(np.roll(edges, 1, axis=1), edges), _normals(corners))
 
 
 def _ears(corners: Points) -> Indices:
-    """Cut one simple polygon ``(n, 3)`` into triangles by ear clipping, as corner numbers."""
+    """Triangulate one simple polygon ``(n, 3)`` by ear clipping; return corner indices."""
     normal = _normals(corners)
-    # Dropping the axis that the normal is longest along keeps the polygon simple; the other two in cyclic order.
+    # Projecting along the dominant axis of the normal keeps the polygon simple; the other two are in cyclic order.
     axis = int(np.argmax(np.abs(normal)))
     flat = corners[:, [(axis + 1) % 3, (axis + 2) % 3]] * (1.0, np.sign(normal[axis]))
-    left, ears = list(range(len(flat))), []
-    least = 1e-12 * np.ptp(flat, axis=0).max() ** 2
-    while len(left) > 2:
-        ear = _find_ear(flat, left, least)
+    remaining, ears = list(range(len(flat))), []
+    tolerance = 1e-12 * np.ptp(flat, axis=0).max() ** 2
+    while len(remaining) > 2:
+        ear = _find_ear(flat, remaining, tolerance)
         if ear is None:
             break
-        before, after = left[ear - 1], left[(ear + 1) % len(left)]
-        if _turn(flat[before], flat[left[ear]], flat[after]) > least:
-            ears.append((before, left[ear], after))
-        del left[ear]
+        before, after = remaining[ear - 1], remaining[(ear + 1) % len(remaining)]
+        if _signed_area(flat[before], flat[remaining[ear]], flat[after]) > tolerance:
+            ears.append((before, remaining[ear], after))
+        del remaining[ear]
     return np.array(ears, dtype=np.int64).reshape(-1, 3)
 
 
-def _find_ear(flat: Points, left: list[int], least: float) -> int | None:
-    """Find the place in `left` of a corner whose triangle holds no other; else of one on its neighbours' line."""
-    places = flat[left]
-    before, after = np.roll(places, 1, axis=0), np.roll(places, -1, axis=0)
-    turns = _turn(before, places, after)
-    reflex = places[turns <= least]  # only these can lie within an ear
-    for k in np.flatnonzero(turns > least):
-        triangle = (before[k], places[k], after[k])
+def _find_ear(flat: Points, remaining: list[int], tolerance: float) -> int | None:
+    """Find the position in `remaining` of an ear: a corner whose triangle contains no other, else a collinear one."""
+    points = flat[remaining]
+    before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
+    areas = _signed_area(before, points, after)
+    reflex = points[areas <= tolerance]  # only these can be inside an ear
+    for k in np.flatnonzero(areas > tolerance):
+        triangle = (before[k], points[k], after[k])
         inside = np.ones(len(reflex), dtype=bool)
         for first, second in zip(triangle, triangle[1:] + triangle[:1], strict=True):
-            inside &= (_turn(first, second, reflex) >= 0) & (reflex != first).any(axis=1)
+            inside &= (_signed_area(first, second, reflex) >= 0) & (reflex != first).any(axis=1)
         if not inside.any():
             return int(k)
-    straight = np.flatnonzero(np.abs(turns) <= least)
+    straight = np.flatnonzero(np.abs(areas) <= tolerance)
     return int(straight[0]) if len(straight) else None
 
 
-def _turn(a: Points, b: Points, c: Points) -> NDArray[np.float64]:
+def _signed_area(a: Points, b: Points, c: Points) -> NDArray[np.float64]:
     """Compute twice the signed area of triangles in the plane."""
     one, two = b - a, c - a
     return np.asarray(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0])

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Values of geometry nodes that Webots does not take, and what it puts in their place.
+"""Correction of invalid values of geometry nodes.
 
-As its node classes do when they sanitise their fields (``src/webots/nodes/Wb*.cpp`` and ``WbFieldChecker.cpp``): it
-warns, and goes on with another value.
+Values are the same as in Webots' node classes, which warn and replace invalid fields (``src/webots/nodes/Wb*.cpp`` and
+``WbFieldChecker.cpp``).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from warpvis.webots._nodes import Node, Value, Version
 
-# Lengths that must be above zero; where one number of a vector is not, the whole vector is reset.
+# Defaults of lengths that must be positive; if one element of a vector is not, the whole vector is reset.
 _LENGTHS: dict[str, dict[str, tuple[float, ...]]] = {
     "Box": {"size": (1, 1, 1)},
     "Capsule": {"radius": (1,), "height": (1,)},
@@ -26,7 +26,7 @@ _LENGTHS: dict[str, dict[str, tuple[float, ...]]] = {
     "Plane": {"size": (1, 1)},
     "Sphere": {"radius": (1,)},
 }
-# Whole numbers: the least, the greatest, and what others become.
+# Whole numbers: minimum, maximum, and replacement of others.
 _COUNTS: dict[str, dict[str, tuple[int, float, int]]] = {
     "Capsule": {"subdivision": (4, 1000, 4)},
     "Cone": {"subdivision": (3, 1000, 3)},
@@ -37,13 +37,13 @@ _INSIDE_OUT = Version(2019, 1)
 
 
 def reset_fields(node: Node) -> tuple[Node, list[str]]:
-    """Put what Webots takes in the place of what it does not.
+    """Replace values that are invalid in Webots, as Webots does.
 
     Returns:
-        The same node if all is well, else a copy; and a sentence with file and line for every field that was reset.
+        The same node if all values are valid, else a copy; and a note with file and line for every replaced field.
 
     Raises:
-        FileFormatError: A field is not even of the right type, for which Webots has no other value.
+        FileFormatError: If a field has a wrong type, for which Webots has no replacement.
     """
     fixes: dict[str, Value] = {}
     notes = []
@@ -51,17 +51,19 @@ def reset_fields(node: Node) -> tuple[Node, list[str]]:
         fixes[field] = [*map(float, taken)]
         notes.append(correction(node, field, given, taken))
     if node.type == "IndexedFaceSet":
-        kept, dropped = _polygons_in_range(node)
+        valid, dropped = _polygons_in_range(node)
         if dropped:
-            fixes["coordIndex"] = [*kept]
-            notes.append(f"{node.file}:{node.line}: {dropped} faces of {node.type} have no such point and are left out")
+            fixes["coordIndex"] = [*valid]
+            notes.append(
+                f"{node.file}:{node.line}: {dropped} faces of {node.type} have invalid indices and are skipped"
+            )
     return (dataclasses.replace(node, fields={**node.fields, **fixes}) if fixes else node), notes
 
 
 def correction(node: Node, field: str, given: ArrayLike, taken: ArrayLike) -> str:
-    """Say what a field is, and what is taken in its place."""
+    """Return a note that a field's value was replaced."""
     before, after = (_shown(value) for value in (given, taken))
-    return f"{node.file}:{node.line}: {field} {before} of {node.type} is {after}"
+    return f"{node.file}:{node.line}: {field} {before} of {node.type} is replaced by {after}"
 
 
 def _shown(value: ArrayLike) -> str:
@@ -73,13 +75,13 @@ def _wrong_numbers(node: Node) -> Iterator[tuple[str, ArrayLike, tuple[float, ..
         values = node.vector(field, lengths)
         if (values <= 0).any() and not _is_inside_out(node):
             yield field, values, lengths
-    for field, (least, most, instead) in (_COUNTS.get(node.type) or _sphere_counts(node)).items():
-        if field in node.fields and not least <= node.integer(field, instead) <= most:
-            yield field, node.integer(field, instead), (instead,)
+    for field, (lower, upper, default) in (_COUNTS.get(node.type) or _sphere_counts(node)).items():
+        if field in node.fields and not lower <= node.integer(field, default) <= upper:
+            yield field, node.integer(field, default), (default,)
 
 
 def _is_inside_out(node: Node) -> bool:
-    """Tell whether a box shows its inside: three negative numbers did so, say the manuals until 2018."""
+    """Return whether a box shows its inside, by three negative sizes, according to manuals until 2018."""
     return node.type == "Box" and node.version < _INSIDE_OUT and bool((node.vector("size", (2, 2, 2)) < 0).all())
 
 
@@ -92,13 +94,13 @@ def _sphere_counts(node: Node) -> dict[str, tuple[int, float, int]]:
 
 
 def _polygons_in_range(node: Node) -> tuple[list[float], int]:
-    """Leave out the polygons with an index of no point; return the indices of the others, and how many were dropped."""
+    """Remove polygons with an invalid index; return the indices of the others, and the number of removed polygons."""
     coordinate = node.node("coord")
     index = node.numbers("coordIndex")
     if coordinate is None or not len(index):
         return [], 0
     count = len(coordinate.numbers("point")) // 3
     ends = index == -1
-    number = np.cumsum(ends) - ends  # of the polygon that each place belongs to, its -1 included
+    number = np.cumsum(ends) - ends  # index of each position's polygon, including its -1
     wrong = np.unique(number[(index < -1) | (index >= count)])
     return index[~np.isin(number, wrong)].tolist(), len(wrong)
