@@ -19,7 +19,7 @@ from warpvis.kernels.bvh_cuda_ranges import (
     LARGE,
     NEXT,
     NEXT_COUNT,
-    NO_PLACE,
+    NO_SPLIT,
     NOTHING,
     RANGES,
     SMALL,
@@ -29,17 +29,17 @@ from warpvis.kernels.bvh_cuda_ranges import (
     best_axis,
     best_bin,
     best_count,
-    best_place,
+    best_position,
     bin_child,
     bin_of,
+    encode_split,
     first_bin,
     grow_box,
     half_area,
     half_of,
     is_split,
-    known,
+    level_info,
     must_halve,
-    place_before,
     rank_of,
     set_child,
     split_cost,
@@ -94,7 +94,7 @@ def rank_ranges(
         rank, node = sums[row, index] - 1, first + index
         level_out.nodes[rank] = node
         binary_out.child[node] = first + count + 2 * rank
-        level_out.best[rank] = wp.int64(NO_PLACE)
+        level_out.best[rank] = wp.int64(NO_SPLIT)
 
 
 @wp.kernel
@@ -104,10 +104,10 @@ def clear_bins(
     counts_out: wp.array[wp.int32],
 ):
     """Reset bins to empty."""
-    at = wp.tid()
-    counts_out[at] = 0
+    index = wp.tid()
+    counts_out[index] = 0
     for word in range(BIN_WORDS):
-        boxes_out[at, word] = NOTHING
+        boxes_out[index, word] = NOTHING
 
 
 @wp.kernel
@@ -136,11 +136,11 @@ def fill_bins(
         else:
             stop = wp.min(binary.end[node], end)
             rank = rank_of(binary, level, node)
-            if rank < known(level, LARGE):
+            if rank < level_info(level, LARGE):
                 grid_low, grid_high = binary.low[node], binary.high[node]
                 lows, highs, counts = wp.mat33(NOWHERE), wp.mat33(-NOWHERE), wp.vec3i()
-                for inside in range(item, stop):
-                    low, high = items.low[inside], items.high[inside]
+                for member in range(item, stop):
+                    low, high = items.low[member], items.high[member]
                     for axis in range(3):
                         if bin_of(low[axis] + high[axis], grid_low[axis], grid_high[axis]) == cell:
                             lows[axis] = wp.min(lows[axis], low)
@@ -148,9 +148,9 @@ def fill_bins(
                             counts[axis] += 1
                 for axis in range(3):
                     if counts[axis] > 0:
-                        at = first_bin(rank) + axis * BINS + cell
-                        grow_box(boxes_out, at, lows[axis], highs[axis])
-                        wp.atomic_add(counts_out, at, counts[axis])
+                        index = first_bin(rank) + axis * BINS + cell
+                        grow_box(boxes_out, index, lows[axis], highs[axis])
+                        wp.atomic_add(counts_out, index, counts[axis])
             item = stop
 
 
@@ -166,7 +166,7 @@ def choose_bins(
 ):
     """Find the bin of an axis before which it is cheapest to split a large range, and reduce over the axes."""
     axis, rank = wp.tid()
-    if rank >= known(level, LARGE):
+    if rank >= level_info(level, LARGE):
         return
     node = level.nodes[rank]
     total = binary.end[node] - binary.begin[node]
@@ -185,7 +185,7 @@ def part_bins(
 ):
     """Write a child of a large range; the range is halved if all items are in one bin, or if it is too deep."""
     side, rank = wp.tid()
-    if rank >= known(level_out, LARGE):
+    if rank >= level_info(level_out, LARGE):
         return
     node = level_out.nodes[rank]
     begin, end, child = int(binary_out.begin[node]), int(binary_out.end[node]), binary_out.child[node] + side
@@ -193,12 +193,12 @@ def part_bins(
     left_count = half_of(end - begin)
     first = first_bin(rank)
     best = level_out.best[rank]
-    if best != wp.int64(NO_PLACE):
-        axis, right = best_place(best) // BINS, best_place(best) % BINS
+    if best != wp.int64(NO_SPLIT):
+        axis, right = best_position(best) // BINS, best_position(best) % BINS
         first += axis * BINS
         left_count = int(0)
-        for at in range(first, first + right):
-            left_count += counts[at]
+        for index in range(first, first + right):
+            left_count += counts[index]
     middle = begin + left_count
     if side == 0:
         level_out.axis[rank] = axis
@@ -230,18 +230,20 @@ def sort_small(
     node = items.node[item]
     if node < 0:
         return
-    if rank_of(binary, level, node) < known(level, LARGE):
+    if rank_of(binary, level, node) < level_info(level, LARGE):
         return
     begin = binary.begin[node]
-    centre = items.low[item] + items.high[item]
-    places = wp.vec3i(begin, begin, begin)
+    center = items.low[item] + items.high[item]
+    positions = wp.vec3i(begin, begin, begin)
     for other in range(begin, binary.end[node]):
-        theirs = items.low[other] + items.high[other]
+        other_center = items.low[other] + items.high[other]
         for axis in range(3):
             # Items with equal centers keep their order.
-            places[axis] += int(theirs[axis] < centre[axis] or (theirs[axis] == centre[axis] and other < item))
+            positions[axis] += int(
+                other_center[axis] < center[axis] or (other_center[axis] == center[axis] and other < item)
+            )
     for axis in range(3):
-        order_out[axis, places[axis]] = item
+        order_out[axis, positions[axis]] = item
 
 
 @wp.kernel
@@ -260,26 +262,26 @@ def choose_places(
     `areas_out` receives the area of the box around an item and all items after it, in the order of each axis.
     """
     axis, rank = wp.tid()
-    if rank >= known(level, RANGES) - known(level, LARGE):
+    if rank >= level_info(level, RANGES) - level_info(level, LARGE):
         return
-    node = level.nodes[known(level, LARGE) + rank]
+    node = level.nodes[level_info(level, LARGE) + rank]
     begin, end = binary.begin[node], binary.end[node]
     best = wp.int64(half_of(end - begin) << AXIS_BITS) | wp.int64(HALVED)
     if not must_halve(end - begin, level.depth):
         low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
         for step in range(1, end - begin):
-            at = end - step
-            item = order[axis, at]
+            position = end - step
+            item = order[axis, position]
             low, high = wp.min(low, items.low[item]), wp.max(high, items.high[item])
-            areas_out[axis, at] = half_area(low, high)
+            areas_out[axis, position] = half_area(low, high)
         low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-        best = wp.int64(NO_PLACE)
-        for at in range(begin + 1, end):
-            item = order[axis, at - 1]
+        best = wp.int64(NO_SPLIT)
+        for position in range(begin + 1, end):
+            item = order[axis, position - 1]
             low, high = wp.min(low, items.low[item]), wp.max(high, items.high[item])
-            cost = split_cost(half_area(low, high), at - begin, areas_out[axis, at], end - at)
-            best = wp.min(best, place_before(cost, at - begin, axis))
-    wp.atomic_min(best_out, known(level, LARGE) + rank, best)
+            cost = split_cost(half_area(low, high), position - begin, areas_out[axis, position], end - position)
+            best = wp.min(best, encode_split(cost, position - begin, axis))
+    wp.atomic_min(best_out, level_info(level, LARGE) + rank, best)
 
 
 @wp.kernel
@@ -298,14 +300,14 @@ def find_sides(
     if node < 0:
         return
     rank = rank_of(binary, level, node)
-    if rank >= known(level, LARGE):
+    if rank >= level_info(level, LARGE):
         return
     axis = level.axis[rank]
     if axis == HALVED:
         left_out[item] = int(item - binary.begin[node] < level.left_count[rank])
         return
-    centre = items.low[item][axis] + items.high[item][axis]
-    cell = bin_of(centre, binary.low[node][axis], binary.high[node][axis])
+    center = items.low[item][axis] + items.high[item][axis]
+    cell = bin_of(center, binary.low[node][axis], binary.high[node][axis])
     left_out[item] = int(cell < level.bin[rank])
 
 
@@ -327,27 +329,27 @@ def move_items(
     """
     item = wp.tid()
     node = items.node[item]
-    source, place, child = int(item), int(item), int(-1)
+    source, target, child = int(item), int(item), int(-1)
     if node >= 0:
         rank = rank_of(binary, level, node)
         begin, end = binary.begin[node], binary.end[node]
         count = int(0)
-        if rank < known(level, LARGE):
+        if rank < level_info(level, LARGE):
             count = level.left_count[rank]
             left = before[item] - before[begin]
-            place = wp.where(lefts[item] == 1, begin + left, item + count - left)
+            target = wp.where(lefts[item] == 1, begin + left, item + count - left)
         else:
             best = level.best[rank]
             count = best_count(best)
             if best_axis(best) != HALVED:
                 source = order[best_axis(best), item]
-        child = binary.child[node] + int(place - begin >= count)
-        if not is_split(wp.where(place - begin < count, count, end - begin - count)):
+        child = binary.child[node] + int(target - begin >= count)
+        if not is_split(wp.where(target - begin < count, count, end - begin - count)):
             child = -1
-    items_out.low[place] = items.low[source]
-    items_out.high[place] = items.high[source]
-    items_out.triangle[place] = items.triangle[source]
-    items_out.node[place] = child
+    items_out.low[target] = items.low[source]
+    items_out.high[target] = items.high[source]
+    items_out.triangle[target] = items.triangle[source]
+    items_out.node[target] = child
 
 
 @wp.kernel
@@ -360,11 +362,11 @@ def part_small(
 ):
     """Write the children of a small range, whose items have been moved."""
     rank = wp.tid()
-    if rank >= known(level, RANGES) - known(level, LARGE):
+    if rank >= level_info(level, RANGES) - level_info(level, LARGE):
         return
-    node = level.nodes[known(level, LARGE) + rank]
+    node = level.nodes[level_info(level, LARGE) + rank]
     begin, end = binary_out.begin[node], binary_out.end[node]
-    middle = begin + best_count(level.best[known(level, LARGE) + rank])
+    middle = begin + best_count(level.best[level_info(level, LARGE) + rank])
     for side in range(2):
         low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
         first, last = wp.where(side == 0, begin, middle), wp.where(side == 0, middle, end)

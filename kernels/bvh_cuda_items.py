@@ -36,10 +36,10 @@ def check_mesh(
     """Count invalid corners (NaN or beyond `farthest`), find the first one, and the least and greatest vertex index."""
     index = wp.tid()
     if index < vertices.shape[0]:
-        place = vertices[index]
-        reach = wp.max(wp.max(wp.abs(place[0]), wp.abs(place[1])), wp.abs(place[2]))
-        fine = reach <= farthest and place[0] == place[0] and place[1] == place[1] and place[2] == place[2]
-        if not fine:
+        vertex = vertices[index]
+        reach = wp.max(wp.max(wp.abs(vertex[0]), wp.abs(vertex[1])), wp.abs(vertex[2]))
+        is_valid = reach <= farthest and vertex[0] == vertex[0] and vertex[1] == vertex[1] and vertex[2] == vertex[2]
+        if not is_valid:
             wp.atomic_add(found_out, 0, 1)
             wp.atomic_min(found_out, 1, index)
     if index < faces.shape[0]:
@@ -77,8 +77,8 @@ def bound_centres(
     item = wp.tid()
     low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
     while item < items.low.shape[0]:
-        centre = items.low[item] + items.high[item]
-        low, high = wp.min(low, centre), wp.max(high, centre)
+        center = items.low[item] + items.high[item]
+        low, high = wp.min(low, center), wp.max(high, center)
         item += threads
     grow_box(words_out, 0, low, high)
 

@@ -34,39 +34,39 @@ class Opened:
     """The nodes of a level while their children are determined; all arrays except `info` hold one level at a time."""
 
     depth: int
-    most: int  # upper limit of the level's number of nodes
+    max_nodes: int  # upper limit of the level's number of nodes
     info: wp.array2d[wp.int32]  # one row per level; see `FIRST_NODE`
     nodes: wp.array2d[wp.int32]  # their binary nodes: one row for this level, one for the next
     parts: wp.array2d[wp.int32]  # binary nodes of their children; -1 for none
-    counts: wp.array[wp.int32]  # inner nodes among the children of each, then leaves among them: twice `most`
+    counts: wp.array[wp.int32]  # inner nodes among the children of each, then leaves among them: twice `max_nodes`
     sums: wp.array[wp.int32]  # inclusive scan of `counts`
 
 
 @wp.func
-def cost_of(binary: Binary, costs: wp.array2d[float], node: int, most: int) -> float:
-    """Return the minimal node area of a subtree that is divided into at most `most` parts, each a node or a leaf."""
+def cost_of(binary: Binary, costs: wp.array2d[float], node: int, max_parts: int) -> float:
+    """Return the minimal node area of a subtree divided into at most `max_parts` parts, each a node or a leaf."""
     if binary.child[node] < 0:
         return 0.0
-    return costs[node, most - 1]
+    return costs[node, max_parts - 1]
 
 
 @wp.func
-def share_of_left(binary: Binary, costs: wp.array2d[float], node: int, most: int) -> int:
-    """Return how many of at most `most` parts the left child gets in the division of least cost."""
+def share_of_left(binary: Binary, costs: wp.array2d[float], node: int, max_parts: int) -> int:
+    """Return how many of at most `max_parts` parts the left child gets in the division of least cost."""
     left = binary.child[node]
-    best, least = int(1), float(NOWHERE)
-    for share in range(1, most):
-        cost = cost_of(binary, costs, left, share) + cost_of(binary, costs, left + 1, most - share)
-        if cost < least:
-            best, least = share, cost
+    best, best_cost = int(1), float(NOWHERE)
+    for share in range(1, max_parts):
+        cost = cost_of(binary, costs, left, share) + cost_of(binary, costs, left + 1, max_parts - share)
+        if cost < best_cost:
+            best, best_cost = share, cost
     return best
 
 
 @wp.func
-def cost_of_share(binary: Binary, costs: wp.array2d[float], node: int, most: int) -> float:
+def cost_of_share(binary: Binary, costs: wp.array2d[float], node: int, max_parts: int) -> float:
     left = binary.child[node]
-    share = share_of_left(binary, costs, node, most)
-    return cost_of(binary, costs, left, share) + cost_of(binary, costs, left + 1, most - share)
+    share = share_of_left(binary, costs, node, max_parts)
+    return cost_of(binary, costs, left, share) + cost_of(binary, costs, left + 1, max_parts - share)
 
 
 @wp.kernel
@@ -83,18 +83,18 @@ def find_costs(
     One thread computes one number. If `evenly` is not 0, costs are such that both children get equal shares, so that a
     wide node covers at least five levels of the binary tree.
     """
-    index, fewer = wp.tid()
-    node, most = first + index, fewer + 1
+    index, column = wp.tid()
+    node, max_parts = first + index, column + 1
     if binary.child[node] < 0:
         return
     if evenly != 0:
-        costs_out[node, fewer] = 1.0 / float(most)
+        costs_out[node, column] = 1.0 / float(max_parts)
         return
     # More parts never cost more, but one part may cost less than many.
-    least = cost_of_share(binary, costs_out, node, CUDA_LANES) + binary.area[node] + 1.0e-30
-    if most > 1:
-        least = wp.min(least, cost_of_share(binary, costs_out, node, most))
-    costs_out[node, fewer] = least
+    min_cost = cost_of_share(binary, costs_out, node, CUDA_LANES) + binary.area[node] + 1.0e-30
+    if max_parts > 1:
+        min_cost = wp.min(min_cost, cost_of_share(binary, costs_out, node, max_parts))
+    costs_out[node, column] = min_cost
 
 
 @wp.kernel
@@ -109,37 +109,37 @@ def open_nodes(
     index = wp.tid()
     if index >= opened_out.info[opened_out.depth, NODES]:
         opened_out.counts[index] = 0
-        opened_out.counts[opened_out.most + index] = 0
+        opened_out.counts[opened_out.max_nodes + index] = 0
         return
     stack = wp.vector(length=_WAITING, dtype=wp.int32)
-    mosts = wp.vector(length=_WAITING, dtype=wp.int32)
+    part_limits = wp.vector(length=_WAITING, dtype=wp.int32)
     stack[0] = opened_out.nodes[opened_out.depth % 2, index]
-    mosts[0] = CUDA_LANES
+    part_limits[0] = CUDA_LANES
     waiting, count, inner = int(1), int(0), int(0)
     is_root = bool(True)
     while waiting > 0:
         waiting -= 1
-        node, most = stack[waiting], int(mosts[waiting])
+        node, max_parts = stack[waiting], int(part_limits[waiting])
         is_leaf = binary.child[node] < 0
         if not is_leaf and not is_root:
-            while most > 1 and costs[node, most - 2] == costs[node, most - 1]:
-                most -= 1
-        if is_leaf or most == 1:
+            while max_parts > 1 and costs[node, max_parts - 2] == costs[node, max_parts - 1]:
+                max_parts -= 1
+        if is_leaf or max_parts == 1:
             opened_out.parts[index, count] = node
             count += 1
             inner += int(not is_leaf)
         else:
-            share = share_of_left(binary, costs, node, most)
+            share = share_of_left(binary, costs, node, max_parts)
             stack[waiting] = binary.child[node] + 1
-            mosts[waiting] = most - share
+            part_limits[waiting] = max_parts - share
             stack[waiting + 1] = binary.child[node]
-            mosts[waiting + 1] = share
+            part_limits[waiting + 1] = share
             waiting += 2
         is_root = False
     for lane in range(count, CUDA_LANES):
         opened_out.parts[index, lane] = -1
     opened_out.counts[index] = inner
-    opened_out.counts[opened_out.most + index] = count - inner
+    opened_out.counts[opened_out.max_nodes + index] = count - inner
 
 
 @wp.kernel
@@ -153,17 +153,17 @@ def name_children(
 ):
     """Number the children of a level's nodes by scans of their counts; thread 0 writes the next level's `info`."""
     index = wp.tid()
-    depth, most = opened_out.depth, opened_out.most
+    depth, max_nodes = opened_out.depth, opened_out.max_nodes
     first, count = opened_out.info[depth, FIRST_NODE], opened_out.info[depth, NODES]
-    first_leaf, all_inner = opened_out.info[depth, FIRST_LEAF], opened_out.sums[most - 1]
+    first_leaf, all_inner = opened_out.info[depth, FIRST_LEAF], opened_out.sums[max_nodes - 1]
     if index == 0:
         opened_out.info[depth + 1, FIRST_NODE] = first + count
         opened_out.info[depth + 1, NODES] = all_inner
-        opened_out.info[depth + 1, FIRST_LEAF] = first_leaf + opened_out.sums[2 * most - 1] - all_inner
+        opened_out.info[depth + 1, FIRST_LEAF] = first_leaf + opened_out.sums[2 * max_nodes - 1] - all_inner
     if index >= count:
         return
     inner = opened_out.sums[index] - opened_out.counts[index]
-    leaf = first_leaf + opened_out.sums[most + index] - opened_out.counts[most + index] - all_inner
+    leaf = first_leaf + opened_out.sums[max_nodes + index] - opened_out.counts[max_nodes + index] - all_inner
     for lane in range(CUDA_LANES):
         part, child = opened_out.parts[index, lane], int(0)
         if part >= 0:
@@ -200,9 +200,9 @@ def fill_leaves(
     triangle = order[begin + wp.where(is_used, lane, 0)]
     first = first_corner(vertices[faces[triangle, 0]], vertices[faces[triangle, 1]], vertices[faces[triangle, 2]])
     for corner in range(3):
-        place = vertices[faces[triangle, wp.where(is_used, (first + corner) % 3, 0)]]
+        vertex = vertices[faces[triangle, wp.where(is_used, (first + corner) % 3, 0)]]
         for axis in range(3):
-            leaves_out[leaf, 3 * corner + axis, lane] = place[axis]
+            leaves_out[leaf, 3 * corner + axis, lane] = vertex[axis]
     triangles_out[leaf, lane] = wp.where(is_used, triangle, -1)
     owners_out[leaf, lane] = owner[triangle]
 
@@ -289,20 +289,20 @@ def fit_leaves(
         all_closed, total = bool(True), wp.vec3d()
         for k in range(CUDA_LANES):
             for corner in range(3):
-                place = row_vector(leaves, leaf, 3 * corner, k)
-                low, high = wp.min(low, place), wp.max(high, place)
+                vertex = row_vector(leaves, leaf, 3 * corner, k)
+                low, high = wp.min(low, vertex), wp.max(high, vertex)
             all_closed = all_closed and closed[owners[leaf, k]] != wp.uint8(0)
         if all_closed:
             for k in range(CUDA_LANES):
                 total += unit_normal(leaves, leaf, k)
             axis = rounded_axis(total)
         if wp.length_sq(axis) > 0.0:
-            least = wp.float64(1.0)
+            min_cosine = wp.float64(1.0)
             for k in range(CUDA_LANES):
                 normal = unit_normal(leaves, leaf, k)
                 if wp.length_sq(normal) > wp.float64(0.0):
-                    least = wp.min(least, wp.dot(normal, exact(axis)))
-            cutoff = cutoff_of(least)
+                    min_cosine = wp.min(min_cosine, wp.dot(normal, exact(axis)))
+            cutoff = cutoff_of(min_cosine)
     set_bounds(nodes_out, node, lane, low, high, axis, cutoff)
 
 
@@ -332,16 +332,16 @@ def fit_nodes(
     if widest < 1.0:
         axis = rounded_axis(total)
     if wp.length_sq(axis) > 0.0:
-        least, one = wp.float64(1.0), wp.float64(1.0)
+        min_cosine, one = wp.float64(1.0), wp.float64(1.0)
         for k in range(CUDA_LANES):
             if children[child, k] != 0:
                 # A cone contains a child's cone if it covers the angle between the axes plus the child's half angle.
-                between = wp.min(wp.dot(exact(row_vector(nodes_out, child, CONE_AXIS_ROW, k)), exact(axis)), one)
+                cosine_between = wp.min(wp.dot(exact(row_vector(nodes_out, child, CONE_AXIS_ROW, k)), exact(axis)), one)
                 sine = wp.float64(nodes_out[child, CONE_CUTOFF_ROW, k])
                 cosine = wp.sqrt(wp.max(one - sine * sine, wp.float64(0.0)))
-                across = wp.sqrt(wp.max(one - between * between, wp.float64(0.0)))
-                least = wp.min(least, between * cosine - across * sine)
-        cutoff = cutoff_of(least)
+                sine_between = wp.sqrt(wp.max(one - cosine_between * cosine_between, wp.float64(0.0)))
+                min_cosine = wp.min(min_cosine, cosine_between * cosine - sine_between * sine)
+        cutoff = cutoff_of(min_cosine)
     set_bounds(nodes_out, node, lane, low, high, axis, cutoff)
 
 

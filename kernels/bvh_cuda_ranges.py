@@ -16,7 +16,7 @@ MAX_DEPTH = 40
 """Maximum levels of the binary tree: eight levels of wide nodes, each covering five levels."""
 NOTHING = 2137108966
 """The initial word of an empty box: `NOWHERE` in `ordered` representation."""
-NO_PLACE = 9223372036854775807
+NO_SPLIT = 9223372036854775807
 """The initial value of `Level.best`."""
 
 HALVED = 3
@@ -97,10 +97,10 @@ def leaves_of(count: int) -> int:
 
 
 @wp.func
-def split_cost(left: float, left_count: int, right: float, right_count: int) -> float:
+def split_cost(left_area: float, left_count: int, right_area: float, right_count: int) -> float:
     """Return the surface area heuristic for whole leaves; without area, it minimizes the number of leaves."""
     per_item = 1.0 / float(left_count + right_count)
-    return (left + 1.0e-30) * (float(leaves_of(left_count)) * per_item) + (right + 1.0e-30) * (
+    return (left_area + 1.0e-30) * (float(leaves_of(left_count)) * per_item) + (right_area + 1.0e-30) * (
         float(leaves_of(right_count)) * per_item
     )
 
@@ -127,40 +127,40 @@ def is_split(count: int) -> bool:
 
 
 @wp.func
-def bin_of(centre: float, low: float, high: float) -> int:
+def bin_of(center: float, low: float, high: float) -> int:
     size = high - low
     scale = float(0.0)
     if size > 1.0e-30:
         scale = float(BINS) / size
-    return wp.min(wp.max(int((centre - low) * scale), 0), BINS - 1)
+    return wp.min(wp.max(int((center - low) * scale), 0), BINS - 1)
 
 
 @wp.func
-def grow_box(words: wp.array2d[wp.int32], at: int, low: wp.vec3, high: wp.vec3):
+def grow_box(words: wp.array2d[wp.int32], index: int, low: wp.vec3, high: wp.vec3):
     for axis in range(3):
-        wp.atomic_min(words, at, axis, ordered(low[axis]))
-        wp.atomic_min(words, at, 3 + axis, ordered(-high[axis]))
+        wp.atomic_min(words, index, axis, ordered(low[axis]))
+        wp.atomic_min(words, index, 3 + axis, ordered(-high[axis]))
 
 
 @wp.func
-def box_low(words: wp.array2d[wp.int32], at: int) -> wp.vec3:
-    return wp.vec3(from_ordered(words[at, 0]), from_ordered(words[at, 1]), from_ordered(words[at, 2]))
+def box_low(words: wp.array2d[wp.int32], index: int) -> wp.vec3:
+    return wp.vec3(from_ordered(words[index, 0]), from_ordered(words[index, 1]), from_ordered(words[index, 2]))
 
 
 @wp.func
-def box_high(words: wp.array2d[wp.int32], at: int) -> wp.vec3:
-    return -wp.vec3(from_ordered(words[at, 3]), from_ordered(words[at, 4]), from_ordered(words[at, 5]))
+def box_high(words: wp.array2d[wp.int32], index: int) -> wp.vec3:
+    return -wp.vec3(from_ordered(words[index, 3]), from_ordered(words[index, 4]), from_ordered(words[index, 5]))
 
 
 @wp.func
-def known(level: Level, word: int) -> int:
+def level_info(level: Level, word: int) -> int:
     """Return a word of `Level.info` for the current level, after its ranges have been ranked."""
     return level.info[level.depth + 1, word]
 
 
 @wp.func
 def rank_of(binary: Binary, level: Level, node: int) -> int:
-    return (binary.child[node] - known(level, NEXT)) // 2
+    return (binary.child[node] - level_info(level, NEXT)) // 2
 
 
 @wp.func
@@ -169,13 +169,13 @@ def first_bin(rank: int) -> int:
 
 
 @wp.func
-def place_before(cost: float, left: int, axis: int) -> wp.int64:
-    """Encode a split after `left` items in the order of an axis as a value of `Level.best`."""
-    return (wp.int64(wp.cast(cost, wp.int32)) << wp.int64(COST_BITS)) | wp.int64((left << AXIS_BITS) | axis)
+def encode_split(cost: float, left_count: int, axis: int) -> wp.int64:
+    """Encode a split after `left_count` items in the order of an axis as a value of `Level.best`."""
+    return (wp.int64(wp.cast(cost, wp.int32)) << wp.int64(COST_BITS)) | wp.int64((left_count << AXIS_BITS) | axis)
 
 
 @wp.func
-def best_place(best: wp.int64) -> int:
+def best_position(best: wp.int64) -> int:
     """Return the low word of `Level.best`: for large ranges, the bin, over all axes, before which they are split."""
     return int(best & wp.int64((1 << (COST_BITS - AXIS_BITS)) - 1))
 
@@ -183,7 +183,7 @@ def best_place(best: wp.int64) -> int:
 @wp.func
 def best_count(best: wp.int64) -> int:
     """Return the number of left items of a small range's split."""
-    return best_place(best) >> AXIS_BITS
+    return best_position(best) >> AXIS_BITS
 
 
 @wp.func
@@ -203,29 +203,29 @@ def set_child(binary: Binary, node: int, begin: int, end: int, low: wp.vec3, hig
 
 @wp.func
 def best_bin(
-    boxes: wp.array2d[wp.int32], counts: wp.array[wp.int32], first_of_all: int, axis: int, total: int
+    boxes: wp.array2d[wp.int32], counts: wp.array[wp.int32], first_bin_index: int, axis: int, total: int
 ) -> wp.int64:
-    """Return the least cost of a split before a bin of an axis, encoded with the bin; `NO_PLACE` without a split."""
+    """Return the least cost of a split before a bin of an axis, encoded with the bin; `NO_SPLIT` without a split."""
     right_areas = wp.vector(length=BINS, dtype=float)
-    best = wp.int64(NO_PLACE)
-    least = float(NOWHERE)
-    first = first_of_all + axis * BINS
+    best = wp.int64(NO_SPLIT)
+    best_cost = float(NOWHERE)
+    first = first_bin_index + axis * BINS
     low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
     for step in range(1, BINS):
-        at = BINS - step
-        low = wp.min(low, box_low(boxes, first + at))
-        high = wp.max(high, box_high(boxes, first + at))
-        right_areas[at] = half_area(low, high)
+        index = BINS - step
+        low = wp.min(low, box_low(boxes, first + index))
+        high = wp.max(high, box_high(boxes, first + index))
+        right_areas[index] = half_area(low, high)
     low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-    left = int(0)
+    left_count = int(0)
     for right in range(1, BINS):
         low = wp.min(low, box_low(boxes, first + right - 1))
         high = wp.max(high, box_high(boxes, first + right - 1))
-        left += counts[first + right - 1]
-        if left > 0 and left < total:
-            cost = split_cost(half_area(low, high), left, right_areas[right], total - left)
-            if cost < least:
-                least = cost
+        left_count += counts[first + right - 1]
+        if left_count > 0 and left_count < total:
+            cost = split_cost(half_area(low, high), left_count, right_areas[right], total - left_count)
+            if cost < best_cost:
+                best_cost = cost
                 best = (wp.int64(wp.cast(cost, wp.int32)) << wp.int64(COST_BITS)) | wp.int64(axis * BINS + right)
     return best
 
@@ -236,8 +236,8 @@ def bin_child(
 ):
     """Write a child that contains all items of a range of bins."""
     low, high = wp.vec3(NOWHERE), wp.vec3(-NOWHERE)
-    for at in range(first, first + bins):
-        low, high = wp.min(low, box_low(boxes, at)), wp.max(high, box_high(boxes, at))
+    for index in range(first, first + bins):
+        low, high = wp.min(low, box_low(boxes, index)), wp.max(high, box_high(boxes, index))
     # Doubled centers lie in the parent's bounds of doubled centers and in the doubled box of the items.
-    centre_low, centre_high = wp.max(binary.low[node], 2.0 * low), wp.min(binary.high[node], 2.0 * high)
-    set_child(binary, child, begin, end, centre_low, centre_high, half_area(low, high))
+    center_low, center_high = wp.max(binary.low[node], 2.0 * low), wp.min(binary.high[node], 2.0 * high)
+    set_child(binary, child, begin, end, center_low, center_high, half_area(low, high))

@@ -39,7 +39,7 @@ class Coinciding:
     """(object + 1): offsets of the pairs in which the object is the earlier one."""
     later: wp.array[wp.int32]
     """(pair): the later object, in ascending order for each earlier object."""
-    way: wp.array[wp.int32]
+    mode: wp.array[wp.int32]
     """(pair): the test for the later object."""
     low: wp.array[wp.vec3]
     """(pair): lower corner of the box in which both coincide, in the later object's frame [m]."""
@@ -61,7 +61,7 @@ class Coinciding:
 
 
 @wp.func
-def place_of(coinciding: Coinciding, worlds: Worlds, world: int, index: int) -> wp.transform:
+def pose_of(coinciding: Coinciding, worlds: Worlds, world: int, index: int) -> wp.transform:
     """Return the transform from an object to the world."""
     if coinciding.column[index] < 0:
         return wp.transform_identity()
@@ -88,26 +88,26 @@ def are_together(a: wp.transform, b: wp.transform, reach: wp.float64) -> bool:
 @wp.func
 def beyond_solid(kind: int, half: wp.float64, p: wp.vec3d) -> wp.float64:
     """Return the signed distance of a point from a solid's surface in its shape frame; negative inside."""
-    none, one = wp.float64(0.0), wp.float64(1.0)
+    zero, one = wp.float64(0.0), wp.float64(1.0)
     across = wp.sqrt(p[0] * p[0] + p[1] * p[1])
     along = wp.abs(p[2]) - half
     if kind == SOLID_CYLINDER:
         return wp.max(across - one, along)
-    along = wp.max(along, none)
+    along = wp.max(along, zero)
     return wp.sqrt(across * across + along * along) - one
 
 
 @wp.func
 def slope_of_solid(kind: int, half: wp.float64, p: wp.vec3d) -> wp.vec3d:
     """Return the gradient direction of `beyond_solid`, a unit vector of the shape frame."""
-    none, one = wp.float64(0.0), wp.float64(1.0)
-    along = wp.sign(p[2]) * wp.max(wp.abs(p[2]) - half, none)
+    zero, one = wp.float64(0.0), wp.float64(1.0)
+    along = wp.sign(p[2]) * wp.max(wp.abs(p[2]) - half, zero)
     if kind == SOLID_BALL:
         along = p[2]
     if kind == SOLID_CYLINDER:
-        along = none
+        along = zero
         if wp.abs(p[2]) - half > wp.sqrt(p[0] * p[0] + p[1] * p[1]) - one:
-            return wp.vec3d(none, none, wp.sign(p[2]))
+            return wp.vec3d(zero, zero, wp.sign(p[2]))
     return wp.normalize(wp.vec3d(p[0], p[1], along))
 
 
@@ -115,11 +115,11 @@ def slope_of_solid(kind: int, half: wp.float64, p: wp.vec3d) -> wp.vec3d:
 def is_on_solid(kind: int, size: wp.vec4, p: wp.vec3d, direction: wp.vec3d, reach: wp.float64, cull: bool) -> bool:
     """Return whether a point of an object's frame is on a solid's surface, on the side that faces the ray."""
     half = wp.float64(size[3])
-    there = to_shape(p, size)
-    outwards = to_shape(slope_of_solid(kind, half, there), size)
+    shape_point = to_shape(p, size)
+    outwards = to_shape(slope_of_solid(kind, half, shape_point), size)
     if cull and wp.dot(outwards, direction) >= wp.float64(0.0):
         return False
-    return wp.abs(beyond_solid(kind, half, there)) <= reach * wp.length(outwards)
+    return wp.abs(beyond_solid(kind, half, shape_point)) <= reach * wp.length(outwards)
 
 
 @wp.func
@@ -165,7 +165,7 @@ def is_in_box(p: wp.vec3d, low: wp.vec3, high: wp.vec3, reach: wp.float64) -> bo
 
 
 @wp.func
-def last_there(
+def last_coinciding(
     coinciding: Coinciding,
     worlds: Worlds,
     view: int,
@@ -186,24 +186,24 @@ def last_there(
     point = origin + path
     reach = CLOSENESS * (wp.length(path) + wp.length(point))
     last, first = coinciding.first_pair[seen[0] + 1], coinciding.first_pair[seen[0]]
-    for back in range(last - first):
-        pair = last - 1 - back
-        later, way = coinciding.later[pair], coinciding.way[pair]
+    for k in range(last - first):
+        pair = last - 1 - k
+        later, mode = coinciding.later[pair], coinciding.mode[pair]
         if is_excluded(worlds, view, later):
             continue
-        if way == ALWAYS:
+        if mode == ALWAYS:
             return wp.vec2i(later, seen[1])
-        place = place_of(coinciding, worlds, world, later)
-        if way == WHERE_TOGETHER:
-            if are_together(place_of(coinciding, worlds, world, seen[0]), place, reach):
+        pose = pose_of(coinciding, worlds, world, later)
+        if mode == WHERE_TOGETHER:
+            if are_together(pose_of(coinciding, worlds, world, seen[0]), pose, reach):
                 return wp.vec2i(later, seen[1])
             continue
-        p = wp.quat_rotate_inv(pose_rotation(place), point - pose_origin(place))
+        p = wp.quat_rotate_inv(pose_rotation(pose), point - pose_origin(pose))
         if not is_in_box(p, coinciding.low[pair], coinciding.high[pair], reach):
             continue
-        direction = wp.quat_rotate_inv(pose_rotation(place), ray)
+        direction = wp.quat_rotate_inv(pose_rotation(pose), ray)
         size = size_in(coinciding, worlds, world, later)
-        if way == ON_SOLID:
+        if mode == ON_SOLID:
             if is_on_solid(coinciding.solid[later], size, p, direction, reach, cull):
                 return wp.vec2i(later, -1)
         else:
@@ -255,9 +255,9 @@ def show_later(
         if seen[0] >= 0 and coinciding.first_pair[seen[0] + 1] > coinciding.first_pair[seen[0]]:
             last = coinciding.first_pair[seen[0] + 1] - 1
             shown = wp.vec2i(coinciding.later[last], seen[1])
-            if coinciding.way[last] != ALWAYS or is_excluded(worlds, view, shown[0]):
-                ray, away = wp.quat_rotate(rotation, pixel_ray(camera, y, x)), wp.float64(depth[view, y, x])
-                shown = last_there(coinciding, worlds, view, seen, origin, ray, away, cull_backfaces)
+            if coinciding.mode[last] != ALWAYS or is_excluded(worlds, view, shown[0]):
+                ray, seen_depth = wp.quat_rotate(rotation, pixel_ray(camera, y, x)), wp.float64(depth[view, y, x])
+                shown = last_coinciding(coinciding, worlds, view, seen, origin, ray, seen_depth, cull_backfaces)
             if shown[0] != seen[0]:
                 segmentation_out[view, y, x] = shown[0]
                 if labels_out:

@@ -11,7 +11,7 @@ from warpvis.kernels.constants import (
     STREAM_MULTIPLIED,
     STREAM_RECTANGLES,
 )
-from warpvis.kernels.noise import clean_reason, draw_normal, draw_uniform, range_reason, said_depth
+from warpvis.kernels.noise import clean_reason, draw_normal, draw_uniform, limit_depth, range_reason
 from warpvis.kernels.pinhole import PinholeCamera, Window
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
@@ -32,9 +32,9 @@ class CorruptionModel:
 
 
 @wp.func
-def draw_whole(least: int, most: int, uniform: float) -> int:
-    """Map a uniform number to an integer from `least` to `most`."""
-    return least + wp.min(int(wp.floor(uniform * float(most - least + 1))), most - least)
+def draw_whole(low: int, high: int, uniform: float) -> int:
+    """Map a uniform number to an integer from `low` to `high`."""
+    return low + wp.min(int(wp.floor(uniform * float(high - low + 1))), high - low)
 
 
 @wp.kernel
@@ -92,7 +92,7 @@ def corrupt_depth(
     depth = float(depth_out[view, y, x])
     if true_depth:
         clean = float(true_depth[view, y, x])
-        depth = said_depth(camera.near, camera.far, clean)
+        depth = limit_depth(camera.near, camera.far, clean)
         if reasons_out:
             reasons_out[view, y, x] = wp.uint8(clean_reason(clean, depth))
     if wp.isfinite(depth):
@@ -107,7 +107,7 @@ def corrupt_depth(
             depth *= 1.0 + model.multiplied * draw_normal(model.seed, STREAM_MULTIPLIED, draw, y, x)
         if model.added > 0.0:
             depth += model.added * draw_normal(model.seed, STREAM_ADDED, draw, y, x)
-        depth = said_depth(camera.near, camera.far, depth)
+        depth = limit_depth(camera.near, camera.far, depth)
         reason = range_reason(depth)
         if lost:
             depth = wp.nan

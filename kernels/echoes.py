@@ -89,24 +89,24 @@ def return_within(
     y: int,
     first: int,
     count: int,
-    least: float,
-    most: float,
+    low: float,
+    high: float,
 ) -> Return:
-    """Return the echo of a beam's rays with ranges from `least` to `most`: their intensity-weighted mean range."""
+    """Return the echo of a beam's rays with ranges from `low` to `high`: their intensity-weighted mean range."""
     total = float(0.0)
     moment = float(0.0)
     for i in range(count):
         distance = depth_in[view, y, first + i]
-        if distance >= least and distance <= most:
+        if distance >= low and distance <= high:
             intensity = intensity_in[view, y, first + i]
             total += intensity
-            moment += intensity * (distance - least)
-    back = Return()
-    back.distance = least
+            moment += intensity * (distance - low)
+    echo = Return()
+    echo.distance = low
     if total > 0.0:
-        back.distance = least + moment / total
-    back.intensity = total / float(count)
-    return back
+        echo.distance = low + moment / total
+    echo.intensity = total / float(count)
+    return echo
 
 
 @wp.kernel
@@ -143,35 +143,35 @@ def gather_returns(
     strongest = Return()
     second = Return()
     last = Return()
-    nothing = float(wp.inf)
+    no_range = float(wp.inf)
     if blocked == count:
-        nothing = -wp.inf
-    strongest.distance = nothing
-    second.distance = nothing
-    last.distance = nothing
+        no_range = -wp.inf
+    strongest.distance = no_range
+    second.distance = no_range
+    last.distance = no_range
 
-    least = next_distance(depth_in, view, y, first, count, -wp.inf)
-    while least < wp.inf:
-        most = least
-        beyond = next_distance(depth_in, view, y, first, count, most)
-        while beyond - most <= separation:
-            most = beyond
-            beyond = next_distance(depth_in, view, y, first, count, most)
-        back = return_within(depth_in, intensity_in, view, y, first, count, least, most)
-        if back.intensity >= threshold and back.intensity > 0.0:
-            last = back
-            if back.intensity > strongest.intensity:
+    low = next_distance(depth_in, view, y, first, count, -wp.inf)
+    while low < wp.inf:
+        high = low
+        beyond = next_distance(depth_in, view, y, first, count, high)
+        while beyond - high <= separation:
+            high = beyond
+            beyond = next_distance(depth_in, view, y, first, count, high)
+        echo = return_within(depth_in, intensity_in, view, y, first, count, low, high)
+        if echo.intensity >= threshold and echo.intensity > 0.0:
+            last = echo
+            if echo.intensity > strongest.intensity:
                 second = strongest
-                strongest = back
-            elif back.intensity > second.intensity:
-                second = back
-        least = beyond
+                strongest = echo
+            elif echo.intensity > second.intensity:
+                second = echo
+        low = beyond
 
-    kept = strongest
+    primary = strongest
     if keeps_last:
-        kept = last
-    range_out[view, 0, y, x] = kept.distance
-    intensity_out[view, 0, y, x] = kept.intensity
+        primary = last
+    range_out[view, 0, y, x] = primary.distance
+    intensity_out[view, 0, y, x] = primary.intensity
     if range_out.shape[1] > 1:
         if last.distance != strongest.distance:
             second = last

@@ -75,11 +75,11 @@ def fatten_surfaces(
     y += window.first_row
     height, width = seen.depth.shape[1], seen.depth.shape[2]
     depth = seen.depth[view, y, x]
-    least = float(wp.inf)
+    nearest_depth = float(wp.inf)
     for row in range(wp.max(y - model.reach, 0), wp.min(y + model.reach + 1, height)):
-        least = wp.min(least, nearest[view, row, x])
+        nearest_depth = wp.min(nearest_depth, nearest[view, row, x])
     from_row, from_column = int(y), int(x)
-    if is_before(model, least, depth):
+    if is_before(model, nearest_depth, depth):
         for number in range(places.shape[0]):
             column, row = x + places[number][0], y + places[number][1]
             if row >= 0 and column >= 0 and row < height and column < width:

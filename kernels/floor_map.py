@@ -116,10 +116,10 @@ def mark_cells(
     b = map_coordinates(grid, right)
     c = map_coordinates(grid, across)
     d = map_coordinates(grid, below)
-    least = wp.min(wp.min(a, b), wp.min(c, d))
-    greatest = wp.max(wp.max(a, b), wp.max(c, d))
-    for row in range(wp.max(cell_of(least[1], rows), 0), wp.min(cell_of(greatest[1], rows) + 1, rows)):
-        for column in range(wp.max(cell_of(least[0], columns), 0), wp.min(cell_of(greatest[0], columns) + 1, columns)):
+    low = wp.min(wp.min(a, b), wp.min(c, d))
+    high = wp.max(wp.max(a, b), wp.max(c, d))
+    for row in range(wp.max(cell_of(low[1], rows), 0), wp.min(cell_of(high[1], rows) + 1, rows)):
+        for column in range(wp.max(cell_of(low[0], columns), 0), wp.min(cell_of(high[0], columns) + 1, columns)):
             center = wp.vec2(float(column) + 0.5, float(row) + 0.5)
             if in_triangle(a, b, c, center) or in_triangle(a, c, d, center):
                 mark(cells_out, view, row, column, order)

@@ -22,7 +22,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "
 GAP = wp.constant(wp.float64(1.0e-6))
 """Gaps between shadows that are smaller than this are ignored [m]."""
 
-_APART = wp.constant(wp.float64(1.0e-6))  # horizontal offset for points on one vertical line [m]
+_MIN_OFFSET = wp.constant(wp.float64(1.0e-6))  # horizontal offset for points on one vertical line [m]
 _NO_COMPONENT = wp.constant(1.0e-20)
 
 
@@ -51,7 +51,7 @@ class Sight:
 
 
 @wp.func
-def turned(point: wp.vec3, up: int) -> wp.vec3d:
+def to_z_up(point: wp.vec3, up: int) -> wp.vec3d:
     """Permute a point's coordinates so that the third axis is up."""
     return wp.vec3d(wp.vec3(point[(up + 1) % 3], point[(up + 2) % 3], point[up]))
 
@@ -64,7 +64,7 @@ def sight_between(fixed: wp.vec3d, raised: wp.vec3d, tolerance: wp.float64) -> S
     sight.x = raised[0] - fixed[0]
     sight.y = raised[1] - fixed[1]
     if sight.x == wp.float64(0.0) and sight.y == wp.float64(0.0):
-        sight.x = _APART
+        sight.x = _MIN_OFFSET
     sight.scale = wp.float64(1.0) / (sight.x * sight.x + sight.y * sight.y)
     sight.rise = raised[2] - fixed[2]
     sight.share = tolerance / wp.length(raised - fixed)
@@ -80,8 +80,8 @@ def side_of(sight: Sight, corner: wp.vec3d) -> wp.float64:
 @wp.func
 def in_plane(sight: Sight, corner: wp.vec3d) -> wp.vec2d:
     """Return a corner's position along the plane, and its height."""
-    way = corner - sight.fixed
-    return wp.vec2d((way[0] * sight.x + way[1] * sight.y) * sight.scale, way[2])
+    offset = corner - sight.fixed
+    return wp.vec2d((offset[0] * sight.x + offset[1] * sight.y) * sight.scale, offset[2])
 
 
 @wp.func
@@ -104,12 +104,12 @@ def shadow(sight: Sight, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec2d:
 
     A corner in the plane counts as on its positive side, so a triangle in the plane has no shadow.
     """
-    none = wp.vec2d(wp.float64(wp.nan), wp.float64(wp.nan))
+    no_shadow = wp.vec2d(wp.float64(wp.nan), wp.float64(wp.nan))
     zero = wp.float64(0.0)
     a_side, b_side, c_side = side_of(sight, a), side_of(sight, b), side_of(sight, c)
     a_left, b_left, c_left = a_side < zero, b_side < zero, c_side < zero
     if a_left == b_left and b_left == c_left:
-        return none
+        return no_shadow
     d, e, f = in_plane(sight, a), in_plane(sight, b), in_plane(sight, c)
     if b_left == c_left:
         p, q = cut(d, a_side, e, b_side), cut(d, a_side, f, c_side)
@@ -121,35 +121,35 @@ def shadow(sight: Sight, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec2d:
         p, q = q, p
     first, last = sight.share, wp.float64(1.0) - sight.share
     if q[0] < first or p[0] > last:
-        return none
+        return no_shadow
     near, far = p, q
     if p[0] < first:
         near = between(p, q, first)
     if q[0] > last:
         far = between(p, q, last)
-    one, other = near[1] / near[0] - sight.rise, far[1] / far[0] - sight.rise
-    return wp.vec2d(wp.min(one, other), wp.max(one, other))
+    near_height, far_height = near[1] / near[0] - sight.rise, far[1] / far[0] - sight.rise
+    return wp.vec2d(wp.min(near_height, far_height), wp.max(near_height, far_height))
 
 
 @wp.func
-def clip_to_box(start: wp.vec3d, way: wp.vec3d, low: wp.vec3d, high: wp.vec3d) -> wp.vec2d:
+def clip_to_box(start: wp.vec3d, path: wp.vec3d, low: wp.vec3d, high: wp.vec3d) -> wp.vec2d:
     """Return the interval of the path's parameter inside a box; empty if the first value is greater."""
     enter, leave = wp.float64(0.0), wp.float64(1.0)
     for axis in range(3):
-        if way[axis] == wp.float64(0.0):
+        if path[axis] == wp.float64(0.0):
             if start[axis] < low[axis] or start[axis] > high[axis]:
                 leave = wp.float64(-1.0)
         else:
-            one, other = (low[axis] - start[axis]) / way[axis], (high[axis] - start[axis]) / way[axis]
-            enter = wp.max(enter, wp.min(one, other))
-            leave = wp.min(leave, wp.max(one, other))
+            first, second = (low[axis] - start[axis]) / path[axis], (high[axis] - start[axis]) / path[axis]
+            enter = wp.max(enter, wp.min(first, second))
+            leave = wp.min(leave, wp.max(first, second))
     return wp.vec2d(enter, leave)
 
 
 @wp.func
-def tree_direction(way: wp.vec3d) -> wp.vec3:
+def tree_direction(path: wp.vec3d) -> wp.vec3:
     """Return the direction in single precision, with nonzero components for BVH queries."""
-    direction = wp.vec3(way)
+    direction = wp.vec3(path)
     for axis in range(3):
         if wp.abs(direction[axis]) < _NO_COMPONENT:
             direction[axis] = _NO_COMPONENT
@@ -161,14 +161,14 @@ def end_of_shadows(blockers: Blockers, sight: Sight, height: wp.float64) -> wp.f
     """Return the greatest end of all shadows that contain a height [m]; the height itself if none does."""
     top = sight.raised
     top[2] += height
-    way = top - sight.fixed
-    part = clip_to_box(sight.fixed, way, blockers.low, blockers.high)
+    path = top - sight.fixed
+    part = clip_to_box(sight.fixed, path, blockers.low, blockers.high)
     if part[0] > part[1]:
         return height
 
     end = height
-    start = wp.vec3(sight.fixed + part[0] * way)
-    query = wp.bvh_query_ray(blockers.tree, start, tree_direction((part[1] - part[0]) * way))
+    start = wp.vec3(sight.fixed + part[0] * path)
+    query = wp.bvh_query_ray(blockers.tree, start, tree_direction((part[1] - part[0]) * path))
     triangle = int(0)
     while wp.bvh_query_next(query, triangle, 1.001):
         a = wp.vec3d(blockers.corners[triangle, 0])
@@ -181,8 +181,8 @@ def end_of_shadows(blockers: Blockers, sight: Sight, height: wp.float64) -> wp.f
 
 
 @wp.func
-def least_height(
-    blockers: Blockers, fixed: wp.vec3d, raised: wp.vec3d, most: wp.float64, tolerance: wp.float64
+def min_height(
+    blockers: Blockers, fixed: wp.vec3d, raised: wp.vec3d, max_height: wp.float64, tolerance: wp.float64
 ) -> float:
     distance = wp.length(raised - fixed)
     if not wp.isfinite(distance):
@@ -192,10 +192,10 @@ def least_height(
     sight = sight_between(fixed, raised, tolerance)
     height = wp.float64(0.0)
     end = end_of_shadows(blockers, sight, height)
-    while end > height and end <= most:  # terminates: every iteration leaves at least one triangle's shadow for good
+    while end > height and end <= max_height:  # terminates: every iteration leaves a shadow for good
         height = end
         end = end_of_shadows(blockers, sight, height)
-    if end > most:
+    if end > max_height:
         return wp.inf
     return float(end)
 
@@ -210,13 +210,13 @@ def climb(
     eyes: wp.array[wp.vec3],
     targets: wp.array[wp.vec3],
     raise_eyes: bool,
-    most: wp.float64,
+    max_height: wp.float64,
     tolerance: wp.float64,
     # Out:
     heights_out: wp.array2d[float],
 ):
     """Write how far every target must be raised to be visible from every eye, or vice versa [m]; +inf if farther than
-    `most`.
+    `max_height`.
     """
     eye, row, column = wp.tid()
     eye += window.first_view
@@ -224,7 +224,7 @@ def climb(
     if index >= targets.shape[0]:
         return
 
-    fixed, raised = turned(eyes[eye], blockers.up), turned(targets[index], blockers.up)
+    fixed, raised = to_z_up(eyes[eye], blockers.up), to_z_up(targets[index], blockers.up)
     if raise_eyes:
         fixed, raised = raised, fixed
-    heights_out[eye, index] = least_height(blockers, fixed, raised, most, tolerance)
+    heights_out[eye, index] = min_height(blockers, fixed, raised, max_height, tolerance)

@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from warpvis.kernels.clearance import Stand, is_inside
+from warpvis.kernels.clearance import Cylinder, is_inside
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.points import point_index
 
@@ -25,14 +25,14 @@ def find_inside(
     inside_out: wp.array[wp.uint8],
 ):
     """Write whether each point is inside the triangles of closed objects, whose normals face outward."""
-    _one, row, column = wp.tid()
+    _, row, column = wp.tid()
     index = point_index(window, row, column)
     if index >= points.shape[0]:
         return
 
     point = points[index]
-    stand = Stand()
-    stand.x = wp.float64(point[(up + 1) % 3])
-    stand.y = wp.float64(point[(up + 2) % 3])
-    stand.high = wp.float64(point[up])
-    inside_out[index] = wp.uint8(is_inside(mesh, solid, stand, up))
+    cylinder = Cylinder()
+    cylinder.x = wp.float64(point[(up + 1) % 3])
+    cylinder.y = wp.float64(point[(up + 2) % 3])
+    cylinder.high = wp.float64(point[up])
+    inside_out[index] = wp.uint8(is_inside(mesh, solid, cylinder, up))

@@ -30,26 +30,26 @@ def inverses_of(direction: wp.vec3d) -> wp.vec3:
 
 
 @wp.func
-def meets_box(low: wp.vec3, high: wp.vec3, eye: wp.vec3, inverse: wp.vec3, most_t: float) -> bool:
-    """Return whether a ray may hit a box, enlarged by a tolerance, before `most_t`."""
+def meets_box(low: wp.vec3, high: wp.vec3, eye: wp.vec3, inverse: wp.vec3, max_t: float) -> bool:
+    """Return whether a ray may hit a box, enlarged by a tolerance, before `max_t`."""
     a, b = wp.cw_mul(low - eye, inverse), wp.cw_mul(high - eye, inverse)
-    least, most = wp.min(a, b), wp.max(a, b)
-    begin = wp.max(least[0], wp.max(least[1], least[2]))
-    end = wp.min(most[0], wp.min(most[1], most[2]))
+    enter, leave = wp.min(a, b), wp.max(a, b)
+    begin = wp.max(enter[0], wp.max(enter[1], enter[2]))
+    end = wp.min(leave[0], wp.min(leave[1], leave[2]))
     reach = 1.0e-5 * wp.abs(end)
-    return end >= 0.0 and begin <= end + reach and begin <= most_t + 1.0e-5 * wp.abs(most_t)
+    return end >= 0.0 and begin <= end + reach and begin <= max_t + 1.0e-5 * wp.abs(max_t)
 
 
 @wp.func
-def next_instance(steps: wp.array[InstanceStep], step: int, eye: wp.vec3, inverse: wp.vec3, most_t: float) -> int:
+def next_instance(steps: wp.array[InstanceStep], step: int, eye: wp.vec3, inverse: wp.vec3, max_t: float) -> int:
     """Return the next step, from `step` on, at which a ray hits the box of an instance; -1 at the end."""
-    at = int(step)
+    current = int(step)
     found = int(-1)
-    while found < 0 and at < steps.shape[0]:
-        if meets_box(steps[at].low, steps[at].high, eye, inverse, most_t):
-            if steps[at].instance >= 0:
-                found = at
-            at += 1
+    while found < 0 and current < steps.shape[0]:
+        if meets_box(steps[current].low, steps[current].high, eye, inverse, max_t):
+            if steps[current].instance >= 0:
+                found = current
+            current += 1
         else:
-            at = steps[at].after
+            current = steps[current].after
     return found

@@ -13,7 +13,7 @@ from warpvis.kernels.constants import (
     STREAM_DISPARITY,
     STREAM_DOWN,
 )
-from warpvis.kernels.noise import angle_of, draw_normal, range_reason, said_depth
+from warpvis.kernels.noise import angle_of, draw_normal, limit_depth, range_reason
 from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, pixel_ray, pose_rotation
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
@@ -45,8 +45,8 @@ def steepness(angle: float) -> float:
 @wp.func
 def axial_sigma(model: NguyenModel, depth: float, angle: float) -> float:
     """Return the standard deviation of depth [m] by equations (3) and (4)."""
-    away = depth - model.best_depth
-    sigma = model.least_axial + model.axial_growth * away * away
+    offset = depth - model.best_depth
+    sigma = model.least_axial + model.axial_growth * offset * offset
     if angle >= model.grazing_angle:
         steep = steepness(angle)
         sigma += model.grazing_axial / wp.sqrt(depth) * (steep * steep)
@@ -54,13 +54,15 @@ def axial_sigma(model: NguyenModel, depth: float, angle: float) -> float:
 
 
 @wp.func
-def jittered(at: int, sigma: float, normal: float, size: int) -> int:
+def jittered(pixel: int, sigma: float, normal: float, size: int) -> int:
     """Return the pixel of a displaced pixel center along one axis, clamped to the image."""
-    return int(wp.clamp(wp.floor(float(at) + 0.5 + sigma * normal), 0.0, float(size - 1)))
+    return int(wp.clamp(wp.floor(float(pixel) + 0.5 + sigma * normal), 0.0, float(size - 1)))
 
 
 @wp.func
-def met_by(camera: PinholeCamera, normal: wp.vec3d, depth: float, row: int, column: int, y: int, x: int) -> float:
+def intersect_plane(
+    camera: PinholeCamera, normal: wp.vec3d, depth: float, row: int, column: int, y: int, x: int
+) -> float:
     """Intersect the ray of pixel (y, x) with the plane of pixel (row, column), whose depth is the fallback."""
     ahead = wp.dot(normal, pixel_ray(camera, row, column)) / wp.dot(normal, pixel_ray(camera, y, x))
     return wp.where(ahead > wp.float64(0.0), float(wp.float64(depth) * ahead), depth)
@@ -105,9 +107,9 @@ def measure_nguyen(
             depth = wp.nan
         else:
             if row != y or column != x:
-                depth = met_by(camera, wp.quat_rotate_inv(rotation, normal), depth, row, column, y, x)
+                depth = intersect_plane(camera, wp.quat_rotate_inv(rotation, normal), depth, row, column, y, x)
             noise = draw_normal(model.seed, STREAM_DEPTH, draw, y, x)
-            depth = said_depth(camera.near, camera.far, depth + axial_sigma(model, depth, angle) * noise)
+            depth = limit_depth(camera.near, camera.far, depth + axial_sigma(model, depth, angle) * noise)
             reason = range_reason(depth)
     depth_out[view, y, x] = depth
     if reasons_out:
@@ -150,7 +152,7 @@ def measure_khoshelham(
             found = wp.floor(1.0 / (model.step * depth) + noise + 0.5)
             depth = 1.0 / model.step
         # Depth is infinite below the first step of disparity.
-        depth = said_depth(camera.near, camera.far, wp.where(found > 0.0, depth / found, wp.inf))
+        depth = limit_depth(camera.near, camera.far, wp.where(found > 0.0, depth / found, wp.inf))
         reason = range_reason(depth)
     depth_out[view, y, x] = depth
     if reasons_out:

@@ -22,12 +22,12 @@ class SensorImages:
 def delay_images(
     window: Window,
     # In:
-    now: SensorImages,
+    current: SensorImages,
     slots: wp.array[wp.vec2i],
     # Out:
-    kept_depth_out: wp.array4d[float],
-    kept_points_out: wp.array4d[wp.vec3],
-    kept_reasons_out: wp.array4d[wp.uint8],
+    stored_depth_out: wp.array4d[float],
+    stored_points_out: wp.array4d[wp.vec3],
+    stored_reasons_out: wp.array4d[wp.uint8],
     depth_out: wp.array3d[float],
     points_out: wp.array3d[wp.vec3],
     reasons_out: wp.array3d[wp.uint8],
@@ -40,11 +40,11 @@ def delay_images(
     view += window.first_view
     y += window.first_row
     first, second = slots[view][0], slots[view][1]
-    kept_depth_out[first, view, y, x] = now.depth[view, y, x]
-    depth_out[view, y, x] = kept_depth_out[second, view, y, x]
+    stored_depth_out[first, view, y, x] = current.depth[view, y, x]
+    depth_out[view, y, x] = stored_depth_out[second, view, y, x]
     if points_out:
-        kept_points_out[first, view, y, x] = now.points[view, y, x]
-        points_out[view, y, x] = kept_points_out[second, view, y, x]
+        stored_points_out[first, view, y, x] = current.points[view, y, x]
+        points_out[view, y, x] = stored_points_out[second, view, y, x]
     if reasons_out:
-        kept_reasons_out[first, view, y, x] = now.reasons[view, y, x]
-        reasons_out[view, y, x] = kept_reasons_out[second, view, y, x]
+        stored_reasons_out[first, view, y, x] = current.reasons[view, y, x]
+        reasons_out[view, y, x] = stored_reasons_out[second, view, y, x]

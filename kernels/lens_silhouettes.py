@@ -15,9 +15,9 @@ from warpvis.kernels.silhouettes import (
     add_found,
     count_pixel,
     count_silhouette,
-    is_beside,
     is_met_from_outside,
-    meet_alone,
+    is_outside_box,
+    meet_isolated,
 )
 from warpvis.kernels.triangle_scene import TriangleScene, camera_frame, seen_from, shows_solid
 from warpvis.kernels.worlds import Worlds, is_excluded, world_of
@@ -42,14 +42,14 @@ class CanvasRays:
 @wp.func
 def may_meet(origin: wp.vec3d, direction: wp.vec3d, low: wp.vec3, high: wp.vec3) -> bool:
     """Return whether a ray may hit the contents of a box: whether it hits the box's bounding sphere."""
-    half, none = wp.float64(0.5), wp.float64(0.0)
+    half, zero = wp.float64(0.5), wp.float64(0.0)
     sight = half * (wp.vec3d(low) + wp.vec3d(high)) - origin
     radius = half * wp.length(wp.vec3d(high) - wp.vec3d(low)) * wp.float64(1.0001)
     beyond = wp.dot(sight, sight) - radius * radius
-    if beyond <= none:
+    if beyond <= zero:
         return True
     along = wp.dot(direction, sight)
-    return along > none and along * along >= beyond * wp.dot(direction, direction)
+    return along > zero and along * along >= beyond * wp.dot(direction, direction)
 
 
 @wp.kernel
@@ -72,23 +72,23 @@ def measure_silhouettes_rays(
     masks_out: wp.array4d[wp.uint8],
 ):
     """Count pixels as in `warpvis.kernels.silhouettes.measure_silhouettes`; pixels without a ray are skipped."""
-    view, place, first = wp.tid()
+    view, slot, first = wp.tid()
     view += window.first_view
-    place += window.first_row
+    slot += window.first_row
 
-    index = chosen.index[place]
+    index = chosen.index[slot]
     world = world_of(worlds, view)
     if world < 0 or is_excluded(worlds, view, index):
         return
-    if canvas.beyond_only != 0 and canvas.seen_only != 0 and counts_out[VISIBLE_PIXELS, view, place] == 0:
+    if canvas.beyond_only != 0 and canvas.seen_only != 0 and counts_out[VISIBLE_PIXELS, view, slot] == 0:
         return
     frame = seen_from(camera_frame(camera_to_world[view]), worlds.object_poses[world, index])
     is_round = shows_solid(scene.movable_solid[index], scene.movable_size[index], frame.origin)
     low, high = chosen.boxes[index, 0], chosen.boxes[index, 1]
-    beside = is_beside(frame.origin, low, high)
+    is_outside = is_outside_box(frame.origin, low, high)
     target = Target()
     target.view = view
-    target.place = place
+    target.slot = slot
     target.index = index
     target.near = camera.near
     target.far = camera.far
@@ -104,15 +104,15 @@ def measure_silhouettes_rays(
             continue
         if not may_meet(frame.origin, wp.quat_rotate(frame.rotation, ray), low, high):
             continue
-        if beside and not is_in_image:
+        if is_outside and not is_in_image:
             if is_met_from_outside(scene, index, frame, is_round, ray):
                 found = count_silhouette(found, x, y)
             continue
-        depth = meet_alone(scene, worlds, view, index, frame, is_round, ray, camera.is_planar)
+        depth = meet_isolated(scene, worlds, view, index, frame, is_round, ray, camera.is_planar)
         if not wp.isfinite(depth):
             continue
         found = count_silhouette(found, x, y)
         if is_in_image:
             length = float(wp.length(ray))
             found = count_pixel(found, target, seen, y, x, depth, length, hidden_by_out, masks_out)
-    add_found(counts_out, view, place, found)
+    add_found(counts_out, view, slot, found)

@@ -84,9 +84,9 @@ def judge_voxels_at(
             depth = wp.quat_rotate_inv(wp.transform_get_rotation(camera_to_world), sight)[2]
         shown = shown_between(camera.near, camera.far, depth_in[view, y, x])
         # Distance from the center to the visible surface along the ray, along the world axis of its largest component.
-        way = wp.abs(wp.float64(shown) / depth - wp.float64(1.0)) * wp.max(wp.abs(sight))
+        distance = wp.abs(wp.float64(shown) / depth - wp.float64(1.0)) * wp.max(wp.abs(sight))
         z = float(depth)
-        if way <= half * grid.cell:
+        if distance <= half * grid.cell:
             state = SURFACE
             order = wp.max(order, pixel_order(grid.ground, labels_in, view, y, x))
         elif not wp.isnan(shown) and z >= camera.near and z <= camera.far:

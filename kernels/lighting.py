@@ -75,14 +75,14 @@ def cone_share(light: LightLook, cosine: float) -> float:
 
 
 @wp.func
-def strength(light: LightLook, away: float, cosine: float) -> float:
-    """Return the fraction of a point or spot light that reaches a distance `away`, as in `Light.strength`."""
-    if away > light.reach:
+def strength(light: LightLook, distance: float, cosine: float) -> float:
+    """Return the fraction of a point or spot light that reaches a distance `distance`, as in `Light.strength`."""
+    if distance > light.reach:
         return 0.0
-    by = light.attenuation[0] + light.attenuation[1] * away + light.attenuation[2] * away * away
-    share = 1.0 / by
+    divisor = light.attenuation[0] + light.attenuation[1] * distance + light.attenuation[2] * distance * distance
+    share = 1.0 / divisor
     if light.falloff == FALLOFF_GLTF and light.reach < 1.0e30:
-        part = away / light.reach
+        part = distance / light.reach
         share *= wp.clamp(1.0 - part * part * part * part, 0.0, 1.0)
     if light.kind == LIGHT_SPOT:
         share *= cone_share(light, cosine)
@@ -100,10 +100,10 @@ def lit(
     if light.kind == LIGHT_HEADLIGHT:
         to_light = -forward
     elif light.kind != LIGHT_DIRECTIONAL:
-        way = light.position - point
-        away = wp.length(way)
-        to_light = way / wp.max(away, 1.0e-12)
-        share = strength(light, away, -wp.dot(to_light, light.direction))
+        offset = light.position - point
+        distance = wp.length(offset)
+        to_light = offset / wp.max(distance, 1.0e-12)
+        share = strength(light, distance, -wp.dot(to_light, light.direction))
     facing = wp.dot(normal, to_light)
     shown = wp.cw_mul(light.ambient, base)
     if facing > 0.0:
@@ -122,11 +122,11 @@ def rgb(color: wp.vec4) -> wp.vec3:
 
 
 @wp.func
-def in_space(color: wp.vec3, is_linear: bool, wants_linear: bool) -> wp.vec3:
+def in_space(color: wp.vec3, is_linear: bool, target_linear: bool) -> wp.vec3:
     """Convert a color between linear and display color space."""
-    if wants_linear and not is_linear:
+    if target_linear and not is_linear:
         return wp.vec3(to_linear(color[0]), to_linear(color[1]), to_linear(color[2]))
-    if is_linear and not wants_linear:
+    if is_linear and not target_linear:
         return wp.vec3(to_screen(color[0]), to_screen(color[1]), to_screen(color[2]))
     return color
 

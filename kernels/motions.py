@@ -68,10 +68,10 @@ def is_same(a: wp.transform, b: wp.transform) -> bool:
 
 
 @wp.func
-def turn_between(a: wp.quatd, b: wp.quatd) -> wp.vec3d:
+def rotation_vector_between(a: wp.quatd, b: wp.quatd) -> wp.vec3d:
     """Return the shortest rotation from `a` to `b` as a rotation vector (axis times angle) in the frame of `a`."""
-    way = wp.quat_inverse(a) * b
-    axis, w = wp.vec3d(way[0], way[1], way[2]), way[3]
+    relative = wp.quat_inverse(a) * b
+    axis, w = wp.vec3d(relative[0], relative[1], relative[2]), relative[3]
     if w < wp.float64(0.0):
         axis = -axis
         w = -w
@@ -104,25 +104,25 @@ def begin_legs(
     ):
         second = frame_of(poses_in[instant + 1, row, column])
         leg.path = second.origin - first.origin
-        leg.turn = turn_between(first.rotation, second.rotation)
+        leg.turn = rotation_vector_between(first.rotation, second.rotation)
     legs_out[instant, row, column] = leg
 
 
 @wp.func
-def turned(rotation: wp.quatd, turn: wp.vec3d) -> wp.quatd:
+def compose_rotation(rotation: wp.quatd, rotation_vector: wp.vec3d) -> wp.quatd:
     """Compose a rotation with a rotation vector in its frame."""
-    half, angle = wp.float64(0.5), wp.length(turn)
+    half, angle = wp.float64(0.5), wp.length(rotation_vector)
     if angle == wp.float64(0.0):
         return rotation
-    axis = wp.sin(half * angle) / angle * turn
+    axis = wp.sin(half * angle) / angle * rotation_vector
     return rotation * wp.quatd(axis[0], axis[1], axis[2], wp.cos(half * angle))
 
 
 @wp.func
 def along_screw(leg: Leg, time: wp.float64) -> Frame:
     """Return the pose at a time of a body that moves with constant velocities in its own frame."""
-    one, two, turn, along = wp.float64(1.0), wp.float64(2.0), time * leg.turn, time * leg.path
-    square = wp.dot(turn, turn)
+    one, two, rotation_vector, along = wp.float64(1.0), wp.float64(2.0), time * leg.turn, time * leg.path
+    square = wp.dot(rotation_vector, rotation_vector)
     angle = wp.sqrt(square)
     sine, cosine = wp.sin(angle / two), wp.cos(angle / two)
     # sin(a / 2) / a and (a - sin a) / a^3; the latter by its series near 0, where it suffers from cancellation.
@@ -132,11 +132,13 @@ def along_screw(leg: Leg, time: wp.float64) -> Frame:
     third = (one - square / wp.float64(20.0)) / wp.float64(6.0)
     if angle > wp.float64(1.0e-2):
         third = (angle - two * sine * cosine) / (square * angle)
-    across = wp.cross(turn, along)
-    moved = along + two * first * first * across + third * wp.cross(turn, across)
+    across = wp.cross(rotation_vector, along)
+    moved = along + two * first * first * across + third * wp.cross(rotation_vector, across)
     frame = Frame()
     frame.origin = leg.origin + wp.quat_rotate(leg.rotation, moved)
-    frame.rotation = leg.rotation * wp.quatd(first * turn[0], first * turn[1], first * turn[2], cosine)
+    frame.rotation = leg.rotation * wp.quatd(
+        first * rotation_vector[0], first * rotation_vector[1], first * rotation_vector[2], cosine
+    )
     return frame
 
 
@@ -159,17 +161,17 @@ def frame_at(motion: Motion, row: int, column: int, time: wp.float64) -> Frame:
     """Return the pose of a row and column of legs at a time; exact at instants."""
     if motion.is_screw:
         return along_screw(motion.legs[0, row, column], time)
-    at = int(0)
+    instant = int(0)
     share = wp.float64(0.0)
     if motion.times:
-        at = leg_at(motion.times, time)
-        if at + 1 < motion.times.shape[0]:
-            begin = motion.times[at]
-            share = wp.max((time - begin) / (motion.times[at + 1] - begin), wp.float64(0.0))
-    leg = motion.legs[at, row, column]
+        instant = leg_at(motion.times, time)
+        if instant + 1 < motion.times.shape[0]:
+            begin = motion.times[instant]
+            share = wp.max((time - begin) / (motion.times[instant + 1] - begin), wp.float64(0.0))
+    leg = motion.legs[instant, row, column]
     frame = Frame()
     frame.origin = leg.origin + share * leg.path
-    frame.rotation = turned(leg.rotation, share * leg.turn)
+    frame.rotation = compose_rotation(leg.rotation, share * leg.turn)
     return frame
 
 
@@ -188,7 +190,7 @@ def time_of(motion: Motion, times: wp.array2d[wp.float64], view: int, y: int, x:
 def sensor_at(motion: Motion, view: int, y: int, x: int, time: wp.float64) -> Frame:
     """Return the pose of a sensor when a ray is cast."""
     if motion.poses:
-        at = wp.min(view, motion.poses.shape[0] - 1)
-        row, column = wp.min(y, motion.poses.shape[1] - 1), wp.min(x, motion.poses.shape[2] - 1)
-        return frame_of(motion.poses[at, row, column])
+        i = wp.min(view, motion.poses.shape[0] - 1)
+        j, k = wp.min(y, motion.poses.shape[1] - 1), wp.min(x, motion.poses.shape[2] - 1)
+        return frame_of(motion.poses[i, j, k])
     return frame_at(motion, wp.min(view, motion.legs.shape[1] - 1), 0, time)

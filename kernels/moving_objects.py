@@ -10,7 +10,7 @@ import warp as wp
 from warpvis.kernels.images import Images
 from warpvis.kernels.motions import Frame, Motion, frame_at, frame_of, sensor_at, time_of
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.rays import CUDA_REGISTERS, FARTHEST, RayRange, Seen, measure, meet_instances, meet_object, nothing
+from warpvis.kernels.rays import CUDA_REGISTERS, FARTHEST, RayRange, Seen, measure, meet_instances, meet_object, no_hit
 from warpvis.kernels.solids import normal_of_solid, to_shape
 from warpvis.kernels.triangle_scene import (
     CameraFrame,
@@ -28,7 +28,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.func
-def place_at(scene: TriangleScene, objects: Motion, world: int, movable: int, time: wp.float64) -> Frame:
+def object_frame(scene: TriangleScene, objects: Motion, world: int, movable: int, time: wp.float64) -> Frame:
     """Return the pose of a movable object or an instance at a time; instances are fixed."""
     if movable >= scene.movable_count:
         return frame_of(steps_of(scene)[movable - scene.movable_count].pose)
@@ -36,17 +36,17 @@ def place_at(scene: TriangleScene, objects: Motion, world: int, movable: int, ti
 
 
 @wp.func
-def seen_from_place(camera: CameraFrame, place: Frame) -> CameraFrame:
+def seen_from_frame(camera: CameraFrame, object_frame: Frame) -> CameraFrame:
     """Transform a camera into the frame of an object."""
-    turned_back = wp.quat_inverse(place.rotation)
+    inverse = wp.quat_inverse(object_frame.rotation)
     frame = CameraFrame()
-    frame.origin = wp.quat_rotate(turned_back, camera.origin - place.origin)
-    frame.rotation = turned_back * camera.rotation
+    frame.origin = wp.quat_rotate(inverse, camera.origin - object_frame.origin)
+    frame.rotation = inverse * camera.rotation
     return frame
 
 
 @wp.func
-def look_at_moving(
+def trace_ray_at(
     scene: TriangleScene,
     camera: RayRange,
     in_world: CameraFrame,
@@ -57,8 +57,8 @@ def look_at_moving(
     ray: wp.vec3d,
     cull_backfaces: bool,
 ) -> Seen:
-    """Cast a ray of the sensor frame at a time; otherwise like `warpvis.kernels.rays.look`."""
-    seen = nothing()
+    """Cast a ray of the sensor frame at a time; otherwise like `warpvis.kernels.rays.trace_ray`."""
+    seen = no_hit()
     seen.direction = wp.quat_rotate(in_world.rotation, ray)
 
     world = world_of(worlds, view)
@@ -68,17 +68,17 @@ def look_at_moving(
     for movable in range(-1, scene.movable_count):  # -1: static geometry
         frame = in_world
         if movable >= 0:
-            frame = seen_from_place(in_world, frame_at(objects, world, movable, time))
+            frame = seen_from_frame(in_world, frame_at(objects, world, movable, time))
         seen = meet_object(scene, worlds, world, view, movable, frame, ray, camera.clip, cull_backfaces, seen)
     seen = meet_instances(scene, worlds, view, in_world, ray, camera.clip, cull_backfaces, seen)
-    there = in_world
+    hit_frame = in_world
     if seen.face >= 0 and seen.movable >= 0:
-        there = seen_from_place(in_world, place_at(scene, objects, world, seen.movable, time))
-    return measure(scene, worlds, world, there, camera, ray, seen)
+        hit_frame = seen_from_frame(in_world, object_frame(scene, objects, world, seen.movable, time))
+    return measure(scene, worlds, world, hit_frame, camera, ray, seen)
 
 
 @wp.func
-def normal_of_seen(
+def normal_of_hit(
     scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, objects: Motion, view: int, time: wp.float64, seen: Seen
 ) -> wp.vec3:
     """Return the unit normal in the world frame at the hit of a ray from `origin`."""
@@ -86,17 +86,17 @@ def normal_of_seen(
     factors = factors_of(scene, worlds, world, seen.movable)
     if seen.movable < 0:
         return wp.vec3(normal_of(scene.mesh, seen.face, factors, seen.direction))
-    place = place_at(scene, objects, world, seen.movable, time)
+    frame = object_frame(scene, objects, world, seen.movable, time)
     normal = wp.vec3d()
     if seen.round:
         kind, size = scene.movable_solid[seen.movable], size_of(scene, worlds, world, seen.movable)
-        point = origin + wp.float64(seen.depth) * seen.direction - place.origin
-        there = to_shape(wp.quat_rotate_inv(place.rotation, point), size)
-        normal = normal_of_solid(kind, size, seen.face, there)
+        point = origin + wp.float64(seen.depth) * seen.direction - frame.origin
+        shape_point = to_shape(wp.quat_rotate_inv(frame.rotation, point), size)
+        normal = normal_of_solid(kind, size, seen.face, shape_point)
     else:
-        direction = wp.quat_rotate_inv(place.rotation, seen.direction)
+        direction = wp.quat_rotate_inv(frame.rotation, seen.direction)
         normal = normal_of(scene.movable_mesh[seen.movable], seen.face, factors, direction)
-    return wp.vec3(wp.quat_rotate(place.rotation, normal))
+    return wp.vec3(wp.quat_rotate(frame.rotation, normal))
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -126,16 +126,16 @@ def cast_at_moving_objects(
     y += window.first_row
 
     time = time_of(sensor, times_in, view, y, x)
-    sensor_place = sensor_at(sensor, view, y, x, time)
+    frame = sensor_at(sensor, view, y, x, time)
     eye = CameraFrame()
-    eye.origin = sensor_place.origin
-    eye.rotation = sensor_place.rotation
+    eye.origin = frame.origin
+    eye.rotation = frame.rotation
     if origins_in:
         eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
     ray = rays_in[y, x]
-    seen = nothing()
+    seen = no_hit()
     if ray[2] == ray[2]:
-        seen = look_at_moving(scene, camera, eye, worlds, objects, view, time, ray, cull_backfaces)
+        seen = trace_ray_at(scene, camera, eye, worlds, objects, view, time, ray, cull_backfaces)
 
     point = wp.vec3(wp.nan, wp.nan, wp.nan)
     normal = wp.vec3(wp.nan, wp.nan, wp.nan)
@@ -146,7 +146,7 @@ def cast_at_moving_objects(
         index = object_of(scene, seen.movable, seen.face)
         label = scene.object_label[index]
         if images_out.normals:
-            normal = normal_of_seen(scene, eye.origin, worlds, objects, view, time, seen)
+            normal = normal_of_hit(scene, eye.origin, worlds, objects, view, time, seen)
     if images_out.depth:
         images_out.depth[view, y, x] = seen.depth
     if images_out.points:

@@ -7,7 +7,7 @@ import warp as wp
 from warpvis.kernels.images import Images
 from warpvis.kernels.motions import Motion, sensor_at, time_of
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.rays import CUDA_REGISTERS, RayRange, look, nothing, write
+from warpvis.kernels.rays import CUDA_REGISTERS, RayRange, no_hit, trace_ray, write_images
 from warpvis.kernels.triangle_scene import CameraFrame, TriangleScene
 from warpvis.kernels.worlds import Worlds
 
@@ -41,17 +41,17 @@ def cast_moving_rays(
     view += window.first_view
     y += window.first_row
 
-    place = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
+    frame = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
     eye = CameraFrame()
-    eye.origin = place.origin
-    eye.rotation = place.rotation
+    eye.origin = frame.origin
+    eye.rotation = frame.rotation
     if origins_in:
         eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
     ray = rays_in[y, x]
-    seen = nothing()
+    seen = no_hit()
     if ray[2] == ray[2]:
-        seen = look(scene, camera, eye, worlds, view, ray, cull_backfaces)
-    write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
+        seen = trace_ray(scene, camera, eye, worlds, view, ray, cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
 
 
 @wp.kernel
@@ -71,6 +71,6 @@ def measure_moving_incidence(
     view += window.first_view
     y += window.first_row
 
-    place = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
-    along = wp.quat_rotate(place.rotation, directions_in[y, x])
+    frame = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
+    along = wp.quat_rotate(frame.rotation, directions_in[y, x])
     incidence_out[view, y, x] = float(wp.abs(wp.dot(along, wp.vec3d(normals_in[view, y, x]))))

@@ -79,8 +79,8 @@ def geom_sizes(
     worlds: wp.array[wp.int32],
     geoms: wp.array[wp.int32],
     geom_type: wp.array[wp.int32],
-    own_size: wp.array[wp.vec3],
-    made: wp.array[wp.vec4],
+    model_sizes: wp.array[wp.vec3],
+    original: wp.array[wp.vec4],
     # Out:
     sizes_out: wp.array2d[wp.vec4],
 ):
@@ -90,19 +90,24 @@ def geom_sizes(
     """
     row, column = wp.tid()
     geom = geoms[column]
-    size = made[column]
+    size = original[column]
     if geom >= 0:
-        now, own = geom_size[worlds[row] % geom_size.shape[0], geom], own_size[geom]
-        if not (now == own):
+        current_size, model_size = geom_size[worlds[row] % geom_size.shape[0], geom], model_sizes[geom]
+        if not (current_size == model_size):
             kind = geom_type[geom]
             if kind == SPHERE:
-                size = wp.vec4(now[0], now[0], now[0], size[3])
+                size = wp.vec4(current_size[0], current_size[0], current_size[0], size[3])
             elif kind == CAPSULE or kind == CYLINDER:
-                size = wp.vec4(now[0], now[0], now[0], now[1] / now[0])
+                size = wp.vec4(current_size[0], current_size[0], current_size[0], current_size[1] / current_size[0])
             elif kind == ELLIPSOID:
-                size = wp.vec4(now[0], now[1], now[2], size[3])
+                size = wp.vec4(current_size[0], current_size[1], current_size[2], size[3])
             else:
-                size = wp.vec4(now[0] / own[0], now[1] / own[1], now[2] / own[2], size[3])
+                size = wp.vec4(
+                    current_size[0] / model_size[0],
+                    current_size[1] / model_size[1],
+                    current_size[2] / model_size[2],
+                    size[3],
+                )
     sizes_out[row, column] = size
 
 

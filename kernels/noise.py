@@ -40,7 +40,7 @@ def angle_of(cosine: float) -> float:
 
 
 @wp.func
-def said_depth(near: float, far: float, depth: float) -> float:
+def limit_depth(near: float, far: float, depth: float) -> float:
     """Return depth in the convention of REP 117: -inf below near or if noise made it 0, +inf beyond far."""
     if depth > far:
         return wp.inf
@@ -50,12 +50,12 @@ def said_depth(near: float, far: float, depth: float) -> float:
 
 
 @wp.func
-def range_reason(said: float) -> int:
+def range_reason(depth: float) -> int:
     """Return `REASON_VALID` for finite depth, and `REASON_RANGE` otherwise."""
-    return wp.where(wp.isfinite(said), REASON_VALID, REASON_RANGE)
+    return wp.where(wp.isfinite(depth), REASON_VALID, REASON_RANGE)
 
 
 @wp.func
-def clean_reason(true_depth: float, said: float) -> int:
+def clean_reason(true_depth: float, depth: float) -> int:
     """Return the reason for a depth without noise: `REASON_EMPTY` if the true depth is not finite."""
-    return wp.where(wp.isfinite(true_depth), range_reason(said), REASON_EMPTY)
+    return wp.where(wp.isfinite(true_depth), range_reason(depth), REASON_EMPTY)

@@ -8,7 +8,7 @@ orthographic rays.
 
 import warp as wp
 
-from warpvis.kernels.coinciding import Coinciding, last_there, seen_in
+from warpvis.kernels.coinciding import Coinciding, last_coinciding, seen_in
 from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import (
     PinholeCamera,
@@ -18,7 +18,7 @@ from warpvis.kernels.pinhole import (
     pose_origin,
     pose_rotation,
 )
-from warpvis.kernels.rays import CUDA_REGISTERS, look, nothing, pinhole_range, write
+from warpvis.kernels.rays import CUDA_REGISTERS, no_hit, pinhole_range, trace_ray, write_images
 from warpvis.kernels.triangle_scene import TriangleScene, camera_frame
 from warpvis.kernels.worlds import Worlds
 
@@ -26,17 +26,17 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.func
-def pixel_place(y: int, x: int) -> wp.vec2:
+def pixel_center(y: int, x: int) -> wp.vec2:
     """Return a pixel's center [px]."""
     return wp.vec2(float(x) + 0.5, float(y) + 0.5)
 
 
 @wp.func
-def eye_at(camera: PinholeCamera, pose: wp.transform, at: wp.vec2) -> wp.transform:
+def eye_at(camera: PinholeCamera, pose: wp.transform, pixel: wp.vec2) -> wp.transform:
     """Return the camera pose, translated in its plane to the origin of the ray through an image point."""
-    end = image_ray(camera, at)
-    aside = wp.quat_rotate(pose_rotation(pose), wp.vec3d(end[0], end[1], wp.float64(0.0)))
-    return wp.transform(wp.vec3(pose_origin(pose) + aside), wp.transform_get_rotation(pose))
+    end = image_ray(camera, pixel)
+    offset = wp.quat_rotate(pose_rotation(pose), wp.vec3d(end[0], end[1], wp.float64(0.0)))
+    return wp.transform(wp.vec3(pose_origin(pose) + offset), wp.transform_get_rotation(pose))
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -63,16 +63,16 @@ def cast_parallel_rays(
     view += window.first_view
     y += window.first_row
 
-    at = pixel_place(y, x)
+    pixel = pixel_center(y, x)
     if pixels_in:
-        at = pixels_in[view, y, x]
+        pixel = pixels_in[view, y, x]
     eye = camera_frame(camera_to_world[view])
-    seen = nothing()
-    if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
-        eye = camera_frame(eye_at(camera, camera_to_world[view], at))
+    seen = no_hit()
+    if pixel[0] >= 0.0 and pixel[0] < camera.width and pixel[1] >= 0.0 and pixel[1] < camera.height:
+        eye = camera_frame(eye_at(camera, camera_to_world[view], pixel))
         ahead = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-        seen = look(scene, pinhole_range(camera), eye, worlds, view, ahead, cull_backfaces)
-    write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
+        seen = trace_ray(scene, pinhole_range(camera), eye, worlds, view, ahead, cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
 
 
 @wp.kernel
@@ -102,9 +102,9 @@ def show_later_from_plane(
     for x in range(part * span, wp.min((part + 1) * span, segmentation_out.shape[2])):
         seen = seen_in(segmentation_out, faces_out, view, y, x)
         if seen[0] >= 0:
-            origin = pose_origin(eye_at(camera, camera_to_world[view], pixel_place(y, x)))
-            away = wp.float64(depth[view, y, x])
-            shown = last_there(coinciding, worlds, view, seen, origin, ahead, away, cull_backfaces)
+            origin = pose_origin(eye_at(camera, camera_to_world[view], pixel_center(y, x)))
+            seen_depth = wp.float64(depth[view, y, x])
+            shown = last_coinciding(coinciding, worlds, view, seen, origin, ahead, seen_depth, cull_backfaces)
             if shown[0] != seen[0]:
                 segmentation_out[view, y, x] = shown[0]
                 if labels_out:

@@ -75,7 +75,7 @@ class PacketJob:
     clip_reach: float
     cull_backfaces: int
     points: int
-    at: wp.array[float]
+    pixels: wp.array[float]
     counter: wp.array[wp.int32]
     scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
     scratch_bytes: wp.array[wp.int64]
@@ -150,7 +150,7 @@ _CAST = """
 const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
                    {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
                    job.most_inv_z, job.clip_reach, job.cull_backfaces != 0, (const float*)poses.data, job.points,
-                   job.at.data};
+                   job.pixels.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
     StripMemory::carve(measured, shape, scene.drawn_count, scene.levels);

@@ -44,10 +44,10 @@ def pixel_ray(camera: PinholeCamera, y: int, x: int) -> wp.vec3d:
 
 
 @wp.func
-def image_ray(camera: PinholeCamera, at: wp.vec2) -> wp.vec3d:
+def image_ray(camera: PinholeCamera, pixel: wp.vec2) -> wp.vec3d:
     """Return the camera-frame direction through an image point [px] with z = 1."""
     return wp.vec3d(
-        (wp.float64(at[0]) - camera.cx) / camera.fx, (wp.float64(at[1]) - camera.cy) / camera.fy, wp.float64(1.0)
+        (wp.float64(pixel[0]) - camera.cx) / camera.fx, (wp.float64(pixel[1]) - camera.cy) / camera.fy, wp.float64(1.0)
     )
 
 

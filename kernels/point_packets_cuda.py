@@ -17,16 +17,16 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 _CAST = f"""
 {NATIVE_IMAGES}
 {CHECKS}
-static_assert(sizeof(*points.at.data) == sizeof(ImagePoint), "points are read as two numbers");
+static_assert(sizeof(*points.pixels.data) == sizeof(ImagePoint), "points are read as two numbers");
 __shared__ WarpMemory memory;
 view = Warp::uniform(view);
 packet = Warp::uniform(packet);
 {WORLD}
 {VIEW}
-const int count = points.at.shape[1];
-const bool sorted = points.apart.data[view] > 0;
+const int count = points.pixels.shape[1];
+const bool sorted = points.spread.data[view] > 0;
 const int first = sorted && view > 0 ? points.ends.data[(long long)view * points.cells - 1] : 0;
-const PointList list = {{(const ImagePoint*)points.at.data + (long long)view * count, count,
+const PointList list = {{(const ImagePoint*)points.pixels.data + (long long)view * count, count,
                          sorted ? points.order.data + first : nullptr, points.columns}};
 PointPacket::cast(all, shape, list, packet, out, memory);
 """

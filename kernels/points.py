@@ -29,9 +29,9 @@ def point_index(window: Window, row: int, column: int) -> int:
 
 
 @wp.func
-def within(place: float, end: float) -> float:
+def within(coordinate: float, end: float) -> float:
     """Clamp a coordinate from 0 to the greatest single-precision number below the image's width or height."""
-    return wp.clamp(place, 0.0, end * 0.99999994)
+    return wp.clamp(coordinate, 0.0, end * 0.99999994)
 
 
 @wp.kernel
@@ -69,30 +69,30 @@ def project_points(
         return
 
     p = rotation[view] * (wp.vec3d(points[index]) - origin[view])
-    at = wp.vec2(wp.nan, wp.nan)
-    none, width, height = wp.float64(0.0), wp.float64(camera.width), wp.float64(camera.height)
+    pixel = wp.vec2(wp.nan, wp.nan)
+    zero, width, height = wp.float64(0.0), wp.float64(camera.width), wp.float64(camera.height)
     # Compare products: the rounding of quotients would decide for points on a border.
-    left, top = camera.fx * p[0] + camera.cx * p[2], camera.fy * p[1] + camera.cy * p[2]
-    if p[2] > none and left >= none and left < width * p[2] and top >= none and top < height * p[2]:
+    scaled_x, scaled_y = camera.fx * p[0] + camera.cx * p[2], camera.fy * p[1] + camera.cy * p[2]
+    if p[2] > zero and scaled_x >= zero and scaled_x < width * p[2] and scaled_y >= zero and scaled_y < height * p[2]:
         x, y = camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy
-        at = wp.vec2(within(float(x), camera.width), within(float(y), camera.height))
-    pixels_out[view, index] = at
+        pixel = wp.vec2(within(float(x), camera.width), within(float(y), camera.height))
+    pixels_out[view, index] = pixel
     depth_out[view, index] = float(p[2])
 
 
 @wp.func
-def judge(camera: PinholeCamera, at: wp.vec2, depth: float, surface: float, tolerance: float) -> wp.uint8:
+def judge(camera: PinholeCamera, pixel: wp.vec2, depth: float, surface: float, tolerance: float) -> wp.uint8:
     """Return the visibility of a point, given the depth of the first surface at its image point.
 
     The tolerance is along the ray [m]: difference in depth times the length of the ray with z = 1.
     """
-    if not wp.isfinite(at[0]):
+    if not wp.isfinite(pixel[0]):
         return OUT_OF_VIEW
     if depth < camera.near:
         return TOO_NEAR
     if depth > camera.far:
         return TOO_FAR
-    x, y = (at[0] - float(camera.cx)) / float(camera.fx), (at[1] - float(camera.cy)) / float(camera.fy)
+    x, y = (pixel[0] - float(camera.cx)) / float(camera.fx), (pixel[1] - float(camera.cy)) / float(camera.fy)
     if (depth - surface) * wp.sqrt(x * x + y * y + 1.0) > tolerance:
         return OCCLUDED
     return VISIBLE
@@ -149,11 +149,11 @@ def judge_points_measured(
     if index >= depth.shape[1]:
         return
 
-    at = pixels[view, index]
+    pixel = pixels[view, index]
     surface = float(wp.inf)
-    if wp.isfinite(at[0]):
-        surface = shown_depth(camera, measured[view, int(at[1]), int(at[0])])
-    status = judge(camera, at, depth[view, index], surface, tolerance)
+    if wp.isfinite(pixel[0]):
+        surface = shown_depth(camera, measured[view, int(pixel[1]), int(pixel[0])])
+    status = judge(camera, pixel, depth[view, index], surface, tolerance)
     in_range = status == VISIBLE or status == OCCLUDED
     if in_range and wp.isnan(surface):
         status = UNKNOWN

@@ -43,7 +43,7 @@ def to_normal(word: wp.uint32) -> float: ...
 def draw_uniforms(
     # In:
     draws: wp.array[wp.vec2ui],
-    places: wp.array[wp.vec2i],
+    pixels: wp.array[wp.vec2i],
     seed: wp.uint32,
     stream: wp.uint32,
     # Out:
@@ -51,8 +51,8 @@ def draw_uniforms(
 ):
     """Write a uniform number in (0, 1) for every view and place (y, x); `draws` contains view numbers and frames."""
     view, k = wp.tid()
-    number, place = draws[view], places[k]
-    word = random_word(seed, stream, number[0], number[1], place[0], place[1])
+    number, pixel = draws[view], pixels[k]
+    word = random_word(seed, stream, number[0], number[1], pixel[0], pixel[1])
     uniforms_out[view, k] = to_uniform(word)
 
 

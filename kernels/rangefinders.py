@@ -75,7 +75,7 @@ class Ray:
 
 
 @wp.struct
-class Met:
+class RayHit:
     """The hit of a ray: the distance, -1 for a miss, and the unit normal."""
 
     distance: wp.float64
@@ -93,14 +93,14 @@ class Span:
 
 
 @wp.func
-def turn(rotation: wp.mat33, v: wp.vec3d) -> wp.vec3d:
+def rotate(rotation: wp.mat33, v: wp.vec3d) -> wp.vec3d:
     return wp.vec3d(
         wp.dot(wp.vec3d(rotation[0]), v), wp.dot(wp.vec3d(rotation[1]), v), wp.dot(wp.vec3d(rotation[2]), v)
     )
 
 
 @wp.func
-def turn_back(rotation: wp.mat33, v: wp.vec3d) -> wp.vec3d:
+def rotate_inverse(rotation: wp.mat33, v: wp.vec3d) -> wp.vec3d:
     return wp.vec3d(rotation[0]) * v[0] + wp.vec3d(rotation[1]) * v[1] + wp.vec3d(rotation[2]) * v[2]
 
 
@@ -123,12 +123,12 @@ def whole_span() -> Span:
 @wp.func
 def span_of_square(a: wp.float64, b: wp.float64, c: wp.float64) -> Span:
     """Return the interval where a t^2 + 2 b t + c <= 0."""
-    square = b * b - a * c
-    if square < wp.float64(0.0) or a < FLAT:
+    discriminant = b * b - a * c
+    if discriminant < wp.float64(0.0) or a < FLAT:
         return no_span()
     span = Span()
-    span.enter = (-b - wp.sqrt(square)) / a
-    span.leave = (-b + wp.sqrt(square)) / a
+    span.enter = (-b - wp.sqrt(discriminant)) / a
+    span.leave = (-b + wp.sqrt(discriminant)) / a
     return span
 
 
@@ -219,16 +219,16 @@ def span_of_round(kind: int, o: wp.vec3d, d: wp.vec3d, half: wp.float64) -> Span
 
 
 @wp.func
-def nothing_met() -> Met:
-    met = Met()
+def no_hit() -> RayHit:
+    met = RayHit()
     met.distance = wp.float64(-1.0)
     return met
 
 
 @wp.func
-def surface_of(span: Span) -> Met:
+def surface_of(span: Span) -> RayHit:
     """Return the first boundary of an interval that is not behind the ray's origin."""
-    met = nothing_met()
+    met = no_hit()
     if span.enter <= span.leave and span.leave >= wp.float64(0.0):
         met.distance = span.leave
         met.normal = span.leave_normal
@@ -239,15 +239,15 @@ def surface_of(span: Span) -> Met:
 
 
 @wp.func
-def meet_plane(o: wp.vec3d, d: wp.vec3d, size: wp.vec3d) -> Met:
+def meet_plane(o: wp.vec3d, d: wp.vec3d, size: wp.vec3d) -> RayHit:
     """Intersect a ray with a rectangle, seen from above, that is infinite along axes whose half size is 0."""
-    met = nothing_met()
+    met = no_hit()
     if d[2] > -FLAT or o[2] < wp.float64(0.0):
         return met
-    at = o - o[2] / d[2] * d
-    if size[0] > wp.float64(0.0) and wp.abs(at[0]) > size[0]:
+    point = o - o[2] / d[2] * d
+    if size[0] > wp.float64(0.0) and wp.abs(point[0]) > size[0]:
         return met
-    if size[1] > wp.float64(0.0) and wp.abs(at[1]) > size[1]:
+    if size[1] > wp.float64(0.0) and wp.abs(point[1]) > size[1]:
         return met
     met.distance = -o[2] / d[2]
     met.normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
@@ -255,8 +255,8 @@ def meet_plane(o: wp.vec3d, d: wp.vec3d, size: wp.vec3d) -> Met:
 
 
 @wp.func
-def meet_mesh(mesh: wp.uint64, o: wp.vec3d, d: wp.vec3d, farthest: wp.float64) -> Met:
-    met = nothing_met()
+def meet_mesh(mesh: wp.uint64, o: wp.vec3d, d: wp.vec3d, farthest: wp.float64) -> RayHit:
+    met = no_hit()
     hit = wp.mesh_query_ray(mesh, wp.vec3(o), wp.vec3(d), float(farthest))
     if hit.result:
         a, b, c = corner(mesh, hit.face, 0) - o, corner(mesh, hit.face, 1) - o, corner(mesh, hit.face, 2) - o
@@ -266,7 +266,7 @@ def meet_mesh(mesh: wp.uint64, o: wp.vec3d, d: wp.vec3d, farthest: wp.float64) -
 
 
 @wp.func
-def meet_geom(kind: int, size: wp.vec4, mesh: wp.uint64, ray: Ray, farthest: wp.float64) -> Met:
+def meet_geom(kind: int, size: wp.vec4, mesh: wp.uint64, ray: Ray, farthest: wp.float64) -> RayHit:
     """Intersect a ray of the geom's frame with the geom; mesh queries end at `farthest`."""
     half = wp.vec3d(wp.float64(size[0]), wp.float64(size[1]), wp.float64(size[2]))
     if mesh != wp.uint64(0):
@@ -295,9 +295,9 @@ def may_meet(bound: wp.float64, toward: wp.vec3d, direction: wp.vec3d, nearest: 
 @wp.func
 def nearest_geom(
     geoms: RayGeoms, geom_xpos: wp.array2d[wp.vec3], geom_xmat: wp.array2d[wp.mat33], world: int, body: int, ray: Ray
-) -> Met:
+) -> RayHit:
     """Return the first hit of a ray of the world among the geoms of other bodies."""
-    nearest = Met()
+    nearest = RayHit()
     nearest.distance = FARTHEST
     for index in range(geoms.geom.shape[0]):
         if geoms.body[index] != body:
@@ -305,15 +305,15 @@ def nearest_geom(
             toward = wp.vec3d(geom_xpos[world, geom]) - ray.origin
             if may_meet(geoms.bound[index], toward, ray.direction, nearest.distance):
                 rotation = geom_xmat[world, geom]
-                there = Ray()
-                there.origin = turn_back(rotation, -toward)
-                there.direction = turn_back(rotation, ray.direction)
-                met = meet_geom(geoms.kind[index], geoms.size[index], geoms.mesh[index], there, nearest.distance)
+                local_ray = Ray()
+                local_ray.origin = rotate_inverse(rotation, -toward)
+                local_ray.direction = rotate_inverse(rotation, ray.direction)
+                met = meet_geom(geoms.kind[index], geoms.size[index], geoms.mesh[index], local_ray, nearest.distance)
                 if met.distance >= wp.float64(0.0) and met.distance < nearest.distance:
                     nearest.distance = met.distance
-                    nearest.normal = turn(rotation, met.normal)
+                    nearest.normal = rotate(rotation, met.normal)
     if nearest.distance == FARTHEST:
-        return nothing_met()
+        return no_hit()
     return nearest
 
 
@@ -322,7 +322,7 @@ def depth_of(frame: Frame, ray: Ray, distance: wp.float64) -> wp.float64:
     """Return the depth of a hit in front of a camera, along -z; -1 for a miss."""
     if distance < wp.float64(0.0):
         return wp.float64(-1.0)
-    return -turn_back(frame.rotation, ray.origin + distance * ray.direction - frame.position)[2]
+    return -rotate_inverse(frame.rotation, ray.origin + distance * ray.direction - frame.position)[2]
 
 
 @wp.kernel
@@ -354,30 +354,30 @@ def read_rangefinders(
         frame.position = wp.vec3d(cam_xpos[world, camera])
         frame.rotation = cam_xmat[world, camera]
     ray = Ray()
-    ray.origin = frame.position + turn(frame.rotation, rays.origin[index])
-    ray.direction = turn(frame.rotation, rays.direction[index])
+    ray.origin = frame.position + rotate(frame.rotation, rays.origin[index])
+    ray.direction = rotate(frame.rotation, rays.direction[index])
     met = nearest_geom(geoms, geom_xpos, geom_xmat, world, rays.body[index], ray)
 
-    is_met = wp.where(met.distance >= wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
+    is_hit = wp.where(met.distance >= wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
     fields, column = rays.fields[index], int(rays.column[index])
-    least, most = rays.least[index], rays.most[index]
+    low, high = rays.least[index], rays.most[index]
     if fields & DISTANCE:
-        readings_out[world, column] = float(wp.clamp(met.distance, least, most))
+        readings_out[world, column] = float(wp.clamp(met.distance, low, high))
         column += 1
     for field in range(1, 5):
         if fields & (1 << field):
             value = met.normal
             if (1 << field) == DIRECTION:
-                value = ray.direction * is_met
+                value = ray.direction * is_hit
             elif (1 << field) == ORIGIN:
                 value = ray.origin
             elif (1 << field) == POINT:
-                value = (ray.origin + met.distance * ray.direction) * is_met
+                value = (ray.origin + met.distance * ray.direction) * is_hit
             for axis in range(3):
-                readings_out[world, column + axis] = float(wp.clamp(value[axis], least, most))
+                readings_out[world, column + axis] = float(wp.clamp(value[axis], low, high))
             column += 3
     if fields & DEPTH:
         depth = met.distance
         if site < 0:
             depth = depth_of(frame, ray, met.distance)
-        readings_out[world, column] = float(wp.clamp(depth, least, most))
+        readings_out[world, column] = float(wp.clamp(depth, low, high))

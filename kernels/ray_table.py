@@ -6,7 +6,7 @@ import warp as wp
 
 from warpvis.kernels.images import Images
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.rays import CUDA_REGISTERS, RayRange, look, nothing, write
+from warpvis.kernels.rays import CUDA_REGISTERS, RayRange, no_hit, trace_ray, write_images
 from warpvis.kernels.triangle_scene import TriangleScene, camera_frame
 from warpvis.kernels.worlds import Worlds
 
@@ -42,7 +42,7 @@ def cast_ray_table(
     if origins_in:
         eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
     ray = rays_in[wp.min(view, rays_in.shape[0] - 1), y, x]
-    seen = nothing()
+    seen = no_hit()
     if ray[2] == ray[2]:
-        seen = look(scene, camera, eye, worlds, view, ray, cull_backfaces)
-    write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
+        seen = trace_ray(scene, camera, eye, worlds, view, ray, cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, seen, view, y, x, images_out)

@@ -31,8 +31,8 @@ from warpvis.kernels.triangle_scene import (
     mesh_of,
     normal_of,
     object_of,
-    place_in,
     plane_depth,
+    pose_in,
     seen_from,
     shows_solid,
     size_of,
@@ -84,7 +84,7 @@ def pinhole_range(camera: PinholeCamera) -> RayRange:
 
 
 @wp.func
-def nothing() -> Seen:
+def no_hit() -> Seen:
     seen = Seen()
     seen.depth = wp.inf
     seen.face = -1
@@ -100,12 +100,12 @@ def nearest_instance(
     in_world: CameraFrame,
     ray: wp.vec3d,
     clip: float,
-    most_t: float,
+    max_t: float,
     cull: bool,
 ) -> Seen:
-    """Return the nearest hit among static objects with a shared mesh, up to `most_t` along the ray."""
-    seen = nothing()
-    nearest = float(most_t)
+    """Return the nearest hit among static objects with a shared mesh, up to `max_t` along the ray."""
+    seen = no_hit()
+    nearest = float(max_t)
     towards = wp.quat_rotate(in_world.rotation, ray)
     inverse, origin = inverses_of(towards), wp.vec3(in_world.origin)
     steps = steps_of(scene)
@@ -223,9 +223,9 @@ def measure(
         a = stretched_corner(mesh, seen.face, 0, factors) - frame.origin
         b = stretched_corner(mesh, seen.face, 1, factors) - frame.origin
         c = stretched_corner(mesh, seen.face, 2, factors) - frame.origin
-        direction_there = wp.quat_rotate(frame.rotation, ray)
-        forward = wp.where(camera.is_planar, forward_axis(frame.rotation), direction_there)
-        seen.depth = wp.max(float(plane_depth(a, b, c, direction_there, forward)), camera.clip)
+        local_direction = wp.quat_rotate(frame.rotation, ray)
+        forward = wp.where(camera.is_planar, forward_axis(frame.rotation), local_direction)
+        seen.depth = wp.max(float(plane_depth(a, b, c, local_direction, forward)), camera.clip)
     if seen.depth < camera.near:
         seen.depth = -wp.inf
         seen.face = -1
@@ -236,7 +236,7 @@ def measure(
 
 
 @wp.func
-def look(
+def trace_ray(
     scene: TriangleScene,
     camera: RayRange,
     in_world: CameraFrame,
@@ -246,7 +246,7 @@ def look(
     cull_backfaces: bool,
 ) -> Seen:
     """Cast one ray of the camera frame: with z = 1 for planar depth, of unit length for range."""
-    seen = nothing()
+    seen = no_hit()
     seen.direction = wp.quat_rotate(in_world.rotation, ray)
 
     world = int(0)
@@ -262,21 +262,21 @@ def look(
             frame = seen_from(in_world, worlds.object_poses[world, movable])
         seen = meet_object(scene, worlds, world, view, movable, frame, ray, camera.clip, cull_backfaces, seen)
     seen = meet_instances(scene, worlds, view, in_world, ray, camera.clip, cull_backfaces, seen)
-    there = in_world
+    hit_frame = in_world
     if seen.face >= 0 and seen.movable >= 0:
-        there = seen_from(in_world, place_in(scene, worlds, world, seen.movable))
-    return measure(scene, worlds, world, there, camera, ray, seen)
+        hit_frame = seen_from(in_world, pose_in(scene, worlds, world, seen.movable))
+    return measure(scene, worlds, world, hit_frame, camera, ray, seen)
 
 
 @wp.func
 def solid_normal(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
     """Return the unit normal, in the world frame, of the true surface at a hit."""
     world = world_of(worlds, view)
-    place = worlds.object_poses[world, seen.movable]
+    pose = worlds.object_poses[world, seen.movable]
     kind, size = scene.movable_solid[seen.movable], size_of(scene, worlds, world, seen.movable)
-    point = origin + wp.float64(seen.depth) * seen.direction - pose_origin(place)
-    there = to_shape(wp.quat_rotate_inv(pose_rotation(place), point), size)
-    return wp.vec3(wp.quat_rotate(pose_rotation(place), normal_of_solid(kind, size, seen.face, there)))
+    point = origin + wp.float64(seen.depth) * seen.direction - pose_origin(pose)
+    shape_point = to_shape(wp.quat_rotate_inv(pose_rotation(pose), point), size)
+    return wp.vec3(wp.quat_rotate(pose_rotation(pose), normal_of_solid(kind, size, seen.face, shape_point)))
 
 
 @wp.func
@@ -289,7 +289,7 @@ def normal_in_world(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view
     if seen.round:
         return solid_normal(scene, origin, worlds, view, seen)
     world = world_of(worlds, view)
-    rotation = pose_rotation(place_in(scene, worlds, world, seen.movable))
+    rotation = pose_rotation(pose_in(scene, worlds, world, seen.movable))
     direction = wp.quat_rotate_inv(rotation, seen.direction)
     factors = factors_of(scene, worlds, world, seen.movable)
     normal = normal_of(scene.movable_mesh[seen.movable], seen.face, factors, direction)
@@ -297,7 +297,7 @@ def normal_in_world(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view
 
 
 @wp.func
-def write(
+def write_images(
     scene: TriangleScene,
     origin: wp.vec3d,
     worlds: Worlds,
@@ -310,7 +310,7 @@ def write(
 ):
     """Write the requested images; images that were not requested are None.
 
-    `origin` is the ray's origin, and `world_view` the view index that `look` used to find the world.
+    `origin` is the ray's origin, and `world_view` the view index that `trace_ray` used to find the world.
     """
     if images_out.depth:
         images_out.depth[view, y, x] = seen.depth
@@ -355,8 +355,8 @@ def cast_rays(
     y += window.first_row
 
     eye = camera_frame(camera_to_world[view])
-    seen = look(scene, pinhole_range(camera), eye, worlds, view, pixel_ray(camera, y, x), cull_backfaces)
-    write(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
+    seen = trace_ray(scene, pinhole_range(camera), eye, worlds, view, pixel_ray(camera, y, x), cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -379,9 +379,9 @@ def cast_rays_at(
     view += window.first_view
     row += window.first_row
 
-    at = pixels_in[view, row, point]
+    pixel = pixels_in[view, row, point]
     eye = camera_frame(camera_to_world[view])
-    seen = nothing()
-    if at[0] >= 0.0 and at[0] < camera.width and at[1] >= 0.0 and at[1] < camera.height:
-        seen = look(scene, pinhole_range(camera), eye, worlds, view, image_ray(camera, at), cull_backfaces)
-    write(scene, eye.origin, worlds, view, seen, view, row, point, images_out)
+    seen = no_hit()
+    if pixel[0] >= 0.0 and pixel[0] < camera.width and pixel[1] >= 0.0 and pixel[1] < camera.height:
+        seen = trace_ray(scene, pinhole_range(camera), eye, worlds, view, image_ray(camera, pixel), cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, seen, view, row, point, images_out)

@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.constants import REASON_DROPOUT, REASON_EMPTY, REASON_RANGE
-from warpvis.kernels.noise import range_reason, said_depth
+from warpvis.kernels.noise import limit_depth, range_reason
 from warpvis.kernels.pinhole import PinholeCamera, Window
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
@@ -39,15 +39,15 @@ class RedwoodModel:
 
 
 @wp.func
-def moved(at: int, shift: float, size: int) -> int:
+def moved(pixel: int, shift: float, size: int) -> int:
     """Return the pixel nearest to a shifted pixel along one axis, clamped to the image."""
-    return int(wp.clamp(float(at) + shift, 0.0, float(size - 1)) + 0.5)
+    return int(wp.clamp(float(pixel) + shift, 0.0, float(size - 1)) + 0.5)
 
 
 @wp.func
-def cell_of(at: int, size: int, table_size: int, cell: int) -> int:
+def cell_of(pixel: int, size: int, table_size: int, cell: int) -> int:
     """Return the table's cell for a pixel of an image of any size."""
-    return int(float(at) / float(wp.max(size - 1, 1)) * float(table_size - 1) + 0.5) // cell
+    return int(float(pixel) / float(wp.max(size - 1, 1)) * float(table_size - 1) + 0.5) // cell
 
 
 @wp.func
@@ -101,7 +101,7 @@ def measure_redwood(
                 levels = wp.rint((DISPARITY_SCALE * factor / depth + noise) * LEVELS)
                 # Depth is infinite below the first step of disparity.
                 depth = wp.where(levels > 0.0, DISPARITY_SCALE * LEVELS / levels, wp.inf)
-                depth = said_depth(camera.near, camera.far, depth)
+                depth = limit_depth(camera.near, camera.far, depth)
                 reason = range_reason(depth)
     depth_out[view, y, x] = depth
     if reasons_out:

@@ -25,7 +25,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
     return value;
     """
 )
-def least_of_parts(value: float) -> float: ...
+def min_of_parts(value: float) -> float: ...
 
 
 @wp.struct
@@ -49,8 +49,8 @@ def box_of_parts(box: Aabb) -> Aabb:
     """Return, in every thread, the union of the boxes of all threads that share a leaf or a node."""
     whole = Aabb()
     low, high = box.low, box.high
-    whole.low = wp.vec3(least_of_parts(low[0]), least_of_parts(low[1]), least_of_parts(low[2]))
-    whole.high = -wp.vec3(least_of_parts(-high[0]), least_of_parts(-high[1]), least_of_parts(-high[2]))
+    whole.low = wp.vec3(min_of_parts(low[0]), min_of_parts(low[1]), min_of_parts(low[2]))
+    whole.high = -wp.vec3(min_of_parts(-high[0]), min_of_parts(-high[1]), min_of_parts(-high[2]))
     return whole
 
 
@@ -93,11 +93,11 @@ def refit_leaves(
             vertices[leaf_vertices[leaf, 2, lane]],
         )
         for corner in range(3):
-            place = vertices[leaf_vertices[leaf, (first + corner) % 3, lane]]
+            vertex = vertices[leaf_vertices[leaf, (first + corner) % 3, lane]]
             for axis in range(3):
-                leaves_out[leaf, 3 * corner + axis, lane] = place[axis]
-            box.low = wp.min(box.low, place)
-            box.high = wp.max(box.high, place)
+                leaves_out[leaf, 3 * corner + axis, lane] = vertex[axis]
+            box.low = wp.min(box.low, vertex)
+            box.high = wp.max(box.high, vertex)
     box = box_of_parts(box)
     if part == 0:
         set_child_box(box, leaf_slots[leaf], nodes_out)
@@ -118,8 +118,8 @@ def refit_nodes(
 
     The nodes are those of `order` from `first` on; none is an ancestor of another, and their children are up to date.
     """
-    place, part = wp.tid()
-    node = order[first + place]
+    index, part = wp.tid()
+    node = order[first + index]
 
     box = no_box()
     for lane in range(part, nodes_out.shape[2], parts):

@@ -28,7 +28,7 @@ class RemapJob:
     camera: PinholeCamera
     tree_focal: wp.float64
     cull_backfaces: int
-    at: wp.array[float]
+    pixels: wp.array[float]
     counter: wp.array[wp.int32]
     scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
     scratch_bytes: wp.array[wp.int64]
@@ -49,7 +49,7 @@ const auto& camera = job.camera;
 const RemapJob shape = {job.views, job.rows, job.columns, (int)camera.width, (int)camera.height,
                         {camera.fx, camera.fy}, {camera.cx, camera.cy}, job.tree_focal, camera.near, camera.far,
                         camera.most_inv_z, camera.clip_reach, job.cull_backfaces != 0, (const float*)poses.data,
-                        job.at.data};
+                        job.pixels.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
     RemapMemory::carve(measured, shape, scene.drawn_count, scene.levels);

@@ -77,13 +77,13 @@ class SeenTriangle:
 @wp.func
 def weights(triangle: SeenTriangle, point: wp.vec3) -> wp.vec3:
     """Return the barycentric coordinates of a point in a triangle's plane."""
-    to = point - triangle.a
+    offset = point - triangle.a
     size = wp.dot(triangle.normal, triangle.normal)
     if size == 0.0:
         return wp.vec3(1.0, 0.0, 0.0)
-    of_b = wp.dot(wp.cross(to, triangle.ac), triangle.normal) / size
-    of_c = wp.dot(wp.cross(triangle.ab, to), triangle.normal) / size
-    return wp.vec3(1.0 - of_b - of_c, of_b, of_c)
+    weight_b = wp.dot(wp.cross(offset, triangle.ac), triangle.normal) / size
+    weight_c = wp.dot(wp.cross(triangle.ab, offset), triangle.normal) / size
+    return wp.vec3(1.0 - weight_b - weight_c, weight_b, weight_c)
 
 
 @wp.func
@@ -100,7 +100,7 @@ def seen_triangle(looks: Looks, row: int, factors: wp.vec3) -> SeenTriangle:
 
 
 @wp.func
-def cube_place(direction: wp.vec3, side: int) -> wp.vec2:
+def project_to_cube(direction: wp.vec3, side: int) -> wp.vec2:
     """Project a direction to a cube's side: right, left, up, down, front, back (OpenGL 4.6, table 8.19)."""
     x, y, z = direction[0], direction[1], direction[2]
     s, t, along = float(0.0), float(0.0), float(1.0)
@@ -132,13 +132,13 @@ def cube_side(direction: wp.vec3) -> int:
 
 
 @wp.func
-def texture_place(
+def texture_coordinates(
     looks: Looks, material: MaterialLook, uv_row: int, triangle: SeenTriangle, point: wp.vec3, side: int
 ) -> wp.vec3:
     """Return the texture coordinates of a point of the object's frame, and the cube's side (-1 for no cube)."""
     if material.projection == PROJECTION_CUBE:
-        at = cube_place(wp.cw_mul(point, material.scale), side)
-        return wp.vec3(at[0], at[1], float(side))
+        cube_uv = project_to_cube(wp.cw_mul(point, material.scale), side)
+        return wp.vec3(cube_uv[0], cube_uv[1], float(side))
     uv = wp.vec2(point[0], point[1])
     if material.projection == PROJECTION_UV:
         uv = wp.vec2(0.0, 0.0)
@@ -149,7 +149,7 @@ def texture_place(
 
 
 @wp.func
-def beside(ray: wp.vec3, step: wp.vec3, depth: float, normal: wp.vec3) -> wp.vec3:
+def neighbor_offset(ray: wp.vec3, step: wp.vec3, depth: float, normal: wp.vec3) -> wp.vec3:
     """Return the offset from a hit to the intersection of a neighboring pixel's ray with the hit's plane."""
     steepness = wp.dot(normal, ray)
     if wp.abs(steepness) <= 1.0e-4 * wp.length(normal) * wp.length(ray):  # limit for surfaces seen edge-on
@@ -182,8 +182,8 @@ def textured(
     texture = looks.textures[material.texture]
     point = wp.transform_point(wp.transform_inverse(frame), seen)
     eye = wp.transform_point(wp.transform_inverse(frame), wp.transform_get_translation(camera))
-    turn = wp.quat_inverse(wp.transform_get_rotation(frame)) * wp.transform_get_rotation(camera)
-    forward = wp.quat_rotate(turn, wp.vec3(0.0, 0.0, 1.0))
+    rotation = wp.quat_inverse(wp.transform_get_rotation(frame)) * wp.transform_get_rotation(camera)
+    forward = wp.quat_rotate(rotation, wp.vec3(0.0, 0.0, 1.0))
     ray, depth = point - eye, float(1.0)
     if footprint.kind == FOOTPRINT_PINHOLE:
         depth = wp.max(wp.dot(ray, forward), 1.0e-12)
@@ -193,7 +193,7 @@ def textured(
     else:
         depth = wp.max(wp.length(ray), 1.0e-12)
         ray = ray / depth
-    right, down = wp.quat_rotate(turn, wp.vec3(1.0, 0.0, 0.0)), wp.quat_rotate(turn, wp.vec3(0.0, 1.0, 0.0))
+    right, down = wp.quat_rotate(rotation, wp.vec3(1.0, 0.0, 0.0)), wp.quat_rotate(rotation, wp.vec3(0.0, 1.0, 0.0))
     if footprint.kind == FOOTPRINT_CONE:  # any two axes perpendicular to the ray
         right = wp.normalize(wp.cross(ray, wp.where(wp.abs(wp.dot(ray, down)) < 0.9, down, right)))
         down = wp.cross(ray, right)
@@ -201,14 +201,14 @@ def textured(
     side = int(-1)
     if material.projection == PROJECTION_CUBE:
         side = cube_side(wp.cw_mul(point, material.scale))
-    across = point + beside(ray, right * footprint.size[0], depth, normal)
-    below = point + beside(ray, down * footprint.size[1], depth, normal)
+    across = point + neighbor_offset(ray, right * footprint.size[0], depth, normal)
+    below = point + neighbor_offset(ray, down * footprint.size[1], depth, normal)
     return sample(
         looks.texels,
         texture,
-        texture_place(looks, material, uv_row, triangle, point, side),
-        texture_place(looks, material, uv_row, triangle, across, side),
-        texture_place(looks, material, uv_row, triangle, below, side),
+        texture_coordinates(looks, material, uv_row, triangle, point, side),
+        texture_coordinates(looks, material, uv_row, triangle, across, side),
+        texture_coordinates(looks, material, uv_row, triangle, below, side),
         material.is_linear,
     )
 

@@ -79,20 +79,20 @@ def spread_poses(
     # In:
     object_poses: wp.array2d[wp.transform],
     columns: wp.array[wp.int32],
-    at_rest: wp.array2d[wp.transform],
+    static_poses: wp.array2d[wp.transform],
     # Out:
     poses_out: wp.array2d[wp.transform],
 ):
     """Write every object's pose in every world from the poses of movable objects; column -1 is a static object."""
     world, index = wp.tid()
-    pose = at_rest[0, index]
+    pose = static_poses[0, index]
     if columns[index] >= 0:
         pose = object_poses[world, columns[index]]
     poses_out[world, index] = pose
 
 
 @wp.func
-def meet_alone(
+def meet_isolated(
     scene: TriangleScene,
     worlds: Worlds,
     view: int,
@@ -107,9 +107,9 @@ def meet_alone(
     Depth is planar if `is_planar`; otherwise it is the distance along the ray.
     """
     if is_round:
-        met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
-        if met.w > wp.float64(0.0):
-            return float(wp.float64(1.0) / met.w)
+        solid_met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
+        if solid_met.w > wp.float64(0.0):
+            return float(wp.float64(1.0) / solid_met.w)
         return wp.inf
     direction = wp.quat_rotate(frame.rotation, ray)
     hit = first_hit(scene, worlds, view, index, wp.vec3(frame.origin), wp.vec3(direction), 0.0, 3.0e38, False)
@@ -127,14 +127,14 @@ def meet_alone(
 def is_met_from_outside(scene: TriangleScene, index: int, frame: CameraFrame, is_round: bool, ray: wp.vec3d) -> bool:
     """Return whether a ray hits an object whose box does not contain the camera: faster than finding the depth."""
     if is_round:
-        met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
-        return met.w > wp.float64(0.0)
+        solid_met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
+        return solid_met.w > wp.float64(0.0)
     direction = wp.vec3(wp.quat_rotate(frame.rotation, ray))
     return wp.mesh_query_ray_anyhit(scene.movable_mesh[index], wp.vec3(frame.origin), direction, 3.0e38)
 
 
 @wp.func
-def is_beside(point: wp.vec3d, low: wp.vec3, high: wp.vec3) -> bool:
+def is_outside_box(point: wp.vec3d, low: wp.vec3, high: wp.vec3) -> bool:
     """Return whether a point is outside a box."""
     for axis in range(3):
         if point[axis] < wp.float64(low[axis]) or point[axis] > wp.float64(high[axis]):
@@ -143,22 +143,22 @@ def is_beside(point: wp.vec3d, low: wp.vec3, high: wp.vec3) -> bool:
 
 
 @wp.func
-def touched(camera: PinholeCamera, frame: CameraFrame, canvas: Canvas, low: wp.vec3, high: wp.vec3) -> Canvas:
+def covered_canvas(camera: PinholeCamera, frame: CameraFrame, canvas: Canvas, low: wp.vec3, high: wp.vec3) -> Canvas:
     """Return the part of the canvas that a box may cover: all of it if the box extends behind the camera."""
-    none = wp.float64(0.0)
+    zero = wp.float64(0.0)
     x0, y0 = wp.float64(canvas.x1), wp.float64(canvas.y1)
     x1, y1 = wp.float64(canvas.x0), wp.float64(canvas.y0)
     behind = int(0)
     for k in range(8):
-        at = wp.vec3d(low)
+        corner_point = wp.vec3d(low)
         if k & 1 != 0:
-            at[0] = wp.float64(high[0])
+            corner_point[0] = wp.float64(high[0])
         if k & 2 != 0:
-            at[1] = wp.float64(high[1])
+            corner_point[1] = wp.float64(high[1])
         if k & 4 != 0:
-            at[2] = wp.float64(high[2])
-        p = wp.quat_rotate_inv(frame.rotation, at - frame.origin)
-        if p[2] <= none:
+            corner_point[2] = wp.float64(high[2])
+        p = wp.quat_rotate_inv(frame.rotation, corner_point - frame.origin)
+        if p[2] <= zero:
             behind += 1
         else:
             x, y = camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy
@@ -218,7 +218,7 @@ class Target:
     """An object in a view, and the depth range in which it can be visible [m]."""
 
     view: int
-    place: int
+    slot: int
     """Index among the chosen objects."""
     index: int
     """Index among the scene's objects."""
@@ -259,36 +259,36 @@ def count_pixel(
         more.visible += 1
         more.visible_box = grown(found.visible_box, x, y)
     elif shown >= 0:
-        wp.atomic_add(hidden_by, target.view, target.place, shown, 1)
+        wp.atomic_add(hidden_by, target.view, target.slot, shown, 1)
     if masks:
         mask = wp.uint8(MASK_HIDDEN)
         if is_visible:
             mask = wp.uint8(MASK_VISIBLE)
-        masks[target.view, target.place, y, x] = mask
+        masks[target.view, target.slot, y, x] = mask
     return more
 
 
 @wp.func
-def add_box(counts: wp.array3d[wp.int32], view: int, place: int, first: int, box: wp.vec4i):
+def add_box(counts: wp.array3d[wp.int32], view: int, slot: int, first: int, box: wp.vec4i):
     for k in range(4):
-        if box[k] > counts[first + k, view, place]:
-            wp.atomic_max(counts, first + k, view, place, box[k])
+        if box[k] > counts[first + k, view, slot]:
+            wp.atomic_max(counts, first + k, view, slot, box[k])
 
 
 @wp.func
-def add_found(counts: wp.array3d[wp.int32], view: int, place: int, found: Found):
+def add_found(counts: wp.array3d[wp.int32], view: int, slot: int, found: Found):
     if found.silhouette == 0:
         return
-    wp.atomic_add(counts, SILHOUETTE_PIXELS, view, place, found.silhouette)
-    add_box(counts, view, place, SILHOUETTE_BOX, found.silhouette_box)
+    wp.atomic_add(counts, SILHOUETTE_PIXELS, view, slot, found.silhouette)
+    add_box(counts, view, slot, SILHOUETTE_BOX, found.silhouette_box)
     if found.image == 0:
         return
-    wp.atomic_add(counts, IMAGE_PIXELS, view, place, found.image)
-    wp.atomic_add(counts, TOO_NEAR_PIXELS, view, place, found.too_near)
-    wp.atomic_add(counts, TOO_FAR_PIXELS, view, place, found.too_far)
+    wp.atomic_add(counts, IMAGE_PIXELS, view, slot, found.image)
+    wp.atomic_add(counts, TOO_NEAR_PIXELS, view, slot, found.too_near)
+    wp.atomic_add(counts, TOO_FAR_PIXELS, view, slot, found.too_far)
     if found.visible > 0:
-        wp.atomic_add(counts, VISIBLE_PIXELS, view, place, found.visible)
-        add_box(counts, view, place, VISIBLE_BOX, found.visible_box)
+        wp.atomic_add(counts, VISIBLE_PIXELS, view, slot, found.visible)
+        add_box(counts, view, slot, VISIBLE_BOX, found.visible_box)
 
 
 @wp.kernel
@@ -315,25 +315,25 @@ def measure_silhouettes(
     All objects of the scene must be movable and detached. `threads` threads share an object in a view. `masks_out`, if
     not None, is set to `MASK_HIDDEN` or `MASK_VISIBLE` where the silhouette is in the image.
     """
-    view, place, first = wp.tid()
+    view, slot, first = wp.tid()
     view += window.first_view
-    place += window.first_row
+    slot += window.first_row
 
-    index = chosen.index[place]
+    index = chosen.index[slot]
     world = world_of(worlds, view)
     if world < 0 or is_excluded(worlds, view, index):
         return
-    if canvas.beyond_only != 0 and canvas.seen_only != 0 and counts_out[VISIBLE_PIXELS, view, place] == 0:
+    if canvas.beyond_only != 0 and canvas.seen_only != 0 and counts_out[VISIBLE_PIXELS, view, slot] == 0:
         return
     frame = seen_from(camera_frame(camera_to_world[view]), worlds.object_poses[world, index])
     is_round = shows_solid(scene.movable_solid[index], scene.movable_size[index], frame.origin)
     low, high = chosen.boxes[index, 0], chosen.boxes[index, 1]
-    part = touched(camera, frame, canvas, low, high)
-    beside = is_beside(frame.origin, low, high)
+    part = covered_canvas(camera, frame, canvas, low, high)
+    is_outside = is_outside_box(frame.origin, low, high)
     width = part.x1 - part.x0
     target = Target()
     target.view = view
-    target.place = place
+    target.slot = slot
     target.index = index
     target.near = camera.near
     target.far = camera.far
@@ -344,27 +344,27 @@ def measure_silhouettes(
         is_in_image = x >= 0 and y >= 0 and x < int(camera.width) and y < int(camera.height)
         if is_in_image and canvas.beyond_only != 0:
             continue
-        if beside and not is_in_image:
+        if is_outside and not is_in_image:
             if is_met_from_outside(scene, index, frame, is_round, ray):
                 found = count_silhouette(found, x, y)
             continue
-        z = meet_alone(scene, worlds, view, index, frame, is_round, ray, True)
+        z = meet_isolated(scene, worlds, view, index, frame, is_round, ray, True)
         if not wp.isfinite(z):
             continue
         found = count_silhouette(found, x, y)
         if is_in_image:
             length = float(wp.length(ray))
             found = count_pixel(found, target, seen, y, x, z, length, hidden_by_out, masks_out)
-    add_found(counts_out, view, place, found)
+    add_found(counts_out, view, slot, found)
 
 
 @wp.func
-def box_of(counts: wp.array3d[wp.int32], view: int, place: int, first: int) -> wp.vec4i:
+def box_of(counts: wp.array3d[wp.int32], view: int, slot: int, first: int) -> wp.vec4i:
     """Return x, y, width and height of a box, or -1 for each if it is empty."""
-    if counts[first, view, place] == 0:
+    if counts[first, view, slot] == 0:
         return wp.vec4i(-1, -1, -1, -1)
-    x, y = BOX_MIDDLE - counts[first, view, place], BOX_MIDDLE - counts[first + 1, view, place]
-    last_x, last_y = counts[first + 2, view, place] - BOX_MIDDLE, counts[first + 3, view, place] - BOX_MIDDLE
+    x, y = BOX_MIDDLE - counts[first, view, slot], BOX_MIDDLE - counts[first + 1, view, slot]
+    last_x, last_y = counts[first + 2, view, slot] - BOX_MIDDLE, counts[first + 3, view, slot] - BOX_MIDDLE
     return wp.vec4i(x, y, last_x - x + 1, last_y - y + 1)
 
 
@@ -373,11 +373,11 @@ def reason(visible: int, hidden: int, near: int, far: int, outside: int, min_pix
     """Return an object's visibility status: the most frequent reason why its pixels in the image are not visible."""
     if visible >= min_pixels and visible > 0:
         return VISIBLE
-    most = wp.max(hidden, wp.max(near, far))
-    if most > 0:
-        if hidden == most:
+    max_count = wp.max(hidden, wp.max(near, far))
+    if max_count > 0:
+        if hidden == max_count:
             return OCCLUDED
-        if near == most:
+        if near == max_count:
             return TOO_NEAR
         return TOO_FAR
     if visible > 0 and outside == 0:
@@ -399,21 +399,21 @@ def judge_silhouettes(
     silhouette_box_out: wp.array2d[wp.vec4i],
 ):
     """Derive visible fraction, status, main occluder and boxes from the counters of an object in a view."""
-    view, place = wp.tid()
-    visible, inside = counts[VISIBLE_PIXELS, view, place], counts[IMAGE_PIXELS, view, place]
-    whole = counts[SILHOUETTE_PIXELS, view, place]
-    near, far = counts[TOO_NEAR_PIXELS, view, place], counts[TOO_FAR_PIXELS, view, place]
+    view, slot = wp.tid()
+    visible, inside = counts[VISIBLE_PIXELS, view, slot], counts[IMAGE_PIXELS, view, slot]
+    whole = counts[SILHOUETTE_PIXELS, view, slot]
+    near, far = counts[TOO_NEAR_PIXELS, view, slot], counts[TOO_FAR_PIXELS, view, slot]
     fraction = float(0.0)
     if whole > 0:
         fraction = float(wp.float64(visible) / wp.float64(whole))
-    fraction_out[view, place] = fraction
-    status_out[view, place] = reason(visible, inside - visible - near - far, near, far, whole - inside, min_pixels)
-    occluder, most = int(-1), int(0)
+    fraction_out[view, slot] = fraction
+    status_out[view, slot] = reason(visible, inside - visible - near - far, near, far, whole - inside, min_pixels)
+    occluder, max_count = int(-1), int(0)
     for index in range(hidden_by.shape[2]):
-        pixels = hidden_by[view, place, index]
-        if pixels > most:
+        pixels = hidden_by[view, slot, index]
+        if pixels > max_count:
             occluder = index
-            most = pixels
-    occluder_out[view, place] = occluder
-    visible_box_out[view, place] = box_of(counts, view, place, VISIBLE_BOX)
-    silhouette_box_out[view, place] = box_of(counts, view, place, SILHOUETTE_BOX)
+            max_count = pixels
+    occluder_out[view, slot] = occluder
+    visible_box_out[view, slot] = box_of(counts, view, slot, VISIBLE_BOX)
+    silhouette_box_out[view, slot] = box_of(counts, view, slot, SILHOUETTE_BOX)

@@ -8,7 +8,7 @@ Disparities are integers in 1/8 px throughout, so that sums over windows are exa
 import warp as wp
 
 from warpvis.kernels.constants import REASON_EDGE, REASON_EMPTY
-from warpvis.kernels.noise import range_reason, said_depth
+from warpvis.kernels.noise import limit_depth, range_reason
 from warpvis.kernels.pinhole import PinholeCamera, Window
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
@@ -21,7 +21,7 @@ REACH = wp.constant(4)
 """Half width of a dot's window, without the center [px]."""
 NEAR_MEAN = wp.constant(0.8)
 """Largest deviation from the window's mean, in levels, at which a disparity at the window's center is near it."""
-NEAR_MEAN_APART = wp.constant(1.152)
+NEAR_MEAN_SCALE = wp.constant(1.152)
 """The same elsewhere, times the squared distance from the center: 0.1 px by weights of 1 / (1.2^2 r^2)."""
 STEPS_AT_ONE = wp.constant(35130.0)
 """Disparity in steps at a depth of one unit."""
@@ -38,7 +38,7 @@ class SimKinectModel:
 
 
 @wp.func
-def depth_or_none(true_depth: wp.array3d[float], view: int, y: int, x: int) -> float:
+def depth_or_zero(true_depth: wp.array3d[float], view: int, y: int, x: int) -> float:
     """Return the depth of a pixel; 0 if it is not finite or the pixel is outside the image."""
     if y >= true_depth.shape[1] or x >= true_depth.shape[2]:
         return 0.0
@@ -66,10 +66,10 @@ def shift_to_levels(
     down = wp.clamp(float(y) + model.shift * normals_down[view, y, x], 0.0, float(height))
     column, row = int(across), int(down)
     right, below = across - float(column), down - float(row)
-    upper = (1.0 - right) * depth_or_none(true_depth, view, row, column)
-    upper += right * depth_or_none(true_depth, view, row, column + 1)
-    lower = (1.0 - right) * depth_or_none(true_depth, view, row + 1, column)
-    lower += right * depth_or_none(true_depth, view, row + 1, column + 1)
+    upper = (1.0 - right) * depth_or_zero(true_depth, view, row, column)
+    upper += right * depth_or_zero(true_depth, view, row, column + 1)
+    lower = (1.0 - right) * depth_or_zero(true_depth, view, row + 1, column)
+    lower += right * depth_or_zero(true_depth, view, row + 1, column + 1)
     depth = (1.0 - below) * upper + below * lower
     level = wp.rint(LEVELS * (model.disparity_scale / (depth + 1.0e-10)))
     levels_out[view, y, x] = wp.where(level < MAX_LEVEL, int(level), 0)
@@ -82,7 +82,7 @@ def keep_dots(
     dots: wp.array2d[wp.uint8],
     levels: wp.array3d[int],
     # Out:
-    kept_out: wp.array3d[int],
+    detected_out: wp.array3d[int],
 ):
     """Write levels at detected dots, whose window receives enough light from dots near its mean; 0 elsewhere.
 
@@ -92,7 +92,7 @@ def keep_dots(
     view += window.first_view
     y += window.first_row
     rows, columns = wp.min(levels.shape[1], dots.shape[0]), wp.min(levels.shape[2], dots.shape[1])
-    kept = int(0)
+    detected = int(0)
     if y >= REACH and x >= REACH and y < rows - REACH - 1 and x < columns - REACH - 1 and dots[y, x] != wp.uint8(0):
         count, total, light = int(0), int(0), int(0)
         for row in range(y - REACH, y + REACH + 1):
@@ -108,13 +108,13 @@ def keep_dots(
                 level = levels[view, row, column]
                 if dot > 0 and level > 0:
                     squared = (row - y) * (row - y) + (column - x) * (column - x)
-                    share = wp.where(squared > 0, NEAR_MEAN_APART * float(squared), NEAR_MEAN)
+                    share = wp.where(squared > 0, NEAR_MEAN_SCALE * float(squared), NEAR_MEAN)
                     if float(wp.abs(level * count - total)) < share * float(count):
                         found += dot
         # More than 1 / 1.2 of the light in the window.
         if 6 * found > 5 * light:
-            kept = levels[view, y, x]
-    kept_out[view, y, x] = kept
+            detected = levels[view, y, x]
+    detected_out[view, y, x] = detected
 
 
 @wp.kernel
@@ -125,7 +125,7 @@ def fill_from_dots(
     # In:
     model: SimKinectModel,
     true_depth: wp.array3d[float],
-    kept: wp.array3d[int],
+    detected: wp.array3d[int],
     nearest: wp.array[wp.vec2i],
     normals: wp.array3d[float],
     # Out:
@@ -142,8 +142,8 @@ def fill_from_dots(
     level = int(0)
     for number in range(nearest.shape[0]):
         column, row = x + nearest[number][0], y + nearest[number][1]
-        if row >= 0 and column >= 0 and row < kept.shape[1] and column < kept.shape[2]:
-            level = kept[view, row, column]
+        if row >= 0 and column >= 0 and row < detected.shape[1] and column < detected.shape[2]:
+            level = detected[view, row, column]
             if level > 0:
                 break
     depth = float(wp.inf)
@@ -152,7 +152,7 @@ def fill_from_dots(
         units = wp.rint(model.disparity_scale / (float(level) / LEVELS) * model.units)
         steps = wp.rint(STEPS_AT_ONE / units + model.sigma * normals[view, y, x] + 0.5)
         # Depth is infinite below the first step of disparity.
-        depth = said_depth(camera.near, camera.far, wp.where(steps > 0.0, STEPS_AT_ONE / steps / model.units, wp.inf))
+        depth = limit_depth(camera.near, camera.far, wp.where(steps > 0.0, STEPS_AT_ONE / steps / model.units, wp.inf))
         reason = range_reason(depth)
     elif wp.isfinite(true_depth[view, y, x]):
         depth = wp.nan

@@ -32,17 +32,17 @@ def to_shape(v: wp.vec3d, size: wp.vec4) -> wp.vec3d:
 
 
 @wp.func
-def stretch_of(kind: int, made: wp.vec4, now: wp.vec4) -> wp.vec3d:
+def stretch_of(kind: int, original: wp.vec4, current: wp.vec4) -> wp.vec3d:
     """Return the scale factors of an object's triangles: `Stretch` of ``native/shared/stretch.h``."""
-    factors = wp.vec3d(wp.float64(now[0]), wp.float64(now[1]), wp.float64(now[2]))
+    factors = wp.vec3d(wp.float64(current[0]), wp.float64(current[1]), wp.float64(current[2]))
     if kind == SOLID_NONE:
         return factors
     longer, end = wp.float64(1.0), wp.float64(0.0)
     if kind == SOLID_CAPSULE:
         end = wp.float64(1.0)
     if kind != SOLID_BALL:
-        longer = (wp.float64(now[3]) + end) / (wp.float64(made[3]) + end)
-    factors = to_shape(factors, made)
+        longer = (wp.float64(current[3]) + end) / (wp.float64(original[3]) + end)
+    factors = to_shape(factors, original)
     return wp.vec3d(factors[0], factors[1], factors[2] * longer)
 
 
@@ -71,29 +71,29 @@ def meet_ball(o: wp.vec3d, d: wp.vec3d) -> wp.float64:
 @wp.func
 def meet_side(half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> wp.float64:
     """Return w of the intersection with a cylinder's side; 0 for a miss."""
-    none = wp.float64(0.0)
+    zero = wp.float64(0.0)
     c = o[0] * o[0] + o[1] * o[1] - wp.float64(1.0)
     e = o[0] * d[1] - o[1] * d[0]
     b = -(o[0] * d[0] + o[1] * d[1])
     square = d[0] * d[0] + d[1] * d[1] - e * e
-    if c <= none or square < none or b <= none:
-        return none
+    if c <= zero or square < zero or b <= zero:
+        return zero
     w = (b + wp.sqrt(square)) / c
     if wp.abs(o[2] * w + d[2]) > half * w:
-        return none
+        return zero
     return w
 
 
 @wp.func
 def meet_end(half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> wp.float64:
     """Return w of the intersection with a cylinder's flat end that faces the ray's origin; 0 for a miss."""
-    none = wp.float64(0.0)
+    zero = wp.float64(0.0)
     if wp.abs(o[2]) <= half:
-        return none
+        return zero
     w = d[2] / (wp.sign(o[2]) * half - o[2])
     x, y = o[0] * w + d[0], o[1] * w + d[1]
-    if w <= none or x * x + y * y > w * w:
-        return none
+    if w <= zero or x * x + y * y > w * w:
+        return zero
     return w
 
 
@@ -133,14 +133,14 @@ def meet_solid(kind: int, half: wp.float64, o: wp.vec3d, d: wp.vec3d) -> SolidHi
 @wp.func
 def normal_of_solid(kind: int, size: wp.vec4, part: int, p: wp.vec3d) -> wp.vec3d:
     """Return the outward unit normal in the object's frame at a surface point, which is in the shape frame."""
-    none, half = wp.float64(0.0), wp.float64(size[3])
+    zero, half = wp.float64(0.0), wp.float64(size[3])
     slope = p
     if kind != SOLID_BALL and part == PART_SIDE:
-        slope = wp.vec3d(p[0], p[1], none)
+        slope = wp.vec3d(p[0], p[1], zero)
     elif kind == SOLID_CYLINDER:
-        slope = wp.vec3d(none, none, p[2])
+        slope = wp.vec3d(zero, zero, p[2])
     elif part == PART_UPPER:
-        slope = p - wp.vec3d(none, none, half)
+        slope = p - wp.vec3d(zero, zero, half)
     elif part == PART_LOWER:
-        slope = p + wp.vec3d(none, none, half)
+        slope = p + wp.vec3d(zero, zero, half)
     return wp.normalize(to_shape(slope, size))

@@ -82,20 +82,20 @@ def place_other_eyes(
     pose = camera_to_world[view]
     rotation = pose_rotation(pose)
     origin = pose_origin(pose)
-    place = wp.vec3(origin + wp.quat_rotate(rotation, wp.vec3d(baseline, wp.float64(0.0), wp.float64(0.0))))
-    pose_out[view] = wp.transform(place, wp.transform_get_rotation(pose))
+    position = wp.vec3(origin + wp.quat_rotate(rotation, wp.vec3d(baseline, wp.float64(0.0), wp.float64(0.0))))
+    pose_out[view] = wp.transform(position, wp.transform_get_rotation(pose))
     eye = OtherEye()
-    eye.place = wp.quat_rotate_inv(rotation, wp.vec3d(place) - origin)
+    eye.place = wp.quat_rotate_inv(rotation, wp.vec3d(position) - origin)
     eye.axes = wp.mat33(wp.quat_to_matrix(rotation))
     eye_out[view] = eye
 
 
 IMAGES = """
-const StereoImages images = {given.true_depth.shape[1], given.true_depth.shape[2], given.true_depth.data,
-                             given.other_depth.data, (const float*)given.normals.data, given.segmentation.data,
-                             given.reflectivity.data, given.nodes.data, given.nodes.shape[1], given.nodes.shape[2],
-                             (const float*)given.weights.data, given.column_nodes.data, given.left_weights.data,
-                             given.right_weights.data, given.column_slopes.data, given.row_slopes.data,
+const StereoImages images = {views.true_depth.shape[1], views.true_depth.shape[2], views.true_depth.data,
+                             views.other_depth.data, (const float*)views.normals.data, views.segmentation.data,
+                             views.reflectivity.data, views.nodes.data, views.nodes.shape[1], views.nodes.shape[2],
+                             (const float*)views.weights.data, views.column_nodes.data, views.left_weights.data,
+                             views.right_weights.data, views.column_slopes.data, views.row_slopes.data,
                              DEPTH_OUT, REASONS_OUT};
 """
 PLACE = (
@@ -124,7 +124,7 @@ _HEADERS = ("shared/constants.h", *RANDOM_HEADERS, "shared/random_pixel.h", *STE
 @wp.func_native(read_native(*_HEADERS) + MEASURE + "StereoRows::measure(stereo, images, seen, y, x);")
 def measure_pixel(
     model: StereoModel,
-    given: StereoViews,
+    views: StereoViews,
     eye: OtherEye,
     draw: wp.vec2ui,
     view: int,
@@ -142,7 +142,7 @@ def measure_stereo(
     window: Window,
     # In:
     model: StereoModel,
-    given: StereoViews,
+    views: StereoViews,
     # Out:
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
@@ -151,13 +151,13 @@ def measure_stereo(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    measure_pixel(model, given, eyes[view], given.draws[view], view, y, x, depth_out, reasons_out)
+    measure_pixel(model, views, eyes[view], views.draws[view], view, y, x, depth_out, reasons_out)
 
 
 @wp.func_native(read_native(*_HEADERS) + PLACE + "image.show(images, view, y, x, (float*)points_out.data);")
 def place_pixel(
     camera: PinholeCamera,
-    given: StereoViews,
+    views: StereoViews,
     eye: OtherEye,
     added_columns: float,
     least_depth: float,
@@ -175,7 +175,7 @@ def place_in_other_eyes(
     eyes: wp.array[OtherEye],
     window: Window,
     # In:
-    given: StereoViews,
+    views: StereoViews,
     added_columns: float,
     least_depth: float,
     # Out:
@@ -188,4 +188,4 @@ def place_in_other_eyes(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    place_pixel(other, given, eyes[view], added_columns, least_depth, view, y, x, points_out)
+    place_pixel(other, views, eyes[view], added_columns, least_depth, view, y, x, points_out)

@@ -17,7 +17,7 @@ _HEADERS = read_native(*LANE_HEADERS, *STEREO_HEADERS)
 @wp.func_native(_HEADERS + MEASURE + "StereoRows::measure_row(stereo, images, seen, y);")
 def measure_row(
     model: StereoModel,
-    given: StereoViews,
+    views: StereoViews,
     eye: OtherEye,
     draw: wp.vec2ui,
     view: int,
@@ -34,7 +34,7 @@ def measure_stereo_rows(
     window: Window,
     # In:
     model: StereoModel,
-    given: StereoViews,
+    views: StereoViews,
     # Out:
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
@@ -43,13 +43,13 @@ def measure_stereo_rows(
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
-    measure_row(model, given, eyes[view], given.draws[view], view, y, depth_out, reasons_out)
+    measure_row(model, views, eyes[view], views.draws[view], view, y, depth_out, reasons_out)
 
 
 @wp.func_native(_HEADERS + PLACE + "image.show_row(images, view, y, (float*)points_out.data);")
 def place_row(
     camera: PinholeCamera,
-    given: StereoViews,
+    views: StereoViews,
     eye: OtherEye,
     added_columns: float,
     least_depth: float,
@@ -66,7 +66,7 @@ def place_rows_in_other_eyes(
     eyes: wp.array[OtherEye],
     window: Window,
     # In:
-    given: StereoViews,
+    views: StereoViews,
     added_columns: float,
     least_depth: float,
     # Out:
@@ -76,4 +76,4 @@ def place_rows_in_other_eyes(
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
-    place_row(other, given, eyes[view], added_columns, least_depth, view, y, points_out)
+    place_row(other, views, eyes[view], added_columns, least_depth, view, y, points_out)

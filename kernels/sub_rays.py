@@ -39,17 +39,17 @@ def is_edge(
 ) -> bool:
     """Return whether a neighbor (of eight) differs from the pixel's plane by at least `edge_step` in depth."""
     depth = true_depth[view, y, x]
-    there = depth < wp.inf
+    has_depth = depth < wp.inf
     plane = depth * wp.dot(normal, ray)
     across, down = normal[0] / float(camera.fx), normal[1] / float(camera.fy)
     for k in range(9):
         i, j = x + k % 3 - 1, y + k / 3 - 1
         if k != 4 and i >= 0 and j >= 0 and i < true_depth.shape[2] and j < true_depth.shape[1]:
-            other = true_depth[view, j, i]
-            if (other < wp.inf) != there:
+            neighbor = true_depth[view, j, i]
+            if (neighbor < wp.inf) != has_depth:
                 return True
             slope = wp.dot(normal, ray) + float(i - x) * across + float(j - y) * down
-            if there and (slope * plane <= 0.0 or wp.abs(other * slope - plane) >= edge_step * wp.abs(slope)):
+            if has_depth and (slope * plane <= 0.0 or wp.abs(neighbor * slope - plane) >= edge_step * wp.abs(slope)):
                 return True
     return False
 
@@ -73,10 +73,10 @@ def find_edges(
     y += window.first_row
     ray = wp.vec3(pixel_ray(camera, y, x))
     normal = normals[view, y, x] * axes[view]
-    place = int(-1)
+    pixel = int(-1)
     if is_edge(camera, true_depth, ray, normal, edge_step, view, y, x):
-        place = y * true_depth.shape[2] + x
-    edges_out[view, y, x] = place
+        pixel = y * true_depth.shape[2] + x
+    edges_out[view, y, x] = pixel
 
 
 @wp.kernel
@@ -104,18 +104,18 @@ def number_edges(
     `edges_out` contains pixel indices on input and edge numbers on output; `pixels_out` is the inverse mapping.
     """
     view, pixel = wp.tid()
-    place = edges_out[view, pixel]
-    if place < 0:
+    index = edges_out[view, pixel]
+    if index < 0:
         return
     number = sums[view, pixel] - 1
     if view > 0:
         number -= sums[view - 1, sums.shape[1] - 1]
     edges_out[view, pixel] = number
-    pixels_out[view, number] = place
+    pixels_out[view, number] = index
 
 
 @wp.func
-def sub_ray_place(i: int, j: int) -> wp.vec2:
+def sub_ray_position(i: int, j: int) -> wp.vec2:
     """Return a sub-ray's position in its pixel: one in each of 16 equal squares, each of 16 rows and 16 columns."""
     side = float(SIDE)
     return wp.vec2((float(i) + (float(j) + 0.5) / side) / side, (float(j) + (float(i) + 0.5) / side) / side)
@@ -150,8 +150,8 @@ def place_sub_rays(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    place = wp.vec2(wp.nan, wp.nan)
+    position = wp.vec2(wp.nan, wp.nan)
     pixel = pixels[view, first + pixel_of_sub_ray(y, x)]
     if pixel >= 0:
-        place = wp.vec2(float(pixel % width), float(pixel / width)) + sub_ray_place(x % SIDE, y % SIDE)
-    points_out[view, y, x] = place
+        position = wp.vec2(float(pixel % width), float(pixel / width)) + sub_ray_position(x % SIDE, y % SIDE)
+    points_out[view, y, x] = position

@@ -74,21 +74,21 @@ def wrapped(index: int, size: int, mode: int) -> int:
     """Return the index of a texel for an index outside of the texture."""
     if mode == WRAP_CLAMP:
         return wp.clamp(index, 0, size - 1)
-    turn = index // size
-    if index < turn * size:  # division rounds towards 0
-        turn -= 1
-    at = index - turn * size
-    if mode == WRAP_MIRROR and (turn & 1) != 0:
-        return size - 1 - at
-    return at
+    repetition = index // size
+    if index < repetition * size:  # division rounds towards 0
+        repetition -= 1
+    offset = index - repetition * size
+    if mode == WRAP_MIRROR and (repetition & 1) != 0:
+        return size - 1 - offset
+    return offset
 
 
 @wp.func
 def fetch(
-    texels: wp.array[wp.uint32], texture: TextureLook, first: int, size: wp.vec2i, at: wp.vec2i, linear: bool
+    texels: wp.array[wp.uint32], texture: TextureLook, first: int, size: wp.vec2i, index: wp.vec2i, linear: bool
 ) -> wp.vec4:
     """Return a texel of a level, converted to linear space if `linear`, and to display color space otherwise."""
-    column, row = wrapped(at[0], size[0], texture.wrap_u), wrapped(at[1], size[1], texture.wrap_v)
+    column, row = wrapped(index[0], size[0], texture.wrap_u), wrapped(index[1], size[1], texture.wrap_v)
     color = texel_color(texels[first + row * size[0] + column])
     if linear and not texture.is_linear:
         return to_linear_color(color)
@@ -141,16 +141,16 @@ def sample(
     if side >= 0:
         height = height // CUBE_SIDES
     size = wp.vec2(float(texture.width), float(height))
-    one = wp.length(wp.cw_mul(wp.vec2(across[0] - uv[0], across[1] - uv[1]), size))
-    other = wp.length(wp.cw_mul(wp.vec2(down[0] - uv[0], down[1] - uv[1]), size))
-    longest = wp.max(one, other)
+    length_across = wp.length(wp.cw_mul(wp.vec2(across[0] - uv[0], across[1] - uv[1]), size))
+    length_down = wp.length(wp.cw_mul(wp.vec2(down[0] - uv[0], down[1] - uv[1]), size))
+    longest = wp.max(length_across, length_down)
     level = float(0.0)
     if longest > 1.0 and texture.filter == TEXTURE_LINEAR_FILTER:
         level = wp.min(wp.log2(longest), float(texture.levels - 1))
     finer = int(level)
-    at = wp.vec2(uv[0], uv[1])
-    color = sample_level(texels, texture, finer, at, side, linear)
+    position = wp.vec2(uv[0], uv[1])
+    color = sample_level(texels, texture, finer, position, side, linear)
     if level > float(finer):
-        coarser = sample_level(texels, texture, finer + 1, at, side, linear)
+        coarser = sample_level(texels, texture, finer + 1, position, side, linear)
         color = wp.lerp(color, coarser, level - float(finer))
     return color

@@ -89,10 +89,10 @@ def cosine(turns: wp.float64) -> wp.float64:
 def angle(x: wp.float64, y: wp.float64) -> wp.float64:
     """Return the angle of a phasor in [0, 1) [cycles] by a polynomial with an error below 2e-12."""
     zero = wp.float64(0.0)
-    least, most = wp.min(wp.abs(x), wp.abs(y)), wp.max(wp.abs(x), wp.abs(y))
-    if most == zero:
+    small, large = wp.min(wp.abs(x), wp.abs(y)), wp.max(wp.abs(x), wp.abs(y))
+    if large == zero:
         return zero
-    t = least / most
+    t = small / large
     s = t * t
     total = s * wp.float64(6.846281285625003e-05) - wp.float64(0.0005190813772065897)
     total = total * s + wp.float64(0.0018465664310945834)
@@ -134,16 +134,16 @@ def light_of(
 @wp.func
 def unwrap(model: FlightModel, phases: wp.vec3d) -> wp.float64:
     """Return the range that fits the phases of all frequencies best, and the phase of the first one exactly."""
-    best, least = wp.float64(0.0), wp.float64(wp.inf)
+    best, min_error = wp.float64(0.0), wp.float64(wp.inf)
     for lap in range(model.laps):
         found = (phases[0] + wp.float64(lap)) / model.turns[0]
-        rest = wp.float64(0.0)
+        error = wp.float64(0.0)
         for k in range(1, model.frequencies):
-            apart = phases[k] - model.turns[k] * found
-            apart = apart - wp.floor(apart + wp.float64(0.5))
-            rest += apart * apart
-        if rest < least:
-            best, least = found, rest
+            difference = phases[k] - model.turns[k] * found
+            difference = difference - wp.floor(difference + wp.float64(0.5))
+            error += difference * difference
+        if error < min_error:
+            best, min_error = found, error
     return best
 
 
@@ -195,13 +195,15 @@ def mix_sub_rays(
     mix = wp.vec4(wp.inf, 0.0, 0.0, 0.0)
     if all_light > wp.float64(0.0):
         phases = wp.vec3d()
-        least = wp.float64(1.0)
+        coherence_of_all = wp.float64(1.0)
         for k in range(model.frequencies):
             phases[k] = angle(real[k], imaginary[k])
-            least = wp.min(least, wp.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k]) / all_light)
+            coherence_of_all = wp.min(
+                coherence_of_all, wp.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k]) / all_light
+            )
         coherence = wp.sqrt(real[0] * real[0] + imaginary[0] * imaginary[0]) / all_light
         found = float(unwrap(model, phases))
-        if least < wp.float64(model.least_coherence):
+        if coherence_of_all < wp.float64(model.least_coherence):
             found = wp.nan
         part = wp.float64(1.0 / float(SUB_RAYS))
         mix = wp.vec4(
@@ -242,7 +244,7 @@ def measure_time_of_flight(
     window: Window,
     # In:
     model: FlightModel,
-    given: FlightViews,
+    views: FlightViews,
     # Out:
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
@@ -254,38 +256,38 @@ def measure_time_of_flight(
 
     ray = pixel_ray(camera, y, x)
     length = wp.sqrt(wp.dot(ray, ray))
-    depth, slot = wp.float64(given.true_depth[view, y, x]), int(-1)
-    if given.slots:
-        slot = given.slots[view, y, x]
+    depth, slot = wp.float64(views.true_depth[view, y, x]), int(-1)
+    if views.slots:
+        slot = views.slots[view, y, x]
     found = wp.vec4(wp.inf, 0.0, 0.0, 0.0)
     if slot >= 0:
-        found = given.mixes[view, slot]
+        found = views.mixes[view, slot]
         depth = wp.float64(found[0]) / length
-    elif given.true_depth[view, y, x] < wp.inf:
+    elif views.true_depth[view, y, x] < wp.inf:
         hit = int(-1)
-        if given.segmentation:
-            hit = given.segmentation[view, y, x]
+        if views.segmentation:
+            hit = views.segmentation[view, y, x]
         light = light_of(
-            ray, axes[view], given.true_depth[view, y, x], given.normals[view, y, x], hit, given.reflectivity
+            ray, axes[view], views.true_depth[view, y, x], views.normals[view, y, x], hit, views.reflectivity
         )
         found = wp.vec4(float(light[0]), float(light[1]), float(light[1]), float(light[2]))
 
     reason = judge_light(model, found)
-    said = float(wp.nan)
+    measured = float(wp.nan)
     if reason == REASON_EMPTY:
-        said = wp.inf
+        measured = wp.inf
     elif reason == REASON_VALID:
         noise = float(0.0)
         if model.noise_scale > 0.0:
-            number = given.draws[view]
+            number = views.draws[view]
             noise = to_normal(random_word(model.seed, NOISE_STREAM, number[0], number[1], y, x))
-        said = float(depth + measured_error(model, found, depth * length, noise) / length)
-        if wp.isnan(said):  # the noise overflowed
+        measured = float(depth + measured_error(model, found, depth * length, noise) / length)
+        if wp.isnan(measured):  # the noise overflowed
             reason = REASON_DROPOUT
-        elif said < model.near:
-            said, reason = -wp.inf, REASON_RANGE
-        elif said > model.far:
-            said, reason = wp.inf, REASON_RANGE
-    depth_out[view, y, x] = said
+        elif measured < model.near:
+            measured, reason = -wp.inf, REASON_RANGE
+        elif measured > model.far:
+            measured, reason = wp.inf, REASON_RANGE
+    depth_out[view, y, x] = measured
     if reasons_out:
         reasons_out[view, y, x] = wp.uint8(reason)

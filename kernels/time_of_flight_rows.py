@@ -23,12 +23,12 @@ for (int k = 0; k < 9; ++k) seen.axes[k] = axes.data[k / 3][k % 3];
 
 @wp.func_native(
     _HEADERS
-    + _SEEN.replace("SEEN", "given.true_depth").replace("NORMALS", "given.normals")
+    + _SEEN.replace("SEEN", "views.true_depth").replace("NORMALS", "views.normals")
     + """
-if (given.segmentation.data) seen.segmentation = given.segmentation.data + view_place;
-seen.reflectivity = given.reflectivity.data;
-if (given.slots.data) seen.slots = given.slots.data + view_place;
-if (given.slots.data) seen.mixes = (const float*)given.mixes.data + 4LL * view * given.mixes.shape[1];
+if (views.segmentation.data) seen.segmentation = views.segmentation.data + view_place;
+seen.reflectivity = views.reflectivity.data;
+if (views.slots.data) seen.slots = views.slots.data + view_place;
+if (views.slots.data) seen.mixes = (const float*)views.mixes.data + 4LL * view * views.mixes.shape[1];
 const long long row_place = view_place + (long long)y * width;
 const NoiseRow row = {width, y, {model.seed, draw[0], draw[1]}, nullptr, depth_out.data + row_place,
                       reasons_out.data ? reasons_out.data + row_place : nullptr};
@@ -42,7 +42,7 @@ def measure_row(
     camera: PinholeCamera,
     axes: wp.mat33,
     model: FlightModel,
-    given: FlightViews,
+    views: FlightViews,
     draw: wp.vec2ui,
     view: int,
     y: int,
@@ -59,7 +59,7 @@ def measure_time_of_flight_rows(
     window: Window,
     # In:
     model: FlightModel,
-    given: FlightViews,
+    views: FlightViews,
     # Out:
     depth_out: wp.array3d[float],
     reasons_out: wp.array3d[wp.uint8],
@@ -68,7 +68,7 @@ def measure_time_of_flight_rows(
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
-    measure_row(camera, axes[view], model, given, given.draws[view], view, y, depth_out, reasons_out)
+    measure_row(camera, axes[view], model, views, views.draws[view], view, y, depth_out, reasons_out)
 
 
 @wp.func_native(

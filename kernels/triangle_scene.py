@@ -59,7 +59,7 @@ def steps_of(scene: TriangleScene) -> wp.array[InstanceStep]:
 
 
 @wp.func
-def place_in(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.transform:
+def pose_in(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -> wp.transform:
     """Return the pose of a movable object or an instance in a world; instances have one pose in all worlds."""
     if movable >= scene.movable_count:
         return steps_of(scene)[movable - scene.movable_count].pose
@@ -80,8 +80,8 @@ def factors_of(scene: TriangleScene, worlds: Worlds, world: int, movable: int) -
     one = wp.float64(1.0)
     if movable < 0 or movable >= scene.movable_count or not worlds.object_sizes:
         return wp.vec3d(one, one, one)
-    made, now = scene.movable_size[movable], worlds.object_sizes[world, movable]
-    return stretch_of(scene.movable_solid[movable], made, now)
+    original, current = scene.movable_size[movable], worlds.object_sizes[world, movable]
+    return stretch_of(scene.movable_solid[movable], original, current)
 
 
 @wp.func
@@ -174,12 +174,12 @@ def camera_frame(pose: wp.transform) -> CameraFrame:
 
 
 @wp.func
-def seen_from(camera: CameraFrame, place: wp.transform) -> CameraFrame:
+def seen_from(camera: CameraFrame, pose: wp.transform) -> CameraFrame:
     """Transform a camera into the frame of an object."""
-    turned_back = wp.quat_inverse(pose_rotation(place))
+    inverse = wp.quat_inverse(pose_rotation(pose))
     frame = CameraFrame()
-    frame.origin = wp.quat_rotate(turned_back, camera.origin - pose_origin(place))
-    frame.rotation = turned_back * camera.rotation
+    frame.origin = wp.quat_rotate(inverse, camera.origin - pose_origin(pose))
+    frame.rotation = inverse * camera.rotation
     return frame
 
 
@@ -227,25 +227,25 @@ def meets(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d) -> bool:
 
 
 @wp.func
-def beside_passed(
+def coincident_hit(
     scene: TriangleScene,
     worlds: Worlds,
     view: int,
     movable: int,
     origin: wp.vec3,
     direction: wp.vec3,
-    least_t: float,
-    most_t: float,
+    min_t: float,
+    max_t: float,
     cull: bool,
 ) -> Hit:
     """Return the first valid hit in the narrow range around a skipped one, among triangles that coincide with it."""
     mesh = mesh_of(scene, movable)
     found = Hit()
-    found.t = most_t
-    here = origin + 0.5 * (least_t + most_t) * direction
-    reach = 0.5 * (most_t - least_t) * wp.length(direction) + FLOAT_STEPS * (wp.length(origin) + wp.length(here))
+    found.t = max_t
+    center = origin + 0.5 * (min_t + max_t) * direction
+    reach = 0.5 * (max_t - min_t) * wp.length(direction) + FLOAT_STEPS * (wp.length(origin) + wp.length(center))
     side = wp.vec3(reach, reach, reach)
-    query = wp.mesh_query_aabb(mesh, here - side, here + side)
+    query = wp.mesh_query_aabb(mesh, center - side, center + side)
     eye, ray = wp.vec3d(origin), wp.vec3d(direction)
     face = int(0)
     while wp.mesh_query_aabb_next(query, face):
@@ -253,7 +253,7 @@ def beside_passed(
         if meets(a, b, c, ray):
             normal = wp.cross(b - a, c - a)
             t = float(wp.dot(normal, a) / wp.dot(normal, ray))
-            if t >= least_t and t <= found.t:
+            if t >= min_t and t <= found.t:
                 if not passes(scene, worlds, view, movable, origin, t, face, direction, cull):
                     found.result = True
                     found.t = t
@@ -269,8 +269,8 @@ def first_hit(
     movable: int,
     origin: wp.vec3,
     direction: wp.vec3,
-    least_t: float,
-    most_t: float,
+    min_t: float,
+    max_t: float,
     cull: bool,
 ) -> Hit:
     """Return the first valid hit; its t is the depth. The ray continues just behind every hit that it ignores.
@@ -278,27 +278,27 @@ def first_hit(
     That step would also skip triangles that coincide with an ignored one, so they are tested separately.
     """
     mesh = mesh_of(scene, movable)
-    passed = float(least_t)
-    hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, most_t - passed)
+    passed = float(min_t)
+    hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, max_t - passed)
     if cull or worlds.excluded or hit.t < CLOSE:
         while hit.result and passes(scene, worlds, view, movable, origin, hit.t + passed, hit.face, direction, cull):
-            at = passed + wp.max(hit.t, 0.0)
-            step = PASSING * wp.max(1.0, at)
-            beside = beside_passed(
+            t = passed + wp.max(hit.t, 0.0)
+            step = PASSING * wp.max(1.0, t)
+            coincident = coincident_hit(
                 scene,
                 worlds,
                 view,
                 movable,
                 origin,
                 direction,
-                wp.max(at - step, least_t),
-                wp.min(at + step, most_t),
+                wp.max(t - step, min_t),
+                wp.min(t + step, max_t),
                 cull,
             )
-            if beside.result:
-                return beside
-            passed = at + step
-            hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, most_t - passed)
+            if coincident.result:
+                return coincident
+            passed = t + step
+            hit = wp.mesh_query_ray(mesh, origin + passed * direction, direction, max_t - passed)
     found = Hit()
     found.result = hit.result
     found.t = hit.t + passed

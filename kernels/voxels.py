@@ -37,11 +37,11 @@ def flat_index(grid: VoxelGrid, i: int, j: int, k: int) -> int:
 @wp.func
 def voxel_at(grid: VoxelGrid, point: wp.vec3d) -> int:
     """Return the flat index of the voxel that contains a point; -1 outside of the grid."""
-    at = (point - grid.origin) / grid.cell
+    cell_coordinates = (point - grid.origin) / grid.cell
     for axis in range(3):
-        if not (at[axis] >= wp.float64(0.0) and at[axis] < wp.float64(grid.size[axis])):
+        if not (cell_coordinates[axis] >= wp.float64(0.0) and cell_coordinates[axis] < wp.float64(grid.size[axis])):
             return -1
-    return flat_index(grid, int(at[0]), int(at[1]), int(at[2]))
+    return flat_index(grid, int(cell_coordinates[0]), int(cell_coordinates[1]), int(cell_coordinates[2]))
 
 
 @wp.func
@@ -109,26 +109,26 @@ def judge_voxels(
         state = SURFACE
         order = wp.max(order, mark - 1)
 
-    half, none = wp.float64(0.5), wp.float64(0.0)
+    half, zero = wp.float64(0.5), wp.float64(0.0)
     width, height = wp.float64(camera.width), wp.float64(camera.height)
     steps = wp.vec3d(wp.float64(i) + half, wp.float64(j) + half, wp.float64(k) + half)
     center = grid.origin + grid.cell * steps
     for view in range(depth_in.shape[0]):
         sight = center - camera_origin[view]
         p = rotation[view] * sight
-        if p[2] <= none:
+        if p[2] <= zero:
             continue
         w = wp.float64(1.0) / p[2]
         x, y = camera.fx * p[0] * w + camera.cx, camera.fy * p[1] * w + camera.cy
-        if not (x >= none and x < width and y >= none and y < height):
+        if not (x >= zero and x < width and y >= zero and y < height):
             continue
         shown = shown_depth(camera, depth_in[view, int(y), int(x)])
         if wp.isnan(shown):
             continue
         # Distance from the center to the visible surface along the ray, along the world axis of its largest component.
-        way = wp.abs(wp.float64(shown) * w - wp.float64(1.0)) * wp.max(wp.abs(sight))
+        distance = wp.abs(wp.float64(shown) * w - wp.float64(1.0)) * wp.max(wp.abs(sight))
         z = float(p[2])
-        if way <= half * grid.cell:
+        if distance <= half * grid.cell:
             state = SURFACE
             order = wp.max(order, pixel_order(grid.ground, labels_in, view, int(y), int(x)))
         elif z >= camera.near and z <= camera.far:

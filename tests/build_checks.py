@@ -242,7 +242,7 @@ class Checks:
     def open_nodes(self, dim, given, made):
         child, opened = given.binary.child, made.opened_out
         size, both = opened.info[opened.depth, 1], opened.counts[: 2 * dim].reshape(2, dim)
-        assert opened.most == dim >= size
+        assert opened.max_nodes == dim >= size
         assert (both[:, size:] == 0).all()
         nodes = opened.nodes[opened.depth % 2, :size]
         for node, parts, counts in zip(nodes, opened.parts[:size], both.T[:size], strict=True):

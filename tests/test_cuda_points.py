@@ -104,7 +104,7 @@ def test_what_a_point_sees_does_not_depend_on_others(emulator):
     scene, pixels = build("cpu", random_poses(np.random.default_rng(4), 5), movable=True), centers()
     pixels += np.random.default_rng(5).uniform(-0.4, 0.4, pixels.shape).astype(np.float32)
     lists = list_points(wp.array(pixels[:, None], dtype=wp.vec2), CAMERA)
-    assert lists.apart.numpy() <= 0
+    assert lists.spread.numpy() <= 0
     renderer = renderer_of(emulator, scene)
     whole = renderer.render_at(eyes(1), pixels)
     for order in (np.random.default_rng(2).permutation(pixels.shape[1]), np.arange(700, 731), np.array([1400])):
@@ -133,7 +133,7 @@ def test_the_other_eye_of_a_stereo_camera(emulator):
     pixels = np.tile(centers(camera), (2, 1, 1))
     pixels[..., 0] -= np.where(np.isfinite(depth), camera.fx * 0.1 / depth, 0)
     pixels[1] = pixels[1, np.random.default_rng(0).permutation(pixels.shape[1])]
-    apart = list_points(wp.array(pixels[:, None], dtype=wp.vec2), camera).apart.numpy()
+    apart = list_points(wp.array(pixels[:, None], dtype=wp.vec2), camera).spread.numpy()
     assert apart[0] < 0 < apart[1]
     views = renderer_of(emulator, scene, camera=camera).render_at(poses, pixels)
     assert_points_match(views, scene, camera, poses, pixels)
@@ -148,7 +148,7 @@ def test_maps(emulator):
     pixels = np.stack([0.6 * x + 0.2 * y + 5, 1.5 * y - 0.1 * x + 6], axis=-1)[None].repeat(2, 0).astype(np.float32)
     pixels[1] = np.random.default_rng(0).permutation(pixels[1].reshape(-1, 2)).reshape(19, 50, 2)
     lists = list_points(wp.array(pixels, dtype=wp.vec2), CAMERA)
-    assert lists.columns == 50 and lists.apart.numpy()[0] <= 0
+    assert lists.columns == 50 and lists.spread.numpy()[0] <= 0
     views = renderer_of(emulator, scene).render_at(eyes(2), pixels)
     assert views.depth.shape == (2, 19, 50)
     expected = renderer_of(emulator, scene).render_at(eyes(2), pixels.reshape(2, -1, 2))
@@ -333,7 +333,7 @@ def test_points_are_sorted_by_their_cells(device):
     spacing = np.sqrt(np.prod(SIZE) / 1665)
     most = _cuda_points._MAX_STRETCH * 12 * spacing
     apart = measure_blocks(pixels, 45, SIZE, _cuda_points._MEASURED_STEP, most)
-    np.testing.assert_allclose(lists.apart.numpy(), 8 * apart, atol=20)
+    np.testing.assert_allclose(lists.spread.numpy(), 8 * apart, atol=20)
     assert apart[1] < 0 < apart[0]
     ends = lists.ends.numpy().reshape(2, -1)
     np.testing.assert_array_equal(ends[0], count_points(pixels[:1], SIZE, bits)[0].cumsum())

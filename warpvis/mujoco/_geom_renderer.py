@@ -97,7 +97,7 @@ class _OnDevice:
         self.struct = Coinciding()
         self.struct.first_pair = wp.array(first.astype(np.int32), dtype=wp.int32, device=device)
         self.struct.later = wp.array(pairs.later.astype(np.int32), dtype=wp.int32, device=device)
-        self.struct.way = wp.array(_ways(objects, pairs, columns), dtype=wp.int32, device=device)
+        self.struct.mode = wp.array(_ways(objects, pairs, columns), dtype=wp.int32, device=device)
         boxes = _boxes_in_frames(objects, pairs)
         self.struct.low = wp.array(boxes[:, 0].copy(), dtype=wp.vec3, device=device)
         self.struct.high = wp.array(boxes[:, 1].copy(), dtype=wp.vec3, device=device)

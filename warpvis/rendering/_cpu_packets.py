@@ -189,7 +189,7 @@ class CpuPacketsCaster:
         space = self._idle.take(kind) or self._make_space(scene, self._make_job(views, points, workers), workers)
         space.fill(scene, poses, worlds, images)
         if pixels is not None:
-            space.job.at = pixels.flatten().view(wp.float32).flatten()
+            space.job.pixels = pixels.flatten().view(wp.float32).flatten()
         if costs is None:
             space.run()
         else:
@@ -197,7 +197,7 @@ class CpuPacketsCaster:
             space.run()
             costs.note(rays, workers, time.perf_counter_ns() - start)
         if pixels is not None:
-            space.job.at = None
+            space.job.pixels = None
         self._idle.give_back(kind, space)
 
     @staticmethod

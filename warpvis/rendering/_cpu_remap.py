@@ -53,11 +53,11 @@ class CpuRemapCaster(CpuPacketsCaster):
         kind = (scene.levels, scene.drawn_count, pixels.shape, workers)
         space = self._idle_maps.take(kind) or self._make_map_space(scene, pixels.shape, workers)
         space.fill(scene, poses, worlds, images)
-        space.job.at = pixels.flatten().view(wp.float32).flatten()
+        space.job.pixels = pixels.flatten().view(wp.float32).flatten()
         start = time.perf_counter_ns()
         space.run()
         self._map_costs.note(rays, workers, time.perf_counter_ns() - start)
-        space.job.at = None
+        space.job.pixels = None
         self._idle_maps.give_back(kind, space)
 
     def _make_map_space(self, scene: BvhScene, shape: tuple[int, int, int], workers: int) -> Workspace:

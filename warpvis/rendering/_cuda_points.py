@@ -111,7 +111,7 @@ def points_of_packet(points: int, processors: int) -> int:
 
 def packet_count(lists: PointLists, size: int) -> int:
     """Return the number of packets of `size` points per view, enough for points in rows and for sorted points."""
-    count = lists.at.shape[1]
+    count = lists.pixels.shape[1]
     side = math.isqrt(size)
     rows = count // max(1, lists.columns)
     squares = -(-lists.columns // side) * -(-rows // side)
@@ -133,9 +133,9 @@ def list_points(pixels: wp.array, camera: Camera) -> PointLists:
     (views, rows, columns), device = pixels.shape, pixels.device
     count = rows * columns
     lists, bits = PointLists(), _cell_bits(count)
-    lists.at, lists.cells = pixels.reshape((views, count)), (1 << 2 * bits) + int(OUTSIDE_CELLS)
+    lists.pixels, lists.cells = pixels.reshape((views, count)), (1 << 2 * bits) + int(OUTSIDE_CELLS)
     lists.columns = columns if rows > 1 else guess_columns(count, camera)
-    lists.apart = _measure(lists.at, lists.columns, camera)
+    lists.spread = _measure(lists.pixels, lists.columns, camera)
     lists.counts = wp.zeros(views * lists.cells, dtype=wp.int32, device=device)
     lists.ends = wp.empty(views * lists.cells, dtype=wp.int32, device=device)
     lists.order = wp.empty(views * count, dtype=wp.int32, device=device)

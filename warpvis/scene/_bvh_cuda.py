@@ -258,7 +258,7 @@ def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _N
     name = launch(node_kernels.name_children, 1, [binary, opened, children, leaf_ranges], device, record_cmd=True)
     rows, depth, most = list[list[int]](), 0, 1
     while most:
-        opened.depth, opened.most = depth, most
+        opened.depth, opened.max_nodes = depth, most
         find.set_dim(most)
         find.launch()
         wp.utils.array_scan(opened.counts[: 2 * most], opened.sums[: 2 * most])
