@@ -23,7 +23,7 @@ class ApartRays:
     p: wp.array[float]
     q: wp.array[float]
     begin: wp.array[float]
-    most_inv_z: wp.array[float]
+    clip_inv_z: wp.array[float]
     row_p: wp.array[float]
     row_q: wp.array[float]
     range: wp.array2d[float]  # (tiles, words)
@@ -48,13 +48,13 @@ const auto& rays = calls.data->rays;
 const auto& apart = calls.data->apart;
 const RayTree tree = {rays.group_bounds.data, rays.tile_bounds.data, rays.packet_bounds.data, rays.u.data, rays.v.data,
                       rays.rest_u.data, rays.rest_v.data, rays.row_u.data, rays.row_v.data, rays.scale.data,
-                      rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.most_inv_z,
-                      {apart.p.data, apart.q.data, apart.begin.data, apart.most_inv_z.data, apart.row_p.data,
+                      rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.clip_inv_z,
+                      {apart.p.data, apart.q.data, apart.begin.data, apart.clip_inv_z.data, apart.row_p.data,
                        apart.row_q.data, apart.range.data, 0.0f, 0.0f, 0.0f}};
 const TableJob shape = {job.views, job.height, job.width, rays.bundle.shape[0], (const Bundle*)rays.bundle.data,
-                        job.bundle_far.data, rays.focal, job.near, job.far, job.most_inv_z, job.clip_reach,
+                        job.bundle_far.data, rays.focal, job.near, job.far, job.clip_inv_z, job.clip_reach,
                         job.cull_backfaces != 0, (const float*)poses.data, tree, rays.without_ray.data,
-                        rays.without_ray.shape[0], rays.most_groups, apart.eye.data, apart.most.data};
+                        rays.without_ray.shape[0], rays.max_groups, apart.eye.data, apart.most.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
     TableMemory::carve(measured, shape, scene.drawn_count, scene.levels);

@@ -41,10 +41,10 @@ def load_item_native(vertices: wp.uint64, faces: wp.uint64, triangle: int, items
         _SPLIT
         + """
         const Splitter::Range whole = {begin, end, link, depth,
-                                       slot < 0 ? Aabb::of_centres((const v8*)items, begin, end) : ((v8*)boxes)[slot]};
+                                       slot < 0 ? Aabb::of_centers((const v8*)items, begin, end) : ((v8*)boxes)[slot]};
         v8 centres[2];
-        Splitter::split_all((v8*)items, (Split*)splits, whole, most_splits, centres);
-        for (int side = 0; most_splits == 1 && side < 2; ++side) ((v8*)part_boxes)[first_part + side] = centres[side];
+        Splitter::split_all((v8*)items, (Split*)splits, whole, max_splits, centres);
+        for (int side = 0; max_splits == 1 && side < 2; ++side) ((v8*)part_boxes)[first_part + side] = centres[side];
         """
     )
 )
@@ -56,7 +56,7 @@ def split_range_native(
     end: int,
     link: int,
     depth: int,
-    most_splits: int,
+    max_splits: int,
     boxes: wp.uint64,
     slot: int,
     part_boxes: wp.uint64,
@@ -139,7 +139,7 @@ def split_range(
     end: int,
     link: int,
     depth: int,
-    most_splits: int,
+    max_splits: int,
     boxes: wp.array[float],
     slot: int,
     first_part: int,
@@ -148,7 +148,7 @@ def split_range(
     splits_out: wp.array[wp.int32],
     part_boxes_out: wp.array[float],
 ):
-    """Split a range of items in one thread until all parts are leaves, or `most_splits` times.
+    """Split a range of items in one thread until all parts are leaves, or `max_splits` times.
 
     The bounding box of the items' centers is in a slot of `boxes`, or is computed if `slot` is -1. A single split
     writes the boxes of both parts to `part_boxes_out`, from `first_part` on.
@@ -162,7 +162,7 @@ def split_range(
         end,
         link,
         depth,
-        most_splits,
+        max_splits,
         boxes.ptr,
         slot,
         part_boxes_out.ptr,

@@ -66,7 +66,7 @@ def load_items(
 
 
 @wp.kernel
-def bound_centres(
+def bound_centers(
     # In:
     items: Items,
     threads: int,

@@ -24,10 +24,10 @@ class CorruptionModel:
     added: float
     multiplied: float
     dropout: float
-    least_count: int  # rectangles per view
-    most_count: int
-    least_side: int  # of a rectangle [px]
-    most_side: int
+    min_count: int  # rectangles per view
+    max_count: int
+    min_side: int  # of a rectangle [px]
+    max_side: int
     seed: wp.uint32
 
 
@@ -50,15 +50,13 @@ def place_rectangles(
     """Write left, top, right and bottom of every view's rectangles; right and bottom are exclusive; 0 if unused."""
     view, number = wp.tid()
     draw = draws[view]
-    count = draw_whole(model.least_count, model.most_count, draw_uniform(model.seed, STREAM_RECTANGLES, draw, 0, 0))
+    count = draw_whole(model.min_count, model.max_count, draw_uniform(model.seed, STREAM_RECTANGLES, draw, 0, 0))
     rectangle = wp.vec4i()
     if number < count:
         # Row 0 of the random numbers is for the count; each rectangle has one of the following rows.
         row = number + 1
-        width = draw_whole(model.least_side, model.most_side, draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 0))
-        height = draw_whole(
-            model.least_side, model.most_side, draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 1)
-        )
+        width = draw_whole(model.min_side, model.max_side, draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 0))
+        height = draw_whole(model.min_side, model.max_side, draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 1))
         across = draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 2)
         down = draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 3)
         left = draw_whole(0, int(camera.width) - 1, across) - width // 2
@@ -100,7 +98,7 @@ def corrupt_depth(
         lost = bool(False)
         if model.dropout > 0.0:
             lost = draw_uniform(model.seed, STREAM_LOST, draw, y, x) < model.dropout
-        for number in range(model.most_count):
+        for number in range(model.max_count):
             box = rectangles[view, number]
             lost = lost or (x >= box[0] and y >= box[1] and x < box[2] and y < box[3])
         if model.multiplied > 0.0:

@@ -122,7 +122,7 @@ def measure_khoshelham_rows(
     + _ROW
     + """
 const int* boxes = (const int*)rectangles.data + 4LL * view * rectangles.shape[1];
-const Corruption corruption = {model.added, model.multiplied, model.dropout, range, boxes, model.most_count};
+const Corruption corruption = {model.added, model.multiplied, model.dropout, range, boxes, model.max_count};
 corruption.corrupt(row);
 """
 )

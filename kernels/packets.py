@@ -63,7 +63,7 @@ class PacketJob:
     height: int
     width: int
     strips: int
-    most_rows: int
+    max_rows: int
     strip_rows: wp.array[wp.int32]
     focal_x: wp.float64
     focal_y: wp.float64
@@ -71,7 +71,7 @@ class PacketJob:
     center_y: wp.float64
     near: float
     far: float
-    most_inv_z: float
+    clip_inv_z: float
     clip_reach: float
     cull_backfaces: int
     points: int
@@ -147,9 +147,9 @@ const auto& images = images_out.data[0];
 """C++ that names the members of a call's struct, the first of ``calls``, and its images."""
 
 _CAST = """
-const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.most_rows,
+const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.max_rows,
                    {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
-                   job.most_inv_z, job.clip_reach, job.cull_backfaces != 0, (const float*)poses.data, job.points,
+                   job.clip_inv_z, job.clip_reach, job.cull_backfaces != 0, (const float*)poses.data, job.points,
                    job.pixels.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);

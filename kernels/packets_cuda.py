@@ -98,7 +98,7 @@ const Scene all = {
 
 VIEW = """
 const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
-                    camera.near, camera.far, camera.most_inv_z, camera.clip_reach,
+                    camera.near, camera.far, camera.clip_inv_z, camera.clip_reach,
                     (const float*)(poses.data + view), cull_backfaces};
 """
 

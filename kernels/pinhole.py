@@ -20,7 +20,7 @@ class PinholeCamera:
     cy: wp.float64
     near: float
     far: float
-    most_inv_z: float  # surfaces with greater 1 / z are invisible; infinite if near surfaces occlude what is behind
+    clip_inv_z: float  # surfaces with greater 1 / z are invisible; infinite if near surfaces occlude what is behind
     clip_reach: float  # largest distance from the camera to such surfaces in the image [m]; 0 without clipping
 
 

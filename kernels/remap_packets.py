@@ -48,7 +48,7 @@ _CAST = """
 const auto& camera = job.camera;
 const RemapJob shape = {job.views, job.rows, job.columns, (int)camera.width, (int)camera.height,
                         {camera.fx, camera.fy}, {camera.cx, camera.cy}, job.tree_focal, camera.near, camera.far,
-                        camera.most_inv_z, camera.clip_reach, job.cull_backfaces != 0, (const float*)poses.data,
+                        camera.clip_inv_z, camera.clip_reach, job.cull_backfaces != 0, (const float*)poses.data,
                         job.pixels.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);

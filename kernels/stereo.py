@@ -103,7 +103,7 @@ PLACE = (
     + """
 const OtherImage image = {{(float)eye.place[0], (float)eye.place[1], (float)eye.place[2]},
                           {(float)camera.fx, (float)camera.fy}, added_columns, camera.width, camera.height,
-                          least_depth};
+                          min_depth};
 """
 )
 MEASURE = (
@@ -160,7 +160,7 @@ def place_pixel(
     views: StereoViews,
     eye: OtherEye,
     added_columns: float,
-    least_depth: float,
+    min_depth: float,
     view: int,
     y: int,
     x: int,
@@ -177,15 +177,15 @@ def place_in_other_eyes(
     # In:
     views: StereoViews,
     added_columns: float,
-    least_depth: float,
+    min_depth: float,
     # Out:
     points_out: wp.array3d[wp.vec2],
 ):
     """Project every pixel's point into the other eye's image [px], which is extended by `added_columns` on the left.
 
-    The result is NaN if there is no point, if it is nearer than `least_depth`, or if it is outside that image.
+    The result is NaN if there is no point, if it is nearer than `min_depth`, or if it is outside that image.
     """
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    place_pixel(other, views, eyes[view], added_columns, least_depth, view, y, x, points_out)
+    place_pixel(other, views, eyes[view], added_columns, min_depth, view, y, x, points_out)

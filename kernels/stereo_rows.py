@@ -52,7 +52,7 @@ def place_row(
     views: StereoViews,
     eye: OtherEye,
     added_columns: float,
-    least_depth: float,
+    min_depth: float,
     view: int,
     y: int,
     points_out: wp.array3d[wp.vec2],
@@ -68,7 +68,7 @@ def place_rows_in_other_eyes(
     # In:
     views: StereoViews,
     added_columns: float,
-    least_depth: float,
+    min_depth: float,
     # Out:
     points_out: wp.array3d[wp.vec2],
 ):
@@ -76,4 +76,4 @@ def place_rows_in_other_eyes(
     view, y, _x = wp.tid()
     view += window.first_view
     y += window.first_row
-    place_row(other, views, eyes[view], added_columns, least_depth, view, y, points_out)
+    place_row(other, views, eyes[view], added_columns, min_depth, view, y, points_out)

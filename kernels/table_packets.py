@@ -36,7 +36,7 @@ class RayBundles:
     fit: wp.array2d[float]  # (tiles, words of a ``RayFit``)
     without_ray: wp.array[wp.int32]  # pixels that have no ray
     focal: wp.float64
-    most_groups: int
+    max_groups: int
 
 
 @wp.struct
@@ -48,7 +48,7 @@ class TableJob:
     width: int
     near: float
     far: float
-    most_inv_z: float
+    clip_inv_z: float
     clip_reach: float
     cull_backfaces: int
     bundle_far: wp.array[float]
@@ -72,11 +72,11 @@ _CAST = """
 const auto& rays = calls.data->rays;
 const RayTree tree = {rays.group_bounds.data, rays.tile_bounds.data, rays.packet_bounds.data, rays.u.data, rays.v.data,
                       rays.rest_u.data, rays.rest_v.data, rays.row_u.data, rays.row_v.data, rays.scale.data,
-                      rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.most_inv_z};
+                      rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.clip_inv_z};
 const TableJob shape = {job.views, job.height, job.width, rays.bundle.shape[0], (const Bundle*)rays.bundle.data,
-                        job.bundle_far.data, rays.focal, job.near, job.far, job.most_inv_z, job.clip_reach,
+                        job.bundle_far.data, rays.focal, job.near, job.far, job.clip_inv_z, job.clip_reach,
                         job.cull_backfaces != 0, (const float*)poses.data, tree, rays.without_ray.data,
-                        rays.without_ray.shape[0], rays.most_groups};
+                        rays.without_ray.shape[0], rays.max_groups};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
     TableMemory::carve(measured, shape, scene.drawn_count, scene.levels);

@@ -81,8 +81,8 @@ class Checks:
         np.testing.assert_array_equal(made.items_out.triangle, np.arange(dim))
         assert (made.items_out.node == (0 if dim > 32 else -1)).all()
 
-    def bound_centres(self, dim, given, made):
-        self.box = reference.bound_centres(given.items.low, given.items.high)
+    def bound_centers(self, dim, given, made):
+        self.box = reference.bound_centers(given.items.low, given.items.high)
 
     def begin_tree(self, dim, given, made):
         tree = made.binary_out

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from reference_building import (  # noqa: F401
     BINS,
     begin_tree,
-    bound_centres,
+    bound_centers,
     check_mesh,
     choose_bins,
     choose_places,

@@ -37,7 +37,7 @@ def check_mesh(vertices: NDArray, faces: NDArray, farthest: float) -> list[int]:
     return [len(bad), *bad[:1], *([2**31 - 1] * (not len(bad))), faces.min(), faces.max()]
 
 
-def bound_centres(low: NDArray, high: NDArray) -> NDArray:
+def bound_centers(low: NDArray, high: NDArray) -> NDArray:
     """The box of twice the boxes' centres: least and greatest corner in one row of six."""
     twice = np.asarray(low, dtype=np.float64) + high
     return np.concatenate([twice.min(axis=0), twice.max(axis=0)])

@@ -35,13 +35,13 @@ def points_in_view(camera: Camera, depth: NDArray) -> NDArray[np.float64]:
 
 
 def place_in_other_eyes(
-    camera: Camera, other: Camera, place: NDArray, depth: NDArray, least_depth: float
+    camera: Camera, other: Camera, place: NDArray, depth: NDArray, min_depth: float
 ) -> NDArray[np.float64]:
     """Where points are in the other eye's image, (V, H, W, 2); NaN where there is none."""
     with np.errstate(invalid="ignore"):
         p = points_in_view(camera, depth) - place[:, None, None]
         column, row = other.fx * p[..., 0] / p[..., 2] + other.cx, other.fy * p[..., 1] / p[..., 2] + other.cy
-        there = np.isfinite(depth) & (depth >= least_depth) & (column >= 0) & (column < other.width)
+        there = np.isfinite(depth) & (depth >= min_depth) & (column >= 0) & (column < other.width)
     row = np.clip(row, 0, np.nextafter(np.float32(other.height), np.float32(0)))
     return np.where(there[..., None], np.stack([column, row], axis=-1), np.nan)
 

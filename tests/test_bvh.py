@@ -293,7 +293,7 @@ def test_more_triangles_than_arrays_hold_are_refused(monkeypatch):
         scene.bvh()
 
 
-def split_natively(given: Input, most_splits: int, lanes: int):
+def split_natively(given: Input, max_splits: int, lanes: int):
     """The items' boxes in their new order, and the splits."""
     from warpvis.kernels import bvh
     from warpvis.kernels.constants import ITEM_WORDS, SPLIT_WORDS
@@ -309,7 +309,7 @@ def split_natively(given: Input, most_splits: int, lanes: int):
     loaded = items.numpy().reshape(-1, ITEM_WORDS).copy()
     nowhere = wp.zeros(0, device="cpu")
     parts = aligned_empty((16,), wp.float32)
-    inputs = [lanes, 0, count, 0, 0, most_splits, nowhere, -1, 0, items, splits, parts]
+    inputs = [lanes, 0, count, 0, 0, max_splits, nowhere, -1, 0, items, splits, parts]
     wp.launch(bvh.split_range, dim=1, inputs=inputs, device="cpu")
     rows = items.numpy().reshape(-1, ITEM_WORDS)
     return loaded, np.concatenate([rows[:, :3], -rows[:, 4:7]], axis=1), splits.numpy().reshape(-1, SPLIT_WORDS)

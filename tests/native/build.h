@@ -24,7 +24,7 @@ inline BuiltTree build(const ::Mesh& given, const std::vector<int>& owner_of,
     Exact<Split> splits(count);
     for (int i = 0; i < count; ++i) Items::load(vertices.data, faces.data, i, items.data);
     v8 centres[2];
-    Splitter::split_all(items.data, splits.data, {0, count, 0, depth, Aabb::of_centres(items.data, 0, count)}, -1,
+    Splitter::split_all(items.data, splits.data, {0, count, 0, depth, Aabb::of_centers(items.data, 0, count)}, -1,
                         centres);
     const bool exact_areas = has_exact_areas(items, splits, splits[0].child[0], 0, count);
     Exact<Collapser::Binary> binaries(count);

@@ -188,7 +188,7 @@ static casting::Job job_of(const Worlds& worlds, const Lens& lens) {
 }
 
 // Greatest 1 / z whose reciprocal, as rounded, is at least `near`.
-static float most_inv_z(float near) {
+static float clip_inv_z(float near) {
     float most = 1.0f / near;
     while (1.0f / most < near) most = std::nextafter(most, 0.0f);
     return most;
@@ -226,9 +226,9 @@ Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const S
     casting::Job job = job_of(worlds, lens);
     const Exact<int> rows(shares.strip_rows);
     job.strips = (int)rows.count - 1, job.strip_rows = rows.data;
-    for (int i = 0; i < job.strips; ++i) job.most_rows = std::max(job.most_rows, rows[i + 1] - rows[i]);
+    for (int i = 0; i < job.strips; ++i) job.max_rows = std::max(job.max_rows, rows[i + 1] - rows[i]);
     job.cull_back_faces = cull;
-    job.most_inv_z = lens.clips ? most_inv_z(lens.near) : INFINITY;
+    job.clip_inv_z = lens.clips ? clip_inv_z(lens.near) : INFINITY;
     job.clip_reach = lens.clips ? (float)lens.near_reach() : 0.0f;
     job.points = points, job.at = at.data;
     const size_t pixels = (size_t)job.views * (points ? points : job.height * job.width);

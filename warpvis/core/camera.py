@@ -281,7 +281,7 @@ class Camera(CameraMakers):
 
         camera = PinholeCamera()
         clips = clip_near and self.near > 0
-        camera.most_inv_z = most_inv_z(self.near) if clips else math.inf
+        camera.clip_inv_z = clip_inv_z(self.near) if clips else math.inf
         camera.clip_reach = self._near_reach() if clips else 0.0
         camera.width, camera.height = self.width, self.height
         camera.fx, camera.fy, camera.cx, camera.cy = self.fx, self.fy, self.cx, self.cy
@@ -289,7 +289,7 @@ class Camera(CameraMakers):
         return camera
 
 
-def most_inv_z(near: float) -> float:
+def clip_inv_z(near: float) -> float:
     """Return the greatest 1 / z, in single precision, for which 1 / (1 / z) is at least `near`."""
     import numpy as np
 

@@ -93,7 +93,7 @@ def prepare_apart(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> Pr
         "p": rounded[0],
         "q": rounded[1],
         "begin": begin.astype(np.float32),
-        "most_inv_z": nearest.astype(np.float32),
+        "clip_inv_z": nearest.astype(np.float32),
         "row_p": row_p,
         "row_q": row_q,
         "range": _ranges(exact, passing, place >= 0),

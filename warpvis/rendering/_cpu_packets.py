@@ -213,12 +213,12 @@ class CpuPacketsCaster:
         job.views, job.height, job.width = views, camera.height, camera.width
         # Every strip reads all points of its view: use no more strips than threads can share.
         strip_rows = split_rows(views, camera.height, workers, equal=bool(points))
-        job.strips, job.most_rows = len(strip_rows) - 1, int(np.diff(strip_rows).max())
+        job.strips, job.max_rows = len(strip_rows) - 1, int(np.diff(strip_rows).max())
         job.strip_rows = wp.array(strip_rows, dtype=wp.int32, device="cpu")
         job.focal_x, job.focal_y = camera.fx, camera.fy
         job.center_x, job.center_y = camera.cx, camera.cy
         lens = camera.device_struct(clip_near=self._clip_near)
-        job.near, job.far, job.most_inv_z, job.clip_reach = lens.near, lens.far, lens.most_inv_z, lens.clip_reach
+        job.near, job.far, job.clip_inv_z, job.clip_reach = lens.near, lens.far, lens.clip_inv_z, lens.clip_reach
         job.cull_backfaces = int(self._cull_backfaces)
         job.points = points
         job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warpvis.core.camera import most_inv_z
+from warpvis.core.camera import clip_inv_z
 from warpvis.core.poses import Convention, host_poses
 from warpvis.core.ray_camera import RayCamera
 from warpvis.core.types import PoseLike
@@ -97,7 +97,7 @@ class CpuTablePacketsCaster:
         camera, job = self._camera, TableJob()
         job.views, job.height, job.width = views, camera.height, camera.width
         job.near, job.far = camera.near, camera.far
-        job.most_inv_z = most_inv_z(camera.near) if self._clip_near else math.inf
+        job.clip_inv_z = clip_inv_z(camera.near) if self._clip_near else math.inf
         job.clip_reach = camera.near * self._rays.longest_ray if self._clip_near else 0.0
         job.cull_backfaces = int(self._cull_backfaces)
         far = np.minimum(camera.far * self._rays.longest, np.finfo(np.float32).max)

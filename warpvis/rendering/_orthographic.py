@@ -94,7 +94,7 @@ class OrthographicCamera:
         camera.width, camera.height = self.width, self.height
         camera.fx, camera.fy, camera.cx, camera.cy = self.fx, self.fy, self.cx, self.cy
         camera.near, camera.far = self.near, self.far
-        camera.most_inv_z, camera.clip_reach = math.inf, self.near if clip_near else 0.0
+        camera.clip_inv_z, camera.clip_reach = math.inf, self.near if clip_near else 0.0
         return camera
 
 

@@ -100,7 +100,7 @@ def prepare_rays(rays: NDArray[np.float64]) -> PreparedRays:
         scale[there] = 1 / split.forward[layout.place.ravel()[there]]
         struct.scale = wp.array(scale, device="cpu")
     struct.without_ray = wp.array(np.flatnonzero(~known).astype(np.int32), dtype=wp.int32, device="cpu")
-    struct.focal, struct.most_groups = split.focal, layout.most_groups
+    struct.focal, struct.max_groups = split.focal, layout.max_groups
     pixels = [tiles[first:end] for _, first, end in bundles]
     longest = [split.forward[part[part >= 0]].max() for part in pixels]
     length = np.linalg.norm(rays.reshape(-1, 3)[known], axis=-1).max(initial=0)
@@ -238,7 +238,7 @@ class _Layout:
     def __init__(self, tiles: NDArray, columns: NDArray, bundles: list[tuple[int, int, int]], split: SplitRays) -> None:
         counts = [-(-(end - first) // _LANES) for _, first, end in bundles]
         starts = [0, *np.cumsum(counts).tolist()]
-        self.most_groups = max(counts, default=1)
+        self.max_groups = max(counts, default=1)
         self.place = np.full((starts[-1] * _LANES, _LANES, _LANES), -1, dtype=np.int32)
         exact, across = np.zeros((2, *self.place.shape)), np.zeros(len(self.place), dtype=np.int64)
         for (_, first, end), group in zip(bundles, starts, strict=False):

@@ -217,8 +217,8 @@ def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, roo
     nowhere = aligned_empty((0,), wp.float32)
 
     def split(work: tuple[_Range, int, int, wp.array]) -> None:
-        part, most_splits, first, boxes = work
-        _launch(kernel, [lanes, *part[:4], most_splits, part.boxes, part.slot, first, items, splits, boxes])
+        part, max_splits, first, boxes = work
+        _launch(kernel, [lanes, *part[:4], max_splits, part.boxes, part.slot, first, items, splits, boxes])
 
     pending, ready = [_Range(0, count, 0, root_depth, nowhere, -1)], list[_Range]()
     while pending:

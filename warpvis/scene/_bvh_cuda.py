@@ -141,7 +141,7 @@ class _Splitter:
         words.fill_(bvh_cuda_ranges.NOTHING)
         threads = min(self._count, _BOUNDING_THREADS)
         launch(item_kernels.load_items, self._count, [mesh.vertices, mesh.faces, self._items[0]], self._device)
-        launch(item_kernels.bound_centres, threads, [self._items[0], threads, words], self._device)
+        launch(item_kernels.bound_centers, threads, [self._items[0], threads, words], self._device)
         return words
 
     def _record(self) -> None:

@@ -275,7 +275,7 @@ struct RayDrawing {
         const ApartExactly exactly = {camera, *image.tree, t};
         if (!sure && !exactly.covers(k, ray)) return;
         const float value = (((leaf.inexact | leaf.beside) >> k) & 1) ? exactly.inv_z(k, ray) : inv_z;
-        if (value <= image.tree->apart.most_inv_z[ray]) Raster::put(image, ray, value, Raster::id_of(t, k, mode), mode);
+        if (value <= image.tree->apart.clip_inv_z[ray]) Raster::put(image, ray, value, Raster::id_of(t, k, mode), mode);
     }
 
     // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
@@ -336,7 +336,7 @@ struct RayDrawing {
         const Floats inv_z = ((leaf.inexact >> k) & 1) ? exact_inv_z(tree, leaf.plane(camera, k), packet)
                                                        : rays.inv_z(Linear::of_lane(t.inv_z, k));
         const Floats value = within(t, k, inv_z);
-        inside &= value <= Lanes::load(tree.apart.most_inv_z + packet * LANES);
+        inside &= value <= Lanes::load(tree.apart.clip_inv_z + packet * LANES);
         Raster::blend(image, packet, packet, inside, value, Raster::id_of(t, k, mode), mode);
     }
     static inline Floats exact_inv_z(const RayTree& tree, const ExactPlane& plane, int packet) {

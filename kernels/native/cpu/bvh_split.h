@@ -49,7 +49,7 @@ struct Aabb {
 
     static v8 of_point(v4 p) { return __builtin_shufflevector(p, -p, 0, 1, 2, 3, 4, 5, 6, 7); }
 
-    static v8 of_centres(const v8* items, int begin, int end) {
+    static v8 of_centers(const v8* items, int begin, int end) {
         v8 box = empty();
         for (int i = begin; i < end; ++i) box = unite(box, of_point(centre(items[i])));
         return box;
@@ -193,7 +193,7 @@ struct Splitter {
 
     // Split a small range at the cheapest position along any of the three axes; sorts the items along that axis.
     static Choice split_sorted(v8* items, int count) {
-        const v8 centres = Aabb::of_centres(items, 0, count);
+        const v8 centres = Aabb::of_centers(items, 0, count);
         const float per_item = 1.0f / count;
         int orders[3][SMALL];
         float right_area[SMALL];
@@ -262,10 +262,10 @@ struct Splitter {
         return best;
     }
 
-    // Split a range and its parts recursively until all are leaves, or `most_splits` times. The smaller part is
+    // Split a range and its parts recursively until all are leaves, or `max_splits` times. The smaller part is
     // processed first, so that the stack never holds more ranges than `count` has bits. `centres` receives the boxes of
     // the parts of the last split.
-    static void split_all(v8* items, Split* splits, const Range& whole, int most_splits, v8* centres) {
+    static void split_all(v8* items, Split* splits, const Range& whole, int max_splits, v8* centres) {
         Range stack[8 * sizeof(whole.end)];
         int waiting = 0;
         stack[waiting++] = whole;
@@ -273,8 +273,8 @@ struct Splitter {
             const Range range = stack[--waiting];
             int& name = splits[range.link / 2].child[range.link % 2];
             name = 0;
-            if (range.count() <= LANES || most_splits == 0) continue;
-            --most_splits;
+            if (range.count() <= LANES || max_splits == 0) continue;
+            --max_splits;
             const Choice choice = split(items, range, centres);
             const int middle = range.begin + choice.left_count;
             name = middle;

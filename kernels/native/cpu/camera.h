@@ -19,12 +19,12 @@ struct Job {
     int strips;  // per view
     // first row of each strip, and the end of the last one; multiples of TILE_SIDE except for that end
     const int* strip_rows;
-    int most_rows;  // of any strip
+    int max_rows;  // of any strip
     double focal[2], center[2];
     float near, far;
     // Surfaces with a greater 1 / z are clipped, and the distance from the camera up to which the image may contain
     // clipped ones. If surfaces nearer than `near` still occlude, these are infinity and 0.
-    float most_inv_z, clip_reach;
+    float clip_inv_z, clip_reach;
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
     int points;  // per view, if rays pass through points instead of pixel centers; else 0

@@ -73,7 +73,7 @@ struct Image {
     float* tile_min;  // [tile]: the same for a tile
     unsigned char* block_stale;
     unsigned char* tile_stale;
-    float most_inv_z;  // nearer surfaces are clipped
+    float clip_inv_z;  // nearer surfaces are clipped
     const ExactOcclusion*
         occlusion;  // for points whose lanes start with the greatest inv_z that does not occlude them, or null
     const RayTree* tree;  // the tree whose packets are the blocks, if rays are from a ray table

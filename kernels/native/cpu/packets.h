@@ -30,13 +30,13 @@ struct StripMemory {
     static inline StripMemory carve(Arena& arena, const Job& job, int movables, int levels) {
         StripMemory memory;
         Image& image = memory.image;
-        image.set_size(job.width, job.most_rows, 0, job.height);
+        image.set_size(job.width, job.max_rows, 0, job.height);
         const long long tiles = image.tiles();
         image.empty = arena.ints(1);
         image.rows = arena.floats((long long)image.tiles_x * TILE_SIDE * BLOCK_SIDE);
         image.id_rows = arena.ints((long long)image.tiles_x * TILE_SIDE * BLOCK_SIDE);
         image.first_packet = nullptr;
-        image.most_inv_z = job.most_inv_z;
+        image.clip_inv_z = job.clip_inv_z;
         image.occlusion = nullptr;
         if (job.points > 0)
             carve_points(arena, image, job.points, tiles * TILE_BLOCKS);

@@ -14,7 +14,7 @@ struct Pixels {
     static inline __attribute__((always_inline)) void put(const Image& image, int pixel, float inv_z, int id,
                                                           Mode mode) {
         float& old = image.inv_z[pixel];
-        if (inv_z > image.most_inv_z) return;
+        if (inv_z > image.clip_inv_z) return;
         if (mode != MODE_DEPTH) {
             if (inv_z < old || (inv_z == old && id >= image.id[pixel])) return;
             image.id[pixel] = id;

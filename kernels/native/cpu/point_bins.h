@@ -79,7 +79,7 @@ struct PointMemory {
         memory.image.empty = nullptr;
         memory.image.rows = nullptr;
         memory.image.id_rows = nullptr;
-        memory.image.most_inv_z = __builtin_inff();
+        memory.image.clip_inv_z = __builtin_inff();
         memory.image.first_packet = arena.ints(tiles * TILE_BLOCKS + 1);
         memory.image.take_blocks(arena, tiles);
         memory.traversal = Traversal::carve(arena, movables, levels);

@@ -131,13 +131,13 @@ struct Raster : Pixels {
         float* at = image.inv_z + packet * LANES;
         const Floats old = Lanes::load(at);
         if (mode == MODE_DEPTH) {
-            const Ints hit = inside & (inv_z > old) & (inv_z <= Lanes::all(image.most_inv_z));
+            const Ints hit = inside & (inv_z > old) & (inv_z <= Lanes::all(image.clip_inv_z));
             if (!Lanes::any(hit)) return;
             Lanes::store(at, hit ? inv_z : old);
         } else {
             int* id_at = image.id + packet * LANES;
             const Ints old_id = Lanes::load(id_at), new_id = Lanes::all_ints(id);
-            const Ints hit = inside & (inv_z <= Lanes::all(image.most_inv_z)) &
+            const Ints hit = inside & (inv_z <= Lanes::all(image.clip_inv_z)) &
                              ((inv_z > old) | ((inv_z == old) & (new_id < old_id)));
             if (!Lanes::any(hit)) return;
             Lanes::store(at, hit ? inv_z : old);

@@ -121,7 +121,7 @@ struct RayDrawing {
     static inline __attribute__((always_inline)) void put(const Camera& camera, const Image& image, RayLeaf& leaf,
                                                           int k, int ray, float inv_z, Mode mode) {
         const float value = ((leaf.inexact >> k) & 1) ? exact_inv_z(camera, image, leaf, k, ray) : inv_z;
-        if (value <= most_inv_z(*image.tree, ray))
+        if (value <= clip_inv_z(*image.tree, ray))
             Raster::put(image, ray, value, Raster::id_of(leaf.triangles, k, mode), mode);
     }
 
@@ -161,8 +161,8 @@ struct RayDrawing {
             if (((sure >> k) & 1) || covers(camera, image, t, k, ray)) put(camera, image, leaf, k, ray, inv_z[k], mode);
         }
     }
-    static inline float most_inv_z(const RayTree& tree, int ray) {
-        return tree.scale ? tree.most_inv_z * tree.scale[ray] : tree.most_inv_z;
+    static inline float clip_inv_z(const RayTree& tree, int ray) {
+        return tree.scale ? tree.clip_inv_z * tree.scale[ray] : tree.clip_inv_z;
     }
 
     // Rasterize one triangle for all rays of a packet.
@@ -193,11 +193,11 @@ struct RayDrawing {
             inv_z = plane.at(u, plane.row(v));
         }
         inv_z = Lanes::max(Lanes::min(inv_z, Lanes::all(t.max_inv_z[k])), Lanes::all(t.min_inv_z[k]));
-        if (tree.most_inv_z < NOWHERE) inside &= inv_z <= most_inv_z_of(tree, packet);
+        if (tree.clip_inv_z < NOWHERE) inside &= inv_z <= clip_inv_z_of(tree, packet);
         Raster::blend(image, packet, packet, inside, inv_z, Raster::id_of(t, k, mode), mode);
     }
-    static inline Floats most_inv_z_of(const RayTree& tree, int packet) {
-        return tree.scale ? tree.most_inv_z * Lanes::load(tree.scale + packet * LANES) : Lanes::all(tree.most_inv_z);
+    static inline Floats clip_inv_z_of(const RayTree& tree, int packet) {
+        return tree.scale ? tree.clip_inv_z * Lanes::load(tree.scale + packet * LANES) : Lanes::all(tree.clip_inv_z);
     }
 
     // Unrounded u and v of a packet's rays, and 1 / z at them.

@@ -41,7 +41,7 @@ struct RayFit {
 struct ApartRays {
     const float *p, *q;  // [packet][lane]
     const float* begin;  // [packet][lane]: z at which a ray begins
-    const float* most_inv_z;  // [packet][lane]: 1 / begin
+    const float* clip_inv_z;  // [packet][lane]: 1 / begin
     const float *row_p, *row_q;  // [tile][row][column], of tiles that have a fit
     const float* range;  // [tile][RANGE_WORDS]: middles of p, q and u q - v p, then the greatest distances from these
     float most_p, most_q;  // greatest magnitudes in a bundle
@@ -66,7 +66,7 @@ struct RayTree {
     const int* run;  // [packet]: number of consecutive lanes whose pixels are contiguous in the image
     const int* corner;  // [tile]: first pixel, if a tile is a tile of the image and its packets are the blocks; else -1
     const RayFit* fit;  // [tile]
-    float most_inv_z;  // in terms of depth: nearer surfaces are clipped
+    float clip_inv_z;  // in terms of depth: nearer surfaces are clipped
     ApartRays apart;  // if RAY_ORIGINS
 
     // Load 4 x 4 rays from rows of `width` rays.

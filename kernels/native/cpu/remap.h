@@ -11,10 +11,10 @@ struct RemapMemory {
 
     static inline RemapMemory carve(Arena& arena, const RemapJob& job, int movables, int levels) {
         TableJob table = TableJob();
-        table.most_groups = job.across() * job.down();
+        table.max_groups = job.across() * job.down();
         RemapMemory memory;
         memory.table = TableMemory::carve(arena, table, movables, levels);
-        memory.tree = RemapTree::carve(arena, table.most_groups);
+        memory.tree = RemapTree::carve(arena, table.max_groups);
         return memory;
     }
 };
@@ -32,7 +32,7 @@ struct RemapPackets {
         job.center[1] = -y0;
         job.near = remap.near;
         job.far = remap.far;
-        job.most_inv_z = remap.most_inv_z;
+        job.clip_inv_z = remap.clip_inv_z;
         job.clip_reach = remap.clip_reach;
         job.cull_back_faces = remap.cull_back_faces;
         return job;
@@ -55,7 +55,7 @@ struct RemapPackets {
         const RayBox box = memory.tree.set(remap, part, index, memory.table.image);
         const bool some = box.u0 <= box.u1;
         const Job job = job_of(remap, some ? box : RayBox{0.0f, 0.0f, 0.0f, 0.0f});
-        const RayTree tree = memory.tree.as_ray_tree(remap.most_inv_z);
+        const RayTree tree = memory.tree.as_ray_tree(remap.clip_inv_z);
         const Image image = memory.table.image_of(job, tree);
         const Pose pose = Pose::from(remap.poses + (long long)index * POSE_WORDS);
         const View view = View::of(scene, job, scene.movables.of_view(index), pose);

@@ -9,7 +9,7 @@ struct RemapJob {
     int width, height;  // of the camera's image; nothing is visible outside
     double focal[2], center[2];
     double tree_focal;  // of both axes, in units of tree places, which are finer than pixels
-    float near, far, most_inv_z, clip_reach;
+    float near, far, clip_inv_z, clip_reach;
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
     const float* at;  // [view][row][column]: x and y [px]

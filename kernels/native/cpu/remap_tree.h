@@ -87,9 +87,9 @@ struct RemapTree {
         tree.outside = arena.ints(packets);
         return tree;
     }
-    inline RayTree as_ray_tree(float most_inv_z) const {
+    inline RayTree as_ray_tree(float clip_inv_z) const {
         return RayTree{group_bounds, tile_bounds, packet_bounds, u,      v,   rest_u,     rest_v, u, v,
-                       nullptr,      place,       run,           corner, fit, most_inv_z, {}};
+                       nullptr,      place,       run,           corner, fit, clip_inv_z, {}};
     }
 
     // Set the places of a part of a map; returns their bounding rectangle, inverted if there are none.

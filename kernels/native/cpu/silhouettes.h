@@ -241,7 +241,7 @@ struct SilhouetteMemory {
         const int row = Grid::tiles(asked.canvas[2] - asked.canvas[0] + TILE_SIDE - 1);
         memory.tiles = row > TILES_AT_A_TIME ? row : (int)TILES_AT_A_TIME;
         memory.image = Image();
-        memory.image.most_inv_z = __builtin_inff();
+        memory.image.clip_inv_z = __builtin_inff();
         memory.image.inv_z = arena.floats((long long)memory.tiles * TILE_PIXELS);
         memory.image.take_blocks(arena, memory.tiles);
         memory.traversal = Traversal::carve(arena, movables, levels);

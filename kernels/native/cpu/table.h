@@ -28,13 +28,13 @@ struct TableJob {
     const Bundle* bundle;
     const float* bundle_far;  // greatest z of rays that are in range
     double focal;
-    float near, far, most_inv_z, clip_reach;
+    float near, far, clip_inv_z, clip_reach;
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
     RayTree tree;  // of all bundles
     const int* without_ray;  // pixel indices
     int without_rays;
-    int most_groups;  // of any bundle
+    int max_groups;  // of any bundle
     const double* eye;  // [bundle]: its position in the bundle's frame; null if it is the camera's
     const float* apart;  // [bundle]: most_p, most_q and reach of its `ApartRays`
 
@@ -50,7 +50,7 @@ struct TableJob {
         job.center[1] = from.center[1];
         job.near = near;
         job.far = bundle_far[index];
-        job.most_inv_z = most_inv_z;
+        job.clip_inv_z = clip_inv_z;
         job.clip_reach = clip_reach;
         job.cull_back_faces = cull_back_faces;
         // Rays begin up to this far from the eye: boxes within that distance may contain their origins.
@@ -72,7 +72,7 @@ struct TableJob {
         if (part.scale) part.scale += ray;
         if (RAY_ORIGINS) {
             ApartRays& own = part.apart;
-            own.p += ray, own.q += ray, own.begin += ray, own.most_inv_z += ray;
+            own.p += ray, own.q += ray, own.begin += ray, own.clip_inv_z += ray;
             own.row_p += ray, own.row_q += ray;
             own.range += tile * ApartRays::RANGE_WORDS;
             own.most_p = apart[3 * index], own.most_q = apart[3 * index + 1], own.reach = apart[3 * index + 2];
@@ -96,15 +96,15 @@ struct TableMemory {
     static inline TableMemory carve(Arena& arena, const TableJob& job, int movables, int levels) {
         TableMemory memory;
         Image& image = memory.image;
-        const long long packets = (long long)job.most_groups * RayTree::GROUP_PACKETS;
+        const long long packets = (long long)job.max_groups * RayTree::GROUP_PACKETS;
         image.empty = nullptr;
         image.rows = nullptr;
         image.id_rows = nullptr;
         image.occlusion = nullptr;
-        image.most_inv_z = __builtin_inff();
+        image.clip_inv_z = __builtin_inff();
         image.inv_z = arena.floats(packets * LANES);
         image.id = arena.ints(packets * LANES);
-        image.take_blocks(arena, (long long)job.most_groups * LANES);
+        image.take_blocks(arena, (long long)job.max_groups * LANES);
         image.first_packet = image.id;  // not null: rays may pass through any point of a pixel
         memory.traversal = Traversal::carve(arena, movables, levels);
         return memory;

@@ -31,7 +31,7 @@ struct Packets {
         camera.last_x = (float)(view.width - 1);
         camera.last_y = (float)(view.height - 1);
         camera.far = view.far * FARTHER;
-        camera.near = NearPlane::of(view.most_inv_z, view.clip_reach);
+        camera.near = NearPlane::of(view.clip_inv_z, view.clip_reach);
         camera.extent = Three::max(0.5f * ((float)(view.focal[0] + view.focal[1]) + camera.last_x + camera.last_y),
                                    fabsf(camera.first_u), fabsf(camera.first_v));
         camera.per_extent = 1.0f / camera.extent;

@@ -147,7 +147,7 @@ struct View {
     int width, height;
     double focal[2], center[2];
     float near, far;
-    float most_inv_z, clip_reach;
+    float clip_inv_z, clip_reach;
     const float* pose;  // [POSE_WORDS], camera to world
     bool cull_back_faces;  // of all objects
 };

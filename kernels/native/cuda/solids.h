@@ -262,7 +262,7 @@ struct alignas(16) Solid {
     // rounding.
     inline void draw(const Camera& camera, Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
-        const float most_inv_z = camera.near.most(MAX_INV_Z);
+        const float clip_inv_z = camera.near.most(MAX_INV_Z);
         if (!RAY_TABLE && __popc(blocks) > FEW_BLOCKS) blocks = blocks_met(packet, blocks);
         for (; blocks; blocks = Warp::without_first_lane(blocks)) {
             const int block = Warp::first_lane(blocks);
@@ -270,7 +270,7 @@ struct alignas(16) Solid {
             const ImagePoint p = from_anchor(camera, packet, block);
             const float w = at(p.u, p.v, part);
             Key* stored = packet.at(Packet::index(block, lane));
-            const Key key = DepthKey::of(fminf(w, most_inv_z), first_id + part);
+            const Key key = DepthKey::of(fminf(w, clip_inv_z), first_id + part);
             Key nearest = *stored;
             if (w > 0.0f && key > nearest) *stored = nearest = key;
             const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(nearest));

@@ -59,7 +59,7 @@ struct TablePacket {
         TableSlots::set_sides(camera);
         camera.spread = (float)frame->spread;
         camera.far = fminf(eye.farthest(view.far * (float)frame->longest) * FARTHER, NOWHERE);
-        camera.near = NearPlane::of(view.most_inv_z, eye.reach(view.clip_reach));
+        camera.near = NearPlane::of(view.clip_inv_z, eye.reach(view.clip_reach));
         const float width = (float)frame->focal[0], height = (float)frame->focal[1];
         const float first = TableSlots::farthest(camera);
         camera.extent = fmaxf(0.5f * (width + height + camera.last_x + camera.last_y), first) + camera.spread;

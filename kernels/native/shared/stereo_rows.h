@@ -243,7 +243,7 @@ struct OtherImage {
     float focal[2];
     float added_columns;  // columns of its image to the left of the first one's
     float width, height;
-    float least_depth;  // nearer points are not projected
+    float min_depth;  // nearer points are not projected
 
     inline void show_row(const StereoImages& images, long long index, int y, float* points) const {
         for (int x = 0; x < images.width; x += PixelWords::PIXELS) show(images, index, y, x, points);
@@ -262,7 +262,7 @@ struct OtherImage {
         const Real shift = (across * place[2] - place[0]) * focal[0] * nearness;
         const Real column = Numbers::columns(x) + (added_columns + 0.5f) + shift;
         const Real row = (images.row_slopes[y] * place[2] - place[1]) * focal[1] * nearness + ((float)y + 0.5f);
-        const Whole there = (depth >= least_depth) & (depth < Numbers::endless()) & (column >= 0.0f) & (column < width);
+        const Whole there = (depth >= min_depth) & (depth < Numbers::endless()) & (column >= 0.0f) & (column < width);
         const Real none = Numbers::real(Numbers::no_number());
         Numbers::store_pairs(points + at * 2, there ? column : none, there ? inside(row) : none, count);
     }

@@ -95,13 +95,13 @@ class Corruptions(DepthSensor):
             self.of.measure(exposure)
         model = CorruptionModel()
         model.added, model.multiplied, model.dropout = self.added, self.multiplied, self.dropout
-        model.least_count, model.most_count = self.rectangles
-        model.least_side, model.most_side = self.sides
+        model.min_count, model.max_count = self.rectangles
+        model.min_side, model.max_side = self.sides
         model.seed = exposure.seed
         camera, views = exposure.image_range, len(exposure.poses)
         rectangles = None
-        if model.most_count:
-            rectangles = exposure.room("rectangles", (views, model.most_count), wp.vec4i)
+        if model.max_count:
+            rectangles = exposure.room("rectangles", (views, model.max_count), wp.vec4i)
             placed = [camera, model, exposure.draws, rectangles]
             launch(place_rectangles, rectangles.shape, placed, exposure.scene.device)
         given = [model, exposure.true_depth if self.of is None else None, rectangles, exposure.draws]
