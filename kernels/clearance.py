@@ -208,7 +208,7 @@ def is_inside(mesh: wp.uint64, solid: wp.array[wp.uint8], cylinder: Cylinder, up
 
 
 @wp.kernel
-def find_room(
+def find_free_poses(
     # Scene:
     mesh: wp.uint64,
     solid: wp.array[wp.uint8],

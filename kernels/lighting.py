@@ -9,8 +9,8 @@ import warp as wp
 
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.shading import (
+    DeviceMaterials,
     Footprint,
-    Looks,
     factors_of,
     frame_of,
     material_of,
@@ -30,7 +30,7 @@ PI = wp.constant(3.14159265358979)
 
 
 @wp.struct
-class LightLook:
+class DeviceLight:
     """A light in the world frame; colors include its intensity and are in the space in which light is summed."""
 
     kind: int
@@ -51,12 +51,12 @@ class LightLook:
 class Lights:
     """All lights of a scene."""
 
-    all: wp.array[LightLook]
+    all: wp.array[DeviceLight]
     is_linear: bool  # whether light is summed in linear space, or else in display color space
 
 
 @wp.func
-def cone_share(light: LightLook, cosine: float) -> float:
+def cone_share(light: DeviceLight, cosine: float) -> float:
     """Return the fraction of a spot's light in a direction, given the cosine of its angle to the axis."""
     if light.falloff == FALLOFF_GLTF:
         limit = wp.cos(light.outer_angle)
@@ -75,7 +75,7 @@ def cone_share(light: LightLook, cosine: float) -> float:
 
 
 @wp.func
-def strength(light: LightLook, distance: float, cosine: float) -> float:
+def strength(light: DeviceLight, distance: float, cosine: float) -> float:
     """Return the fraction of a point or spot light that reaches a distance `distance`, as in `Light.strength`."""
     if distance > light.reach:
         return 0.0
@@ -91,7 +91,13 @@ def strength(light: LightLook, distance: float, cosine: float) -> float:
 
 @wp.func
 def lit(
-    light: LightLook, point: wp.vec3, normal: wp.vec3, to_eye: wp.vec3, forward: wp.vec3, base: wp.vec3, gloss: wp.vec4
+    light: DeviceLight,
+    point: wp.vec3,
+    normal: wp.vec3,
+    to_eye: wp.vec3,
+    forward: wp.vec3,
+    base: wp.vec3,
+    gloss: wp.vec4,
 ) -> wp.vec3:
     """Return the reflection of a light: `base` is the surface's color, `gloss` its specular color and exponent."""
     if light.kind == LIGHT_AMBIENT:
@@ -133,7 +139,7 @@ def in_space(color: wp.vec3, is_linear: bool, target_linear: bool) -> wp.vec3:
 
 @wp.func
 def smooth_normal(
-    looks: Looks, worlds: Worlds, view: int, index: int, face: int, point: wp.vec3, flat: wp.vec3
+    looks: DeviceMaterials, worlds: Worlds, view: int, index: int, face: int, point: wp.vec3, flat: wp.vec3
 ) -> wp.vec3:
     """Return the object's interpolated vertex normal, on the visible side; `flat` if it has no vertex normals."""
     rows = looks.object_rows[index, 4]
@@ -157,7 +163,7 @@ def smooth_normal(
 @wp.kernel
 def shade_lit_colors(
     # Scene:
-    looks: Looks,
+    looks: DeviceMaterials,
     lights: Lights,
     # Cameras:
     footprint: Footprint,

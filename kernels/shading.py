@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.textures import TextureLook, sample, to_screen_color
+from warpvis.kernels.textures import DeviceTexture, sample, to_screen_color
 from warpvis.kernels.worlds import Worlds, world_of
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
@@ -15,7 +15,7 @@ FOOTPRINT_NONE, FOOTPRINT_PINHOLE, FOOTPRINT_CONE, FOOTPRINT_PARALLEL = (wp.cons
 
 
 @wp.struct
-class MaterialLook:
+class DeviceMaterial:
     """The base color of a material; see `warpvis.scene.materials.Material`."""
 
     color: wp.vec4
@@ -30,7 +30,7 @@ class MaterialLook:
 
 
 @wp.struct
-class Looks:
+class DeviceMaterials:
     """The appearance of all objects of a scene; see `warpvis.scene._looks`."""
 
     object_material: wp.array[wp.int32]
@@ -47,8 +47,8 @@ class Looks:
     colors: wp.array2d[wp.vec4]
     normals: wp.array2d[wp.vec3]
     face_material: wp.array[wp.int32]
-    materials: wp.array[MaterialLook]
-    textures: wp.array[TextureLook]
+    materials: wp.array[DeviceMaterial]
+    textures: wp.array[DeviceTexture]
     texels: wp.array[wp.uint32]
     """RGBA bytes; red is the lowest byte."""
     background: wp.vec3
@@ -87,7 +87,7 @@ def weights(triangle: SeenTriangle, point: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def seen_triangle(looks: Looks, row: int, factors: wp.vec3) -> SeenTriangle:
+def seen_triangle(looks: DeviceMaterials, row: int, factors: wp.vec3) -> SeenTriangle:
     """Return the scaled triangle of a row, or a degenerate triangle for row -1."""
     seen = SeenTriangle()
     if row < 0:
@@ -133,7 +133,7 @@ def cube_side(direction: wp.vec3) -> int:
 
 @wp.func
 def texture_coordinates(
-    looks: Looks, material: MaterialLook, uv_row: int, triangle: SeenTriangle, point: wp.vec3, side: int
+    looks: DeviceMaterials, material: DeviceMaterial, uv_row: int, triangle: SeenTriangle, point: wp.vec3, side: int
 ) -> wp.vec3:
     """Return the texture coordinates of a point of the object's frame, and the cube's side (-1 for no cube)."""
     if material.projection == PROJECTION_CUBE:
@@ -168,8 +168,8 @@ def to_bytes(color: wp.vec3) -> wp.vec3ub:
 
 @wp.func
 def textured(
-    looks: Looks,
-    material: MaterialLook,
+    looks: DeviceMaterials,
+    material: DeviceMaterial,
     footprint: Footprint,
     camera: wp.transform,
     frame: wp.transform,
@@ -214,7 +214,7 @@ def textured(
 
 
 @wp.func
-def material_of(looks: Looks, index: int, face: int) -> int:
+def material_of(looks: DeviceMaterials, index: int, face: int) -> int:
     """Return the material of an object's triangle, or the object's default material for face -1."""
     rows = looks.object_rows[index, 3]
     if face < 0 or rows < 0:
@@ -223,7 +223,7 @@ def material_of(looks: Looks, index: int, face: int) -> int:
 
 
 @wp.func
-def frame_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.transform:
+def frame_of(looks: DeviceMaterials, worlds: Worlds, view: int, index: int) -> wp.transform:
     """Return the transform from an object's frame to the world of a view."""
     column = looks.object_column[index]
     if column < 0:
@@ -232,7 +232,7 @@ def frame_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.transfor
 
 
 @wp.func
-def factors_of(looks: Looks, worlds: Worlds, view: int, index: int) -> wp.vec3:
+def factors_of(looks: DeviceMaterials, worlds: Worlds, view: int, index: int) -> wp.vec3:
     """Return the scale factors of an object's mesh along the axes of its frame."""
     column = looks.object_column[index]
     if column < 0 or not worlds.object_sizes:
@@ -252,7 +252,7 @@ class SurfaceColor:
 
 @wp.func
 def surface_color(
-    looks: Looks,
+    looks: DeviceMaterials,
     footprint: Footprint,
     camera: wp.transform,
     worlds: Worlds,
@@ -300,7 +300,7 @@ def screen_color(surface: SurfaceColor) -> wp.vec3:
 @wp.kernel
 def shade_base_colors(
     # Scene:
-    looks: Looks,
+    looks: DeviceMaterials,
     # Cameras:
     footprint: Footprint,
     camera_to_world: wp.array[wp.transform],

@@ -76,7 +76,7 @@ def shift_to_levels(
 
 
 @wp.kernel
-def keep_dots(
+def detect_dots(
     window: Window,
     # In:
     dots: wp.array2d[wp.uint8],

@@ -16,7 +16,7 @@ TEXTURE_LINEAR_FILTER = wp.constant(1)
 
 
 @wp.struct
-class TextureLook:
+class DeviceTexture:
     """The layout of a texture in the array of all texels: from the finest level to the coarsest, rows from the top."""
 
     first: int
@@ -85,7 +85,7 @@ def wrapped(index: int, size: int, mode: int) -> int:
 
 @wp.func
 def fetch(
-    texels: wp.array[wp.uint32], texture: TextureLook, first: int, size: wp.vec2i, index: wp.vec2i, linear: bool
+    texels: wp.array[wp.uint32], texture: DeviceTexture, first: int, size: wp.vec2i, index: wp.vec2i, linear: bool
 ) -> wp.vec4:
     """Return a texel of a level, converted to linear space if `linear`, and to display color space otherwise."""
     column, row = wrapped(index[0], size[0], texture.wrap_u), wrapped(index[1], size[1], texture.wrap_v)
@@ -99,7 +99,7 @@ def fetch(
 
 @wp.func
 def sample_level(
-    texels: wp.array[wp.uint32], texture: TextureLook, level: int, uv: wp.vec2, side: int, linear: bool
+    texels: wp.array[wp.uint32], texture: DeviceTexture, level: int, uv: wp.vec2, side: int, linear: bool
 ) -> wp.vec4:
     """Return a level's color at a position; `side` is a side of a cube, or -1."""
     first, width, height = int(texture.first), int(texture.width), int(texture.height)
@@ -134,7 +134,7 @@ def sample_level(
 
 @wp.func
 def sample(
-    texels: wp.array[wp.uint32], texture: TextureLook, uv: wp.vec3, across: wp.vec3, down: wp.vec3, linear: bool
+    texels: wp.array[wp.uint32], texture: DeviceTexture, uv: wp.vec3, across: wp.vec3, down: wp.vec3, linear: bool
 ) -> wp.vec4:
     """Return the color at (u, v, cube side or -1); `across` and `down` are the neighboring pixels' coordinates."""
     side, height = int(uv[2]), int(texture.height)

@@ -52,7 +52,7 @@ from reference_classify import (  # noqa: F401
     label_objects_rows,
     pixel_rays,
 )
-from reference_clearance import find_room, nearest_surface  # noqa: F401
+from reference_clearance import find_free_poses, nearest_surface  # noqa: F401
 from reference_coinciding import show_later  # noqa: F401
 from reference_corruptions import corrupt_depth, corrupt_depth_rows, place_rectangles  # noqa: F401
 from reference_echoes import gather_returns, measure_incidence, reflect_rays  # noqa: F401
@@ -100,7 +100,7 @@ from reference_silhouettes import (  # noqa: F401
     measure_silhouettes_rays,
     spread_poses,
 )
-from reference_simkinect import fill_from_dots, keep_dots, shift_to_levels  # noqa: F401
+from reference_simkinect import detect_dots, fill_from_dots, shift_to_levels  # noqa: F401
 from reference_stereo import (  # noqa: F401
     measure_stereo,
     measure_stereo_rows,

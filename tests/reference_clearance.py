@@ -25,7 +25,7 @@ def nearest_surface(corners: NDArray, points: NDArray, most: float = np.inf) -> 
     return np.where(nearest < most, nearest, np.inf)
 
 
-def find_room(
+def find_free_poses(
     corners: NDArray, solid: NDArray, up: int, cameras: NDArray, low: float, radius: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Whether there is room at every camera, and how far the radius is from where that changes [m]."""

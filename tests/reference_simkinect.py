@@ -54,7 +54,7 @@ def shift_to_levels(
     return np.where(valid, np.rint(levels), 0.0), np.where(valid, doubt, 0.0)
 
 
-def keep_dots(dots: NDArray, levels: NDArray, doubt: NDArray) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def detect_dots(dots: NDArray, levels: NDArray, doubt: NDArray) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Levels of the dots that are found, 0 elsewhere."""
     kept, doubtful = np.zeros(levels.shape), np.zeros(levels.shape, dtype=bool)
     squared = np.add.outer(np.arange(-_REACH, _REACH + 1) ** 2, np.arange(-_REACH, _REACH + 1) ** 2)

@@ -156,7 +156,7 @@ def test_room_matches_every_triangle_by_itself(device):
     for low, radius in ((0.01, 0.15), (0.4, 0.02)):
         options = {"radius": radius, "floor": 0.0, "step": low}
         one, two = (standing_room(scene, at(*cameras), threads=threads, **options) for threads in (1, 2))
-        expected, margin = reference.find_room(triangles, closed, 2, cameras, low, radius)
+        expected, margin = reference.find_free_poses(triangles, closed, 2, cameras, low, radius)
         assert (one == two).all()
         assert (one == expected)[margin > 1e-6].all()
         assert 0.1 < one.mean() < 0.9

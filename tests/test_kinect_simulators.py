@@ -36,7 +36,7 @@ def say(model, camera, true_depth, draws, seed):
         return reference_redwood.measure_redwood(model, camera, true_depth, draws, seed)
     dots = make_pattern(camera.height, camera.width) if model.pattern is None else model.pattern
     levels = reference_simkinect.shift_to_levels(model, camera, true_depth, draws, seed)
-    found = reference_simkinect.keep_dots(dots, *levels)
+    found = reference_simkinect.detect_dots(dots, *levels)
     return reference_simkinect.fill_from_dots(model, camera, true_depth, found, draws, seed)
 
 

@@ -117,7 +117,7 @@ def standing_room(
     Raises:
         WarpvisError: An argument is not what it has to be.
     """
-    from warpvis.kernels.clearance import find_room
+    from warpvis.kernels.clearance import find_free_poses
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
@@ -134,7 +134,9 @@ def standing_room(
     inputs = [mesh.id if mesh else 0, wp.array(flags, dtype=wp.uint8, device=device), up, poses]
     room = empty(poses.shape, wp.uint8, name="room", device=device)
     given = [wp.float64(low), wp.float64(radius), room]
-    launch_points(find_room, (1, len(poses)), lambda window: [*inputs, window, *given], device=device, threads=threads)
+    launch_points(
+        find_free_poses, (1, len(poses)), lambda window: [*inputs, window, *given], device=device, threads=threads
+    )
     return room.numpy() != 0
 
 

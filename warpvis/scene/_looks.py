@@ -20,7 +20,7 @@ from warpvis.scene.materials import Appearance, Filter, Material, Projection, Te
 
 if TYPE_CHECKING:
     from warpvis.kernels.lighting import Lights
-    from warpvis.kernels.shading import Looks
+    from warpvis.kernels.shading import DeviceMaterials
 
 _PLAIN = Appearance()
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -30,7 +30,9 @@ _LIGHT_KINDS = ("ambient", "directional", "point", "spot", "headlight")
 """In the order of `kernels.lighting`."""
 
 
-def pack_looks(objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> tuple[Looks, bool]:
+def pack_looks(
+    objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device
+) -> tuple[DeviceMaterials, bool]:
     """Copy the appearances of all objects to a device, and decode the images of textures.
 
     Returns the tables, and whether they depend on vertices that deform.
@@ -69,12 +71,12 @@ class _Packing:
         for index, item in enumerate(objects):
             self._add(index, item, objects)
 
-    def struct(self) -> Looks:
+    def struct(self) -> DeviceMaterials:
         """Return the tables on the device."""
-        from warpvis.kernels.shading import Looks, MaterialLook
-        from warpvis.kernels.textures import TextureLook
+        from warpvis.kernels.shading import DeviceMaterial, DeviceMaterials
+        from warpvis.kernels.textures import DeviceTexture
 
-        looks, device = Looks(), self._device
+        looks, device = DeviceMaterials(), self._device
         looks.object_material = wp.array(self._first, dtype=wp.int32, device=device)
         looks.object_column = wp.array(self._column, dtype=wp.int32, device=device)
         looks.object_pose = wp.array(self._pose, dtype=wp.transform, device=device)
@@ -85,8 +87,8 @@ class _Packing:
         looks.normals = wp.array(self._joined("normals", (3, 3)), dtype=wp.vec3, device=device)
         rows = self._joined("face_material", (), np.int32)
         looks.face_material = wp.array(rows, dtype=wp.int32, device=device)
-        looks.materials = wp.array(self._materials, dtype=MaterialLook, device=device)
-        looks.textures = wp.array(self._textures, dtype=TextureLook, device=device)
+        looks.materials = wp.array(self._materials, dtype=DeviceMaterial, device=device)
+        looks.textures = wp.array(self._textures, dtype=DeviceTexture, device=device)
         texels = np.concatenate([np.zeros(0, dtype=np.uint32), *self._texels])
         looks.texels = wp.array(texels, dtype=wp.uint32, device=device)
         return looks
@@ -138,12 +140,12 @@ class _Packing:
         return self._known[key]
 
     def _material(self, material: Material, item: SceneObject, objects: Sequence[SceneObject]) -> int:
-        from warpvis.kernels.shading import MaterialLook
+        from warpvis.kernels.shading import DeviceMaterial
 
         scale = _cube_scale(material, item, objects)
         key = (id(material), scale)
         if key not in self._known:
-            look = MaterialLook()
+            look = DeviceMaterial()
             look.color = wp.vec4(*material.base_color)
             look.is_linear = material.color_space == "linear"
             look.projection = get_args(Projection).index(material.projection)
@@ -157,12 +159,12 @@ class _Packing:
         return self._known[key]
 
     def _texture(self, texture: Texture, is_cube: bool) -> int:
-        from warpvis.kernels.textures import TextureLook
+        from warpvis.kernels.textures import DeviceTexture
 
         key = ("texture", id(texture), is_cube)
         if key not in self._known:
             levels = mip_levels(texture.image, _SIDES if is_cube else 1)
-            look = TextureLook()
+            look = DeviceTexture()
             look.first, look.levels = self._texel_count, len(levels)
             look.height, look.width = levels[0].shape[:2]
             look.wrap_u, look.wrap_v = (get_args(Wrap).index(mode) for mode in (texture.wrap_u, texture.wrap_v))
@@ -258,12 +260,12 @@ def _cube_scale(material: Material, item: SceneObject, objects: Sequence[SceneOb
 
 def pack_lights(lights: Sequence[Light], device: wp.Device) -> Lights:
     """Copy lights to a device. If one of them has linear colors, all are summed in linear space."""
-    from warpvis.kernels.lighting import LightLook, Lights
+    from warpvis.kernels.lighting import DeviceLight, Lights
 
     packed, is_linear = Lights(), any(light.color_space == "linear" for light in lights)
     rows = []
     for light in lights:
-        look = LightLook()
+        look = DeviceLight()
         look.kind, look.falloff = _LIGHT_KINDS.index(light.kind), get_args(Falloff).index(light.falloff)
         for name in ("position", "direction", "attenuation"):
             setattr(look, name, wp.vec3(*getattr(light, name)))
@@ -274,12 +276,12 @@ def pack_lights(lights: Sequence[Light], device: wp.Device) -> Lights:
         look.reach = min(light.reach, _ENDLESS)
         look.inner_angle, look.outer_angle, look.exponent = light.inner_angle, light.outer_angle, light.exponent
         rows.append(look)
-    packed.all = wp.array(rows, dtype=LightLook, device=device)
+    packed.all = wp.array(rows, dtype=DeviceLight, device=device)
     packed.is_linear = is_linear
     return packed
 
 
-def set_background(looks: Looks, background: Background | None) -> None:
+def set_background(looks: DeviceMaterials, background: Background | None) -> None:
     """Set the color of pixels that see no object; a sky is black."""
     color: tuple[float, ...] = (0.0, 0.0, 0.0)
     if background is not None and not background.sky:

@@ -20,7 +20,7 @@ from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_t
 
 if TYPE_CHECKING:
     from warpvis.kernels.lighting import Lights
-    from warpvis.kernels.shading import Looks
+    from warpvis.kernels.shading import DeviceMaterials
     from warpvis.scene._kept_trees import KeptTrees
     from warpvis.scene.lights import Background, Light
 
@@ -42,7 +42,7 @@ class SceneTrees:
         self._triangles: Triangles | None = None
         self._bvh: SceneBvh | None = None
         self._wants_faces = False
-        self._looks: tuple[Looks, bool] | None = None
+        self._looks: tuple[DeviceMaterials, bool] | None = None
         self._light_looks: tuple[tuple[Light, ...], Lights] | None = None
         self._sizes: wp.array | None = None
         self._poses: wp.array | None = None
@@ -95,7 +95,7 @@ class SceneTrees:
                 )
             return self._bvh
 
-    def looks(self, background: Background | None) -> Looks:
+    def looks(self, background: Background | None) -> DeviceMaterials:
         """Return the device materials of the objects, created on first use after a change."""
         from warpvis.scene._looks import pack_looks, set_background
 

@@ -81,7 +81,7 @@ class SimKinect(ByValue, DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the sensor's depth and reasons."""
-        from warpvis.kernels.simkinect import SimKinectModel, fill_from_dots, keep_dots, shift_to_levels
+        from warpvis.kernels.simkinect import SimKinectModel, detect_dots, fill_from_dots, shift_to_levels
 
         lens, device, shape = exposure.camera, exposure.scene.device, exposure.true_depth.shape
         model, camera = SimKinectModel(), lens.device_struct()
@@ -100,7 +100,7 @@ class SimKinect(ByValue, DepthSensor):
         across = draw_normal_image(exposure, STREAM_ACROSS, "across")
         down = draw_normal_image(exposure, STREAM_DOWN, "down")
         launch(shift_to_levels, model, exposure.true_depth, across, down, levels)
-        launch(keep_dots, dots, levels, kept)
+        launch(detect_dots, dots, levels, kept)
         noise = draw_normal_image(exposure, STREAM_DISPARITY, "across")
         written = exposure.depth_out, exposure.reasons_out
         launch(fill_from_dots, model, exposure.true_depth, kept, nearest, noise, *written, cameras=(camera,))
