@@ -19,6 +19,9 @@ wp.config.log_level = wp.LOG_WARNING
 if "WARPVIS_CPU_FLAGS" in os.environ:  # "-target-cpu haswell" for AVX2 alone, "" for Warp's generic target
     wp.config.cpu_compiler_flags = os.environ["WARPVIS_CPU_FLAGS"]
 
+CUDA_DEVICES = ("cuda:0",) if wp.is_cuda_available() else ()
+"""The GPU that is tested, or nothing."""
+
 _PROBE = """
 import mujoco
 model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
@@ -98,8 +101,21 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip(f"{need.title.lower()}: {why}")
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out tests that need a GPU where there is none."""
+    if CUDA_DEVICES:
+        return
+    needs_cuda = [item for item in items if "cuda" in getattr(item, "fixturenames", ())]
+    if needs_cuda:
+        config.hook.pytest_deselected(items=needs_cuda)
+        items[:] = [item for item in items if "cuda" not in getattr(item, "fixturenames", ())]
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say loudly what was left out."""
+    """Report loudly which tests were left out."""
+    if not CUDA_DEVICES:
+        terminalreporter.section("NO CUDA DEVICE", yellow=True, bold=True)
+        terminalreporter.line("Tests on a GPU were left out.", yellow=True)
     for need in NEEDS.values():
         if not need.skipped:
             continue
@@ -111,11 +127,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 @pytest.fixture
 def cuda() -> Iterator[str]:
-    """A GPU's name."""
+    """The GPU's name. Tests that use it are left out where there is no GPU."""
     yield from _device("cuda:0")
 
 
-@pytest.fixture(params=["cpu", "cuda:0"])
+@pytest.fixture(params=["cpu", *CUDA_DEVICES])
 def device(request: pytest.FixtureRequest) -> Iterator[str]:
     """Every device of this machine that is tested."""
     yield from _device(request.param)
@@ -128,8 +144,6 @@ def _device(name: str) -> Iterator[str]:
     if name == "cpu":
         yield name
         return
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
     stream = wp.get_stream(name)
     yield name
     wp.set_stream(stream, name)

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-import warp as wp
 from batch_jobs import CAMERA, make_frames, make_poses, make_scene, run, tree
 
 import warpvis as wv
@@ -175,8 +174,7 @@ def die_soon(connection, *others):
     os._exit(7)
 
 
-@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device")
-def test_all_gpus_and_resuming_on_cuda(tmp_path):
+def test_all_gpus_and_resuming_on_cuda(tmp_path, cuda):
     """One GPU, all of this machine, and one that goes on with what was lost: the same bytes."""
     given = {"scene": make_scene(movable=True), "outputs": (*OUTPUTS, "visibility")}
     run(tmp_path / "one", device="cuda:0", **given)

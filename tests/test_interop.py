@@ -69,28 +69,24 @@ def test_jax_arrays(views, device):
     np.testing.assert_allclose(again.depth.numpy(), views.depth.numpy(), rtol=1e-5)
 
 
-def test_cpu_and_cuda_agree():
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
+def test_cpu_and_cuda_agree(cuda):
     from compare import wrong_depth
 
     preset = scenes.PRESETS["room"]
-    cpu, cuda = (wv.render(preset.build(name), preset.camera, preset.poses(8)) for name in ("cpu", "cuda:0"))
-    wrong = wrong_depth(cuda.depth.numpy(), cpu.depth.numpy().astype(np.float64))
+    here, there = (wv.render(preset.build(name), preset.camera, preset.poses(8)) for name in ("cpu", cuda))
+    wrong = wrong_depth(there.depth.numpy(), here.depth.numpy().astype(np.float64))
     assert wrong.mean() <= 1e-4
-    assert (cpu.segmentation.numpy() != cuda.segmentation.numpy()).mean() <= 1e-4
+    assert (here.segmentation.numpy() != there.segmentation.numpy()).mean() <= 1e-4
 
 
-def test_rendering_records_into_a_cuda_graph():
+def test_rendering_records_into_a_cuda_graph(cuda):
     """With poses on the device and memory given, nothing is allocated, copied back or waited for."""
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
     preset = scenes.PRESETS["room"]
-    renderer = wv.Renderer(preset.build("cuda:0"), preset.camera)
-    poses = wp.array(preset.poses(4), dtype=wp.transform, device="cuda:0")
+    renderer = wv.Renderer(preset.build(cuda), preset.camera)
+    poses = wp.array(preset.poses(4), dtype=wp.transform, device=cuda)
     views = renderer.render(poses)
     expected = views.depth.numpy()
-    with wp.ScopedCapture("cuda:0") as capture:
+    with wp.ScopedCapture(cuda) as capture:
         renderer.render(poses, out=views)
     views.depth.zero_()
     wp.capture_launch(capture.graph)

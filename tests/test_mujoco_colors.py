@@ -150,12 +150,10 @@ def test_colors_of_worlds_that_are_the_models_are_rendered(given, device):
     assert (shown == 0).any() != hides
 
 
-def test_colors_on_a_gpu_are_refused():
-    if not wp.is_cuda_available():
-        pytest.skip("there is no GPU")
+def test_colors_on_a_gpu_are_refused(cuda):
     model, data = model_of(WORLDS)
-    batch = BatchRenderer(model, **SIZE, outputs=("color",), device="cuda:0")
-    given = {"geom_rgba": wp.array(model.geom_rgba[None], dtype=wp.vec4, device="cuda:0")}
+    batch = BatchRenderer(model, **SIZE, outputs=("color",), device=cuda)
+    given = {"geom_rgba": wp.array(model.geom_rgba[None], dtype=wp.vec4, device=cuda)}
     with pytest.raises(wv.WarpvisError, match="geom_rgba must be in the host's memory, or left out, if the outputs"):
         batch.render(data, model=given)
 

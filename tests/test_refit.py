@@ -298,20 +298,18 @@ def test_bad_vertices_change_nothing(case):
     assert scene.bvh() is clusters
 
 
-def test_bad_vertices_of_a_gpu():
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
+def test_bad_vertices_of_a_gpu(cuda):
     cases = {
         "as many as before, 162, got 161": (wp.vec3, VERTICES[1:]),
         "dtype wp.vec3, got float64": (wp.float64, VERTICES),
     }
     for message, (dtype, values) in cases.items():
         with pytest.raises(wv.errors.SceneError, match=message):
-            build("cuda:0", VERTICES).update_vertices("ball_0", wp.array(values, dtype=dtype, device="cuda:0"))
+            build(cuda, VERTICES).update_vertices("ball_0", wp.array(values, dtype=dtype, device=cuda))
     with pytest.raises(wv.errors.SceneError, match="on device cpu, got cuda:0"):
-        build("cpu", VERTICES).update_vertices("ball_0", wp.array(VERTICES, dtype=wp.vec3, device="cuda:0"))
-    scene = build("cuda:0", VERTICES)
-    scene.update_vertices("ball_0", wp.array(corrupted(np.nan, 3), dtype=wp.vec3, device="cuda:0"))
+        build("cpu", VERTICES).update_vertices("ball_0", wp.array(VERTICES, dtype=wp.vec3, device=cuda))
+    scene = build(cuda, VERTICES)
+    scene.update_vertices("ball_0", wp.array(corrupted(np.nan, 3), dtype=wp.vec3, device=cuda))
     with pytest.raises(wv.errors.SceneError, match="must be finite: 1 are not, at 3"):
         wv.render(scene, SMALL, eyes(1))
 
@@ -372,18 +370,16 @@ def test_a_deformed_ball_is_not_proven_closed_anew(device):
     assert_refitted(scene, "ball_0")
 
 
-def test_update_move_and_render_record_into_a_cuda_graph(caster):
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
-    scene = build("cuda:0", VERTICES, VERTICES)
+def test_update_move_and_render_record_into_a_cuda_graph(caster, cuda):
+    scene = build(cuda, VERTICES, VERTICES)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
     rows = np.array([[POSE, OTHER, scene["box"].pose]], dtype=np.float32)
-    vertices = wp.array(wobble(0), dtype=wp.vec3, device="cuda:0")
-    poses = wp.array(rows, dtype=wp.transform, shape=(1, 3), device="cuda:0")
-    cameras = wp.array(eyes(2), dtype=wp.transform, device="cuda:0")
+    vertices = wp.array(wobble(0), dtype=wp.vec3, device=cuda)
+    poses = wp.array(rows, dtype=wp.transform, shape=(1, 3), device=cuda)
+    cameras = wp.array(eyes(2), dtype=wp.transform, device=cuda)
     scene.update_vertices("ball_0", vertices)
     views = renderer.render(cameras, object_poses=poses)
-    with wp.ScopedCapture("cuda:0") as capture:
+    with wp.ScopedCapture(cuda) as capture:
         scene.update_vertices("ball_0", vertices)
         renderer.render(cameras, object_poses=poses, out=views)
     for seed in (1, 2):

@@ -5,7 +5,6 @@
 import numpy as np
 import pytest
 import trimesh
-import warp as wp
 
 import warpvis as wv
 from warpvis import Label, Visibility
@@ -427,11 +426,9 @@ def test_bad_calls(tmp_path):
         assert said in str(error.value)
 
 
-def test_maps_on_different_devices_do_not_go_together():
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
-    here, there = (voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, device=device) for device in ("cpu", "cuda:0"))
+def test_maps_on_different_devices_do_not_go_together(cuda):
+    here, there = (voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, device=device) for device in ("cpu", cuda))
     assert isinstance(there, VoxelMap)
     with pytest.raises(wv.errors.ArrayError, match="the other map must be on device cpu, got cuda:0"):
         here.merge(there)
-    assert str(voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, out=there).states.device) == "cuda:0"
+    assert str(voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, out=there).states.device) == cuda
