@@ -80,6 +80,7 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/clang-format --dry-run -Werror $(NATIVE)
+	$(BIN)/python scripts/check_kernels.py
 	$(BIN)/python scripts/typecheck.py
 	$(BIN)/lint-imports
 

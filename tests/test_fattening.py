@@ -8,11 +8,14 @@ import re
 import numpy as np
 import pytest
 import reference_fattening
+import warp as wp
 from gpu_code import gpu_code
 from scipy import ndimage
 from test_stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, images, make_scene, wall_scene
 
 import warpvis as wv
+from warpvis.kernels.fattening import FatteningModel, find_nearest_in_rows
+from warpvis.kernels.pinhole import Window
 from warpvis.sensors import Reason, StereoDepth
 
 PLAIN = StereoDepth(0.06, shadow=False, band=False)
@@ -34,6 +37,18 @@ def test_the_twin_agrees(device, reach, step):
     assert sure.mean() > 0.99
     assert ((expected != exact).mean() > 0.01) == (step > 0)
     np.testing.assert_array_equal(views.depth.numpy()[sure], expected[sure])
+
+
+@pytest.mark.parametrize("reach", [0, 1, 7, 40])
+def test_the_nearest_of_rows_are_those_of_the_twin(device, reach):
+    depth = np.random.default_rng(reach).uniform(0.1, 9.0, (2, 5, 31)).astype(np.float32)
+    depth[0, 1:3] = np.inf
+    model, window = FatteningModel(), Window()
+    model.reach = reach
+    nearest = wp.zeros(depth.shape, dtype=wp.float32, device=device)
+    inputs = [window, model, wp.array(depth, device=device), nearest]
+    wp.launch(find_nearest_in_rows, dim=depth.shape, inputs=inputs, device=device)
+    np.testing.assert_array_equal(nearest.numpy(), reference_fattening.find_nearest_in_rows(depth, reach))
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

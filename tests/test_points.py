@@ -9,6 +9,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import Visibility, scenes
+from warpvis.kernels.points import camera_frames
 from warpvis.scene import solids
 
 import reference
@@ -51,6 +52,16 @@ def assert_matches(scene, camera, poses, points, *, tolerance, caster, twins=Non
         assert (occluders[view][others] == -1).all()
         found |= set(expected.tolist())
     return found
+
+
+def test_frames_of_cameras_are_those_of_the_twin(device):
+    rng = np.random.default_rng(3)
+    rows = np.concatenate([rng.uniform(-50, 50, (20, 3)), rng.normal(size=(20, 4))], axis=1).astype(np.float32)
+    poses = wp.array(rows, dtype=wp.transform, device=device)
+    frames = [wp.empty(len(rows), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]
+    wp.launch(camera_frames, dim=len(rows), inputs=[poses, *frames], device=device)
+    for ours, expected in zip(frames, reference.camera_frames(rows), strict=True):
+        np.testing.assert_allclose(ours.numpy(), expected, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["room", "experiment_1"])
