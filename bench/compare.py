@@ -121,10 +121,10 @@ def _caption(scenes: list[str], methods: Sequence[Method], cells: dict[tuple[str
     slow = [method for method in methods if method.most_views < sys.maxsize]
     few = ", ".join(f"{method.title.partition(',')[0]} at most {method.most_views}" for method in slow)
     return (
-        f"Depth images of {camera.width}x{camera.height} pixels, on all cores, or on one thread where it says so. "
+        f"Depth images of {camera.width}x{camera.height} pixels, on all cores unless a row names one thread. "
         f"Views: {views}{f'; of these, {few}' if few else ''}. The median of {rounds} rounds, in which the methods "
-        "take turns; in brackets, how many times slower than the first row. Same depth: pixels within 1 mm of the "
-        "`rays` caster's (which culls where the row does), in the scene with the fewest."
+        "take turns; in brackets, compared with the first row. Same depth: share of pixels within 1 mm of the `rays` "
+        "caster (which culls back faces where the row does), in the worst scene."
     )
 
 

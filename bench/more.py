@@ -201,15 +201,15 @@ def more_markdown(figures: Sequence[Figure]) -> str:
     """Return the table, with notes below."""
     scenes = list(dict.fromkeys(figure.scene for figure in figures))
     cells = {(figure.title, figure.scene): figure.shown for figure in figures}
-    lines = [row(["`packets` beyond batches", *scenes]), row(["---", *["---:"] * len(scenes)])]
+    lines = [row(["`packets`: single views, threads, building", *scenes]), row(["---", *["---:"] * len(scenes)])]
     for title in dict.fromkeys(figure.title for figure in figures):
         lines.append(row([title, *(cells.get((title, scene), "") for scene in scenes)]))
     return "\n".join([*lines, "", _CAPTION])
 
 
 _CAPTION = (
-    "On all cores where it does not say how many threads; `wp.Mesh` builds on one. One view: a call for each, the mean "
-    f"of {_SINGLE_VIEWS}; Open3D's rays are made before. Compiled for less: Warp's `cpu_compiler_flags` is "
-    "`-target-cpu haswell` for AVX2 and empty for AVX, the least that Warp compiles for on x86-64; each in processes "
-    "of its own, in turns."
+    "On all cores unless a row names the number of threads; `wp.Mesh` builds on one. One view: one call for each, the "
+    f"mean of {_SINGLE_VIEWS}; Open3D's rays are computed before. Compiled for AVX2 and AVX: with Warp's "
+    "`cpu_compiler_flags` set to `-target-cpu haswell` and to nothing, which is the minimum for Warp on x86-64; each "
+    "in separate processes, in turns."
 )
