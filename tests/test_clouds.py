@@ -237,9 +237,9 @@ def test_bad_input_is_told_in_one_sentence(tmp_path, call, message):
 
 def test_a_cloud_needs_depth_along_rays(scan):
     views, rays = scan
-    with pytest.raises(wv.WarpvisError, match="views must have depth: ask for it in outputs"):
+    with pytest.raises(wv.WarpvisError, match="views must have depth. Add it to outputs."):
         sensors.point_clouds(wv.Views(), rays)
-    with pytest.raises(wv.WarpvisError, match=r"depth must be of shape \(views, 28928\) or of the rays' own shape"):
+    with pytest.raises(wv.WarpvisError, match=r"depth must have shape \(views, 28928\) or the shape of the rays"):
         sensors.point_clouds(views, lidars.vlp16(10.0))
-    with pytest.raises(wv.WarpvisError, match=r"intensity must be of shape \(2, 14464\)"):
+    with pytest.raises(wv.WarpvisError, match=r"intensity must have shape \(2, 14464\)"):
         sensors.point_clouds(views, rays, intensity=np.zeros(5))

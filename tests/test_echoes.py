@@ -155,7 +155,7 @@ BAD = {
     "a cone too wide": (lambda scan: sensors.spread_beams(scan[1], 7.0), "divergence must be from 0 to 3.14"),
     "no images": (
         lambda scan: sensors.measure_incidence(wv.Views(), scan[1], AT_ORIGIN),
-        "views must have normals: ask for it in outputs",
+        "views must have normals. Add it to outputs.",
     ),
     "other poses": (
         lambda scan: sensors.measure_incidence(scan[0], scan[1], np.tile(AT_ORIGIN, (3, 1))),
@@ -163,7 +163,7 @@ BAD = {
     ),
     "an unknown object": (
         lambda scan: sensors.reflect(scan[2], scan[0], scan[0].depth, {"door": 0.5}),
-        "the scene has no object 'door', for which there is a reflectivity",
+        "the scene has no object 'door', given in reflectivity",
     ),
     "a reflectivity too few": (
         lambda scan: sensors.reflect(scan[2], scan[0], scan[0].depth, [0.5]),

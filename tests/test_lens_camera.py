@@ -211,7 +211,7 @@ def test_ranges_in_a_sphere_and_a_box(device):
 def test_pixels_without_a_ray_are_empty_and_said(device):
     lens = lenses.OpenCVPinhole(52, 50, 32, 24, (-0.9, 0, 0.001, 0))
     with pytest.warns(
-        IntrinsicsWarning, match=r"\d+ of 3072 pixels have no ray, since the lens turns back 31\.\d+ degrees"
+        IntrinsicsWarning, match=r"\d+ of 3072 pixels have no ray because the lens folds back 31\.\d+ degrees"
     ):
         camera = LensCamera(lens, 64, 48)
     assert 0.1 < camera.mask.mean() < 0.9 and not camera.mask[24, 32] and camera.mask[0, 0]
@@ -311,11 +311,17 @@ BAD = {
     ),
     "nerfstudio": (lambda: wv.Camera.from_nerfstudio({"fl_x": 1}), "fl_y is missing"),
     "k4": (lambda: wv.Camera.from_nerfstudio(NERF | {"k4": 0.1}), "k4 of camera_model OPENCV"),
-    "z": (lambda: LensCamera(WIDE, 64, 48, kind="z"), r'kind="z" is for what is ahead, and \d+ pixels look 90 degrees'),
+    "z": (
+        lambda: LensCamera(WIDE, 64, 48, kind="z"),
+        r'kind must be "range" for rays 90 degrees or more from the axis, got "z" with \d+ such',
+    ),
     "kind": (lambda: LensCamera(SMALL, 64, 48, kind="ray"), 'kind must be "z" or "range", got \'ray\''),
     "lens": (lambda: LensCamera("wide", 64, 48), "lens must be one of warpvis.sensors.lenses, got str"),
     "range": (lambda: LensCamera(SMALL, 64, 48, near=2.0, far=1.0), "0 <= near < far"),
-    "pixels": (lambda: LensCamera(SMALL, 10**5, 10**4), "has a ray for each pixel, of which there may be 67108864"),
+    "pixels": (
+        lambda: LensCamera(SMALL, 10**5, 10**4),
+        r"width \* height of a LensCamera must be at most 67108864 pixels",
+    ),
     "size": (lambda: LensCamera(SMALL, 64.5, 48), "width must be a whole number of pixels"),
     "none": (
         lambda: LensCamera(lenses.OpenCVPinhole(1, 1, -900, 0, (-0.9, 0, 0, 0)), 64, 48),

@@ -137,9 +137,7 @@ def test_lenses_of_a_users_own_class_are_read_back(kind, room, tmp_path):
     manifest = tmp_path / "out" / "manifest.json"
     assert f'"{__name__}:Stereographic"' in manifest.read_text()
     manifest.write_text(manifest.read_text().replace(f"{__name__}:", "optics.bent:"))
-    with pytest.raises(
-        FileFormatError, match=r"the lens is of the class Stereographic outside of warpvis. Import optics"
-    ):
+    with pytest.raises(FileFormatError, match=r"class Stereographic of the lens is not part of warpvis. Import optics"):
         wv.open_dataset(tmp_path / "out")
     assert "optics" not in sys.modules
 
@@ -164,7 +162,7 @@ class Unkept(lenses.Lens):
         (Unkept(), r"lens .*:Unkept must be a dataclass to be written to a file"),
         (
             Stereographic(60.0, np.array([32.0, 24])),
-            r"center of lens .*:Stereographic must be a number, a text or a tu",
+            r"center of lens .*:Stereographic must be a number, a string or a tu",
         ),
     ],
 )
@@ -345,7 +343,7 @@ BAD = {
     "size": ({"lens": LENS, "width": 64.5}, "width must be a whole number"),
     "unknown": (
         {"lens": LENS, "K": 1},
-        "unknown K; a camera with a lens may hold lens, width, height, near, far, kind",
+        "unknown K; the fields of a camera with a lens are lens, width, height, near, far, kind",
     ),
     "kind": ({"lens": LENS, "kind": "ray"}, 'kind must be "z" or "range"'),
 }

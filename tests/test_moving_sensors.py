@@ -497,12 +497,12 @@ REFUSED = {
     "direction": (lambda s: RollingShutter(CAMERA, 0.1, "down"), "direction must be \"top_to_bottom\", .* got 'down'"),
     "no camera": (lambda s: RollingShutter(lidar_of(0.0), 0.1), "camera must be a warpvis.Camera or a"),
     "no motion": (lambda s: deskew(np.zeros((1, 3)), STRAIGHT, times=[0]), "motion must be a warpvis.sensors.Motion"),
-    "cloud": (lambda s: deskew(np.zeros(2, dtype=[("x", "f4")]), MOVES), "a cloud must have the fields x, y, z, time"),
+    "cloud": (lambda s: deskew(np.zeros(2, dtype=[("x", "f4")]), MOVES), "points must have the fields x, y, z, time"),
     "clouds": (
         lambda s: deskew([np.zeros(2, dtype=[(n, "f4") for n in ("x", "y", "z", "time")])] * 2, MOVES),
-        "points must be one cloud for each of the motion's 1 views, got 2",
+        "points must be one cloud for each of the 1 views of the motion, got 2",
     ),
-    "points without times": (lambda s: deskew(np.zeros((2, 3)), MOVES), "times must be given with points that have no"),
+    "points without times": (lambda s: deskew(np.zeros((2, 3)), MOVES), "times must be given for points without a time"),
     "points": (
         lambda s: deskew(np.zeros((2, 3)), MOVES, times=[0.0]),
         r"points must have shape \(1, 3\), .* got \(2, 3\)",

@@ -211,21 +211,27 @@ def test_what_it_holds():
 
 ONE = np.array([[0, 0, 1.0], [0, 0.6, 0.8]])
 REFUSED = {
-    "length": (lambda: Rays(1.001 * ONE), r"directions must have length 1 .* 2 of 2 have not, first at \[0\], .*1.001"),
+    "length": (
+        lambda: Rays(1.001 * ONE),
+        r"directions must have length 1 .* 2 of 2 that have not, the first at \[0\] .*1.001",
+    ),
     "nan": (
         lambda: Rays([[np.nan, 0, 1], [0, 0, 1]]),
-        r"directions must be finite, and 1 of 2 are not, first at \[0\]",
+        r"directions must be finite, got 1 of 2 that are not, the first at \[0\]",
     ),
     "shape": (lambda: Rays([0, 0, 1.0]), r"directions must have shape \(H, W, 3\) or \(N, 3\), got \(3,\)"),
     "none": (lambda: Rays(np.zeros((0, 3))), r"directions must have shape"),
-    "origins": (lambda: Rays(ONE, ONE[:1]), r"origins must be one for each of the \(2,\) rays, got shape \(1, 3\)"),
-    "origins of images": (lambda: Rays(ONE, ONE[None]), r"origins must be one for each of the \(2,\) rays"),
-    "times": (lambda: Rays(ONE, times=[0.0]), r"times must be one for each of the \(2,\) rays, got shape \(1,\)"),
+    "origins": (lambda: Rays(ONE, ONE[:1]), r"origins must be one for each ray, shape \(2,\), got \(1, 3\)"),
+    "origins of images": (lambda: Rays(ONE, ONE[None]), r"origins must be one for each ray, shape \(2,\)"),
+    "times": (lambda: Rays(ONE, times=[0.0]), r"times must be one for each ray, shape \(2,\), got \(1,\)"),
     "times that are none": (lambda: Rays(ONE, times=[0, np.inf]), "times must be finite, and 1 are not"),
     "rings": (lambda: Rays(ONE, rings=[0, 1.5]), "rings must be whole numbers from 0 up, got 1.5"),
     "range": (lambda: Rays(ONE, near=2, far=1), "0 <= near < far"),
-    "kind": (lambda: Rays(-ONE, kind="z"), 'kind="z" is for what is ahead, and 2 of 2 rays look 90 degrees or more'),
-    "kind of axes": (lambda: Rays(ONE, kind="z", axes="ros_body"), "is for axes whose z is forward"),
+    "kind": (
+        lambda: Rays(-ONE, kind="z"),
+        'kind must be "range" for rays 90 degrees or more from z, got "z" for 2 such rays of 2',
+    ),
+    "kind of axes": (lambda: Rays(ONE, kind="z", axes="ros_body"), r'axes must be "opencv" \(z forward\) for kind="z"'),
     "axes": (lambda: Rays(ONE, axes="body"), "axes must be one of 'opencv', 'opengl', 'ros_body'"),
     "points": (
         lambda: wv.Renderer(wv.scenes.PRESETS["room"].build("cpu"), Rays(ONE)).render_at(STRAIGHT, [[[0.5, 0.5]]]),

@@ -317,7 +317,7 @@ def test_what_a_camera_or_a_scene_refuses():
     scene, endless = make_scene(), wv.Camera.from_fov(160, 120, hfov=1.2)
     with pytest.raises(wv.errors.CameraError, match="band=False needs a camera whose near, or max_disparity"):
         wv.Renderer(scene, endless, sensor=StereoDepth(0.1, band=False))
-    with pytest.raises(wv.errors.SceneError, match="no object 'cup', for which there is a reflectivity"):
+    with pytest.raises(wv.errors.SceneError, match="no object 'cup', given in reflectivity"):
         wv.Renderer(scene, CAMERA, sensor=dataclasses.replace(FULL, reflectivity={"cup": 0.1}))
     with pytest.raises(wv.errors.ArrayError, match="reflectivity must be 5 numbers"):
         wv.Renderer(scene, CAMERA, sensor=dataclasses.replace(FULL, reflectivity=[0.1, 0.2]))

@@ -459,7 +459,7 @@ def test_what_is_refused(arguments, message):
 
 
 def test_what_a_scene_and_a_mode_refuse():
-    with pytest.raises(wv.errors.SceneError, match="no object 'cup', for which there is a reflectivity"):
+    with pytest.raises(wv.errors.SceneError, match="no object 'cup', given in reflectivity"):
         wv.Renderer(make_scene(), CAMERA, sensor=dataclasses.replace(FULL, reflectivity={"cup": 0.1}))
     with pytest.raises(wv.errors.ArrayError, match='mode must be "nfov", "nfov_binned", "wfov" or "wfov_binned"'):
         wv.sensors.azure_kinect("wide")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What devices make of a scene: depth cameras, lenses, ray patterns, lidars and what comes back of their beams."""
+"""Sensor models: depth cameras, camera lenses, ray patterns, lidars and the returns of their beams."""
 
 from __future__ import annotations
 

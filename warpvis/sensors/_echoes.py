@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes back of a lidar's beams: incidence and intensity of rays, beams of several rays, and their returns."""
+"""Lidar returns: angle of incidence and intensity of rays, beams of several rays, and their returns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from warpvis.scene import Scene, require_scene
 from warpvis.sensors._rays import Rays
 
 Reflectivity: TypeAlias = float | Mapping[str, float] | ArrayLike
-"""Of all objects; by their names, 1 for others; or of each, in the scene's order."""
+"""One value for all objects, a mapping from object names to values (1 for others), or values in scene order."""
 
 Keep = Literal["strongest", "last", "dual"]
 """Which returns of a beam a lidar keeps."""
@@ -36,49 +36,49 @@ _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 @dataclass
 class Returns:
-    """What came back of beams, `wp.array`s indexed ``[view, return, y, x]``."""
+    """Returns of beams: `wp.array`s indexed ``[view, return, y, x]``."""
 
     range: wp.array
-    """Ranges [m], ``(V, R, H, W)`` float32, or ``(V, R, N)`` of a list of rays: +inf where there is no such return,
-    -inf where a whole beam is too near."""
+    """Ranges [m], shape ``(V, R, H, W)``, or ``(V, R, N)`` for a list of rays, float32; +inf where there is no such
+    return, -inf where all rays of the beam are below the minimum range."""
     intensity: wp.array
-    """Intensities, of the same shape, float32: the mean of the beam's rays, 0 where there is no such return."""
+    """Intensities, of the same shape, float32: the mean over the beam's rays; 0 where there is no such return."""
 
 
 def spread_beams(rays: Rays, divergence: float, count: int = 7) -> Rays:
-    """Make each ray a beam: several rays that fill a cone about it, evenly.
+    """Replace each ray by a beam: several rays that fill a cone about it evenly.
 
     Args:
-        rays: The rays in the beams' middles, of shape ``(H, W)`` or ``(N,)``.
-        divergence: The cone's whole angle [rad]: 0.003 makes 3 cm of 10 m.
-        count: How many rays a beam has.
+        rays: The central rays of the beams, shape ``(H, W)`` or ``(N,)``.
+        divergence: Full angle of the cone [rad]: with 0.003, the beam is 3 cm wide at 10 m.
+        count: Number of rays per beam.
 
     Returns:
-        Rays of shape ``(H, W * count)`` or ``(N * count,)``, those of a beam side by side, with the origin, time and
-        ring of the ray that they were made of. `gather_returns` puts them together again.
+        Rays of shape ``(H, W * count)`` or ``(N * count,)``, with the rays of a beam next to each other, and with the
+        origin, time and ring of their central ray. `gather_returns` combines them to returns.
 
     Raises:
-        ArrayError: An argument is not what it has to be.
+        ArrayError: If an argument is invalid.
     """
     _require_rays(rays)
     divergence = check_angle(divergence, "divergence", least=0.0, most=math.pi)
     count = check_whole(count, "count")
     if count > _MAX_SUBRAYS:
-        raise ArrayError(f"count must be at most {_MAX_SUBRAYS} rays in a beam, got {count}")
-    middle = np.asarray(rays.directions)
-    # A sunflower's seeds: each has as much of the cone as any other.
+        raise ArrayError(f"count must be at most {_MAX_SUBRAYS} rays per beam, got {count}")
+    center = np.asarray(rays.directions)
+    # Fermat spiral with the golden angle: each ray covers an equal share of the cone's cross-section.
     radius = np.tan(divergence / 2.0) * np.sqrt((np.arange(count) + 0.5) / count) if count > 1 else np.zeros(1)
     angle = _GOLDEN_ANGLE * np.arange(count)
-    first, second = _across(middle)
-    spread = middle[..., None, :] + radius[:, None] * (
+    first, second = _perpendicular(center)
+    spread = center[..., None, :] + radius[:, None] * (
         np.cos(angle)[:, None] * first[..., None, :] + np.sin(angle)[:, None] * second[..., None, :]
     )
     spread /= np.linalg.norm(spread, axis=-1, keepdims=True)
     return Rays(
-        _side_by_side(spread, middle.shape[:-1], count),
-        origins=_repeated(rays.origins, count, axis=-2),
-        times=_repeated(rays.times, count, axis=-1),
-        rings=_repeated(rays.rings, count, axis=-1),
+        _flatten_beams(spread, center.shape[:-1], count),
+        origins=_repeat(rays.origins, count, axis=-2),
+        times=_repeat(rays.times, count, axis=-1),
+        rings=_repeat(rays.rings, count, axis=-1),
         near=rays.near,
         far=rays.far,
         kind=rays.kind,
@@ -95,22 +95,22 @@ def measure_incidence(
     quaternion: QuaternionOrder = "xyzw",
     out: wp.array | None = None,
 ) -> wp.array:
-    """Compute the cosine between every ray and the normal of what it meets: 1 straight on, 0 along the surface.
+    """Compute the cosine of the angle of incidence of each ray: 1 at normal incidence, 0 at grazing incidence.
 
     Args:
-        views: Images of these rays, with normals.
-        rays: What was rendered.
-        sensor_to_world: The poses that were rendered, or the motion.
-        convention: Axes of the sensor frame of the poses; the rays' own by default.
+        views: Rendered images of the rays, with normals.
+        rays: The rendered ray pattern.
+        sensor_to_world: The rendered poses, or the motion.
+        convention: Axes of the sensor frame of the poses; by default `axes` of the rays.
         quaternion: Order of the quaternions in the poses, ``"xyzw"`` or ``"wxyz"``.
-        out: An incidence of an earlier call to write into.
+        out: The result of an earlier call, to be overwritten.
 
     Returns:
-        Cosines, shape ``(V, *rays)`` float32, NaN where nothing is seen.
+        Cosines, shape ``(V, *rays)``, float32; NaN where a ray hits nothing.
 
     Raises:
-        ArrayError: An array is not what it has to be.
-        PoseError: The poses are malformed.
+        ArrayError: If an array is invalid.
+        PoseError: If the poses are malformed.
     """
     from warpvis.kernels import echoes
 
@@ -158,24 +158,24 @@ def reflect(
     falls_off: bool = False,
     out: wp.array | None = None,
 ) -> wp.array:
-    """Compute the intensity of what comes back of every ray: reflectivity by the cosine of incidence.
+    """Compute the intensity of each ray: reflectivity times the cosine of the angle of incidence.
 
     Args:
-        scene: What was rendered.
+        scene: The rendered scene.
         views: Its images, with depth and segmentation, on its device.
-        incidence: Cosines between rays and normals, as `incidence` makes them, shape ``(V, *rays)`` float32.
-        reflectivity: Of all objects, from 0 up; by their names, 1 for those not named; or of each, shape
-            ``(objects,)``.
-        falls_off: Whether intensity falls with the square of the range, as what a sensor receives does [1/m^2]; by
-            default it is what sensors report, calibrated to the target.
-        out: An intensity of an earlier call to write into.
+        incidence: Cosines of the angle of incidence from `measure_incidence`, shape ``(V, *rays)``, float32.
+        reflectivity: Non-negative reflectivity: one value for all objects; a mapping from object names to values, 1 for
+            others; or one value per object, shape ``(objects,)``.
+        falls_off: Whether to divide intensity by the squared range, as for received power [1/m^2]. By default,
+            intensity does not depend on range, like the calibrated values that sensors report.
+        out: The result of an earlier call, to be overwritten.
 
     Returns:
-        Intensities, shape ``(V, *rays)`` float32, 0 where nothing is seen.
+        Intensities, shape ``(V, *rays)``, float32; 0 where a ray hits nothing.
 
     Raises:
-        ArrayError: An array is not what it has to be.
-        SceneError: The scene has no object of a name.
+        ArrayError: If an array is invalid.
+        SceneError: If the scene has no object with a name given in `reflectivity`.
     """
     from warpvis.kernels.echoes import reflect_rays
 
@@ -203,28 +203,28 @@ def gather_returns(
     threshold: float = 0.0,
     out: Returns | None = None,
 ) -> Returns:
-    """Find what comes back of every beam: surfaces that are apart are returns of their own.
+    """Combine the rays of each beam to returns: surfaces separated in range give distinct returns.
 
-    A return's range is the mean of its rays', weighted by intensity, and its intensity is their part of the beam's, so
-    that an edge that only half of a beam meets returns half as much.
+    The range of a return is the mean range of its rays weighted by intensity. Its intensity is the sum over its rays
+    divided by the number of rays of the beam: a surface that covers half of a beam returns half the intensity.
 
     Args:
-        depth: Ranges of the rays [m], shape ``(V, H, W * count)`` float32, or of a list ``(V, N * count)``: images of
-            what `spread_beams` made.
-        intensity: Their intensities, of the same shape and device, float32.
-        count: How many rays a beam has.
-        keep: The return that is kept: ``"strongest"``; ``"last"``, the farthest; or ``"dual"``, the strongest and the
-            last, and where that is the same one, the second strongest, as Velodyne's dual return mode has it.
-        separation: How far behind each other surfaces have to be to return apart [m].
-        threshold: Least intensity that is noticed; with intensities that fall off, it makes dark and slanted surfaces
-            go missing at shorter ranges than others.
-        out: Returns of an earlier call to write into.
+        depth: Ranges of the rays of `spread_beams` [m], shape ``(V, H, W * count)``, or ``(V, N * count)`` for a list,
+            float32.
+        intensity: Intensities of the rays, with the same shape and device, float32.
+        count: Number of rays per beam.
+        keep: Which returns to keep: ``"strongest"``; ``"last"``, the farthest; or ``"dual"``, the strongest and the
+            last, or the second strongest where these are the same, as in Velodyne's dual return mode.
+        separation: Minimum distance in range between surfaces of distinct returns [m].
+        threshold: Minimum intensity of a detected return. With `reflect(..., falls_off=True)`, dark and slanted
+            surfaces then disappear at shorter ranges than others.
+        out: The result of an earlier call, to be overwritten.
 
     Returns:
-        Ranges and intensities, shape ``(V, 1, H, W)``, and ``(V, 2, H, W)`` for ``"dual"``; of a list ``(V, 1, N)``.
+        Ranges and intensities, shape ``(V, 1, H, W)``, or ``(V, 1, N)`` for a list; two returns for ``"dual"``.
 
     Raises:
-        ArrayError: An argument is not what it has to be.
+        ArrayError: If an argument is invalid.
     """
     from warpvis.kernels import echoes
 
@@ -238,16 +238,16 @@ def gather_returns(
         raise ArrayError(f"depth must have {count} columns for each beam, got {depth.shape[-1]} columns")
     check_out(intensity, wp.float32, depth.shape, name="intensity", device=depth.device)
     views, height, width = _as_image((*depth.shape[1:-1], depth.shape[-1] // count), depth.shape[0])
-    kept = 2 if keep == "dual" else 1
-    shape = (views, kept, *depth.shape[1:-1], width)
+    num_returns = 2 if keep == "dual" else 1
+    shape = (views, num_returns, *depth.shape[1:-1], width)
     if out is not None and not isinstance(out, Returns):
         raise ArrayError(f"out must be Returns, got {type(out).__name__}")
-    found = Returns(
+    result = Returns(
         _output(out and out.range, shape, "out.range", depth.device),
         _output(out and out.intensity, shape, "out.intensity", depth.device),
     )
     images = [image.reshape((views, height, width * count)) for image in (depth, intensity)]
-    targets = [image.reshape((views, kept, height, width)) for image in (found.range, found.intensity)]
+    targets = [image.reshape((views, num_returns, height, width)) for image in (result.range, result.intensity)]
     options = [count, separation, threshold, keep == "last"]
     launch_images(
         echoes.gather_returns,
@@ -255,11 +255,11 @@ def gather_returns(
         lambda window: [window, *images, *options, *targets],
         device=depth.device,
     )
-    return found if out is None else out
+    return result if out is None else out
 
 
 def _as_image(shape: tuple[int, ...], views: int) -> tuple[int, int, int]:
-    """Return views, height and width of images of rays of a shape; a list of rays is one row."""
+    """Return (views, height, width) of images of rays with this shape; a list of rays is one row."""
     return (views, *shape) if len(shape) == 2 else (views, 1, *shape)  # type: ignore[return-value]
 
 
@@ -268,19 +268,19 @@ def _require_rays(rays: object) -> None:
         raise ArrayError(f"rays must be warpvis.sensors.Rays, got {type(rays).__name__}")
 
 
-def _across(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return two unit vectors at right angles to each direction, and to each other."""
-    least = np.argmin(np.abs(directions), axis=-1)
-    first = np.cross(directions, np.eye(3)[least])
+def _perpendicular(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return two unit vectors that are orthogonal to each direction and to each other."""
+    smallest = np.argmin(np.abs(directions), axis=-1)
+    first = np.cross(directions, np.eye(3)[smallest])
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
     return first, np.cross(directions, first)
 
 
-def _side_by_side(spread: NDArray[np.float64], shape: tuple[int, ...], count: int) -> NDArray[np.float64]:
+def _flatten_beams(spread: NDArray[np.float64], shape: tuple[int, ...], count: int) -> NDArray[np.float64]:
     return spread.reshape(*shape[:-1], shape[-1] * count, 3)
 
 
-def _repeated(values: NDArray | None, count: int, axis: int) -> NDArray | None:
+def _repeat(values: NDArray | None, count: int, axis: int) -> NDArray | None:
     return None if values is None else np.repeat(np.asarray(values), count, axis=axis)
 
 
@@ -289,7 +289,7 @@ def _image(views: object, name: str) -> wp.array:
         raise ArrayError(f"views must be warpvis.Views, got {type(views).__name__}")
     image = getattr(views, name)
     if not isinstance(image, wp.array):
-        raise ArrayError(f"views must have {name}: ask for it in outputs")
+        raise ArrayError(f"views must have {name}. Add it to outputs.")
     return image
 
 
@@ -300,21 +300,23 @@ def _output(out: wp.array | None, shape: tuple[int, ...], name: str, device: wp.
 
 
 def reflectivities(scene: Scene, reflectivity: Reflectivity) -> NDArray[np.float32]:
-    """Return the reflectivity of every object of a scene, shape ``(objects,)``."""
+    """Return the reflectivity of each object of a scene, shape ``(objects,)``."""
     count = len(scene.objects)
     if is_number(reflectivity):
-        found = np.full(count, check_number(reflectivity, "reflectivity", least=0.0))
+        result = np.full(count, check_number(reflectivity, "reflectivity", least=0.0))
     elif isinstance(reflectivity, Mapping):
-        places = {part.name: place for place, part in enumerate(scene.objects)}
-        found = np.ones(count)
+        indices = {part.name: index for index, part in enumerate(scene.objects)}
+        result = np.ones(count)
         for name, value in reflectivity.items():
-            if name not in places:
-                raise SceneError(f"the scene has no object {name!r}, for which there is a reflectivity")
-            found[places[name]] = check_number(value, f"reflectivity[{name!r}]", least=0.0)
+            if name not in indices:
+                raise SceneError(f"the scene has no object {name!r}, given in reflectivity")
+            result[indices[name]] = check_number(value, f"reflectivity[{name!r}]", least=0.0)
     else:
-        found = as_numpy(reflectivity, name="reflectivity")
-        if found.shape != (count,) or found.dtype.kind not in "fiu" or not (found >= 0).all():
-            raise ArrayError(f"reflectivity must be {count} numbers from 0 up, one for each object, got {found.shape}")
-    if not np.isfinite(found).all():
+        result = as_numpy(reflectivity, name="reflectivity")
+        if result.shape != (count,) or result.dtype.kind not in "fiu" or not (result >= 0).all():
+            raise ArrayError(
+                f"reflectivity must be {count} numbers from 0 up, one for each object, got shape {result.shape}"
+            )
+    if not np.isfinite(result).all():
         raise ArrayError("reflectivity must be finite")
-    return found.astype(np.float32)
+    return result.astype(np.float32)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras with lenses as JSON, for files of our own and manifests."""
+"""JSON representation of cameras with lenses, for camera files and batch manifests."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ _KNOWN = tuple(field.name for field in fields(LensCamera))
 
 
 def lens_camera_to_fields(camera: LensCamera) -> dict[str, Json]:
-    """List what a camera is, as JSON holds it; `far` is None where it is infinite.
+    """Convert a camera to a JSON object; an infinite `far` becomes None.
 
-    Its lens has its model, which is the name of its class, and that class's fields: pixel centres are at + 0.5. The
-    model of a class outside of warpvis is ``module:Class``.
+    The lens is stored as its model, the name of its class, and the fields of that class, with pixel centers at +0.5.
+    The model of a class outside of warpvis is ``module:Class``.
 
     Raises:
-        CameraError: The lens is no dataclass of numbers, texts and tuples of them, so that no file can hold it.
+        CameraError: If the lens is not a dataclass of parameters, strings and tuples of these.
     """
     lens: Any = camera.lens
     model = _model_name(type(lens))
     if not is_dataclass(lens):
-        raise CameraError(f"lens {model} must be a dataclass to be written to a file: its fields are")
-    numbers = {field.name: _to_json(getattr(lens, field.name)) for field in fields(lens) if field.init}
-    wrong = next((name for name, value in numbers.items() if value is None), None)
+        raise CameraError(f"lens must be a dataclass to be written to a file, got {model}")
+    parameters = {field.name: _to_json(getattr(lens, field.name)) for field in fields(lens) if field.init}
+    wrong = next((name for name, value in parameters.items() if value is None), None)
     if wrong is not None:
         raise CameraError(
-            f"{wrong} of lens {model} must be a number, a text or a tuple of these to be written to a file, got "
+            f"{wrong} of lens {model} must be a number, a string or a tuple of these to be written to a file, got "
             f"{truncate(repr(getattr(lens, wrong)))}"
         )
     return {
-        "lens": {"model": model, **numbers},
+        "lens": {"model": model, **parameters},
         "width": camera.width,
         "height": camera.height,
         "near": camera.near,
@@ -55,34 +55,32 @@ def lens_camera_to_fields(camera: LensCamera) -> dict[str, Json]:
 
 
 def lens_camera_from_fields(given: Mapping[str, Any]) -> LensCamera:
-    """Make the camera of what `lens_camera_to_fields` lists; `near`, `far` and `kind` may be missing.
+    """Create the camera from fields of `lens_camera_to_fields`; `near`, `far` and `kind` are optional.
 
     Raises:
-        CameraError: The fields make none, or the lens's class is of a module that is not imported.
+        CameraError: If the fields are invalid, or if the class of the lens is in a module that is not imported.
     """
     unknown = sorted(given.keys() - set(_KNOWN))
     missing = [name for name in ("lens", "width", "height") if name not in given]
     if unknown or missing:
         problem = f"unknown {truncate(unknown[0])}" if unknown else f"missing {missing[0]}"
-        raise CameraError(f"{problem}; a camera with a lens may hold {', '.join(_KNOWN)}")
-    numbers = dict(check_mapping(given["lens"], "lens", CameraError))
-    model = numbers.pop("model", None)
+        raise CameraError(f"{problem}; the fields of a camera with a lens are {', '.join(_KNOWN)}")
+    parameters = dict(check_mapping(given["lens"], "lens", CameraError))
+    model = parameters.pop("model", None)
     if not isinstance(model, str) or (model not in _LENSES and ":" not in model):
         raise CameraError(f"model of a lens must be one of {', '.join(_LENSES)}, got {truncate(repr(model))}")
     kind = _find_model(model)
     if kind is None:
         module, _, name = map(truncate, model.partition(":"))
-        raise CameraError(
-            f"the lens is of the class {name} outside of warpvis. Import {module}, which defines it, first."
-        )
+        raise CameraError(f"class {name} of the lens is not part of warpvis. Import {module}, which defines it, first.")
     names = [field.name for field in fields(kind) if field.init]
-    wrong = sorted(numbers.keys() - set(names))
+    wrong = sorted(parameters.keys() - set(names))
     if wrong:
-        raise CameraError(f"unknown {truncate(wrong[0])} of a lens; {model} has {', '.join(names)}")
+        raise CameraError(f"unknown {truncate(wrong[0])} of a lens; the fields of {model} are {', '.join(names)}")
     try:
-        lens = kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()})
+        lens = kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in parameters.items()})
     except TypeError:
-        raise CameraError(f"{model} needs the numbers {', '.join(names)}, got {', '.join(numbers)}") from None
+        raise CameraError(f"{model} needs the parameters {', '.join(names)}, got {', '.join(parameters)}") from None
     rest = {name: value for name, value in given.items() if name != "lens" and not (name == "far" and value is None)}
     return LensCamera(lens, **rest)
 
@@ -92,7 +90,7 @@ def _model_name(kind: type[Lens]) -> str:
 
 
 def _find_model(name: str) -> Any:
-    """Return the class of a model's name; None if it is of a module that is not imported: a file imports nothing."""
+    """Return the class of a model; None if its module is not imported: modules named in files are never imported."""
     pending: list[Any] = [Lens]
     found = _LENSES.get(name)
     while pending and found is None:
@@ -103,7 +101,7 @@ def _find_model(name: str) -> Any:
 
 
 def _to_json(value: object) -> Json:
-    """Return a field's value as JSON holds it; None if it is no number, no text and no tuple of these."""
+    """Convert a number, a string or a tuple of these to JSON; return None for other values."""
     if isinstance(value, tuple):
         parts = [_to_json(part) for part in value]
         return None if None in parts else parts
@@ -113,10 +111,10 @@ def _to_json(value: object) -> Json:
 
 
 def opencv_intrinsics(camera: CalibratedCamera) -> dict[str, NDArray[np.float64]]:
-    """Return what OpenCV would call a camera: ``K``, ``(3, 3)``, with pixel centres at + 0.5, and ``distortion``.
+    """Return OpenCV's intrinsics of a camera: ``K``, shape ``(3, 3)``, with pixel centers at +0.5, and ``distortion``.
 
-    The latter are 4, 5, 8, 12 or 14 coefficients of ``cv2.projectPoints``; 5 zeros of a pinhole. A lens of another
-    model has neither.
+    The distortion contains 4, 5, 8, 12 or 14 coefficients as in ``cv2.projectPoints``, or 5 zeros for a pinhole camera.
+    The result is empty for other lens models.
     """
     if isinstance(camera, Camera):
         return {"K": camera.to_K(), "distortion": np.zeros(5)}

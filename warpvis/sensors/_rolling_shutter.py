@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras that read their image line by line."""
+"""Cameras with a rolling shutter."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from warpvis.errors import CameraError
 from warpvis.sensors._lens_camera import CalibratedCamera, LensCamera, require_calibrated
 
 Direction = Literal["top_to_bottom", "bottom_to_top", "left_to_right", "right_to_left"]
-"""Which line is read first, and which last."""
+"""Direction of readout."""
 
 _DIRECTIONS = ("top_to_bottom", "bottom_to_top", "left_to_right", "right_to_left")
 
 
 @dataclass(frozen=True)
 class RollingShutter(RayCamera):
-    """A camera that reads its image line by line: with a `Motion`, each line is seen from where the camera was then.
+    """A camera that reads its image line by line: with a `Motion`, each line is seen from the pose at its time.
 
-    `Renderer` and `render` take it as they take the camera; from poses that are no `Motion` it sees what that sees.
-    The line that is read first is read at the frame's start, and each at ``readout / lines`` after the one before.
+    `Renderer` and `render` accept it like the camera. With poses other than a `Motion`, the image is that of the
+    camera. The first line is read at the start of the frame, and each following line ``readout / lines`` later.
     """
 
     camera: CalibratedCamera
     """A `warpvis.Camera` or `LensCamera`."""
     readout: float
-    """How long it takes to read all lines [s]."""
+    """Time in which all lines are read [s]."""
     direction: Direction = "top_to_bottom"
-    """Which line is read first, and which last: ``"top_to_bottom"``, ``"bottom_to_top"``, or of columns
-    ``"left_to_right"``, ``"right_to_left"``."""
+    """Direction of readout: ``"top_to_bottom"`` or ``"bottom_to_top"`` for rows, ``"left_to_right"`` or
+    ``"right_to_left"`` for columns."""
 
     def __post_init__(self) -> None:
         require_calibrated(self.camera)
@@ -56,27 +56,27 @@ class RollingShutter(RayCamera):
 
     @property
     def near(self) -> float:  # type: ignore[override]
-        """Least depth the camera measures [m]."""
+        """Minimum measured depth [m]."""
         return self.camera.near
 
     @property
     def far(self) -> float:  # type: ignore[override]
-        """Greatest depth the camera measures [m]."""
+        """Maximum measured depth [m]."""
         return self.camera.far
 
     @property
     def kind(self) -> DepthKind | None:  # type: ignore[override]
-        """What depth is: ``"z"``, along the axis, or ``"range"``, along the ray."""
+        """Definition of depth: ``"z"``, along the axis, or ``"range"``, along the ray."""
         return self.camera.kind if isinstance(self.camera, LensCamera) else "z"
 
     @cached_property
     def rays(self) -> NDArray[np.float64]:
-        """Rays through all pixels' centres, of depth 1, shape ``(height, width, 3)``; NaN where a pixel has none."""
+        """Rays of depth 1 through the pixel centers, shape ``(height, width, 3)``; NaN where a pixel has no ray."""
         return self.camera.rays if isinstance(self.camera, LensCamera) else pinhole_rays(self.camera)
 
     @cached_property
     def times(self) -> NDArray[np.float64]:
-        """When each pixel is read, after the frame's start [s], shape ``(height, width)``."""
+        """Time at which each pixel is read, after the start of the frame [s], shape ``(height, width)``."""
         rows = self.direction in ("top_to_bottom", "bottom_to_top")
         lines = self.height if rows else self.width
         order = np.arange(lines) if self.direction in ("top_to_bottom", "left_to_right") else np.arange(lines)[::-1]
@@ -84,14 +84,14 @@ class RollingShutter(RayCamera):
         return np.broadcast_to(moments[:, None] if rows else moments, (self.height, self.width))
 
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return rays of depth 1 through points of the image [px], shape ``(..., 2)``; NaN outside of it."""
+        """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image."""
         if isinstance(self.camera, LensCamera):
             return self.camera.rays_at(pixels)
         rays = self.camera.back_project(pixels, 1.0)
-        at = np.asarray(pixels)
-        inside = ((at >= 0) & (at < (self.width, self.height))).all(axis=-1, keepdims=True)
+        points = np.asarray(pixels)
+        inside = ((points >= 0) & (points < (self.width, self.height))).all(axis=-1, keepdims=True)
         return np.where(inside, rays, np.nan)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what it is, without what has been computed of it."""
+        """Return the fields without cached values."""
         return {"camera": self.camera, "readout": self.readout, "direction": self.direction}
