@@ -108,7 +108,7 @@ def test_what_is_lost_at_a_wall(device):
         ({"rectangles": (0, 257)}, "at most 256"),
         ({"sides": (0, 4)}, "sides must be a whole number from 1 up"),
         ({"of": "stereo"}, "of must be a model of warpvis.sensors"),
-        ({"of": FULL}, "of must be a device's model, and no Corruptions"),
+        ({"of": FULL}, "of must not contain Corruptions, because both would use the same"),
     ],
 )
 def test_what_is_refused(arguments, message):
@@ -119,7 +119,9 @@ def test_what_is_refused(arguments, message):
 def test_what_the_inner_sensor_needs_and_refuses():
     assert Corruptions(of=NguyenNoise()).needs == ("normals",)
     assert Corruptions(of=StereoDepth(0.1)).bytes_per_pixel == StereoDepth(0.1).bytes_per_pixel
-    with pytest.raises(wv.errors.CameraError, match="band=False needs a camera"):
+    with pytest.raises(
+        wv.errors.CameraError, match="near of the camera, or max_disparity, must limit disparities to 8192 px"
+    ):
         wv.Renderer(
             make_scene(), wv.Camera.from_fov(9, 9, hfov=1.0), sensor=Corruptions(of=StereoDepth(0.1, band=False))
         )

@@ -112,7 +112,7 @@ def test_pictures_of_walls_in_millimeters_are_refused():
 
 
 def test_a_baseline_in_millimeters_is_told():
-    with pytest.warns(UserWarning, match=r"is it in millimetres, 0\.05 m\?"):
+    with pytest.warns(UserWarning, match=r"If it is in millimeters, pass 0\.05\."):
         wv.sensors.fit([WALL], CAMERA, baseline=50.0)
 
 

@@ -204,7 +204,7 @@ def test_tables_take_little_room_in_datasets():
         ("dtype", 7),
         ("dtype", "<i4"),
     ):
-        with pytest.raises(wv.errors.CameraError, match="these are no fields of a RedwoodNoise"):
+        with pytest.raises(wv.errors.CameraError, match="the fields of a RedwoodNoise are invalid"):
             sensor_from_fields(fields | {"distortion": packed | {key: wrong}})
 
 

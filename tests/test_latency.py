@@ -127,13 +127,13 @@ def test_other_images(device):
         (lambda views: Latency([1.0]), "frames must be whole numbers from 0 up"),
         (lambda views: Latency("two"), "frames must be an array of numbers"),
         (lambda views: Latency(1025), "frames must be at most 1024, got 1025"),
-        (lambda views: Latency([1, 2])(views, frame=0), "there are 3 views, and frames of 2"),
+        (lambda views: Latency([1, 2])(views, frame=0), "frames must be one for each of the 3 views, got 2"),
         (lambda views: Latency(1)(views.depth), "views must be warpvis.Views, got array"),
         (lambda views: Latency(1)(wv.Views(labels=views.labels)), "views must have depth"),
         (lambda views: Latency(1)(views, frame=-1), "frame must be a whole number from 0 up"),
         (lambda views: Latency(1)(views, frame=[1, 2]), "frame must be whole numbers, one for each of 3 views"),
         (lambda views: Latency(1)(views, out=wv.Views()), "out.depth"),
-        (lambda views: Latency(1).reset([0]), "views must be numbers of 0 views"),
+        (lambda views: Latency(1).reset([0]), "views must be indices of the 0 views"),
     ],
 )
 def test_what_is_refused(call, message):
@@ -146,7 +146,7 @@ def test_other_views_than_before_are_refused():
     latency, scene = Latency(1), make_scene()
     latency(wv.render(scene, CAMERA, POSES, outputs="depth"))
     for poses, outputs in ((POSES[:2], ("depth",)), (POSES, ("depth", "points"))):
-        with pytest.raises(wv.errors.ArrayError, match="views must be as those before, depth of shape"):
+        with pytest.raises(wv.errors.ArrayError, match="views must be as in earlier calls, depth of shape"):
             latency(wv.render(scene, CAMERA, poses, outputs=outputs))
-    with pytest.raises(wv.errors.ArrayError, match="views must be numbers of 3 views"):
+    with pytest.raises(wv.errors.ArrayError, match="views must be indices of the 3 views"):
         latency.reset([3])

@@ -211,7 +211,7 @@ def test_ranges_in_a_sphere_and_a_box(device):
 def test_pixels_without_a_ray_are_empty_and_said(device):
     lens = lenses.OpenCVPinhole(52, 50, 32, 24, (-0.9, 0, 0.001, 0))
     with pytest.warns(
-        IntrinsicsWarning, match=r"\d+ of 3072 pixels have no ray because the lens folds back 31\.\d+ degrees"
+        IntrinsicsWarning, match=r"\d+ of 3072 pixels have no ray because the lens turns back 31\.\d+ degrees"
     ):
         camera = LensCamera(lens, 64, 48)
     assert 0.1 < camera.mask.mean() < 0.9 and not camera.mask[24, 32] and camera.mask[0, 0]
@@ -296,7 +296,10 @@ BAD = {
         "distortion_model must be one of plumb_bob, .*, got 'thin'",
     ),
     "ros count": (lambda: wv.Camera.from_ros(info(d=RATIONAL)), "D of plumb_bob must be 4 or 5 numbers, got 8"),
-    "colmap": (lambda: wv.Camera.from_colmap("OPENCV", (1, 2), 64, 48), "OPENCV has 8 parameters, got 2"),
+    "colmap": (
+        lambda: wv.Camera.from_colmap("OPENCV", (1, 2), 64, 48),
+        "parameters of OPENCV must be 8 numbers, got 2",
+    ),
     "kalibr": (
         lambda: wv.Camera.from_kalibr(KALIBR | {"camera_model": "x"}),
         "camera_model must be one of pinhole, omni",
@@ -307,7 +310,7 @@ BAD = {
             | {"camera_model": "omni", "intrinsics": [1, 2, 3, 4, 5]}
             | {"distortion_model": "radtan", "distortion_coeffs": [0.1, 0, 0, 0]}
         ),
-        "camera_model omni with distortion radtan besides is not known",
+        "distortion_model of camera_model omni must be none, got radtan with non-zero coefficients",
     ),
     "nerfstudio": (lambda: wv.Camera.from_nerfstudio({"fl_x": 1}), "fl_y is missing"),
     "k4": (lambda: wv.Camera.from_nerfstudio(NERF | {"k4": 0.1}), "k4 of camera_model OPENCV"),

@@ -44,7 +44,7 @@ HOLD = {
     "bop": set(),
 }
 WHY = {
-    "tum": "format 'tum' cannot say the camera's lens: TUM has five coefficients of OpenCV's pinhole, and none for",
+    "tum": "format 'tum' cannot say the camera's lens: lens must be OpenCVPinhole with at most 5 coefficients to",
     "nerfstudio": "format 'nerfstudio' cannot say the camera's lens: nerfstudio has no camera_model for",
     "colmap": "format 'colmap' cannot say the camera's lens: COLMAP has no camera model for",
     "ros2": "format 'ros2' cannot say the camera's lens: ROS has no distortion_model for",
@@ -159,7 +159,7 @@ class Unkept(lenses.Lens):
 @pytest.mark.parametrize(
     ("lens", "message"),
     [
-        (Unkept(), r"lens .*:Unkept must be a dataclass to be written to a file"),
+        (Unkept(), r"lens must be a dataclass to be written to a file, got .*:Unkept"),
         (
             Stereographic(60.0, np.array([32.0, 24])),
             r"center of lens .*:Stereographic must be a number, a string or a tu",
@@ -335,10 +335,16 @@ BAD = {
         "model of a lens must be one of EUCM, FOV, Cylindrical, .*, got 'Fish'",
     ),
     "no model": ({"lens": {}}, "model of a lens must be one of"),
-    "missing": ({"lens": {"model": "EUCM", "fx": 3}}, "EUCM needs the numbers fx, fy, cx, cy, alpha, beta, got fx"),
-    "more": ({"lens": LENS | {"k9": 1}}, "unknown k9 of a lens; OpenCVPinhole has fx, fy, cx, cy, coefficients"),
+    "missing": ({"lens": {"model": "EUCM", "fx": 3}}, "EUCM needs the parameters fx, fy, cx, cy, alpha, beta, got fx"),
+    "more": (
+        {"lens": LENS | {"k9": 1}},
+        "unknown k9 of a lens; the fields of OpenCVPinhole are fx, fy, cx, cy, coefficients",
+    ),
     "words": ({"lens": LENS | {"fx": "long"}}, "fx of a lens must be a number above 0, got 'long'"),
-    "count": ({"lens": LENS | {"coefficients": [1]}}, "OpenCVPinhole has 4, 5, 8, 12 or 14 coefficients, got 1"),
+    "count": (
+        {"lens": LENS | {"coefficients": [1]}},
+        "coefficients of OpenCVPinhole must be 4, 5, 8, 12 or 14 numbers, got 1",
+    ),
     "list": ({"lens": [1]}, "lens must be a mapping|lens must be"),
     "size": ({"lens": LENS, "width": 64.5}, "width must be a whole number"),
     "unknown": (

@@ -110,7 +110,11 @@ BAD = {
     "model": ("a.yaml", ROS_YAML.replace("plumb_bob", "omni"), "distortion_model must be one of plumb_bob"),
     "kalibr": ("a.yaml", KALIBR.replace("radtan", "x").replace("[0.0,", "[0.1,"), "cam0: distortion_model must be one"),
     "nan": ("a.yaml", ROS_YAML.replace("[0, 0, 0, 0, 0]", "[.nan, 0, 0, 0]"), "D of CameraInfo must be finite"),
-    "colmap": ("cameras.txt", "1 OPENCV 64 48 60 58 31 25", r"cameras\.txt:1: OPENCV has 8 parameters, got 4"),
+    "colmap": (
+        "cameras.txt",
+        "1 OPENCV 64 48 60 58 31 25",
+        r"cameras\.txt:1: parameters of OPENCV must be 8 numbers, got 4",
+    ),
     "colmap's name": (
         "cameras.txt",
         "1 PANINI 64 48 60 58 31 25",

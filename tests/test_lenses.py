@@ -174,8 +174,14 @@ def test_panoramas_see_all_around():
 
 
 BAD = {
-    "count": (lambda: lenses.OpenCVPinhole(*INTRINSICS, (0.1,) * 6), "has 4, 5, 8, 12 or 14 coefficients, got 6"),
-    "fisheye's count": (lambda: lenses.KannalaBrandt(*INTRINSICS, (0.1,)), "KannalaBrandt has 4 coefficients, got 1"),
+    "count": (
+        lambda: lenses.OpenCVPinhole(*INTRINSICS, (0.1,) * 6),
+        "coefficients of OpenCVPinhole must be 4, 5, 8, 12 or 14 numbers, got 6",
+    ),
+    "fisheye's count": (
+        lambda: lenses.KannalaBrandt(*INTRINSICS, (0.1,)),
+        "coefficients of KannalaBrandt must be 4 numbers, got 1",
+    ),
     "nan": (lambda: lenses.OpenCVPinhole(*INTRINSICS, (math.nan, 0, 0, 0)), "must be finite numbers, got nan"),
     "words": (lambda: lenses.KannalaBrandt(*INTRINSICS, ("a", 0, 0, 0)), "must be finite numbers, got 'a'"),
     "focal": (lambda: lenses.FOV(0, 1, 2, 3, 0.9), "fx of a lens must be a number above 0, got 0"),

@@ -361,10 +361,13 @@ def test_a_laser_scan_has_the_angles_of_its_message():
 
 BAD = {
     "a rate out of range": (lambda p: lidars.vlp16(30), "rate must be a number from 5 to 20, got 30"),
-    "no calibration": (lambda p: lidars.vlp16(calibration=put(p / "a.yaml", {})), "which has a list of lasers"),
+    "no calibration": (
+        lambda p: lidars.vlp16(calibration=put(p / "a.yaml", {})),
+        "is not a calibration of velodyne_pointcloud: it has no list of lasers",
+    ),
     "a calibration of another sensor": (
         lambda p: lidars.vlp32c(calibration=velodyne_file(p / "a.yaml")),
-        "is of 16 lasers, and the sensor has 32",
+        "must have the 32 lasers of the sensor, got 16",
     ),
     "lasers without an angle": (
         lambda p: lidars.vlp16(calibration=velodyne_file(p / "a.yaml", vert_correction="up")),
@@ -374,18 +377,21 @@ BAD = {
         lambda p: lidars.vlp16(calibration=velodyne_file(p / "a.yaml", laser_id=3)),
         "laser_id of its lasers must be 0 to 15, each once",
     ),
-    "an unknown Ouster": (lambda p: lidars.ouster("OS1-32"), "or the metadata of another, a JSON file; got 'OS1-32'"),
+    "an unknown Ouster": (lambda p: lidars.ouster("OS1-32"), "or the metadata of a sensor, a JSON file, got 'OS1-32'"),
     "an unknown mode": (lambda p: lidars.ouster("OS1-128", "1024x11"), 'mode must be "512x10", .* got .1024x11.'),
     "metadata of another kind": (
         lambda p: lidars.ouster(put(p / "a.json", {"width": 3})),
-        "is no metadata of an Ouster sensor: beam_altitude_angles is not there",
+        "is not metadata of an Ouster sensor: beam_altitude_angles is missing",
     ),
-    "a list": (lambda p: lidars.ouster(put(p / "a.json", [1])), "which is a JSON object"),
+    "a list": (
+        lambda p: lidars.ouster(put(p / "a.json", [1])),
+        "is not metadata of an Ouster sensor: it must be a JSON object",
+    ),
     "beams that are missing": (
         lambda p: lidars.ouster(
             put(p / "a.json", ouster_metadata(beam_intrinsics={"beam_altitude_angles": [1.0] * 63}))
         ),
-        "has 63 altitudes of beams, and 64 azimuths",
+        "has 63 beam altitudes, but 64 beam azimuths",
     ),
     "words for beams": (
         lambda p: lidars.ouster(
@@ -397,11 +403,11 @@ BAD = {
         lambda p: lidars.ouster(
             put(p / "a.json", ouster_metadata(beam_intrinsics={"beam_altitude_angles": [1.0] * 32 + [0.0] * 32}))
         ),
-        "must have angles of all 64 beams, got 64, of which 32 are 0",
+        "must have the angles of all 64 beams, got 64, 32 of them 0",
     ),
     "another model's beams": (
         lambda p: lidars.ouster(put(p / "a.json", ouster_metadata(sensor_info={"prod_line": "OS-1-16-A0"}))),
-        "is of an OS-1-16-A0, and has 64 beams",
+        "has 64 beams, but is for an OS-1-16-A0",
     ),
     "a window outside": (
         lambda p: lidars.ouster(put(p / "a.json", ouster_metadata(lidar_data_format={"column_window": [0, 1024]}))),
@@ -411,7 +417,7 @@ BAD = {
         lambda p: lidars.ouster(
             put(p / "a.json", ouster_metadata(lidar_data_format={"column_window": [9, 99]})), "512x10"
         ),
-        "mode must have 1024 columns, since the file measures 9 to 99 of them",
+        "mode must have 1024 columns because the file has a window from 9 to 99, got 512",
     ),
     "no rotation": (
         lambda p: lidars.ouster(
@@ -427,11 +433,11 @@ BAD = {
     ),
     "a Livox file of words": (
         lambda p: lidars.livox("avia", text(p / "a.csv", "Time/s,Azimuth/deg,Zenith/deg\n1,2,x\n")),
-        "must hold three numbers a line",
+        "must contain three numbers per line",
     ),
     "Livox angles in degrees": (
         lambda p: lidars.livox("avia", array(p / "a.npy", np.full((9, 2), 45.0))),
-        "elevations between -90 and 90 degrees",
+        "elevations from -90 to 90 degrees",
     ),
     "a Livox array of another shape": (
         lambda p: lidars.livox("avia", array(p / "a.npy", np.zeros((9, 3)))),
@@ -439,7 +445,7 @@ BAD = {
     ),
     "a frame longer than the pattern": (
         lambda p: lidars.livox("avia", livox_npy(p / "a.npy")).frame(),
-        "a frame of 24000 samples is longer than the pattern, which has 5",
+        "samples must be at most the 5 samples of the pattern, got 24000",
     ),
     "increments that lead away": (
         lambda p: lidars.laser_scan(0.0, 1.0, -0.1),
@@ -454,8 +460,8 @@ BAD = {
         "azimuth must be within one turn, got 6.5 radians",
     ),
     "no resolution": (lambda p: lidars.grid((1, 1), 0), "resolution must be more than 0 m, got 0"),
-    "no direction": (lambda p: lidars.grid((1, 1), 1, (0, 0, 0)), "direction must have a length, got 0"),
-    "a grid without end": (lambda p: lidars.grid((1e9, 1e9), 0.1), "a grid may have 67108864 rays"),
+    "no direction": (lambda p: lidars.grid((1, 1), 1, (0, 0, 0)), "direction must not be zero"),
+    "a grid without end": (lambda p: lidars.grid((1e9, 1e9), 0.1), "a grid may have at most 67108864 rays"),
 }
 
 
@@ -479,5 +485,5 @@ def test_bad_input_is_told_in_one_sentence(tmp_path, name):
 
 def test_a_livox_needs_a_file_where_no_wheel_is(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(wv.WarpvisError, match=r"file must be said, .* where mujoco-lidar, .* is not installed"):
+    with pytest.raises(wv.WarpvisError, match=r"file must be given, .* because mujoco-lidar, .* is not installed"):
         lidars.livox("mid360")

@@ -163,7 +163,7 @@ def test_the_camera_is_the_devices():
         (lambda: randomized("d435", sigma=(0, 1)), "of must be a model of warpvis.sensors"),
         (lambda: randomized(STEREO), "ranges must be of 1 to 8 parameters"),
         (lambda: randomized(STEREO, noise=(0, 1)), "StereoDepth has no parameter 'noise'; it has .*baseline, .*sigma"),
-        (lambda: randomized(STEREO, sigma=0.1), "sigma must be two numbers, the least and the greatest, got 0.1"),
+        (lambda: randomized(STEREO, sigma=0.1), "sigma must be two numbers, minimum and maximum, got 0.1"),
         (lambda: randomized(STEREO, sigma=(0.1, np.nan)), "sigma must be two numbers"),
         (lambda: randomized(STEREO, sigma=(0.2, 0.1)), "from a number to one no less, got 0.2 and 0.1"),
         (lambda: randomized(STEREO, noise_spacing=(1, 2.5)), "noise_spacing must be two whole numbers"),

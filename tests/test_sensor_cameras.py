@@ -79,5 +79,5 @@ def test_another_focal_length_is_told(name):
             warnings.simplefilter("always")
             depth_of(sensor, camera, 2.0)
             depth_of(sensor, camera, 3.0)
-        told = [one for one in told if str(one.message).startswith("the device's camera has fx=")]
+        told = [one for one in told if str(one.message).startswith("fx of the camera is ")]
         assert [one.filename for one in told] == [__file__] * is_told

@@ -315,7 +315,9 @@ def test_what_is_refused(arguments, message):
 
 def test_what_a_camera_or_a_scene_refuses():
     scene, endless = make_scene(), wv.Camera.from_fov(160, 120, hfov=1.2)
-    with pytest.raises(wv.errors.CameraError, match="band=False needs a camera whose near, or max_disparity"):
+    with pytest.raises(
+        wv.errors.CameraError, match="near of the camera, or max_disparity, must limit disparities to 8192 px"
+    ):
         wv.Renderer(scene, endless, sensor=StereoDepth(0.1, band=False))
     with pytest.raises(wv.errors.SceneError, match="no object 'cup', given in reflectivity"):
         wv.Renderer(scene, CAMERA, sensor=dataclasses.replace(FULL, reflectivity={"cup": 0.1}))
@@ -333,6 +335,7 @@ def test_nothing_is_fused_for_a_gpu(tmp_path):
 
 def test_a_baseline_in_millimetres_is_said():
     with pytest.warns(
-        UserWarning, match=r"a baseline of 55 m is that of no depth camera: is it in millimetres, 0.055 m"
+        UserWarning,
+        match=r"baseline is 55 m, longer than that of any depth camera. If it is in millimeters, pass 0.055\.",
     ):
         StereoDepth(55)

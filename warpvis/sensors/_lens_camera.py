@@ -74,7 +74,7 @@ class LensCamera(LensedCamera):
         count = int(self.mask.sum())
         if count:
             degrees = math.degrees(self.lens.max_angle)
-            why = "folds back" if self.lens.turns_back else "ends"
+            why = "turns back" if self.lens.turns_back else "ends"
             warn_user(
                 f"{count} of {self.mask.size} pixels have no ray because the lens {why} {degrees:.4g} degrees from its "
                 "axis: they stay empty, and are True in the camera's mask",

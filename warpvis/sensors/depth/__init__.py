@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Models of depth cameras, which make what such a device would have said of exact images."""
+"""Models of depth cameras: they convert exact images to the measurements of such a device."""
 
 from __future__ import annotations
 

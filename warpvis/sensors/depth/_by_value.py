@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Models that hold images or tables are equal where these are."""
+"""Equality of dataclasses with array fields."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class ByValue:
-    """Equality of dataclasses with arrays, for which a dataclass's own would ask whether an array is true."""
+    """Mixin for dataclasses with array fields; the generated `__eq__` would need the truth value of an array."""
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):

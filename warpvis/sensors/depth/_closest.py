@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The pixels about one, in the order in which they are looked at."""
+"""Search order of the pixels in a window."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 
 def closest_first(reach: int, most_squared: int | None = None) -> NDArray[np.int32]:
-    """Return columns and rows to the pixels of a window, the closest first, of equally close ones by rows, ``(N, 2)``.
+    """Return offsets (column, row) to the pixels of a window by increasing distance, then by rows, shape ``(N, 2)``.
 
     Args:
-        reach: How far the window reaches to all sides [px].
-        most_squared: Leave those out that are farther away, by their squared distance.
+        reach: Half the side of the window [px].
+        most_squared: Maximum squared distance [px^2]; unlimited by default.
     """
-    to = np.arange(-reach, reach + 1, dtype=np.int32)
-    row, column = (places.ravel() for places in np.meshgrid(to, to, indexing="ij"))
+    offsets = np.arange(-reach, reach + 1, dtype=np.int32)
+    row, column = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
     squared = row * row + column * column
     order = np.argsort(squared, kind="stable")
     if most_squared is not None:

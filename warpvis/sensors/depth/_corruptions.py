@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plain corruptions of depth images, for learning."""
+"""Corruptions of depth images for machine learning."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ _MAX_RECTANGLES, _MAX_SIDE = 256, 2**20
 
 @dataclass(frozen=True)
 class Corruptions(DepthSensor):
-    """Exact depth, or what another sensor says, with noise and holes that are of no device.
+    """Exact depth, or the depth of another sensor, with generic noise and holes that model no particular device.
 
-    Depth z becomes z (1 + `multiplied` n) + `added` m, with standard normal n and m of each pixel. Lost (DROPOUT, NaN)
-    are pixels one by one, with a chance of `dropout`, and those inside of a view's rectangles, whose number and sides
-    are drawn from ranges, each whole number as likely as another, and whose middles are anywhere in the image. What is
-    then outside of the camera's range is told as that (RANGE). Pixels without depth stay as they are.
+    Depth z becomes z (1 + `multiplied` n) + `added` m, with independent standard normal n and m for each pixel. Pixels
+    are lost (DROPOUT, NaN) independently with probability `dropout`, and inside rectangles. The number and the sides of
+    the rectangles of a view are uniformly distributed integers, their centers are uniformly distributed in the image.
+    Depth outside of the camera's range is then reported as such (RANGE). Pixels without depth are not changed.
     """
 
     added: float = 0.0
-    """Deviation of what is added [m]."""
+    """Standard deviation of additive noise [m]."""
     multiplied: float = 0.0
-    """Deviation of what depth is multiplied with, about 1."""
+    """Standard deviation of the factor of depth, whose mean is 1."""
     dropout: float = 0.0
-    """Share of pixels that are lost by chance, from 0 to 1."""
+    """Probability that a pixel is lost, from 0 to 1."""
     rectangles: tuple[int, int] = (0, 0)
-    """Least and greatest number of rectangles that are lost in a view."""
+    """Minimum and maximum number of lost rectangles per view."""
     sides: tuple[int, int] = (8, 32)
-    """Least and greatest width and height of one [px]."""
+    """Minimum and maximum width and height of rectangles [px]."""
     of: DepthSensor | None = None
-    """The sensor whose depth is corrupted; the exact depth by default."""
+    """The sensor whose depth is corrupted; by default, exact depth."""
 
     takes_lens: ClassVar[TakesLens] = "any"
 
@@ -56,39 +56,37 @@ class Corruptions(DepthSensor):
         inner: object = self.of
         while inner is not None:
             if isinstance(inner, Corruptions):
-                raise ArrayError(
-                    "of must be a device's model, and no Corruptions: both would have the same random numbers"
-                )
+                raise ArrayError("of must not contain Corruptions, because both would use the same random numbers")
             inner = getattr(inner, "of", None)
 
     def camera(self) -> Camera:
         """Return the camera of the sensor whose depth is corrupted.
 
         Raises:
-            CameraError: There is none, or it was made without one.
+            CameraError: If there is no such sensor, or if it has no camera.
         """
         return super().camera() if self.of is None else self.of.camera()
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
-        """Which images of the first surface are read."""
+        """Exact images that are read."""
         return () if self.of is None else self.of.needs
 
     @property
     def bytes_per_pixel(self) -> int:
-        """How much room a pixel takes."""
+        """Scratch memory per pixel [B]."""
         return 0 if self.of is None else self.of.bytes_per_pixel
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera, if the model is one of it in a scene.
+        """Return the camera if it can be used with the sensor and the scene.
 
         Raises:
-            WarpvisError: It is not.
+            WarpvisError: If it cannot be used.
         """
         return super().check(scene, camera) if self.of is None else self.of.check(scene, camera)
 
     def measure(self, exposure: Exposure) -> None:
-        """Write the sensor's depth and reasons."""
+        """Write the depth and reasons of the sensor."""
         from warpvis.kernels.corruptions import CorruptionModel, place_rectangles
 
         if self.of is not None:
@@ -117,7 +115,7 @@ class Corruptions(DepthSensor):
 
 
 def _kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return what corrupts on a device, and how many pixels a thread takes."""
+    """Return the kernel for a device, and the number of pixels per thread."""
     if device.is_cpu:
         from warpvis.kernels.noise_rows import corrupt_depth_rows
 
@@ -128,11 +126,11 @@ def _kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
 
 
 def _check_limits(value: object, name: str, least: int, most: int) -> tuple[int, int]:
-    """Return two whole numbers, the second no less than the first."""
+    """Check that `value` is two integers in ascending order within limits, and return them."""
     limits = as_items(value, name)
     if len(limits) != 2:
-        raise ArrayError(f"{name} must be two whole numbers, the least and the greatest, got {value!r}")
+        raise ArrayError(f"{name} must be two whole numbers, minimum and maximum, got {value!r}")
     low, high = (check_whole(limit, name, least=least) for limit in limits)
     if not low <= high <= most:
-        raise ArrayError(f"{name} must be from a number to one no less, and at most {most}, got {low} and {high}")
+        raise ArrayError(f"{name} must be a minimum and a maximum of at most {most}, got {low} and {high}")
     return low, high

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What models of devices have in common: surfaces that reflect, and a camera of their own."""
+"""Base class of models of real devices."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from warpvis.sensors._echoes import Reflectivity, reflectivities
 
 @dataclass(frozen=True)
 class Device(DepthSensor):
-    """A model of a device that one can buy, which sees a surface by the light that comes back of it."""
+    """A model of a real device that measures reflected light."""
 
     reflectivity: Reflectivity = field(default=1.0, kw_only=True)
-    """Of all objects; by their names, 1 for others; or of each, in the scene's order: from 0 (black) to 1."""
+    """Reflectivity from 0 (black) to 1: one value for all objects, a mapping from object names to values (1 for
+    others), or values in scene order."""
     native_camera: Camera | None = field(default=None, kw_only=True)
-    """The camera that the device has: what `camera` returns. Depth keeps to its range through any other camera."""
+    """The camera of the device, returned by `camera`. Its range of depth also applies to any other camera."""
 
     def __post_init__(self) -> None:
         if self.native_camera is not None and not isinstance(self.native_camera, Camera):
@@ -32,20 +33,20 @@ class Device(DepthSensor):
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
-        """Which images of the first surface are read, to know what comes back of it."""
+        """Exact images that are read to compute reflected light."""
         plain = is_number(self.reflectivity) and self.reflectivity == 1.0
         return ("normals",) if plain else ("normals", "segmentation")
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera with the range of depth that it and the device have in common.
+        """Return the camera with its range of depth limited to that of the device.
 
         Raises:
-            WarpvisError: If the sensor is not a model of such a camera, or there is no such range.
+            WarpvisError: If the sensor cannot be used with the camera, or if the ranges do not overlap.
         """
         reflectivities(scene, self.reflectivity)
         return super().check(scene, camera)
 
     def reflectivity_of_objects(self, exposure: Exposure) -> wp.array:
-        """Return the reflectivity of every object of the scene, on its device, ``(objects,)``."""
-        shares = reflectivities(exposure.scene, self.reflectivity)
-        return wp.array(shares, dtype=wp.float32, device=exposure.scene.device)
+        """Return the reflectivity of each object of the scene, on its device, shape ``(objects,)``."""
+        values = reflectivities(exposure.scene, self.reflectivity)
+        return wp.array(values, dtype=wp.float32, device=exposure.scene.device)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Models of depth cameras as JSON, for manifests of datasets."""
+"""JSON representation of depth-camera models, for manifests of datasets."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering import DepthSensor
 
 _INFINITE = "inf"
-"""What JSON has in place of infinity, which is no number of its."""
+"""JSON string for infinity, which is not a JSON number."""
 
 _PACKED = {"dtype", "shape", "base64"}
-"""Keys of tables and images, which would be millions of letters as lists."""
+"""Keys of packed arrays; lists of tables and images would take megabytes."""
 
 
 def sensor_to_fields(sensor: DepthSensor) -> dict[str, Json]:
-    """List what a sensor is, as JSON holds it: its model, the name of its class, and that class's fields.
+    """Convert a sensor to a JSON object: its model, which is the name of its class, and the fields of that class.
 
     Raises:
-        ArrayError: A field is no number, text, camera, sensor, nor a list or mapping of these.
+        ArrayError: If a field is not a number, a string, a camera, a sensor, or a list or mapping of these.
     """
     kind = type(sensor)
     name = kind.__name__ if _find_model(kind.__name__) is kind else f"{kind.__module__}.{kind.__qualname__}"
-    kept = (
+    attributes = (
         {field.name: getattr(sensor, field.name) for field in fields(sensor)} if is_dataclass(sensor) else vars(sensor)
     )
-    return {"model": name, **{key: _to_json(value, f"{kind.__name__}.{key}") for key, value in kept.items()}}
+    return {"model": name, **{key: _to_json(value, f"{kind.__name__}.{key}") for key, value in attributes.items()}}
 
 
 def sensor_from_fields(values: Mapping[str, Json]) -> DepthSensor | None:
-    """Make the sensor that `sensor_to_fields` listed; None of a model that is not of warpvis, or has such a one in it.
+    """Create a sensor from fields of `sensor_to_fields`; return None if a model in them is not part of warpvis.
 
     Raises:
-        CameraError: They are no sensor's.
+        CameraError: If the fields are invalid.
     """
     model = values.get("model")
     if not isinstance(model, str):
-        raise CameraError(f"a sensor's fields must say its model, got {truncate(repr(model))}")
+        raise CameraError(f"model of a sensor must be the name of its class, got {truncate(repr(model))}")
     kind = _find_model(model)
     if kind is None:
         return None
@@ -56,7 +56,7 @@ def sensor_from_fields(values: Mapping[str, Json]) -> DepthSensor | None:
         inner = [key for key, value in values.items() if isinstance(value, Mapping) and "model" in value]
         return None if any(given[key] is None for key in inner) else kind(**given)
     except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
-        raise CameraError(f"these are no fields of a {model}: {describe_exception(error)}") from None
+        raise CameraError(f"the fields of a {model} are invalid: {describe_exception(error)}") from None
 
 
 def _find_model(name: str) -> Any:
@@ -85,21 +85,21 @@ def _to_json(value: object, name: str) -> Json:
         return _pack(value) if value.ndim > 1 else _to_json(value.tolist(), name)
     if isinstance(value, Sequence) and not isinstance(value, bytes):
         return [_to_json(part, name) for part in value]
-    raise ArrayError(f"{name} cannot be written into a dataset's manifest, which has numbers and text, got {value!r}")
+    raise ArrayError(f"{name} must be numbers or text to be written to the manifest of a dataset, got {value!r}")
 
 
 def _pack(image: np.ndarray) -> Json:
-    """Return a table or an image as its bytes, little-endian: compressed ones would be of a library's version."""
+    """Pack an array as little-endian bytes in base64. Compressed bytes would depend on the version of a library."""
     plain = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder("<"))
     packed = base64.b64encode(plain.tobytes()).decode("ascii")
     return {"dtype": plain.dtype.str, "shape": [*image.shape], "base64": packed}
 
 
 def _unpack(values: Mapping[str, Json]) -> np.ndarray:
-    """Return it.
+    """Return the array packed by `_pack`.
 
     Raises:
-        ValueError: It is none.
+        ValueError: If the values are invalid.
     """
     dtype, shape = np.dtype(values["dtype"]), values["shape"]  # type: ignore[arg-type]
     if (
@@ -107,11 +107,11 @@ def _unpack(values: Mapping[str, Json]) -> np.ndarray:
         or not isinstance(shape, list)
         or not all(is_whole(side) and side >= 0 for side in shape)
     ):
-        raise ValueError("a table is of numbers, and of whole numbers of rows and columns")
-    found = base64.b64decode(str(values["base64"]), validate=True)
-    if len(found) != math.prod(shape) * dtype.itemsize:
-        raise ValueError(f"a table of {dtype} and of shape {tuple(shape)} cannot be of {len(found)} bytes")
-    return np.frombuffer(found, dtype=dtype).reshape(shape)
+        raise ValueError("an array must have a numeric dtype and a shape of whole numbers")
+    data = base64.b64decode(str(values["base64"]), validate=True)
+    if len(data) != math.prod(shape) * dtype.itemsize:
+        raise ValueError(f"an array of {dtype} of shape {tuple(shape)} must not have {len(data)} bytes")
+    return np.frombuffer(data, dtype=dtype).reshape(shape)
 
 
 def _from_json(value: Json) -> Any:

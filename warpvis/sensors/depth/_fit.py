@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fit the numbers of a camera that triangulates to its pictures of flat walls."""
+"""Fit the parameters of a stereo depth camera to its depth images of flat walls."""
 
 from __future__ import annotations
 
@@ -17,78 +17,77 @@ from warpvis.core.checks import as_items, check_number, check_whole, format_perc
 from warpvis.core.depth_images import check_meters
 from warpvis.errors import ArrayError
 from warpvis.sensors.depth._noise_spacing import correlation, expected_correlation, find_spacing
-from warpvis.sensors.depth._quantisation import find_quantum, fit_spread
+from warpvis.sensors.depth._quantization import find_quantum, fit_spread
 from warpvis.sensors.depth._stereo import StereoDepth, check_baseline
 from warpvis.sensors.depth._walls import Wall, measure_wall
 
-# Cameras that triangulate measure no wall beyond it; a camera with a `far` has its own limit [m].
+# Maximum distance of a wall for cameras without a finite `far` [m].
 _FARTHEST_WALL = 20.0
 
-# Below this, a step of disparity and a whole part of a pixel differ by rounding of what both were found from.
-_WHOLE = 0.05
+# Relative tolerance for the step of disparity to be 1/n px.
+_STEP_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True)
 class WallReport:
-    """What one picture of a wall says, by the measures of Intel's ``rs-depth-quality``."""
+    """Measures of one depth image of a wall, as defined by Intel's ``rs-depth-quality``."""
 
     distance: float
-    """Depth of the wall on the camera's axis [m]."""
+    """Depth of the wall on the axis of the camera [m]."""
     angle: float
-    """Between that axis and the wall's normal [rad]."""
+    """Angle between that axis and the normal of the wall [rad]."""
     plane_rms: float
-    """Root mean square of depth about the plane [m]."""
+    """RMS error of depth about the plane [m]."""
     subpixel_rms: float
-    """The same of disparity [px]."""
+    """RMS error of disparity about the plane [px]."""
     fill_rate: float
-    """Share of pixels that have depth, from 0 to 1."""
+    """Fraction of pixels with depth, from 0 to 1."""
 
 
 @dataclass(frozen=True)
 class StereoFit:
-    """What pictures of walls say of a camera that triangulates."""
+    """Parameters of a stereo depth camera, fitted to depth images of walls."""
 
     camera: Camera
     focal_baseline: float
-    """Focal length times baseline, f b [px m]: disparity is this divided by depth."""
+    """Focal length times baseline, f b [px m]: disparity is f b / depth."""
     found_by: str
-    """What f b was found by: ``"baseline"``, ``"subpixel"`` or ``"band"``."""
+    """Source of f b: ``"baseline"``, ``"subpixel"`` or ``"band"``."""
     sigma: float
-    """Standard deviation of the random part of disparities, before they are rounded [px]."""
+    """Standard deviation of the noise of disparity before rounding [px]."""
     step: float
-    """What disparities are rounded to [px]; 0 if they are not."""
+    """Quantization step of disparity [px]; 0 if disparities are not rounded."""
     noise_spacing: int
-    """Distance of the nodes between which that part is interpolated, as in `StereoDepth` [px]; 1 is white noise."""
+    """Spacing of the nodes between which noise is interpolated, as in `StereoDepth` [px]; 1 is white noise."""
     dropout: float
-    """Share of pixels that have no depth, from 0 to 1, without those of the invalid band."""
+    """Fraction of pixels without depth, from 0 to 1, outside of the invalid band."""
     correlation: NDArray[np.float64]
-    """Autocorrelation of disparities about the planes at 0, 1, 2, ... px, without what rounding adds."""
+    """Autocorrelation of disparity about the planes at lags of 0, 1, 2, ... px, without the rounding error."""
     walls: tuple[WallReport, ...]
-    """Of each picture."""
+    """Measures of each image."""
     errors: tuple[NDArray[np.float32], ...]
-    """Of each picture, how much more disparity is than the plane's [px]; NaN where there is none or it is no wall's."""
+    """Disparity minus the disparity of the plane for each image [px]; NaN where there is no depth or no wall."""
 
     @property
     def baseline(self) -> float:
-        """Distance of the two eyes [m]."""
+        """Distance between the two eyes [m]."""
         return self.focal_baseline / self.camera.fx
 
     @property
     def expected_correlation(self) -> NDArray[np.float64]:
-        """Autocorrelation of noise of this spacing at 0, 1, 2, ... px."""
+        """Autocorrelation of noise with this spacing at lags of 0, 1, 2, ... px."""
         return expected_correlation(self.noise_spacing, len(self.correlation))
 
     def sensor(self) -> StereoDepth:
-        """Return a model with these numbers, for `warpvis.Renderer`.
+        """Return a model with these parameters, for `warpvis.Renderer`.
 
         Raises:
-            ArrayError: Disparities are rounded to what is no whole part of a pixel.
+            ArrayError: If the step of disparity is not 1/n px.
         """
         levels = round(1.0 / self.step) if self.step > 0 else 0
-        if self.step > 0 and abs(levels * self.step - 1.0) > _WHOLE:
+        if self.step > 0 and abs(levels * self.step - 1.0) > _STEP_TOLERANCE:
             raise ArrayError(
-                f"disparities are rounded to {self.step:.4g} px, which is no whole part of one: give the right "
-                "baseline or subpixel"
+                f"step of disparity must be 1/n px, got {self.step:.4g} px. Pass the correct baseline or subpixel."
             )
         return StereoDepth(
             self.baseline,
@@ -100,8 +99,8 @@ class StereoFit:
         )
 
     def report(self) -> str:
-        """Return what was found as lines of text."""
-        rounded = f"{self.step:.4g} px (1/{1 / self.step:.4g})" if self.step > 0 else "none was found"
+        """Return the result as lines of text."""
+        rounded = f"{self.step:.4g} px (1/{1 / self.step:.4g})" if self.step > 0 else "not found"
         lines = [
             f"{pluralize(len(self.walls), 'wall')}; f b {self.focal_baseline:.4g} px m, by the {self.found_by}",
             f"sigma of disparity  {self.sigma:.4g} px",
@@ -128,27 +127,29 @@ def fit(
     resolution: float = 0.0,
     region: float = 0.8,
 ) -> StereoFit:
-    """Fit sigma of disparity, its step, f b, correlation and dropout to pictures of flat walls.
+    """Fit noise, quantization step, f b, correlation and dropout of disparity to depth images of flat walls.
 
-    Every picture shows one wall, at any distance and angle; several at different distances say more, the far ones of
-    the step, and ones of a wall that leans have many steps. Of a plane, 1 / z is linear in the pixel's coordinates
-    (x - cx) / fx and (y - cy) / fy: what is left beside the best plane is noise. From 1 / z alone one cannot tell a
-    camera of little noise and a short baseline from one of more noise and a longer one: f b comes from `baseline`, from
-    `subpixel` and the step, or from the invalid band at one side, which is f b / z wide.
+    Each image shows one wall, at any distance and angle. Several images at different distances give better results: far
+    walls determine the step, and slanted walls have many steps. On a plane, 1 / z is linear in the pixel coordinates
+    (x - cx) / fx and (y - cy) / fy; the residual of the best plane is noise. f b cannot be determined from 1 / z alone,
+    because 1 / z depends only on the ratio of the noise of disparity to f b. It is computed from `baseline`, from
+    `subpixel` and the step, or from the width f b / z of the invalid band at one side.
 
-    Noise of less than half a step is found by its likelihood, but its correlation is then that of rounding as well.
+    Noise below half a step is estimated by maximum likelihood, but its correlation then includes that of the rounding
+    error.
 
     Args:
         depth_images: Planar depth [m], shape ``(N, H, W)`` or a list of images ``(H, W)``; 0, NaN or infinite where
-            there is none.
+            there is no depth.
         camera: Intrinsics of the images; its `fx` is the focal length of disparities.
-        baseline: Distance of the two eyes [m], if known.
-        subpixel: Into how many parts of a pixel disparities are rounded, if known.
-        resolution: What depth itself was rounded to [m], such as 0.001 for files of millimetres.
-        region: Which part of the image's width and height to look at, about its middle, as Intel does.
+        baseline: Distance between the two eyes [m], if known.
+        subpixel: Steps of disparity per pixel, if known.
+        resolution: Quantization step of depth [m], such as 0.001 for files in millimeters.
+        region: Fraction of the width and height of the image to use, about its center, as in Intel's tool.
 
     Raises:
-        ArrayError: A picture is of another size, is in millimeters or shows no wall, or nothing tells f b.
+        ArrayError: If an image has another size than the camera, is in millimeters or shows no wall, or if f b cannot
+            be determined.
     """
     require_camera(camera)
     if baseline is not None:
@@ -188,11 +189,11 @@ def _images(depth_images: ArrayLike | Sequence[ArrayLike], camera: Camera) -> li
     else:
         images = [as_numpy(image, name="depth_images") for image in as_items(depth_images, "depth_images")]
     if not images:
-        raise ArrayError("depth_images must hold a picture of a wall, got none")
+        raise ArrayError("depth_images must contain at least one image, got none")
     for index, image in enumerate(images):
         size = (camera.height, camera.width)
         if image.shape != size:
-            raise ArrayError(f"depth_images[{index}] must have shape {size} as the camera has, got {image.shape}")
+            raise ArrayError(f"depth_images[{index}] must have the shape {size} of the camera, got {image.shape}")
         far = _FARTHEST_WALL if math.isinf(camera.far) else camera.far
         check_meters(image, f"depth_images[{index}]", camera.near, far)
     return images
@@ -201,25 +202,29 @@ def _images(depth_images: ArrayLike | Sequence[ArrayLike], camera: Camera) -> li
 def _find_scale(
     walls: list[Wall], camera: Camera, quantum: float, baseline: float | None, subpixel: int | None
 ) -> tuple[float, str]:
-    """Return f b and what it was found by."""
+    """Return f b and its source."""
     if baseline is not None:
         return camera.fx * baseline, "baseline"
     if subpixel is not None:
         if quantum == 0.0:
-            raise ArrayError("no steps of disparity were found, of which subpixel would tell f b: give baseline")
+            raise ArrayError(
+                "f b cannot be determined from subpixel because no steps of disparity were found. Pass baseline."
+            )
         return 1.0 / (quantum * subpixel), "subpixel"
     sides = [[wall for wall in walls if wall.band[side] > 1] for side in range(2)]
     side = 0 if len(sides[0]) >= len(sides[1]) else 1
     if not sides[side]:
-        raise ArrayError("nothing tells f b: no picture has an invalid band at a side; give baseline or subpixel")
+        raise ArrayError(
+            "f b cannot be determined because no image has an invalid band at a side. Pass baseline or subpixel."
+        )
     return _scale_of_bands(sides[side], side), "band"
 
 
 def _scale_of_bands(walls: list[Wall], side: int) -> float:
-    """Return the f b that makes the band of the most rows as wide as it is.
+    """Return the f b that agrees with the width of the band in the largest number of rows.
 
-    A pixel's centre is in it if that is less than f b / z from the side: a row of n such pixels says that f b / z is
-    from n - 1/2 to n + 1/2.
+    A pixel is in the band if its center is less than f b / z from the side: if the band of a row has n pixels, f b / z
+    is between n - 1/2 and n + 1/2.
     """
     width = np.concatenate([wall.edges[side] for wall in walls])
     inverse = np.concatenate([wall.edge_planes[side] for wall in walls])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Noise of a Kinect as two papers measured it, for comparison with published work."""
+"""Noise models of the Kinect from two papers, for comparison with published work."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ _STEEPEST = math.radians(89.9)
 
 @dataclass(frozen=True)
 class NguyenNoise(DepthSensor):
-    """Axial and lateral noise of a Kinect by distance and angle, as Nguyen, Izadi and Lovell measured it.
+    """Axial and lateral noise of a Kinect as functions of distance and angle, by Nguyen, Izadi and Lovell.
 
     C. V. Nguyen, S. Izadi and D. Lovell, "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking",
-    3DIMPVT 2012. With a the angle between the surface's normal and the optical axis and z its depth, in metres, depth
-    has a normal error of deviation 0.0012 + 0.0019 (z - 0.4)^2, plus 0.0001 / sqrt(z) (a / (pi / 2 - a))^2 from 60
-    degrees on (equations 3 and 4). The lateral deviation is 0.8 + 0.035 a / (pi / 2 - a) px (equation 2): the pixel's
-    centre is moved by so much along both axes, and the pixel shows the surface of the pixel where it comes to be, in
-    that one's plane. So edges move, and a plane stays one, of which the paper's axial deviation is. At the image's
-    edge it is the last pixel.
+    3DIMPVT 2012. Let a be the angle between the surface normal and the optical axis, and z the depth [m]. The error of
+    depth is normal with standard deviation 0.0012 + 0.0019 (z - 0.4)^2, plus 0.0001 / sqrt(z) (a / (pi / 2 - a))^2 for
+    a of 60 degrees or more (equations 3 and 4). The lateral standard deviation is 0.8 + 0.035 a / (pi / 2 - a) px
+    (equation 2): the center of each pixel is shifted along both axes, and the pixel measures the plane of the surface
+    at the shifted position. Edges become ragged, but a plane stays a plane, with the axial deviation of the paper.
+    Positions outside of the image are clamped to the nearest pixel.
 
-    The paper measured from 0.4 to 3 m. A surface at more than `most_angle` is lost (GRAZING).
+    The measurements of the paper range from 0.4 to 3 m. Surfaces at more than `most_angle` are lost (GRAZING).
     """
 
     least_axial: float = 0.0012
-    """Least axial deviation [m]."""
+    """Minimum axial standard deviation [m]."""
     axial_growth: float = 0.0019
-    """How it grows with the square of depth [1/m]."""
+    """Quadratic coefficient of the axial standard deviation [1/m]."""
     best_depth: float = 0.4
-    """Where it is least [m]."""
+    """Depth of the minimum axial standard deviation [m]."""
     grazing_axial: float = 0.0001
-    """What is added from `grazing_angle` on, at 45 degrees and 1 m [m]."""
+    """Coefficient of the term added from `grazing_angle` on: its value at 45 degrees and 1 m [m]."""
     grazing_angle: float = math.radians(60.0)
-    """From which angle on [rad]."""
+    """Angle from which that term is added [rad]."""
     lateral: float = 0.8
-    """Lateral deviation of what is seen face on [px]."""
+    """Lateral standard deviation at normal incidence [px]."""
     lateral_growth: float = 0.035
-    """How it grows with the angle: what is added at 45 degrees [px]."""
+    """Coefficient of the growth with the angle: the added deviation at 45 degrees [px]."""
     most_angle: float = math.radians(85.0)
-    """Greatest angle at which a surface is measured [rad]: where the formulas grow without bound; not of the paper."""
+    """Maximum angle at which a surface is measured [rad]; the formulas diverge at 90 degrees. Not from the paper."""
 
     def __post_init__(self) -> None:
         for name in ("least_axial", "axial_growth", "best_depth", "grazing_axial", "lateral", "lateral_growth"):
@@ -58,11 +58,11 @@ class NguyenNoise(DepthSensor):
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
-        """Which images of the first surface are read."""
+        """Exact images that are read."""
         return ("normals",)
 
     def measure(self, exposure: Exposure) -> None:
-        """Write the sensor's depth and reasons."""
+        """Write the depth and reasons of the sensor."""
         from warpvis.kernels.kinect_noise import NguyenModel
 
         model = NguyenModel()
@@ -84,32 +84,32 @@ class NguyenNoise(DepthSensor):
 
 @dataclass(frozen=True)
 class KhoshelhamNoise(DepthSensor):
-    """Random error and steps of a Kinect's depth, as Khoshelham and Elberink measured them.
+    """Random error and quantization of a Kinect's depth, by Khoshelham and Elberink.
 
     K. Khoshelham and S. O. Elberink, "Accuracy and Resolution of Kinect Depth Data for Indoor Mapping Applications",
-    Sensors 12(2), 2012. Depth z follows from whole numbers of disparity d as 1 / z = `step` d: between two of them are
-    2.85e-3 z^2 m. Measured disparities were found to have a deviation of half a step: 1.425e-3 z^2 m. A step's own
-    rounding has sqrt(1/12) of a step of this; `sigma` is the rest. A point errs along its pixel's ray, so that its x
-    and y err in proportion, as in the paper.
+    Sensors 12(2), 2012. Depth z follows from integer disparities d as 1 / z = `step` d; consecutive depths differ by
+    2.85e-3 z^2 m. The measured standard deviation of disparities is half a step, 1.425e-3 z^2 m. Rounding contributes
+    sqrt(1/12) of a step to it; `sigma` is the rest. Errors are along the ray of the pixel: x and y of the point have
+    proportional errors, as in the paper.
     """
 
     step: float = 2.85e-3
-    """A step of disparity, as 1 / z [1/m]: m / (f b) of the paper, which has it in centimetres."""
+    """Step of disparity, as 1 / z [1/m]: m / (f b) in the paper, there in centimeters."""
     sigma: float = math.sqrt(0.25 - 1 / 12)
-    """Deviation of disparities before they are rounded [steps]."""
+    """Standard deviation of disparities before rounding [steps]."""
     rounds: bool = True
-    """Whether disparities are whole numbers."""
+    """Whether disparities are rounded to integers."""
 
     takes_lens: ClassVar[TakesLens] = "z"
 
     def __post_init__(self) -> None:
         if check_number(self.step, "step", least=0.0) == 0.0:
-            raise ArrayError("step must be above 0 per metre")
+            raise ArrayError("step must be above 0 per meter")
         check_number(self.sigma, "sigma", least=0.0)
         check_flag(self.rounds, "rounds")
 
     def measure(self, exposure: Exposure) -> None:
-        """Write the sensor's depth and reasons."""
+        """Write the depth and reasons of the sensor."""
         from warpvis.kernels.kinect_noise import KhoshelhamModel
 
         model = KhoshelhamModel()
@@ -128,7 +128,7 @@ class KhoshelhamNoise(DepthSensor):
 
 
 def _nguyen_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return the model's kernel on a device, and how many pixels a thread takes."""
+    """Return the kernel for a device, and the number of pixels per thread."""
     if device.is_cpu:
         from warpvis.kernels.noise_rows import measure_nguyen_rows
 
@@ -139,7 +139,7 @@ def _nguyen_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
 
 
 def _khoshelham_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return the model's kernel on a device, and how many pixels a thread takes."""
+    """Return the kernel for a device, and the number of pixels per thread."""
     if device.is_cpu:
         from warpvis.kernels.noise_rows import measure_khoshelham_rows
 

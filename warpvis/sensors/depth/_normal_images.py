@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Standard normal numbers of all pixels of a call, drawn many at a time where the device has lanes for that."""
+"""Images of standard normal random numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from warpvis.rendering import Exposure
 
 
 def draw_normal_image(exposure: Exposure, stream: int, name: str) -> wp.array:
-    """Draw a number of a stream for every pixel, ``(V, H, W)``, into the call's memory of a name."""
+    """Draw a random number of a stream for each pixel, ``(V, H, W)``, into scratch memory called `name`."""
     device, shape = exposure.scene.device, exposure.true_depth.shape
     normals = exposure.room(name, shape, wp.float32)
     kernel, span = drawing_kernel(device)
@@ -23,7 +23,7 @@ def draw_normal_image(exposure: Exposure, stream: int, name: str) -> wp.array:
 
 
 def drawing_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return what draws numbers on a device, and how many a thread takes."""
+    """Return the kernel that draws normal numbers on a device, and the number of pixels per thread."""
     if device.is_cpu:
         from warpvis.kernels.random_rows import PIXELS_AT_ONCE, draw_normal_rows
 

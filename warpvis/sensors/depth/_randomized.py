@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras of which no two are quite the same: parameters that are drawn for every view, from ranges."""
+"""Domain randomization of depth cameras: parameters drawn from ranges for each view."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ from warpvis.scene import Scene
 
 Per = Literal["view", "image"]
 
-_MAX_RANGES = 8  # of which all corners are tried
-_SAID = 9  # bytes of a pixel's true depth, depth and reason
+_MAX_RANGES = 8  # all 2^n combinations of limits are checked
+_OUTPUT_BYTES = 9  # true depth, depth and reason of a pixel
 
 
 @dataclass(frozen=True)
 class Randomized(DepthSensor):
-    """A sensor of which every view has one of its own, with parameters between limits: for domain randomisation.
+    """A sensor with randomized parameters for each view, for domain randomization.
 
-    A parameter is drawn evenly between its limits, or where the sensor has a whole number there, from the whole numbers
-    up to and including both. It follows from the renderer's seed, the view's number, the parameter's name, and with
-    ``per="image"`` the frame; neither from how views are split, nor from which other parameters have ranges.
+    Parameters are uniformly distributed between their limits; integer parameters are uniformly distributed integers,
+    including both limits. A value depends only on the seed of the renderer, the index of the view, the name of the
+    parameter, and with ``per="image"`` the frame. It does not depend on the split into batches or on other parameters.
 
-    With ``kinds=16``, sensors 0 to 15 are drawn so, and of each view, one of these.
+    With ``kinds=16``, 16 sensors are drawn in this way, and each view has one of them.
     """
 
     of: DepthSensor
-    """The sensor, which has the other parameters."""
+    """The sensor, which defines the other parameters."""
     ranges: Mapping[str, tuple[float, float]]
-    """The least and the greatest value of parameters, by their names."""
+    """Minimum and maximum of parameters, by their names."""
     per: Per = "view"
-    """``"view"``: a view's sensor is the same in all frames, as a device is; ``"image"``: it is another in each."""
+    """``"view"``: the sensor of a view is the same in all frames; ``"image"``: it is different in each frame."""
     kinds: int | None = None
-    """How many sensors there are, of which each view has one: those of many views are modelled together, which is
-    faster than one by one. By default every view has one of its own."""
+    """Number of different sensors. Views with the same sensor are simulated together, which is faster than one by one.
+    By default, the sensor of each view is different."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.of, DepthSensor) or not is_dataclass(self.of):
@@ -58,13 +58,15 @@ class Randomized(DepthSensor):
             object.__setattr__(self, "kinds", check_whole(self.kinds, "kinds"))
             check_word(self.kinds, "kinds")
         if not isinstance(self.ranges, Mapping) or not 1 <= len(self.ranges) <= _MAX_RANGES:
-            raise ArrayError(f"ranges must be of 1 to {_MAX_RANGES} parameters, got {truncate(repr(self.ranges))}")
+            raise ArrayError(
+                f"ranges must be a mapping of 1 to {_MAX_RANGES} parameters, got {truncate(repr(self.ranges))}"
+            )
         limits = {name: self._check_range(name, given) for name, given in self.ranges.items()}
         object.__setattr__(self, "ranges", limits)
-        self._corners  # noqa: B018 - which are all tried
+        self._corners  # noqa: B018 - validates all of them
 
     def _check_range(self, name: object, given: object) -> tuple[float, float]:
-        """Return a range's limits, of the type that the parameter has."""
+        """Check a range, and return its limits with the type of the parameter."""
         kind = type(self.of).__name__
         known = {field.name: field.type for field in fields(cast(Any, self.of))}
         if name not in known:
@@ -72,61 +74,61 @@ class Randomized(DepthSensor):
         value, limits = getattr(self.of, str(name)), [] if is_number(given) else as_items(given, str(name))
         whole = is_whole(value) and "float" not in str(known[str(name)]) and not isinstance(value, bool)
         if not is_number(value) and not (value is None and "float" in str(known[str(name)])):
-            raise ArrayError(f"{name} of {kind} is no number, and cannot have a range")
+            raise ArrayError(f"{name} of {kind} must be a number to have a range")
         fits = is_whole if whole else is_number
         if len(limits) != 2 or not all(fits(limit) and np.isfinite(limit) for limit in limits):
-            wanted = "whole numbers" if whole else "numbers"
-            raise ArrayError(f"{name} must be two {wanted}, the least and the greatest, got {truncate(repr(given))}")
-        least, greatest = (int(limit) if whole else float(limit) for limit in limits)
-        if least > greatest:
-            raise ArrayError(f"{name} must be from a number to one no less, got {least:g} and {greatest:g}")
-        return least, greatest
+            expected = "whole numbers" if whole else "numbers"
+            raise ArrayError(f"{name} must be two {expected}, minimum and maximum, got {truncate(repr(given))}")
+        low, high = (int(limit) if whole else float(limit) for limit in limits)
+        if low > high:
+            raise ArrayError(f"{name} must be a minimum and a maximum, got {low:g} and {high:g}")
+        return low, high
 
     @cached_property
     def _corners(self) -> list[DepthSensor]:
-        """The sensors of all limits.
+        """The sensors for all combinations of limits.
 
         Raises:
-            WarpvisError: One is no sensor.
+            WarpvisError: If the parameters of one are invalid.
         """
         return [self._with(values) for values in product(*self.ranges.values())]
 
     def _with(self, values: Iterable[float]) -> DepthSensor:
         pairs = zip(self.ranges.items(), values, strict=True)
-        given = {name: type(least)(value) for (name, (least, _)), value in pairs}
+        given = {name: type(low)(value) for (name, (low, _)), value in pairs}
         try:
             return cast(DepthSensor, replace(cast(Any, self.of), **given))
         except WarpvisError as error:
-            said = ", ".join(f"{name} {value:g}" for name, value in given.items())
-            raise ArrayError(f"ranges have {said}: {describe_exception(error)}") from None
+            values_text = ", ".join(f"{name} {value:g}" for name, value in given.items())
+            raise ArrayError(f"ranges have {values_text}: {describe_exception(error)}") from None
 
     def camera(self) -> Camera:
         """Return the camera of the sensor.
 
         Raises:
-            CameraError: It was made without one.
+            CameraError: If the sensor has no camera.
         """
         return self.of.camera()
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
-        """Which images of the first surface are read, by any view's sensor."""
-        asked = {name for corner in self._corners for name in corner.needs}
+        """Exact images that are read by the sensor of any view."""
+        needed = {name for corner in self._corners for name in corner.needs}
         known: tuple[Literal["normals", "segmentation"], ...] = ("normals", "segmentation")
-        return tuple(name for name in known if name in asked)
+        return tuple(name for name in known if name in needed)
 
     @property
     def bytes_per_pixel(self) -> int:
-        """How much room a pixel takes, at most: views of one sensor that are apart are copied, and what it says."""
+        """Maximum scratch memory per pixel [B], with copies of inputs and outputs of views that are not adjacent."""
         read = {"normals": 12, "segmentation": 4}
-        copied = _SAID + sum(read[name] for name in self.needs)
+        copied = _OUTPUT_BYTES + sum(read[name] for name in self.needs)
         return copied + max(corner.bytes_per_pixel for corner in self._corners)
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera, if all sensors are models of it in a scene.
+        """Return the camera if it can be used with all sensors and the scene.
 
         Raises:
-            WarpvisError: One is not.
+            WarpvisError: If it cannot be used with one of them.
         """
         pinholes = [corner.check(scene, camera) for corner in self._corners]
         return pinholes[0]
@@ -135,20 +137,20 @@ class Randomized(DepthSensor):
         """Return the sensor of a view.
 
         Args:
-            seed: As for `warpvis.Renderer`.
-            view_index: The view's number, as for `warpvis.Renderer.render`; of world w and camera c of C in a
+            seed: The seed, as in `warpvis.Renderer`.
+            view_index: Index of the view, as in `warpvis.Renderer.render`; for world w and camera c of C in a
                 `warpvis.mujoco.BatchRenderer` it is w C + c.
-            frame: The frame, which counts with ``per="image"``.
+            frame: Number of the frame; only used with ``per="image"``.
 
         Raises:
-            ArrayError: They are no whole numbers from 0 up and below 2^32.
+            ArrayError: If an argument is not an unsigned 32-bit integer.
         """
         numbers = [[check_word(view_index, "view_index"), check_word(frame, "frame")]]
         values = self._draw(np.array(numbers, dtype=np.uint32), check_word(seed, "seed"))
         return self._with(values[0])
 
     def _draw(self, numbers: NDArray[np.uint32], seed: int) -> NDArray[np.float64]:
-        """Draw the parameters of views by their numbers and frames, ``(V, 2)``, in the order of the ranges."""
+        """Draw the parameters of views from their indices and frames, ``(V, 2)``, in the order of the ranges."""
         keys = np.array(numbers)
         if self.per == "view":
             keys[:, 1] = 0
@@ -160,19 +162,19 @@ class Randomized(DepthSensor):
         return np.stack(columns, axis=1)
 
     def _uniforms(self, keys: NDArray[np.uint32], seed: int, names: list[str]) -> NDArray[np.float32]:
-        """Draw a number between 0 and 1 for each view and name: what else is drawn does not change it."""
+        """Draw a number between 0 and 1 for each view and name, independent of all other draws."""
         from warpvis.kernels.random_numbers import draw_uniforms
 
         host, model = wp.get_device("cpu"), type(self.of).__name__
         draws = wp.array(keys, dtype=wp.vec2ui, device=host)
-        places = wp.array([(_word_of(model), _word_of(name)) for name in names], dtype=wp.vec2i, device=host)
+        words = wp.array([(_hash_name(model), _hash_name(name)) for name in names], dtype=wp.vec2i, device=host)
         uniforms = wp.empty((len(keys), len(names)), dtype=wp.float32, device=host)
-        inputs = [draws, places, wp.uint32(seed), wp.uint32(STREAM_PARAMETERS), uniforms]
+        inputs = [draws, words, wp.uint32(seed), wp.uint32(STREAM_PARAMETERS), uniforms]
         launch(draw_uniforms, uniforms.shape, inputs, host)
         return uniforms.numpy()
 
     def measure(self, exposure: Exposure) -> None:
-        """Write the sensors' depth and reasons, of all views that have the same one together."""
+        """Write the depth and reasons of all sensors; views with the same sensor are simulated together."""
         rows = self._draw(exposure.numbers, exposure.seed)
         different, sensor_of_view, counts = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
         order = np.argsort(sensor_of_view.ravel(), kind="stable")
@@ -183,28 +185,28 @@ class Randomized(DepthSensor):
 def randomized(
     sensor: DepthSensor, *, per: Per = "view", kinds: int | None = None, **ranges: tuple[float, float]
 ) -> Randomized:
-    """Make a sensor of which every view has one of its own, with parameters between limits.
+    """Return a sensor with randomized parameters for each view.
 
     Args:
         sensor: A model of a depth camera, such as `realsense_d435()`.
-        per: ``"view"``: a view's sensor is the same in all frames, as a device is; ``"image"``: another in each.
-        kinds: How many sensors there are, of which each view has one; by default every view has one of its own.
-        ranges: Limits of parameters by their names, the least and the greatest: ``baseline=(0.049, 0.051)``.
+        per: ``"view"``: the sensor of a view is the same in all frames; ``"image"``: it is different in each frame.
+        kinds: Number of different sensors; by default, the sensor of each view is different.
+        ranges: Minimum and maximum of parameters, by their names: ``baseline=(0.049, 0.051)``.
 
     Raises:
-        ArrayError: The sensor has no such parameter, or it cannot have these values.
+        ArrayError: If the sensor has no such parameter, or if a value is invalid.
     """
     return Randomized(sensor, ranges, per, kinds)
 
 
-def _between(least: float, greatest: float, uniforms: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return numbers between limits, whole ones between whole ones."""
-    parts = uniforms.astype(np.float64)
-    if isinstance(least, int) and isinstance(greatest, int):
-        return least + np.floor(parts * (greatest - least + 1))
-    return least + (greatest - least) * parts
+def _between(low: float, high: float, uniforms: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Scale uniform random numbers to limits; integer limits yield integers."""
+    fractions = uniforms.astype(np.float64)
+    if isinstance(low, int) and isinstance(high, int):
+        return low + np.floor(fractions * (high - low + 1))
+    return low + (high - low) * fractions
 
 
-def _word_of(name: str) -> int:
-    """Return a number of 31 bits for a name, the same in every process."""
+def _hash_name(name: str) -> int:
+    """Return a hash of 31 bits that is the same in every process."""
     return zlib.crc32(name.encode()) >> 1

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Why a depth sensor measured nothing at a pixel."""
+"""Reasons for missing depth."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from warpvis.kernels import constants
 
 
 class Reason(enum.IntEnum):
-    """Why a sensor has no depth of a pixel; the first that holds, in the order in which a model asks."""
+    """Why a pixel has no depth: the first condition that is true, in the order of the sensor model."""
 
     VALID = constants.REASON_VALID
-    """It has."""
+    """The pixel has depth."""
     EMPTY = constants.REASON_EMPTY
-    """Nothing is there: depth is +inf."""
+    """The ray hits nothing; depth is +inf."""
     RANGE = constants.REASON_RANGE
-    """Nearer or farther than it measures: depth is -inf or +inf. All other reasons make it NaN."""
+    """The surface is out of range; depth is -inf or +inf. Depth is NaN for all reasons below."""
     SHADOW = constants.REASON_SHADOW
-    """The sensor's other eye, a projector or a second imager, does not see the surface."""
+    """The other eye of the sensor, a projector or a second imager, does not see the surface."""
     BAND = constants.REASON_BAND
-    """The surface is beside the other eye's image."""
+    """The surface is outside of the image of the other eye."""
     EDGE = constants.REASON_EDGE
-    """Too much about the pixel is of another depth."""
+    """Too many surrounding pixels have another depth, or the pixel sees several depths."""
     GRAZING = constants.REASON_GRAZING
-    """The surface is seen along itself, and too little comes back."""
+    """Too little light is reflected because of the angle of incidence."""
     DROPOUT = constants.REASON_DROPOUT
-    """It was lost by chance, or because the surface is dark."""
+    """The pixel was lost at random, or because the surface is dark or far."""
     SATURATED = constants.REASON_SATURATED
-    """More light comes back than it can count."""
+    """The reflected light saturates the pixel."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Noise of a Kinect as the Redwood data set's simulator, and Habitat after it, make it, with a user's table."""
+"""Noise model of the Kinect from the simulator of the Redwood dataset, as in Habitat, with a distortion table."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ from warpvis.sensors.depth._by_value import ByValue
 from warpvis.sensors.depth._normal_images import draw_normal_image
 
 _TABLE = (80, 80, 5)
-# The distortion file: lines before the numbers, numbers before the first cell and of each, where of a cell five factors
-# are, and the count of samples below which all five of them are taken for none.
-_HEADER_LINES, _BEFORE, _OF_CELL, _FACTORS, _ENOUGH = 5, 3, 23, 15, 8000
+# The distortion file: number of header lines, of numbers before the first cell, and of numbers per cell; offset of the
+# five factors in a cell; minimum count of samples: cells with fewer samples in all five bins have no factors.
+_HEADER_LINES, _LEADING_NUMBERS, _CELL_NUMBERS, _FACTORS, _MIN_SAMPLES = 5, 3, 23, 15, 8000
 _MAX_BYTES = 2**28
 
 
 @dataclass(frozen=True, eq=False)
 class RedwoodNoise(ByValue, DepthSensor):
-    """A Kinect as the simulator of the Redwood data set has it, and Habitat's ``RedwoodDepthNoiseModel`` on a CPU.
+    """The Kinect model of the simulator of the Redwood dataset and of Habitat's ``RedwoodDepthNoiseModel`` on a CPU.
 
     S. Choi, Q.-Y. Zhou and V. Koltun, "Robust Reconstruction of Indoor Scenes", CVPR 2015, and its ``simdepth.py``,
     after A. Teichman, S. Miller and S. Thrun, "Unsupervised Intrinsic Calibration of Depth Sensors via SLAM", RSS
-    2013. Each pixel's place is moved by a normal shift of 0.25 px, rounded, and is then that of a pixel of even row and
-    column: of four pixels one is seen. From 10 m on nothing is (RANGE). Depth is divided by a factor of the table,
-    of one of 80x80 cells of the image, interpolated between 1, 3, 5, 7 and 9 m, and is lost where that is 0
-    (DROPOUT); then 35.13 / depth gets a normal error of 1/36 px, and is rounded to 1/8 px. Images of other sizes than
-    640x480 have the table spread over them.
+    2013. The position of each pixel is shifted by a normal error of 0.25 px, rounded, and then rounded to even rows and
+    columns: one of four pixels is read. Depth of 10 m or more is lost (RANGE). Depth is divided by a factor from the
+    table of 80x80 cells of the image, interpolated between 1, 3, 5, 7 and 9 m; it is lost where the factor is 0
+    (DROPOUT). Then a normal error of 1/36 px is added to 35.13 / depth, and the sum is rounded to 1/8 px. For images of
+    other sizes than 640x480, the table is stretched.
 
-    Habitat's own code for GPUs differs: it rounds disparities to whole pixels, and moves what is beyond 5 m to 5 m.
+    Habitat's code for GPUs differs: it rounds disparities to whole pixels, and clamps depth to 5 m.
     """
 
     distortion: str | os.PathLike[str] | ArrayInput = field(repr=False)
-    """The table: ``dist-model.txt`` of the Redwood data set, an ``.npy`` as Habitat has it, or an array (80, 80, 5)
-    of factors by row, column and depth, 0 where there are none."""
+    """The table: ``dist-model.txt`` of the Redwood dataset, an ``.npy`` file as in Habitat, or an array (80, 80, 5) of
+    factors by row, column and depth; 0 for missing factors."""
     multiplier: float = 1.0
-    """Of the deviations of both errors, Habitat's ``noise_multiplier``."""
+    """Factor of the standard deviations of both errors, Habitat's ``noise_multiplier``."""
 
     def __post_init__(self) -> None:
         check_number(self.multiplier, "multiplier", least=0.0)
@@ -57,11 +57,11 @@ class RedwoodNoise(ByValue, DepthSensor):
 
     @property
     def bytes_per_pixel(self) -> int:
-        """How much room a pixel takes."""
+        """Scratch memory per pixel [B]."""
         return 12
 
     def measure(self, exposure: Exposure) -> None:
-        """Write the sensor's depth and reasons."""
+        """Write the depth and reasons of the sensor."""
         from warpvis.kernels.redwood import RedwoodModel, measure_redwood
 
         model, camera, device = RedwoodModel(), exposure.camera.device_struct(), exposure.scene.device
@@ -80,41 +80,41 @@ class RedwoodNoise(ByValue, DepthSensor):
 
 
 def _read_table(value: object) -> NDArray[np.float32]:
-    """Return a table of an array or a file.
+    """Return the table from an array or a file.
 
     Raises:
-        WarpvisError: It is none.
+        WarpvisError: If it is invalid.
     """
     if not isinstance(value, str | os.PathLike):
         return _check_table(as_numpy(value, name="distortion"), ArrayError, "distortion")
     path = as_path(value, "distortion")
     try:
         if path.stat().st_size > _MAX_BYTES:
-            raise FileFormatError(f"{path}: is no table of distortions, which has 32,000 factors")
+            raise FileFormatError(f"{path}: must be a table of 32,000 distortion factors, but is too large")
         table = np.load(path, allow_pickle=False) if path.suffix.lower() == ".npy" else _read_text(path)
     except FileFormatError:
         raise
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or 'it is no NPY'}") from None
-    except Exception as error:  # NumPy has many
-        raise FileFormatError(f"{path}: is no table of distortions: {describe_exception(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or 'it is not an NPY file'}") from None
+    except Exception as error:  # NumPy may raise any exception
+        raise FileFormatError(f"{path}: is not a table of distortion factors: {describe_exception(error)}") from None
     return _check_table(table, FileFormatError, f"{path}: the table")
 
 
 def _read_text(path: Path) -> NDArray[np.float64]:
-    """Read what ``simdepth.py`` reads: lines of one number, after five others; from a % on a line says nothing."""
+    """Read the text format of ``simdepth.py``: five header lines, then one number per line; % starts a comment."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of no lines: how many there are is asked below
+        warnings.simplefilter("ignore")  # for empty files; the number of lines is checked below
         numbers = np.loadtxt(path, comments="%", skiprows=_HEADER_LINES, ndmin=1)
     cells = _TABLE[0] * _TABLE[1]
-    if numbers.ndim != 1 or len(numbers) < _BEFORE + _OF_CELL * (cells - 1) + _FACTORS + _TABLE[2]:
+    if numbers.ndim != 1 or len(numbers) < _LEADING_NUMBERS + _CELL_NUMBERS * (cells - 1) + _FACTORS + _TABLE[2]:
         raise FileFormatError(
-            f"{path}: must hold {_BEFORE + _OF_CELL * cells} numbers, one a line, got {numbers.shape}"
+            f"{path}: must have {_LEADING_NUMBERS + _CELL_NUMBERS * cells} numbers, one per line, got {numbers.shape}"
         )
-    padded = np.zeros(_BEFORE + _OF_CELL * cells)
+    padded = np.zeros(_LEADING_NUMBERS + _CELL_NUMBERS * cells)
     padded[: min(len(padded), len(numbers))] = numbers[: len(padded)]
-    rows = padded[_BEFORE:].reshape(*_TABLE[:2], _OF_CELL)
-    few = np.all(rows[..., : _TABLE[2]] < _ENOUGH, axis=-1, keepdims=True)
+    rows = padded[_LEADING_NUMBERS:].reshape(*_TABLE[:2], _CELL_NUMBERS)
+    few = np.all(rows[..., : _TABLE[2]] < _MIN_SAMPLES, axis=-1, keepdims=True)
     return np.where(few, 0.0, rows[..., _FACTORS : _FACTORS + _TABLE[2]])
 
 
@@ -122,5 +122,5 @@ def _check_table(table: np.ndarray, error: type[ArrayError | FileFormatError], n
     if table.dtype.kind not in "fiu" or table.size != np.prod(_TABLE) or table.shape[:1] != _TABLE[:1]:
         raise error(f"{name} must have shape {_TABLE}, got {table.dtype} of shape {table.shape}")
     if not np.isfinite(table).all() or (np.abs(table) > 1e6).any():
-        raise error(f"{name} must hold finite factors, below 1e6")
+        raise error(f"{name} must contain finite factors below 1e6")
     return np.ascontiguousarray(table.reshape(_TABLE), dtype=np.float32)

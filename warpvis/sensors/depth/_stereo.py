@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras that triangulate: passive and active stereo, and structured light."""
+"""Depth cameras that use triangulation: passive and active stereo, and structured light."""
 
 from __future__ import annotations
 
@@ -32,33 +32,34 @@ if TYPE_CHECKING:
 Side = Literal["right", "left"]
 
 _SHADOW_TOLERANCE = 2.0**-6
-"""A surface hides another from the other eye where its disparity is greater by more than this [px].
+"""Minimum difference of disparity for a surface to hide another from the other eye [px].
 
-Where a point is in that eye's image is rounded to 2^-14 px in images of 512 to 1024 pixels, and depth to 6e-8 of
-itself: the tolerance is more than either makes of surfaces whose disparity there changes by up to 100 px from one pixel
-to the next. A shadow is as wide as disparities differ, so that none is missed that has a tenth of a pixel's width.
+Positions in the image of that eye are rounded to 2^-14 px in images of 512 to 1024 pixels, and depth has a relative
+error of 6e-8. The tolerance exceeds the effect of both for surfaces whose disparity changes by up to 100 px between
+adjacent pixels. The width of a shadow is the difference of disparities, so shadows wider than a tenth of a pixel are
+not missed.
 """
-# Longer than any device's [m], and shorter than one's in millimetres.
+# Longer than the baseline of any device [m], and shorter than one in millimeters.
 _LONG_BASELINE = 5.0
-# Share by which focal lengths of devices of one kind differ.
-_SAME_FOCAL_LENGTH = 0.05
-_MAX_SPACING, _MAX_WINDOW, _MAX_BESIDE = 64, 63, 8192
+# Maximum relative difference of focal lengths between devices of one kind.
+_FOCAL_LENGTH_TOLERANCE = 0.05
+_MAX_SPACING, _MAX_WINDOW, _MAX_MARGIN = 64, 63, 8192
 
 
-@lru_cache(maxsize=1024)  # once for each
+@lru_cache(maxsize=1024)  # warn once for each pair
 def _warn_of_focal_length(fx: float, native_fx: float) -> None:
-    """Warn of a camera whose disparities differ from the device's."""
-    if abs(fx / native_fx - 1.0) > _SAME_FOCAL_LENGTH:
+    """Warn if the focal length of a camera differs from that of the device."""
+    if abs(fx / native_fx - 1.0) > _FOCAL_LENGTH_TOLERANCE:
         warn_user(
-            f"the device's camera has fx={native_fx:g} px, and this one fx={fx:g} px: noise, edges and the invalid "
-            "band are in pixels, so they are not the device's; render with sensor.camera(), or make the profile for "
-            "images of this size",
+            f"fx of the camera is {fx:g} px, but {native_fx:g} px for the device. Noise, edges and the invalid band "
+            "are in pixels and will differ from the device. Render with sensor.camera(), or create the profile for "
+            "images of this size.",
             UserWarning,
         )
 
 
 def check_baseline(baseline: object) -> None:
-    """Check a distance between the eyes of a depth camera [m], and warn of one that is longer than any device's.
+    """Check the distance between the eyes of a depth camera [m]; warn if it is longer than that of any device.
 
     Raises:
         ArrayError: If it is not a number above 0.
@@ -68,7 +69,8 @@ def check_baseline(baseline: object) -> None:
         raise ArrayError("baseline must be above 0 m, the distance between a sensor's two eyes")
     if length >= _LONG_BASELINE:
         warn_user(
-            f"a baseline of {length:g} m is that of no depth camera: is it in millimetres, {length / 1000:g} m?",
+            f"baseline is {length:g} m, longer than that of any depth camera. If it is in millimeters, pass "
+            f"{length / 1000:g}.",
             UserWarning,
         )
 
@@ -77,53 +79,58 @@ def check_baseline(baseline: object) -> None:
 class StereoDepth(Device):
     """A depth camera that measures disparities between its imager and another eye: an imager or a projector.
 
-    The other eye is the camera moved along its x axis. A pixel of depth z has the disparity d = f b / z [px]; what is
-    measured of it is d + `locking` sin(2 pi d) + `sigma` n, with n a standard normal number, rounded to whole parts of
-    a pixel if there is a `subpixel`; depth is f b divided by that. A pixel has no depth, for the first `Reason` of
-    these that holds: nothing is there (EMPTY); its disparity is above `max_disparity` (RANGE); its point is beside the
-    other eye's image (BAND), or hidden from that eye (SHADOW, by a ray to the point itself); its surroundings are of
-    another depth (EDGE); too little comes back, because of the angle (GRAZING), or because the surface is dark, or by
-    chance (DROPOUT); what was measured is outside of the camera's `near` and `far` (RANGE).
+    The other eye is the camera translated along its x axis. A pixel of depth z has the disparity d = f b / z [px]. The
+    measured disparity is d + `locking` sin(2 pi d) + `sigma` n, with a standard normal n, rounded to multiples of
+    1 / `subpixel` px unless `subpixel` is 0. Measured depth is f b divided by it. A pixel has no depth if one of these
+    conditions is true; the first gives its `Reason`: the ray hits nothing (EMPTY); the disparity is above
+    `max_disparity` (RANGE); the point is outside of the image of the other eye (BAND), or hidden from it (SHADOW, by a
+    ray to the exact point); the surroundings have another depth (EDGE); too little light is reflected because of the
+    angle (GRAZING) or because the surface is dark, or the pixel is lost at random (DROPOUT); measured depth is outside
+    of `near` and `far` of the camera (RANGE).
 
-    By default a sensor has no noise, and sees all that both of its eyes see.
+    By default, a sensor has no noise, and measures all surfaces that both eyes see.
     """
 
     baseline: float
     """Distance between the two eyes [m]."""
     other_eye: Side = "right"
-    """Where the other eye is, as the camera looks: the invalid band is then on the left, and so are shadows."""
+    """Side of the other eye, in the viewing direction. Invalid band and shadows are on the opposite side of the image
+    and of objects."""
     focal_length: float | None = None
     """Focal length of disparities [px]; the camera's `fx` by default."""
     max_disparity: float = math.inf
-    """Greatest disparity that is searched [px], which makes a least depth."""
+    """Maximum disparity that is searched [px], which limits the minimum depth."""
     sigma: float = 0.0
-    """Standard deviation of the random part of disparities [px]."""
+    """Standard deviation of the noise of disparity [px]."""
     noise_spacing: int = 1
-    """Distance of nodes between which that part is interpolated, with the same deviation everywhere [px]: matching
-    windows make it smooth over several pixels. 1 is white noise."""
+    """Spacing of the nodes between which noise is interpolated with constant standard deviation [px]; it models the
+    smoothing by matching windows. 1 is white noise."""
     subpixel: int = 0
-    """Into how many parts of a pixel disparities are rounded, such as 8 or 32; 0 for none."""
+    """Steps of disparity per pixel, such as 8 or 32; 0 for no rounding."""
     locking: float = 0.0
-    """Amplitude of the systematic error that draws disparities to whole pixels, or away from them if negative [px]."""
+    """Amplitude of the systematic error of disparity towards whole pixels, or away from them if negative [px]."""
     shadow: bool = True
-    """Whether points that the other eye does not see have no depth."""
+    """Whether points that are hidden from the other eye have no depth."""
     band: bool = True
-    """Whether points beside the other eye's image have none; a projector's is often larger than the imager's."""
+    """Whether points outside of the image of the other eye have no depth. The image of a projector is often larger than
+    that of the imager."""
     fattening: int = 0
-    """How far a nearer surface spreads over what is behind it [px]: half the side of a matching window. Each pixel
-    within has the depth of the closest pixel whose disparity is greater by `edge_step` or more."""
+    """Distance by which nearer surfaces spread over farther ones [px]: half the side of a matching window. A pixel gets
+    the depth of the closest pixel within this distance whose disparity is greater by at least `edge_step`."""
     edge_window: int = 1
-    """Side of the window about a pixel that is looked at for edges, odd [px]; 1 is none."""
+    """Side of the window about a pixel for the detection of edges, odd [px]; 1 for no detection."""
     edge_step: float = 1.0
-    """Disparities that differ by this or more are of different surfaces [px]."""
+    """Minimum difference of disparity between different surfaces [px]."""
     least_support: float = 0.0
-    """How much of that window has to be of the pixel's surface: the share of its row times the share of its column."""
+    """Minimum support of a pixel in that window: the fraction of its row that belongs to the same surface, times the
+    fraction of its column."""
     least_signal: float = 0.0
-    """Reflectivity times the cosine of incidence up to which no pixel is found,"""
+    """Reflectivity times the cosine of the angle of incidence up to which no pixel is measured."""
     full_signal: float = 0.0
-    """and from which on every one is; between them probability rises in proportion. 0 is for sensors without."""
+    """The same product from which on all pixels are measured; in between, the probability increases linearly. If 0, the
+    signal is not checked."""
     dropout: float = 0.0
-    """Share of pixels that are lost by chance, from 0 to 1."""
+    """Probability that a pixel is lost at random, from 0 to 1."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -153,12 +160,12 @@ class StereoDepth(Device):
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
-        """Which images of the first surface are read."""
+        """Exact images that are read."""
         return super().needs if self.full_signal > 0.0 else ()
 
     @property
     def bytes_per_pixel(self) -> int:
-        """How much room a pixel takes."""
+        """Scratch memory per pixel [B]."""
         fattened = 8 + (12 if "normals" in self.needs else 0) + (4 if "segmentation" in self.needs else 0)
         return (12 if self.shadow else 0) + (4 if self._smooth else 0) + (fattened if self.fattening else 0)
 
@@ -167,10 +174,10 @@ class StereoDepth(Device):
         return self.sigma > 0 and self.noise_spacing > 1
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera, if the model is one of it in a scene.
+        """Return the camera if it can be used with the sensor and the scene.
 
         Raises:
-            WarpvisError: It is not.
+            WarpvisError: If it cannot be used.
         """
         pinhole = super().check(scene, camera)
         if self.native_camera is not None:
@@ -184,21 +191,21 @@ class StereoDepth(Device):
         return (camera.fx if self.focal_length is None else self.focal_length) * self.baseline
 
     def _other_camera(self, camera: Camera, clip_near: float) -> Camera:
-        """Return the other eye: the camera, or one whose image has room beside it for all disparities."""
+        """Return the camera of the other eye; with ``band=False``, its image is widened by the maximum disparity."""
         other = dataclasses.replace(camera, near=clip_near, far=math.inf)
         if self.band:
             return other
-        least = max(camera.near, self._scale(camera) / self.max_disparity)
-        beside = camera.fx * self.baseline / least if least > 0 else math.inf
-        if beside > _MAX_BESIDE:
+        min_depth = max(camera.near, self._scale(camera) / self.max_disparity)
+        max_shift = camera.fx * self.baseline / min_depth if min_depth > 0 else math.inf
+        if max_shift > _MAX_MARGIN:
             raise CameraError(
-                f"band=False needs a camera whose near, or max_disparity, keeps disparities below {_MAX_BESIDE} px"
+                f"near of the camera, or max_disparity, must limit disparities to {_MAX_MARGIN} px if band=False"
             )
-        room = math.ceil(beside) + 1
-        return dataclasses.replace(other, width=camera.width + 2 * room, cx=camera.cx + room)
+        margin = math.ceil(max_shift) + 1
+        return dataclasses.replace(other, width=camera.width + 2 * margin, cx=camera.cx + margin)
 
     def measure(self, exposure: Exposure) -> None:
-        """Write the sensor's depth and reasons."""
+        """Write the depth and reasons of the sensor."""
         from warpvis.kernels.stereo import OtherEye, place_other_eyes
 
         if self.fattening:
@@ -211,7 +218,7 @@ class StereoDepth(Device):
         launch(place_other_eyes, len(poses), [poses, wp.float64(side), other_poses, eyes], device)
         model, given = self._model(exposure), self._views(exposure)
         if self.shadow:
-            given.other_depth = self._look(exposure, given, eyes, other_poses)
+            given.other_depth = self._render_other_eye(exposure, given, eyes, other_poses)
         _, kernel, span = _kernels(device)
         written = [exposure.depth_out, exposure.reasons_out]
         launch_images(
@@ -223,18 +230,18 @@ class StereoDepth(Device):
             span=span,
         )
 
-    def _look(self, exposure: Exposure, given: StereoViews, eyes: wp.array, poses: wp.array) -> wp.array:
-        """Return the depth that the other eye sees where each pixel's point is in its image."""
+    def _render_other_eye(self, exposure: Exposure, given: StereoViews, eyes: wp.array, poses: wp.array) -> wp.array:
+        """Return the depth seen by the other eye at the projection of the point of each pixel."""
         shape, device = exposure.true_depth.shape, exposure.scene.device
         other = self._other_camera(exposure.camera, exposure.clip_near)
         points = exposure.room("points", shape, wp.vec2)
         kernel, _, span = _kernels(device)
-        lens, added = other.device_struct(), other.cx - exposure.camera.cx
-        least = self._scale(exposure.camera) / self.max_disparity
+        lens, margin = other.device_struct(), other.cx - exposure.camera.cx
+        min_depth = self._scale(exposure.camera) / self.max_disparity
         launch_images(
             kernel,
             shape,
-            lambda window: [lens, eyes, window, given, added, least, points],
+            lambda window: [lens, eyes, window, given, margin, min_depth, points],
             device=device,
             threads=exposure.threads,
             span=span,
@@ -242,7 +249,7 @@ class StereoDepth(Device):
         return exposure.cast_at(other, poses, points)
 
     def _model(self, exposure: Exposure) -> StereoModel:
-        """Return the numbers as kernels take them."""
+        """Return the parameters as a struct for kernels."""
         from warpvis.kernels.stereo import StereoModel
 
         camera, model = exposure.camera, StereoModel()
@@ -252,17 +259,17 @@ class StereoDepth(Device):
         model.near, model.far, model.most_disparity = camera.near, camera.far, self.max_disparity
         model.shadow_tolerance = _SHADOW_TOLERANCE
         model.least_support, model.window, model.edge_step = self.least_support, self.edge_window // 2, self.edge_step
-        # Without a signal that counts, a cosine of 1 is enough.
-        counts = self.full_signal > 0.0
-        model.least_signal = self.least_signal if counts else 0.0
-        model.signal_slope = 1.0 / (self.full_signal - self.least_signal) if counts else 1.0
+        # If the signal is not checked, slope 1 accepts the default cosine of 1.
+        checks_signal = self.full_signal > 0.0
+        model.least_signal = self.least_signal if checks_signal else 0.0
+        model.signal_slope = 1.0 / (self.full_signal - self.least_signal) if checks_signal else 1.0
         model.kept = 1.0 - self.dropout
         model.sigma, model.locking, model.levels = self.sigma, self.locking, self.subpixel
         model.seed, model.spacing = exposure.seed, self.noise_spacing
         return model
 
     def _views(self, exposure: Exposure) -> StereoViews:
-        """Return what is read of every view, but for what the other eye sees."""
+        """Return the input images as a struct for kernels, without the depth seen by the other eye."""
         from warpvis.kernels.stereo import StereoViews
 
         given = StereoViews()
@@ -278,7 +285,7 @@ class StereoDepth(Device):
         return given
 
     def _draw_nodes(self, exposure: Exposure, given: StereoViews) -> None:
-        """Draw noise at nodes of every view, and say how much of two nodes a pixel between them takes."""
+        """Draw noise at the nodes of each view, and set the interpolation weights of pixels."""
         views, height, width = exposure.true_depth.shape
         device, spacing = exposure.scene.device, self.noise_spacing
         shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
@@ -290,17 +297,17 @@ class StereoDepth(Device):
         )
         angles = np.arange(spacing) / spacing * (math.pi / 2)
         weights = np.stack([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
-        of_columns = weights[np.arange(width) % spacing].T.copy()
+        column_weights = weights[np.arange(width) % spacing].T.copy()
         columns = np.arange(width, dtype=np.int32) // spacing
         given.weights = wp.array(weights, dtype=wp.vec2, device=device)
         given.column_nodes = wp.array(columns, dtype=wp.int32, device=device)
         given.left_weights, given.right_weights = (
-            wp.array(side, dtype=wp.float32, device=device) for side in of_columns
+            wp.array(side, dtype=wp.float32, device=device) for side in column_weights
         )
 
 
 def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
-    """Return what finds points in the other eye, and the model, on a device; and how many pixels a thread takes."""
+    """Return the kernel that projects to the other eye, the kernel of the model, and the pixels per thread."""
     if device.is_cpu:
         from warpvis.kernels.stereo_rows import measure_stereo_rows, place_rows_in_other_eyes
 
@@ -311,10 +318,10 @@ def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
 
 
 def _slopes(camera: Camera, device: wp.Device) -> tuple[wp.array, wp.array]:
-    """Return x of the rays of columns and y of the rays of rows, where z is 1."""
-    across = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    down = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    return tuple(wp.array(slopes.astype(np.float32), dtype=wp.float32, device=device) for slopes in (across, down))
+    """Return x of the rays of columns and y of the rays of rows, for z = 1."""
+    columns = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    rows = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    return tuple(wp.array(slopes.astype(np.float32), dtype=wp.float32, device=device) for slopes in (columns, rows))
 
 
 def _check_at_most(value: int, name: str, most: int) -> None:

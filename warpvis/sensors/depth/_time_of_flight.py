@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras that measure the phase of modulated light: time of flight of continuous waves."""
+"""Time-of-flight depth cameras that measure the phase of continuously modulated light."""
 
 from __future__ import annotations
 
@@ -26,67 +26,67 @@ if TYPE_CHECKING:
     from warpvis.kernels.time_of_flight import FlightModel, FlightViews
 
 SPEED_OF_LIGHT = 299792458.0
-"""In a vacuum [m/s]."""
+"""Speed of light in vacuum [m/s]."""
 
 _MAX_FREQUENCIES, _MAX_LAPS = 3, 1000
-# So many pixels' sub-rays have memory at once, in each view: images with more are made in parts. Trees over maps on CPU
-# cores are of 640 pixels, and parts are whole ones, so that results are those of any batch.
+# Sub-rays are processed in parts to limit memory. Parts are multiples of _TREE_PIXELS, the number of pixels per tree of
+# image points on the CPU, so that results do not depend on the batch.
 _TREE_PIXELS, _TILE_PIXELS, _SIDE = 640, 16, 4
-# On a GPU at least so many, whose sub-rays are then cast in packets whatever the batch.
+# Minimum size of a part on a GPU [px], so that sub-rays are always cast in packets.
 _GPU_PIXELS = 4 * _TREE_PIXELS
 _PART_BYTES = 2**28
 
 
 @dataclass(frozen=True)
 class TimeOfFlight(Device):
-    """A depth camera that lights the scene with waves, and measures the phase in which they come back.
+    """A depth camera that illuminates the scene with modulated light, and measures the phase of the reflected light.
 
-    What comes back of a surface is A = `signal` rho cos(theta) / r^2 electrons, with r its range [m], theta the angle
-    of incidence, and rho its `reflectivity`. Of a frequency f the phase is 2 pi 2 f r / c, and the standard deviation
-    of the range that follows is, with B the `background` and c_d the `contrast` (Lange, "3D Time-of-flight distance
-    measurement with custom solid-state image sensors in CMOS/CCD-technology", 2000)::
+    A surface at range r [m] with an angle of incidence theta and `reflectivity` rho returns
+    A = `signal` rho cos(theta) / r^2 electrons. The phase at frequency f is 2 pi 2 f r / c. For the highest of
+    `frequencies`, the standard deviation of range is (Lange, "3D Time-of-flight distance measurement with custom
+    solid-state image sensors in CMOS/CCD-technology", 2000)::
 
         c / (4 sqrt(2) pi f) sqrt(A + B) / (c_d A)
 
-    for the highest of `frequencies`. What is measured of r, along the ray, is r + `offset` + `wiggle` sin(4 phase +
-    `wiggle_phase`) + noise, less as many times the `unambiguous_range` as it holds; depth is that along the axis.
+    with the `background` B and the `contrast` c_d. The measured range along the ray is r + `offset` + `wiggle`
+    sin(4 phase + `wiggle_phase`) + noise, modulo `unambiguous_range`; depth is its projection on the axis.
 
-    With `mixing`, 4 x 4 rays are cast through each pixel beside which is another surface, in the scene, and their
-    phasors A exp(i phase) are summed for each frequency: between the depths of two surfaces are flying pixels. A pixel
-    has no depth, for the first `Reason` of these that holds: nothing is there (EMPTY); of some frequency the sum is
-    less than `least_coherence` of all that it is the sum of (EDGE); more comes back than `most_signal` (SATURATED);
-    less than `least_signal`, because of the angle (GRAZING), or because the surface is dark or far (DROPOUT); what was
-    measured is outside of the camera's `near` and `far` (RANGE).
+    With `mixing`, 4 x 4 rays are cast through each pixel next to another surface, and their phasors A exp(i phase) are
+    summed for each frequency. This creates flying pixels between the depths of two surfaces. A pixel has no depth if
+    one of these conditions is true; the first gives its `Reason`: the ray hits nothing (EMPTY); for some frequency, the
+    magnitude of the sum is less than `least_coherence` of the sum of magnitudes (EDGE); the signal exceeds
+    `most_signal` (SATURATED); it is below `least_signal` because of the angle (GRAZING), or because the surface is dark
+    or far (DROPOUT); measured depth is outside of `near` and `far` of the camera (RANGE).
 
-    By default a sensor has no noise, and no depth is wrong but those of flying pixels. Light that comes by a second
-    surface (multipath), and scatters in the lens, is not modelled.
+    By default, a sensor has no noise, and only flying pixels have errors. Light reflected by a second surface
+    (multipath) and light scattered in the lens are not modeled.
     """
 
     frequencies: float | Sequence[float]
-    """Of modulation: one or up to three [Hz], whole numbers. Depth wraps where all phases are what they were at 0."""
+    """Modulation frequencies: one to three integers [Hz]. Depth wraps where all phases return to 0."""
     signal: float = math.inf
-    """Electrons that come back of a white surface at 1 m that is seen straight; endless without noise."""
+    """Electrons returned by a white surface at 1 m at normal incidence; infinite for no noise."""
     background: float = 0.0
-    """Electrons of other light: the sun's, and of the dark current."""
+    """Electrons from ambient light and dark current."""
     contrast: float = 1.0
-    """How much of the light is told apart by its phase, above 0 and up to 1."""
+    """Demodulation contrast, greater than 0 and at most 1."""
     offset: float = 0.0
-    """What is added to all ranges [m]."""
+    """Constant error of range [m]."""
     wiggle: float = 0.0
-    """Amplitude of the systematic error with four periods in one of the first frequency's phase [m]: waves are not
-    quite sines."""
+    """Amplitude of the systematic error that has four periods in one period of the highest frequency's phase [m]; it is
+    caused by harmonics of the modulation."""
     wiggle_phase: float = 0.0
-    """Where in its period that error is at range 0 [rad]."""
+    """Phase of that error at range 0 [rad]."""
     mixing: bool = True
-    """Whether pixels at edges are the sums of what they see."""
+    """Whether pixels at edges mix the light of several surfaces."""
     edge_step: float = 0.01
-    """Pixels are looked at more closely where one of eight neighbours is so far from the pixel's plane [m]."""
+    """Minimum distance of one of the eight neighbors from the plane of a pixel for mixing [m]."""
     least_coherence: float = 0.0
-    """How much of the light has to be of one phase, from 0 to 1; pixels of less have no depth."""
+    """Minimum coherence of the phasors in a pixel, from 0 to 1; pixels below it have no depth."""
     least_signal: float = 0.0
-    """Least signal that is measured, of that of a white surface at 1 m that is seen straight."""
+    """Minimum measured signal, relative to a white surface at 1 m at normal incidence."""
     most_signal: float = math.inf
-    """Greatest signal, of the same, above which a pixel is full."""
+    """Signal above which a pixel is saturated, relative to the same surface."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -102,9 +102,9 @@ class TimeOfFlight(Device):
         object.__setattr__(self, "frequencies", tuple(float(number) for number in whole))
         if whole[0] // reduce(math.gcd, whole) > _MAX_LAPS:
             raise ArrayError(
-                f"frequencies must have a common part of at least 1/{_MAX_LAPS} of the highest, got {self.frequencies}"
+                f"frequencies must have a common divisor of at least 1/{_MAX_LAPS} of the highest, got {whole}"
             )
-        _check_or_endless(self.signal, "signal")
+        _check_positive(self.signal, "signal")
         check_number(self.background, "background", least=0.0)
         if check_number(self.contrast, "contrast", least=0.0, most=1.0) == 0.0:
             raise ArrayError("contrast must be above 0")
@@ -116,18 +116,18 @@ class TimeOfFlight(Device):
             raise ArrayError("edge_step must be above 0 m")
         check_number(self.least_coherence, "least_coherence", least=0.0, most=1.0)
         least = check_number(self.least_signal, "least_signal", least=0.0)
-        _check_or_endless(self.most_signal, "most_signal")
+        _check_positive(self.most_signal, "most_signal")
         if least >= self.most_signal:
             raise ArrayError(f"most_signal must be above least_signal, got {self.most_signal:g} and {least:g}")
 
     @property
     def unambiguous_range(self) -> float:
-        """The range at which depth begins again at 0 [m]: c / 2 f, with f what all frequencies are multiples of."""
+        """Range at which measured range wraps to 0 [m]: c / (2 f), f being the greatest common divisor."""
         return SPEED_OF_LIGHT / (2 * reduce(math.gcd, self._whole))
 
     @property
     def bytes_per_pixel(self) -> int:
-        """How much room a pixel takes, beside what is bounded."""
+        """Scratch memory per pixel, without memory of constant size [B]."""
         return 28 if self.mixing else 0
 
     @property
@@ -135,7 +135,7 @@ class TimeOfFlight(Device):
         return tuple(int(number) for number in self.frequencies)  # type: ignore[union-attr]
 
     def measure(self, exposure: Exposure) -> None:
-        """Write the sensor's depth and reasons."""
+        """Write the depth and reasons of the sensor."""
         from warpvis.kernels.sub_rays import find_axes
 
         model, given = self._model(exposure), self._views(exposure)
@@ -149,7 +149,7 @@ class TimeOfFlight(Device):
         _launch(exposure, kernel, exposure.depth_out.shape, cameras, [model, given, *written], span)
 
     def _model(self, exposure: Exposure) -> FlightModel:
-        """Return the numbers as kernels take them."""
+        """Return the parameters as a struct for kernels."""
         from warpvis.kernels.time_of_flight import FlightModel
 
         camera, model, whole = exposure.camera, FlightModel(), self._whole
@@ -167,7 +167,7 @@ class TimeOfFlight(Device):
         return model
 
     def _views(self, exposure: Exposure) -> FlightViews:
-        """Return what is read of every view, but for what sub-rays see."""
+        """Return the input images as a struct for kernels, without the results of sub-rays."""
         from warpvis.kernels.time_of_flight import FlightViews
 
         given = FlightViews()
@@ -180,7 +180,7 @@ class TimeOfFlight(Device):
     def _mix(
         self, exposure: Exposure, cameras: list[Any], model: FlightModel, given: FlightViews
     ) -> tuple[wp.array, wp.array]:
-        """Return which pixels are at edges, by numbers, and what their sub-rays make together."""
+        """Return the slots of pixels at edges, -1 elsewhere, and the mixed signals of their sub-rays by slot."""
         from warpvis.kernels.sub_rays import place_sub_rays
         from warpvis.kernels.time_of_flight import mix_sub_rays
 
@@ -199,7 +199,7 @@ class TimeOfFlight(Device):
         return slots, mixes
 
     def _find_edges(self, exposure: Exposure, cameras: list[Any]) -> wp.array:
-        """Return places of pixels at edges, and -1 for others."""
+        """Return an image that is not negative at edges, and -1 elsewhere."""
         slots = exposure.room("edges", exposure.true_depth.shape, wp.int32)
         images = [exposure.true_depth, exposure.normals]
         kernel, _, span = _kernels(exposure.scene.device)
@@ -208,7 +208,7 @@ class TimeOfFlight(Device):
 
 
 def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
-    """Return what finds edges, and the model, on a device; and how many pixels a thread takes."""
+    """Return the kernel that finds edges, the kernel of the model, and the number of pixels per thread."""
     if device.is_cpu:
         from warpvis.kernels.time_of_flight_rows import find_edges_rows, measure_time_of_flight_rows
 
@@ -227,7 +227,7 @@ def _launch(
     others: list[Any],
     span: int = 1,
 ) -> None:
-    """Launch a kernel that takes its window behind the cameras, and `span` pixels a thread."""
+    """Launch a kernel with the arguments cameras, window and others, and `span` pixels per thread."""
     launch_images(
         kernel,
         shape,
@@ -239,33 +239,33 @@ def _launch(
 
 
 def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
-    """Give pixels at edges numbers, in each view; return which pixel has each, and how many to look at at a time.
+    """Enumerate the pixels at edges in each view; return the pixel of each number, and the size of parts.
 
-    If the host is not to know how many there are, as on a GPU, which nothing waits for, there may be as many as pixels.
+    Unless `counted`, the host does not wait for the number of edges, as on a GPU, and assumes the number of pixels.
     """
     views, height, width = slots.shape
     edges = slots.numpy().reshape(views, -1) if counted else None
     count = height * width if edges is None else int((edges >= 0).sum(axis=1).max(initial=0))
-    least = _TREE_PIXELS if counted else _GPU_PIXELS
-    most = _PART_BYTES // (28 * _SIDE * _SIDE * max(views, 1)) // _TREE_PIXELS * _TREE_PIXELS
-    part = min(max(-(-count // _TILE_PIXELS), 1) * _TILE_PIXELS, max(most, least))
+    min_part = _TREE_PIXELS if counted else _GPU_PIXELS
+    max_part = _PART_BYTES // (28 * _SIDE * _SIDE * max(views, 1)) // _TREE_PIXELS * _TREE_PIXELS
+    part = min(max(-(-count // _TILE_PIXELS), 1) * _TILE_PIXELS, max(max_part, min_part))
     padded = -(-count // part) * part
     if edges is None:
         return _number_edges(slots.reshape((views, count)), padded), part
     numbers = np.full((views, padded), -1, dtype=np.int32)
-    for view, places in enumerate(edges):
-        found = np.flatnonzero(places >= 0)
-        numbers[view, : len(found)] = found
-        places[found] = np.arange(len(found))
+    for view, view_slots in enumerate(edges):
+        pixels = np.flatnonzero(view_slots >= 0)
+        numbers[view, : len(pixels)] = pixels
+        view_slots[pixels] = np.arange(len(pixels))
     return wp.array(numbers, dtype=wp.int32, device=slots.device), part
 
 
-def _number_edges(slots: wp.array, most: int) -> wp.array:
-    """Put numbers in place of places, in each view; return which pixel has each of so many, -1 for none."""
+def _number_edges(slots: wp.array, size: int) -> wp.array:
+    """Enumerate the pixels at edges in each view in place; return the pixel of each number, -1 if unused."""
     from warpvis.kernels.sub_rays import flag_edges, number_edges
 
     device = slots.device
-    pixels = wp.full((len(slots), most), -1, dtype=wp.int32, device=device)
+    pixels = wp.full((len(slots), size), -1, dtype=wp.int32, device=device)
     flags, sums = (wp.empty(slots.shape, dtype=wp.int32, device=device) for _ in range(2))
     launch(flag_edges, slots.size, [slots.flatten(), flags.flatten()], device)
     wp.utils.array_scan(flags.flatten(), sums.flatten(), inclusive=True)
@@ -277,6 +277,6 @@ def _is_frequency(value: object) -> bool:
     return is_number(value) and 1 <= value <= 1e12 and value == int(value)
 
 
-def _check_or_endless(value: object, name: str) -> None:
+def _check_positive(value: object, name: str) -> None:
     if not is_number(value) or not value > 0:
         raise ArrayError(f"{name} must be a number above 0, got {value!r}")

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras that one can buy, as `TimeOfFlight` with the camera that each has.
+"""Commercial depth cameras as `TimeOfFlight`, with their native cameras.
 
-Image sizes, fields of view and ranges are the makers'. Noise is set so that it is what is specified or was measured, as
-each docstring says, with no other light; `dataclasses.replace` gives a profile other numbers.
+Image sizes, fields of view and ranges are from the manufacturers. Noise is as specified or measured without ambient
+light; see the docstrings. Use `dataclasses.replace` to change parameters of a profile.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice
 from warpvis.sensors.depth._time_of_flight import SPEED_OF_LIGHT, TimeOfFlight
 
-# Width, height [px], horizontal and vertical field of view [deg], least and greatest depth [m].
+# Width, height [px], horizontal and vertical field of view [deg], minimum and maximum depth [m].
 _AZURE_MODES = {
     "nfov": (640, 576, 75.0, 65.0, 0.5, 3.86),
     "nfov_binned": (320, 288, 75.0, 65.0, 0.5, 5.46),
@@ -24,30 +24,30 @@ _AZURE_MODES = {
 }
 _AZURE_SIGMA, _AZURE_DARKEST = 0.017, 0.15
 _CONTRAST = 0.7
-# No source: pixels whose light is of one phase to less than this are taken for flying ones.
+# No source: pixels with a coherence below this are treated as flying pixels.
 _MIN_COHERENCE = 0.9
 
 
 def azure_kinect(mode: str = "nfov") -> TimeOfFlight:
-    """Make a Microsoft Azure Kinect, in a mode of its data sheet: ``"nfov"`` has 640x576 pixels and 0.5 to 3.86 m.
+    """Return a Microsoft Azure Kinect, in a mode of its data sheet: ``"nfov"`` has 640x576 pixels and 0.5 to 3.86 m.
 
-    Where a mode ends, the standard deviation is the 17 mm that the maker specifies, of a surface that returns 15 % of
-    the light, as dark as the specification goes, and is seen straight; a white one's is 6.6 mm there. Tolgyessy, Dekan,
+    At the maximum range of a mode, the standard deviation is the specified 17 mm for a surface with a reflectivity of
+    15 %, the minimum of the specification, at normal incidence; it is 6.6 mm for a white surface. Tolgyessy, Dekan,
     Chovanec and Hubinsky ("Evaluation of the Azure Kinect and Its Comparison to Kinect V1 and Kinect V2", Sensors
     21(2):413, 2021) confirm the specification: at most 17 mm of random error, less than 11 mm + 0.1 % of systematic
-    error. Of the latter the model has wiggling of 5.5 mm; no source says what it is made of. Frequencies are not
-    published: two are taken that are unambiguous up to 7.5 m. Pixels are those of a pinhole with the data sheet's
-    fields of view, without the lens's distortion; a calibrated camera does as well.
+    error. The model of the systematic error is a wiggle of 5.5 mm, because its composition is not published. The
+    frequencies are not published either; the two used here are unambiguous up to 7.5 m. The native camera is a pinhole
+    camera with the fields of view of the data sheet, without lens distortion; a calibrated camera may be used instead.
 
     Args:
         mode: ``"nfov"`` or ``"wfov"``, narrow and wide fields of view; ``"nfov_binned"`` and ``"wfov_binned"`` have
-            half the width and height, and see farther.
+            half the width and height, and a longer range.
 
     Raises:
-        ArrayError: It is no mode.
+        ArrayError: If `mode` is unknown.
     """
     width, height, hfov, vfov, near, far = _AZURE_MODES[check_choice(mode, "mode", tuple(_AZURE_MODES))]
-    white = _AZURE_SIGMA * math.sqrt(_AZURE_DARKEST) / far  # deviation [m] at 1 m
+    white = _AZURE_SIGMA * math.sqrt(_AZURE_DARKEST) / far  # standard deviation at 1 m [m]
     return _profile(
         (200e6, 180e6),
         white,
@@ -58,19 +58,19 @@ def azure_kinect(mode: str = "nfov") -> TimeOfFlight:
 
 
 def kinect_v2() -> TimeOfFlight:
-    """Make a Microsoft Kinect of 2013, for Xbox One: 512x424 pixels, 70.6 by 60 degrees, 0.5 to 4.5 m.
+    """Return a Microsoft Kinect of 2013, for Xbox One: 512x424 pixels, 70.6 by 60 degrees, 0.5 to 4.5 m.
 
-    Its frequencies are those of libfreenect2, 120, 80 and 16 MHz, unambiguous up to 18.7 m. No source for noise: 1.5 mm
-    at 1 m of a white surface seen straight.
+    The frequencies are from libfreenect2: 120, 80 and 16 MHz, unambiguous up to 18.7 m. The noise, 1.5 mm for a white
+    surface at 1 m at normal incidence, has no source.
     """
     camera = (512, 424, 70.6, 60.0, 0.5, 4.5)
     return _profile((120e6, 80e6, 16e6), 0.0015, camera, least_signal=0.0015, wiggle=0.005)
 
 
 def pmd_flexx2() -> TimeOfFlight:
-    """Make a PMD flexx2: 224x172 pixels, 56 by 44 degrees, 0.1 to 7 m.
+    """Return a PMD flexx2: 224x172 pixels, 56 by 44 degrees, 0.1 to 7 m.
 
-    No source for noise and frequencies: 0.5 % of the range of a white surface seen straight, and 80 and 60 MHz,
+    Noise and frequencies have no source: 0.5 % of the range for a white surface at normal incidence, and 80 and 60 MHz,
     unambiguous up to 7.5 m.
     """
     return _profile((80e6, 60e6), 0.005, (224, 172, 56.0, 44.0, 0.1, 7.0), least_signal=0.002, wiggle=0.003)
@@ -84,7 +84,7 @@ def _profile(
     least_signal: float,
     wiggle: float,
 ) -> TimeOfFlight:
-    """Make a sensor whose deviation [m] is `sigma` where a white surface is seen straight at 1 m."""
+    """Return a sensor whose standard deviation for a white surface at 1 m at normal incidence is `sigma` [m]."""
     width, height, hfov, vfov, near, far = camera
     fx, fy = (size / (2 * math.tan(math.radians(fov) / 2)) for size, fov in ((width, hfov), (height, vfov)))
     electrons = (SPEED_OF_LIGHT / (4 * math.sqrt(2) * math.pi * frequencies[0] * _CONTRAST * sigma)) ** 2

@@ -1,9 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lens models: directions to points of the image and back, in double precision.
-
-All have `project` and `unproject`, of any number of points at once, and know up to where they map one to one.
-"""
+"""Lens models: vectorized maps from directions to image points and back, in double precision."""
 
 from __future__ import annotations
 

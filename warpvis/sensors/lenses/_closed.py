@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lenses of two parameters at most, whose formulas have inverses in closed form; here their range is what matters.
+"""Lens models with at most two parameters: double sphere, EUCM, FOV and division.
 
-Usenko, Demmel, Cremers: The Double Sphere Camera Model, 3DV 2018 (double sphere, EUCM); Devernay, Faugeras: Straight
-lines have to be straight, 2001 (FOV); Fitzgibbon: Simultaneous linear estimation of multiple view geometry and lens
-distortion, CVPR 2001 (division).
+Sources: Usenko, Demmel, Cremers: The Double Sphere Camera Model, 3DV 2018 (double sphere, EUCM); Devernay, Faugeras:
+Straight lines have to be straight, 2001 (FOV); Fitzgibbon: Simultaneous linear estimation of multiple view geometry and
+lens distortion, CVPR 2001 (division).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from warpvis.sensors.lenses._rising import Floats
 
 @dataclass(frozen=True)
 class DoubleSphere(RadialLens):
-    """Two unit spheres, `xi` apart: ``x = X / (alpha d2 + (1 - alpha) (xi d1 + Z))``.
+    """The double sphere model, with centers `xi` apart: ``x = X / (alpha d2 + (1 - alpha) (xi d1 + Z))``.
 
     ``d1 = |(X, Y, Z)|`` and ``d2 = |(X, Y, xi d1 + Z)|``.
     """
@@ -49,16 +49,16 @@ class DoubleSphere(RadialLens):
     def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
         sine, cosine, xi, alpha = np.sin(angle), np.cos(angle), self.xi, self.alpha
         second = np.sqrt(sine * sine + (xi + cosine) ** 2)
-        below = alpha * second + (1 - alpha) * (xi + cosine)
-        below_slope = -alpha * xi * sine / second - (1 - alpha) * sine
-        return sine / below, (cosine * below - sine * below_slope) / below**2
+        denominator = alpha * second + (1 - alpha) * (xi + cosine)
+        denominator_slope = -alpha * xi * sine / second - (1 - alpha) * sine
+        return sine / denominator, (cosine * denominator - sine * denominator_slope) / denominator**2
 
 
 @dataclass(frozen=True)
 class EUCM(RadialLens):
     """The extended unified camera model: ``x = X / (alpha d + (1 - alpha) Z)``, ``d^2 = beta (X^2 + Y^2) + Z^2``.
 
-    With `beta` 1 it is the unified camera model (UCM), of which Mei's `xi` is ``alpha / (1 - alpha)``.
+    With ``beta = 1`` it is the unified camera model (UCM); the `xi` of Mei's model is ``alpha / (1 - alpha)``.
     """
 
     fx: float
@@ -68,7 +68,7 @@ class EUCM(RadialLens):
     alpha: float
     """From 0 to 1."""
     beta: float = 1.0
-    """Above 0."""
+    """Greater than 0."""
 
     def __post_init__(self) -> None:
         check_fields(self, positive=("fx", "fy", "beta"))
@@ -82,21 +82,21 @@ class EUCM(RadialLens):
     def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
         sine, cosine, alpha, beta = np.sin(angle), np.cos(angle), self.alpha, self.beta
         length = np.sqrt(beta * sine * sine + cosine * cosine)
-        below = alpha * length + (1 - alpha) * cosine
-        below_slope = alpha * (beta - 1) * sine * cosine / length - (1 - alpha) * sine
-        return sine / below, (cosine * below - sine * below_slope) / below**2
+        denominator = alpha * length + (1 - alpha) * cosine
+        denominator_slope = alpha * (beta - 1) * sine * cosine / length - (1 - alpha) * sine
+        return sine / denominator, (cosine * denominator - sine * denominator_slope) / denominator**2
 
 
 @dataclass(frozen=True)
 class FOV(RadialLens):
-    """The field-of-view model, of COLMAP, ORB-SLAM and Kalibr: ``r = atan(2 tan(angle) tan(omega / 2)) / omega``."""
+    """The field-of-view model of COLMAP, ORB-SLAM and Kalibr: ``r = atan(2 tan(angle) tan(omega / 2)) / omega``."""
 
     fx: float
     fy: float
     cx: float
     cy: float
     omega: float
-    """From -pi to pi [rad]; at 0 it is a pinhole."""
+    """Between -pi and pi [rad]; 0 is a pinhole camera."""
 
     _limit: ClassVar[float] = math.pi / 2
 
@@ -115,21 +115,21 @@ class FOV(RadialLens):
         if self.omega == 0:
             return r, 1 + r * r
         factor = 2 * math.tan(self.omega / 2)
-        # Over cosine and sine: what tangents of 90 degrees would lose.
+        # Sine and cosine are accurate at 90 degrees, the tangent is not.
         sine, cosine = np.sin(angle), np.cos(angle)
         return np.arctan2(factor * sine, cosine) / self.omega, factor / self.omega / (cosine**2 + (factor * sine) ** 2)
 
 
 @dataclass(frozen=True)
 class Division(RadialLens):
-    """Fitzgibbon's division model: the image point ``(x, y)`` of radius r shows ``(x, y, 1 + k r^2)``."""
+    """Fitzgibbon's division model: the direction of image point ``(x, y)`` with radius r is ``(x, y, 1 + k r^2)``."""
 
     fx: float
     fy: float
     cx: float
     cy: float
     k: float
-    """Below 0 for barrel distortion; then it goes beyond 90 degrees."""
+    """Negative for barrel distortion, with angles beyond 90 degrees."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -142,9 +142,9 @@ class Division(RadialLens):
     def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
         sine, cosine = np.sin(angle), np.cos(angle)
         root = np.sqrt(cosine * cosine - 4 * self.k * sine * sine)
-        below = cosine + root
-        below_slope = -sine - (1 + 4 * self.k) * sine * cosine / root
-        return 2 * sine / below, 2 * (cosine * below - sine * below_slope) / below**2
+        denominator = cosine + root
+        denominator_slope = -sine - (1 + 4 * self.k) * sine * cosine / root
+        return 2 * sine / denominator, 2 * (cosine * denominator - sine * denominator_slope) / denominator**2
 
 
 def _check_alpha(alpha: float) -> None:

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""COLMAP's camera models, by their names and parameters.
+"""Conversion of lenses from and to COLMAP's camera models.
 
-Models: https://colmap.github.io/cameras.html, ``src/colmap/sensor/models.h``
+Source: https://colmap.github.io/cameras.html, ``src/colmap/sensor/models.h``
 """
 
 from __future__ import annotations
@@ -21,48 +21,48 @@ from warpvis.sensors.lenses._lens import Lens
 from warpvis.sensors.lenses._panoramas import Equirectangular
 from warpvis.sensors.lenses._pinhole import OpenCVPinhole
 
-_Make = Callable[[Any], Lens]  # of a tuple of as many parameters as the model has
+_Make = Callable[[Any], Lens]  # from the tuple of the model's parameters
 
 
 def _plain(kind: Any) -> _Make:
-    """Make a lens whose fields are the parameters."""
+    """Return a factory of lenses whose fields are the parameters."""
     return lambda p: kind(*p)
 
 
-def _bent(kind: Any) -> _Make:
-    """Make one whose coefficients are what comes after ``fx fy cx cy``."""
+def _with_coefficients(kind: Any) -> _Make:
+    """Return a factory of lenses whose coefficients follow ``fx fy cx cy``."""
     return lambda p: kind(*p[:4], p[4:])
 
 
-def _simple(kind: Any) -> _Make:
-    """Make one of a single focal length, ``f cx cy``, and the first of four coefficients."""
+def _with_one_focal_length(kind: Any) -> _Make:
+    """Return a factory of lenses with a single focal length, ``f cx cy``, and up to four coefficients."""
     return lambda p: kind(p[0], *p[:3], (*p[3:], 0, 0, 0, 0)[:4])
 
 
-# Number in binary files, how many parameters, and what they make.
+# Model: number in binary files, number of parameters, factory.
 _MODELS: dict[str, tuple[int, int, _Make]] = {
-    "SIMPLE_PINHOLE": (0, 3, _simple(OpenCVPinhole)),
+    "SIMPLE_PINHOLE": (0, 3, _with_one_focal_length(OpenCVPinhole)),
     "PINHOLE": (1, 4, _plain(OpenCVPinhole)),
-    "SIMPLE_RADIAL": (2, 4, _simple(OpenCVPinhole)),
-    "RADIAL": (3, 5, _simple(OpenCVPinhole)),
-    "OPENCV": (4, 8, _bent(OpenCVPinhole)),
-    "OPENCV_FISHEYE": (5, 8, _bent(KannalaBrandt)),
-    "FULL_OPENCV": (6, 12, _bent(OpenCVPinhole)),
+    "SIMPLE_RADIAL": (2, 4, _with_one_focal_length(OpenCVPinhole)),
+    "RADIAL": (3, 5, _with_one_focal_length(OpenCVPinhole)),
+    "OPENCV": (4, 8, _with_coefficients(OpenCVPinhole)),
+    "OPENCV_FISHEYE": (5, 8, _with_coefficients(KannalaBrandt)),
+    "FULL_OPENCV": (6, 12, _with_coefficients(OpenCVPinhole)),
     "FOV": (7, 5, _plain(FOV)),
-    "SIMPLE_RADIAL_FISHEYE": (8, 4, _simple(KannalaBrandt)),
-    "RADIAL_FISHEYE": (9, 5, _simple(KannalaBrandt)),
-    "THIN_PRISM_FISHEYE": (10, 12, _bent(ThinPrismFisheye)),
-    "RAD_TAN_THIN_PRISM_FISHEYE": (11, 16, _bent(RadTanThinPrismFisheye)),
+    "SIMPLE_RADIAL_FISHEYE": (8, 4, _with_one_focal_length(KannalaBrandt)),
+    "RADIAL_FISHEYE": (9, 5, _with_one_focal_length(KannalaBrandt)),
+    "THIN_PRISM_FISHEYE": (10, 12, _with_coefficients(ThinPrismFisheye)),
+    "RAD_TAN_THIN_PRISM_FISHEYE": (11, 16, _with_coefficients(RadTanThinPrismFisheye)),
     "SIMPLE_DIVISION": (12, 4, lambda p: Division(p[0], p[0], p[1], p[2], p[3])),
     "DIVISION": (13, 5, _plain(Division)),
-    "SIMPLE_FISHEYE": (14, 3, _simple(KannalaBrandt)),
+    "SIMPLE_FISHEYE": (14, 3, _with_one_focal_length(KannalaBrandt)),
     "FISHEYE": (15, 4, _plain(KannalaBrandt)),
     "EUCM": (16, 6, _plain(EUCM)),
     "EQUIRECTANGULAR": (17, 2, _plain(Equirectangular)),
 }
 
 COLMAP_NUMBERS = {number: name for name, (number, *_) in _MODELS.items()}
-"""The names of COLMAP's models by their numbers in binary files."""
+"""Names of COLMAP's models by their numbers in binary files."""
 
 _WRITTEN = {
     KannalaBrandt: "OPENCV_FISHEYE",
@@ -76,10 +76,10 @@ _WRITTEN = {
 
 
 def colmap_count(model: str) -> int:
-    """Return how many parameters a model has.
+    """Return the number of parameters of a model.
 
     Raises:
-        CameraError: COLMAP has no such model.
+        CameraError: If COLMAP has no such model.
     """
     if check_text(model, "model", CameraError) not in _MODELS:
         raise CameraError(f"COLMAP has no camera model {model}; its models are {', '.join(_MODELS)}")
@@ -87,10 +87,10 @@ def colmap_count(model: str) -> int:
 
 
 def lens_from_colmap(model: str, parameters: Sequence[float]) -> Lens:
-    """Make the lens of a model of COLMAP's, whose pixels have their centres at + 0.5 as ours have.
+    """Create a lens from a model of COLMAP. Its pixel centers are at +0.5, as in warpvis.
 
     Raises:
-        CameraError: There is no such model, or it has other parameters.
+        CameraError: If COLMAP has no such model, or if the number of parameters is wrong.
     """
     count = colmap_count(model)
     if len(parameters) != count:
@@ -99,10 +99,10 @@ def lens_from_colmap(model: str, parameters: Sequence[float]) -> Lens:
 
 
 def lens_to_colmap(lens: Lens) -> tuple[str, tuple[float, ...]]:
-    """Return the model of COLMAP's that is a lens, and its parameters.
+    """Convert a lens to a model of COLMAP and its parameters.
 
     Raises:
-        CameraError: COLMAP has none that is the same.
+        CameraError: If COLMAP has no equivalent model.
     """
     if isinstance(lens, OpenCVPinhole) and not any(lens.all_coefficients[8:]):
         short = not any(lens.all_coefficients[4:])

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fisheyes: polynomials of the angle from the axis.
+"""Fisheye lenses: polynomials of the angle from the axis.
 
-Formulas: https://docs.opencv.org/4.x/db/d58/group__calib3d__fisheye.html, COLMAP's ``src/colmap/sensor/models.h``
+Sources: https://docs.opencv.org/4.x/db/d58/group__calib3d__fisheye.html, COLMAP's ``src/colmap/sensor/models.h``
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from warpvis.sensors.lenses._rising import Floats
 
 
 def _gain(square: Floats, coefficients: Sequence[float]) -> tuple[Floats, Floats]:
-    """Compute ``1 + k1 s + k2 s^2 + ...`` and its slope over s."""
+    """Return ``1 + k1 s + k2 s^2 + ...`` and its derivative with respect to s."""
     polynomial = np.polynomial.Polynomial([1.0, *coefficients])
     return polynomial(square), polynomial.deriv()(square)
 
@@ -32,9 +32,9 @@ def _angle_radius(angle: Floats, coefficients: Sequence[float]) -> tuple[Floats,
 
 @dataclass(frozen=True)
 class KannalaBrandt(RadialLens):
-    """OpenCV's fisheye, which ROS and Kalibr call equidistant: ``r = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)``.
+    """OpenCV's fisheye, called equidistant in ROS and Kalibr: ``r = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)``.
 
-    t is the angle from the axis, up to pi; with coefficients 0, the equidistant fisheye.
+    t is the angle from the axis, up to pi. With zero coefficients, it is the equidistant fisheye.
     """
 
     fx: float
@@ -53,7 +53,7 @@ class KannalaBrandt(RadialLens):
 
 @dataclass(frozen=True)
 class ThinPrismFisheye(BentLens):
-    """COLMAP's THIN_PRISM_FISHEYE: OpenCV's distortion of the plane of angles, with a fourth radial coefficient."""
+    """COLMAP's THIN_PRISM_FISHEYE: OpenCV's distortion applied to the angle, with a fourth radial coefficient."""
 
     fx: float
     fy: float
@@ -89,9 +89,9 @@ class ThinPrismFisheye(BentLens):
 
 @dataclass(frozen=True)
 class RadTanThinPrismFisheye(BentLens):
-    """COLMAP's RAD_TAN_THIN_PRISM_FISHEYE, which Project Aria calls fisheye624.
+    """COLMAP's RAD_TAN_THIN_PRISM_FISHEYE, called fisheye624 in Project Aria.
 
-    The angle is scaled by a polynomial first; tangential and thin-prism terms are those of the point that comes of it.
+    A polynomial scales the angle first; the tangential and thin-prism terms are functions of the resulting point.
     """
 
     fx: float

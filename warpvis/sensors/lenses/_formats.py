@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lenses of the numbers of OpenCV, ROS, Kalibr, nerfstudio and instant-ngp, each with its own pixel centers."""
+"""Lenses from the parameters of OpenCV, ROS, Kalibr, nerfstudio and instant-ngp."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from warpvis.errors import CameraError
 from warpvis.sensors.lenses._closed import EUCM, FOV, DoubleSphere
 from warpvis.sensors.lenses._fisheyes import KannalaBrandt
 from warpvis.sensors.lenses._ftheta import FTheta
-from warpvis.sensors.lenses._lens import Lens, listed
+from warpvis.sensors.lenses._lens import Lens, format_alternatives
 from warpvis.sensors.lenses._panoramas import Equirectangular
 from warpvis.sensors.lenses._pinhole import COUNTS, OpenCVPinhole
 
@@ -28,10 +28,10 @@ _ROS_COUNTS: dict[str, tuple[int, ...]] = {
 }
 _KALIBR_COUNTS = {"none": (0,), "radtan": (4,), "equidistant": (4,), "equi": (4,), "fov": (1,)}
 NERF_PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
-"""Models of nerfstudio that are a pinhole with or without distortion."""
+"""Models of nerfstudio that are pinhole cameras, with or without distortion."""
 
 _NERF_FISHEYES = ("OPENCV_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
-# instant-ngp's "equirectangular" has rows at equal steps of height and not of angle, which no lens here has.
+# Rows of instant-ngp's "equirectangular" are equally spaced in height, not in angle. It is not supported.
 _NGP_MODELS = {
     "is_fisheye": "OPENCV_FISHEYE",
     "latlong": "EQUIRECTANGULAR",
@@ -42,10 +42,10 @@ _FISHEYES = ("equidistant", "equi", "fisheye")
 
 
 def lens_from_opencv(k: ArrayLike, d: ArrayLike | None, *, fisheye: bool = False) -> Lens:
-    """Make a lens of OpenCV's `K` and `D`, whose pixels have their centres at whole numbers.
+    """Create a lens from OpenCV's `K` and `D`, with pixel centers at integers.
 
     Raises:
-        CameraError: `K` is no matrix of intrinsics, or `D` has another number of coefficients.
+        CameraError: If `K` is not a matrix of intrinsics, or if `D` has a wrong number of coefficients.
     """
     intrinsics = _intrinsics(k)
     coefficients = _numbers(d, "D")
@@ -57,10 +57,10 @@ def lens_from_opencv(k: ArrayLike, d: ArrayLike | None, *, fisheye: bool = False
 
 
 def lens_from_ros(k: ArrayLike, d: ArrayLike | None, model: str) -> Lens:
-    """Make a lens of the `K`, `D` and `distortion_model` of a CameraInfo.
+    """Create a lens from the `K`, `D` and `distortion_model` of a CameraInfo.
 
     Raises:
-        CameraError: ROS has no such model, or it has another number of coefficients.
+        CameraError: If ROS has no such model, or if the number of coefficients is wrong.
     """
     coefficients = _numbers(d, "D")
     if not model and not any(coefficients):
@@ -72,10 +72,10 @@ def lens_from_ros(k: ArrayLike, d: ArrayLike | None, model: str) -> Lens:
 
 
 def lens_from_kalibr(entry: Mapping[str, Any]) -> Lens:
-    """Make a lens of a camera of Kalibr's ``camchain.yaml``, whose pixels have their centres at whole numbers.
+    """Create a lens from a camera in Kalibr's ``camchain.yaml``, with pixel centers at integers.
 
     Raises:
-        CameraError: It has no model that is known, or other numbers.
+        CameraError: If the model is unknown, or if its parameters are invalid.
     """
     model, distortion = str(entry.get("camera_model", "pinhole")), str(entry.get("distortion_model", "none"))
     coefficients = _numbers(entry.get("distortion_coeffs"), "distortion_coeffs")
@@ -100,7 +100,9 @@ def lens_from_kalibr(entry: Mapping[str, Any]) -> Lens:
         }
         return makes.get(distortion, lambda: KannalaBrandt(*intrinsics, coefficients))()
     if any(coefficients):
-        raise CameraError(f"camera_model {model} with distortion {distortion} besides is not known; without it, it is")
+        raise CameraError(
+            f"distortion_model of camera_model {model} must be none, got {distortion} with non-zero coefficients"
+        )
     if model == "ds":
         return DoubleSphere(*intrinsics, *numbers[:2])
     if model == "eucm":
@@ -112,13 +114,13 @@ def lens_from_kalibr(entry: Mapping[str, Any]) -> Lens:
 
 
 def nerfstudio_model(fields: Mapping[str, Any]) -> str:
-    """Return the model of a camera of ``transforms.json``: its ``camera_model``, or that of instant-ngp's keys.
+    """Return the model of a camera in ``transforms.json``, from ``camera_model`` or from the keys of instant-ngp.
 
-    instant-ngp has the keys ``is_fisheye``, ``latlong``, ``equirectangular`` and ``ftheta_p0`` to ``ftheta_p4`` instead
+    instant-ngp uses the keys ``is_fisheye``, ``latlong``, ``equirectangular`` and ``ftheta_p0`` to ``ftheta_p4``
     (``read_lens`` in its ``src/nerf_loader.cu``).
 
     Raises:
-        CameraError: If a key is malformed, or the keys contradict each other.
+        CameraError: If a key is malformed, or if the keys contradict each other.
     """
     given = fields.get("camera_model")
     models = [] if given is None else [str(given)]
@@ -134,7 +136,7 @@ def nerfstudio_model(fields: Mapping[str, Any]) -> str:
 
 
 def nerfstudio_distortion(fields: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return ``k1 k2 k3 k4 p1 p2`` of a camera of ``transforms.json``, which may be a list ``distortion_params``.
+    """Return ``k1 k2 k3 k4 p1 p2`` of a camera in ``transforms.json``, from single keys or ``distortion_params``.
 
     Raises:
         CameraError: If they are not numbers.
@@ -147,10 +149,10 @@ def nerfstudio_distortion(fields: Mapping[str, Any]) -> tuple[float, ...]:
 
 
 def lens_from_nerfstudio(fields: Mapping[str, Any], size: Sequence[float], intrinsics: Sequence[float]) -> Lens:
-    """Make a lens of a camera of nerfstudio or instant-ngp, whose pixel centers are at + 0.5.
+    """Create a lens from a camera of nerfstudio or instant-ngp, with pixel centers at +0.5.
 
     Raises:
-        CameraError: The model is not known, or has coefficients that it cannot have.
+        CameraError: If the model is unknown, or if a coefficient is not part of the model.
     """
     model = nerfstudio_model(fields)
     k1, k2, k3, k4, p1, p2 = nerfstudio_distortion(fields)
@@ -158,21 +160,22 @@ def lens_from_nerfstudio(fields: Mapping[str, Any], size: Sequence[float], intri
     if model in NERF_PINHOLES:
         if k4:
             raise CameraError(
-                f"k4 of camera_model {model} scales the eighth power of the radius, which no lens here has"
+                f"k4 of camera_model {model} must be 0, got {k4:g}. A term in the eighth power of the radius is not "
+                "supported."
             )
         return OpenCVPinhole(fx, fy, cx, cy, (k1, k2, p1, p2, k3) if k3 else (k1, k2, p1, p2))
     if model in _NERF_FISHEYES:
         if p1 or p2:
-            raise CameraError(f"camera_model {model} has no tangential distortion, got p1={p1:g}, p2={p2:g}")
+            raise CameraError(f"p1 and p2 of camera_model {model} must be 0, got {p1:g} and {p2:g}")
         return KannalaBrandt(fx, fy, cx, cy, (k1, k2, k3, k4))
     if model == "FTHETA":
         constant, *rest = (_number(fields, f"ftheta_p{power}") for power in range(5))
         if constant:
-            raise CameraError(f"ftheta_p0 must be 0, the angle at the principal point, got {constant:g}")
+            raise CameraError(f"ftheta_p0, the angle at the principal point, must be 0, got {constant:g}")
         return FTheta(cx, cy, tuple(rest))
     if model == "EQUIRECTANGULAR":
         return Equirectangular(float(size[0]), float(size[1]))
-    raise CameraError(f"camera_model {truncate(repr(model))} of nerfstudio is not known")
+    raise CameraError(f"camera_model {truncate(repr(model))} of nerfstudio is not supported")
 
 
 def _number(fields: Mapping[str, Any], name: str) -> float:
@@ -184,7 +187,7 @@ def _number(fields: Mapping[str, Any], name: str) -> float:
 
 
 def _intrinsics(k: ArrayLike) -> tuple[float, float, float, float]:
-    """Read `K` of pixel centres at whole numbers, as `Camera.from_K` does."""
+    """Return the intrinsics of a `K` with pixel centers at integers, like `Camera.from_K`."""
     from warpvis.core.camera import check_matrix
 
     return check_matrix(k, 0.0)
@@ -195,7 +198,7 @@ def _numbers(values: Any, name: str) -> tuple[float, ...]:
         return ()
     items = np.ravel(values).tolist() if hasattr(values, "__array__") else as_items(values, name, CameraError)
     flat = [number for item in items for number in (item if isinstance(item, list | tuple) else [item])]
-    # Compared, since whole numbers of a file may be longer than any float.
+    # The comparison rejects integers that exceed the range of float.
     wrong = [number for number in flat if not is_number(number) or not abs(number) <= sys.float_info.max]
     if wrong:
         raise CameraError(f"{name} must be finite numbers, got {truncate(repr(wrong[0]))}")
@@ -204,5 +207,5 @@ def _numbers(values: Any, name: str) -> tuple[float, ...]:
 
 def _check_count(values: Sequence[float], counts: Sequence[int], name: str, model: str) -> None:
     if len(values) not in counts:
-        wanted = listed([count for count in counts if count] or [0])
-        raise CameraError(f"{name} of {model} must be {wanted} numbers, got {len(values)}")
+        expected = format_alternatives([count for count in counts if count] or [0])
+        raise CameraError(f"{name} of {model} must be {expected} numbers, got {len(values)}")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""NVIDIA's F-theta cameras: a polynomial between the angle from the axis and the image's radius in pixels."""
+"""NVIDIA's F-theta lens: a polynomial between the angle from the axis and the radius in pixels."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from warpvis.sensors.lenses._lens import Lens, check_coefficients, rays_of
 from warpvis.sensors.lenses._rising import Floats, Rising
 
 _MAX_RADIUS = 2.0**20
-"""No image's radius is larger [px]."""
+"""Upper bound of the radius of images [px]."""
 
 
 @dataclass(frozen=True)
 class FTheta(Lens):
-    """A fisheye whose polynomial has a coefficient for every power from 1 up; that of power 0 is 0.
+    """A fisheye lens with a polynomial of degree up to 10 without constant term.
 
-    DriveWorks and Isaac Sim write ``pixeldistance-to-angle`` polynomials (``k0`` first, 0), and the other way round
-    ``angle-to-pixeldistance``.
+    DriveWorks and Isaac Sim use ``pixeldistance-to-angle`` and ``angle-to-pixeldistance`` polynomials; they write the
+    constant term, 0, as first coefficient ``k0``, which is left out here.
     """
 
     cx: float
-    """Where the axis meets the image, from its left edge [px]."""
+    """Principal point from the left edge of the image [px]."""
     cy: float
-    """Where the axis meets the image, from its top edge [px]."""
+    """Principal point from the top edge of the image [px]."""
     coefficients: tuple[float, ...]
-    """``k1 k2 ...``, up to 10: of ``k1 t + k2 t^2 + ...``."""
+    """``k1 k2 ...``, at most 10, of ``k1 t + k2 t^2 + ...``."""
     maps: Literal["angle_to_radius", "radius_to_angle"] = "radius_to_angle"
-    """Which way the polynomial goes, between radians and pixels."""
+    """Direction of the polynomial, between radians and pixels."""
     most_angle: float = math.pi
-    """The greatest angle from the axis that the camera sees [rad]."""
+    """Maximum angle from the axis that the camera sees [rad]."""
 
     def __post_init__(self) -> None:
         for name in ("cx", "cy"):
@@ -55,13 +55,13 @@ class FTheta(Lens):
 
     @property
     def max_angle(self) -> float:
-        """The angle from the axis up to which the lens maps one to one [rad]."""
-        return self._rising.end if self._is_forward else min(self._rising.most, self.most_angle)
+        """Angle from the axis up to which the lens is injective [rad]."""
+        return self._rising.end if self._is_forward else min(self._rising.max_value, self.most_angle)
 
     @property
     def turns_back(self) -> bool:
-        """Whether it ends there because the polynomial turns back."""
-        return self._rising.turns and (self._is_forward or self._rising.most < self.most_angle)
+        """Whether the polynomial turns back at `max_angle`."""
+        return self._rising.turns and (self._is_forward or self._rising.max_value < self.most_angle)
 
     @property
     def _is_forward(self) -> bool:
@@ -76,18 +76,18 @@ class FTheta(Lens):
             limit = 1.0
             while limit < _MAX_RADIUS and polynomial(limit) < self.most_angle and slope(limit) > 0:
                 limit *= 2
-        return Rising(lambda at: (polynomial(at), slope(at)), limit)
+        return Rising(lambda x: (polynomial(x), slope(x)), limit)
 
-    def _value(self, at: Floats) -> Floats:
-        return np.polynomial.Polynomial([0.0, *self.coefficients])(at)
+    def _value(self, x: Floats) -> Floats:
+        return np.polynomial.Polynomial([0.0, *self.coefficients])(x)
 
     def _project(self, points: Floats) -> Floats:
         x, y, z = points.T
-        aside = np.hypot(x, y)
-        angle = np.arctan2(aside, z)
+        axis_distance = np.hypot(x, y)
+        angle = np.arctan2(axis_distance, z)
         angle = np.where(angle <= self.max_angle, angle, np.nan)
         radius = self._value(angle) if self._is_forward else self._rising.inverse(angle)
-        scale = np.where(aside > 0, radius / aside, np.where(z > 0, 0.0, np.nan))
+        scale = np.where(axis_distance > 0, radius / axis_distance, np.where(z > 0, 0.0, np.nan))
         return np.stack([self.cx + scale * x, self.cy + scale * y], axis=-1)
 
     def _unproject(self, pixels: Floats) -> Floats:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images all around: a sphere's longitudes and latitudes, and a cylinder."""
+"""Panoramic projections: equirectangular and cylindrical."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from warpvis.sensors.lenses._rising import Floats
 
 @dataclass(frozen=True)
 class Equirectangular(Lens):
-    """The whole sphere: columns are longitudes, rows latitudes: ``2 pi (x / width - 1/2)``, ``pi (1/2 - y / height)``.
+    """The whole sphere: columns are longitudes ``2 pi (x / width - 1/2)``, rows latitudes ``pi (1/2 - y / height)``.
 
-    The image's middle is straight ahead, its top row up (the camera's -y). Of the two borders, which are one meridian,
-    what lies straight behind is at the right.
+    The center of the image points forward, its top row up (-y of the camera). The left and right borders are the same
+    meridian; directions exactly backward are projected to the right border.
     """
 
     width: float
-    """What 360 degrees are [px]: the image's width."""
+    """Image width, 360 degrees [px]."""
     height: float
-    """What 180 degrees are [px]: the image's height."""
+    """Image height, 180 degrees [px]."""
 
     def __post_init__(self) -> None:
         check_fields(self, positive=("width", "height"))
 
     @property
     def max_angle(self) -> float:
-        """All of them: pi."""
+        """Pi: all directions."""
         return math.pi
 
     @property
     def turns_back(self) -> bool:
-        """Never."""
+        """Always False."""
         return False
 
     def _project(self, points: Floats) -> Floats:
         x, y, z = points.T
         longitude, down = np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))
-        nowhere = ~(np.abs(points).sum(axis=1) > 0)
+        is_zero = ~(np.abs(points).sum(axis=1) > 0)
         column = (longitude / (2 * math.pi) + 0.5) * self.width
         row = (down / math.pi + 0.5) * self.height
-        return np.where(nowhere[:, None], np.nan, np.stack([column, row], axis=-1))
+        return np.where(is_zero[:, None], np.nan, np.stack([column, row], axis=-1))
 
     def _unproject(self, pixels: Floats) -> Floats:
         x, y = pixels.T
@@ -58,41 +58,43 @@ class Equirectangular(Lens):
 
 @dataclass(frozen=True)
 class Cylindrical(Lens):
-    """A cylinder around the camera's y axis: columns are angles around it, rows are heights on it.
+    """A cylinder about the camera's y axis: columns are azimuths, rows are heights.
 
-    ``x = fx atan2(X, Z) + cx``, ``y = fy Y / sqrt(X^2 + Z^2) + cy``: upright lines stay straight.
+    ``x = fx atan2(X, Z) + cx``, ``y = fy Y / sqrt(X^2 + Z^2) + cy``. Lines parallel to y stay straight.
     """
 
     fx: float
-    """Pixels a radian."""
+    """Pixels per radian."""
     fy: float
-    """Pixels a radius of the cylinder."""
+    """Pixels per radius of the cylinder."""
     cx: float
-    """Where straight ahead is, from the image's left edge [px]."""
+    """Column of the forward direction, from the left edge of the image [px]."""
     cy: float
-    """Where the horizon is, from the image's top edge [px]."""
+    """Row of the horizon, from the top edge of the image [px]."""
 
     def __post_init__(self) -> None:
         check_fields(self)
 
     @property
     def max_angle(self) -> float:
-        """Up to the cylinder's axis: pi / 2."""
+        """Angle between the forward direction and the axis of the cylinder: pi / 2."""
         return math.pi / 2
 
     @property
     def turns_back(self) -> bool:
-        """Never: it sees all around, but for what is straight above and below."""
+        """Always False: only the directions of the cylinder's axis have no image."""
         return False
 
     def _project(self, points: Floats) -> Floats:
         x, y, z = points.T
-        away = np.hypot(x, z)
-        azimuth = np.where(away > 0, np.arctan2(x, z), np.nan)
-        return np.stack([self.fx * azimuth + self.cx, self.fy * y / away + self.cy], axis=-1)
+        axis_distance = np.hypot(x, z)
+        azimuth = np.where(axis_distance > 0, np.arctan2(x, z), np.nan)
+        return np.stack([self.fx * azimuth + self.cx, self.fy * y / axis_distance + self.cy], axis=-1)
 
     def _unproject(self, pixels: Floats) -> Floats:
         azimuth, height = (pixels[:, 0] - self.cx) / self.fx, (pixels[:, 1] - self.cy) / self.fy
         azimuth = np.where(np.abs(azimuth) <= math.pi, azimuth, np.nan)
-        away = 1 / np.sqrt(1 + height * height)
-        return np.stack([away * np.sin(azimuth), away * height, away * np.cos(azimuth)], axis=-1)
+        axis_distance = 1 / np.sqrt(1 + height * height)
+        return np.stack(
+            [axis_distance * np.sin(azimuth), axis_distance * height, axis_distance * np.cos(azimuth)], axis=-1
+        )

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """OpenCV's pinhole camera with radial, tangential and thin-prism distortion, and a tilted sensor.
 
-Formulas: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html
+Source: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from warpvis.sensors.lenses._lens import check_fields
 from warpvis.sensors.lenses._rising import Floats
 
 COUNTS = (4, 5, 8, 12, 14)
-"""How many coefficients OpenCV's pinhole may have."""
+"""Valid numbers of coefficients of OpenCV's pinhole camera."""
 
 
 @dataclass(frozen=True, eq=False)
 class OpenCVPinhole(BentLens):
-    """A pinhole camera with OpenCV's distortion, ROS's ``plumb_bob`` (5) and ``rational_polynomial`` (8) among them.
+    """A pinhole camera with OpenCV's distortion, including ROS's ``plumb_bob`` (5) and ``rational_polynomial`` (8).
 
     With ``x = X / Z``, ``y = Y / Z`` and ``r2 = x^2 + y^2``::
 
@@ -32,16 +32,16 @@ class OpenCVPinhole(BentLens):
         x' = x g + 2 p1 x y + p2 (r2 + 2 x^2) + s1 r2 + s2 r2^2
         y' = y g + p1 (r2 + 2 y^2) + 2 p2 x y + s3 r2 + s4 r2^2
 
-    then the sensor is tilted by ``tx`` about x and ``ty`` about y [rad]; the pixel is ``(fx x' + cx, fy y' + cy)``.
-    Coefficients that are not given are 0: lenses are equal that have all 14 of them, and the intrinsics, in common.
+    Then the sensor is tilted by ``tx`` about x and ``ty`` about y [rad]; the pixel is ``(fx x' + cx, fy y' + cy)``.
+    Missing coefficients are 0. Lenses are equal if their intrinsics and all 14 coefficients are equal.
     """
 
     fx: float
     fy: float
     cx: float
-    """Principal point from the image's left edge [px]; half a pixel more than OpenCV's."""
+    """Principal point from the left edge of the image [px]; half a pixel greater than OpenCV's."""
     cy: float
-    """Principal point from the image's top edge [px]; half a pixel more than OpenCV's."""
+    """Principal point from the top edge of the image [px]; half a pixel greater than OpenCV's."""
     coefficients: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     """``k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty``: the first 4, 5, 8, 12, or all 14."""
 
@@ -52,7 +52,7 @@ class OpenCVPinhole(BentLens):
 
     @cached_property
     def all_coefficients(self) -> tuple[float, ...]:
-        """All 14; those that were not given are 0."""
+        """All 14 coefficients; missing ones are 0."""
         return self.coefficients + (0.0,) * (14 - len(self.coefficients))
 
     @property
@@ -77,11 +77,11 @@ class OpenCVPinhole(BentLens):
         return not any(c[2:4]) and not any(c[8:])
 
     def _gain(self, r2: Floats) -> tuple[Floats, Floats]:
-        """Compute by how much the radius grows, and the slope of that over its square."""
+        """Return the factor of the radius, and its derivative with respect to the squared radius."""
         k1, k2, _, _, k3, k4, k5, k6, *_ = self.all_coefficients
-        above, below = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-        above_slope, below_slope = k1 + r2 * (2 * k2 + r2 * 3 * k3), k4 + r2 * (2 * k5 + r2 * 3 * k6)
-        return above / below, (above_slope * below - above * below_slope) / below**2
+        numerator, denominator = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+        numerator_slope, denominator_slope = k1 + r2 * (2 * k2 + r2 * 3 * k3), k4 + r2 * (2 * k5 + r2 * 3 * k6)
+        return numerator / denominator, (numerator_slope * denominator - numerator * denominator_slope) / denominator**2
 
     def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
         r = np.tan(angle)
@@ -106,38 +106,43 @@ class OpenCVPinhole(BentLens):
         about_y = np.array(
             [[math.cos(tilt_y), 0, -math.sin(tilt_y)], [0, 1, 0], [math.sin(tilt_y), 0, math.cos(tilt_y)]]
         )
-        turned = about_y @ about_x
-        return np.array([[turned[2, 2], 0, -turned[0, 2]], [0, turned[2, 2], -turned[1, 2]], [0, 0, 1]]) @ turned
+        r = about_y @ about_x
+        return np.array([[r[2, 2], 0, -r[0, 2]], [0, r[2, 2], -r[1, 2]], [0, 0, 1]]) @ r
 
 
 def decentered(x: Floats, y: Floats, tangential: tuple[float, ...], prism: tuple[float, ...]) -> Bent:
-    """Compute what ``p1 p2`` and ``s1 s2 s3 s4`` add to points of a plane, and the derivatives of it."""
+    """Return the offsets of points by ``p1 p2`` (tangential) and ``s1 s2 s3 s4`` (thin prism), and their Jacobian."""
     (p1, p2), (s1, s2, s3, s4) = tangential, prism
     r2 = x * x + y * y
-    across, down = s1 + 2 * s2 * r2, s3 + 2 * s4 * r2
-    both = 2 * p1 * x + 2 * p2 * y
+    slope_x, slope_y = s1 + 2 * s2 * r2, s3 + 2 * s4 * r2
+    mixed = 2 * p1 * x + 2 * p2 * y
     return Bent(
         2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + s2 * r2),
         p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + s4 * r2),
-        2 * p1 * y + 6 * p2 * x + 2 * x * across,
-        both + 2 * y * across,
-        both + 2 * x * down,
-        6 * p1 * y + 2 * p2 * x + 2 * y * down,
+        2 * p1 * y + 6 * p2 * x + 2 * x * slope_x,
+        mixed + 2 * y * slope_x,
+        mixed + 2 * x * slope_y,
+        6 * p1 * y + 2 * p2 * x + 2 * y * slope_y,
     )
 
 
 def scaled(x: Floats, y: Floats, gain: Floats, slope: Floats) -> Bent:
-    """Scale points by a gain that depends on their squared radius, over which it has that slope."""
-    both = 2 * x * y * slope
-    return Bent(x * gain, y * gain, gain + 2 * x * x * slope, both, both, gain + 2 * y * y * slope)
+    """Scale points by a gain that is a function of the squared radius, with derivative `slope`."""
+    mixed = 2 * x * y * slope
+    return Bent(x * gain, y * gain, gain + 2 * x * x * slope, mixed, mixed, gain + 2 * y * y * slope)
 
 
 def _tilted(bent: Bent, tilt: Floats) -> Bent:
-    """Apply a homography after what has bent the plane."""
+    """Apply a homography to distorted points, and to their Jacobian."""
     (a, b, c), (d, e, f), (g, h, i) = tilt
-    below = g * bent.x + h * bent.y + i
-    x, y = (a * bent.x + b * bent.y + c) / below, (d * bent.x + e * bent.y + f) / below
-    xx, xy, yx, yy = (a - x * g) / below, (b - x * h) / below, (d - y * g) / below, (e - y * h) / below
+    denominator = g * bent.x + h * bent.y + i
+    x, y = (a * bent.x + b * bent.y + c) / denominator, (d * bent.x + e * bent.y + f) / denominator
+    xx, xy, yx, yy = (
+        (a - x * g) / denominator,
+        (b - x * h) / denominator,
+        (d - y * g) / denominator,
+        (e - y * h) / denominator,
+    )
     return Bent(
         x,
         y,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Functions of one number that rise from zero, up to where they turn back, and their inverses."""
+"""Strictly increasing functions of one variable and their inverses."""
 
 from __future__ import annotations
 
@@ -16,70 +16,71 @@ _MAX_STEPS = 200
 
 
 class Rising:
-    """A function of one number from 0 on, as far as it rises."""
+    """A function of one variable, restricted to the interval from 0 on which it increases strictly."""
 
     def __init__(self, function: Callable[[Floats], tuple[Floats, Floats]], limit: float) -> None:
-        """Find where it ceases to rise.
+        """Find the end of the interval.
 
         Args:
-            function: Gives values and slopes; 0 at 0.
-            limit: The greatest number that it is defined for.
+            function: Returns values and derivatives; must be 0 at 0.
+            limit: Upper end of its domain.
         """
         self._function = function
-        self._places = np.linspace(0.0, limit, _SAMPLES + 1)
-        rises = self._rises(self._places[1:])
+        self._samples = np.linspace(0.0, limit, _SAMPLES + 1)
+        rises = self._rises(self._samples[1:])
         self.turns = not rises.all()
-        """Whether it turns back, or leaps, before the limit."""
+        """Whether the function stops increasing before the limit."""
         if self.turns:
             first = int(np.argmin(rises)) + 1
-            self._places = np.append(
-                self._places[:first], self._last_rise(self._places[first - 1], self._places[first])
+            self._samples = np.append(
+                self._samples[:first], self._last_rise(self._samples[first - 1], self._samples[first])
             )
-        self.end = float(self._places[-1])
-        """The greatest number up to which it rises."""
+        self.end = float(self._samples[-1])
+        """End of the interval."""
         with np.errstate(all="ignore"):
-            self._values = np.maximum.accumulate(function(self._places)[0])
-        self.most = float(self._values[-1])
-        """Its value there."""
+            self._values = np.maximum.accumulate(function(self._samples)[0])
+        self.max_value = float(self._values[-1])
+        """Value at the end of the interval."""
 
-    def _rises(self, places: Floats) -> NDArray[np.bool_]:
+    def _rises(self, samples: Floats) -> NDArray[np.bool_]:
         with np.errstate(all="ignore"):
-            values, slopes = self._function(places)
+            values, slopes = self._function(samples)
             return (values > 0) & (slopes > 0)
 
-    def _last_rise(self, least: float, most: float) -> float:
-        """Halve until neighbouring numbers are left."""
-        while least < (middle := (least + most) / 2) < most:
-            if self._rises(np.array([middle]))[0]:
-                least = middle
+    def _last_rise(self, low: float, high: float) -> float:
+        """Bisect until the bounds are adjacent floating-point numbers."""
+        while low < (midpoint := (low + high) / 2) < high:
+            if self._rises(np.array([midpoint]))[0]:
+                low = midpoint
             else:
-                most = middle
-        return least
+                high = midpoint
+        return low
 
     def inverse(self, values: Floats) -> Floats:
-        """Return where it has values from 0 up; NaN where it never does.
+        """Return the inverse at non-negative values; NaN for values that are never reached.
 
-        By Newton's steps from a table; one that leaves the bracket is a halving instead, so that all end.
+        Newton's method starts from a table. A step that leaves the bracket is replaced by bisection, which guarantees
+        convergence.
         """
-        there = (values >= 0) & (values <= self.most)
-        wanted = values[there]
-        index = np.clip(np.searchsorted(self._values, wanted) - 1, 0, len(self._places) - 2)
-        low, high = self._places[index], self._places[index + 1]
-        place = (low + high) / 2
-        active = np.arange(len(wanted))
+        reached = (values >= 0) & (values <= self.max_value)
+        target = values[reached]
+        index = np.clip(np.searchsorted(self._values, target) - 1, 0, len(self._samples) - 2)
+        low, high = self._samples[index], self._samples[index + 1]
+        x = (low + high) / 2
+        active = np.arange(len(target))
         for _ in range(_MAX_STEPS):
-            at, a, b = place[active], low[active], high[active]
+            current, a, b = x[active], low[active], high[active]
             with np.errstate(all="ignore"):
-                value, slope = self._function(at)
-                error = value - wanted[active]
-                step = at - error / slope
-            a, b = np.where(error <= 0, at, a), np.where(error >= 0, at, b)
+                value, slope = self._function(current)
+                error = value - target[active]
+                step = current - error / slope
+            a, b = np.where(error <= 0, current, a), np.where(error >= 0, current, b)
             step = np.where((step >= a) & (step <= b), step, (a + b) / 2)
-            place[active], low[active], high[active] = step, a, b
-            moved = np.abs(step - at) > 4e-15 * np.abs(step)
+            x[active], low[active], high[active] = step, a, b
+            moved = np.abs(step - current) > 4e-15 * np.abs(step)
             active = active[moved]
             if not len(active):
                 break
-        found = np.full(values.shape, np.nan)
-        found[there] = place
-        return found
+        result = np.full(values.shape, np.nan)
+        result[reached] = x
+        return result

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ray patterns of lidars: those of Velodyne, Ouster, Livox and RoboSense, scanners of one plane, and patterns by rule.
+"""Ray patterns of lidars by Velodyne, Ouster, Livox and RoboSense, of planar scanners, and regular patterns.
 
-Each makes `warpvis.sensors.Rays` in the sensor's frame: x forward, y left, z up (REP 103).
+Each function returns `warpvis.sensors.Rays` in the sensor frame: x forward, y left, z up (REP 103).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ouster's lidars: by their metadata, or the nominal beams of a model."""
+"""Ouster lidars, from their metadata or from the nominal beams of a model."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from warpvis.sensors._rays import Rays
 from warpvis.sensors.lidars._angles import directions_at
 
 MODES = ("512x10", "512x20", "1024x10", "1024x20", "2048x10", "4096x5")
-"""Columns of a turn, and turns in a second."""
+"""Columns per revolution, and revolutions per second."""
 
-# From the axis to where beams leave the sensor [mm], by the beginning of the model's name; and of the first generation.
-_TO_BEAM = {"OS-0-": 27.67, "OS-1-": 15.806, "OS-2-": 13.762}
-_TO_BEAM_BEFORE = 12.163
+# Distance of the beam origins from the axis [mm], by prefix of the product line; and for the first generation.
+_BEAM_RADIUS = {"OS-0-": 27.67, "OS-1-": 15.806, "OS-2-": 13.762}
+_BEAM_RADIUS_GEN1 = 12.163
 
-# How high the lidar's frame stands over the sensor's, where metadata does not say so, and for an OS2 [mm].
+# Height of the lidar frame above the sensor frame [mm]: default for metadata without a transform, and for an OS2.
 _HEIGHT, _HEIGHT_OS2 = 36.18, 78.296
 
-# Half of what beams are spread over, and azimuths of the four columns that they stand in [deg]: of OS-*-128 sensors
-# whose metadata comes with ouster-sdk's tests (46b7bcee), made even and symmetric.
+# Half of the vertical field of view, and azimuths of the 4 columns of beams [deg]: of OS-*-128 sensors whose metadata
+# is part of ouster-sdk's tests (46b7bcee), made evenly spaced and symmetric.
 _NOMINAL = {
     "OS0-128": (46.0, (9.15, 3.05, -3.05, -9.15)),
     "OS1-128": (21.4, (4.21, 1.41, -1.41, -4.21)),
     "OS2-128": (10.9, (2.07, 0.69, -0.69, -2.07)),
 }
 
-# The upper half of the beams that ouster-sdk takes for an OS-1-64 without metadata [deg].
+# Elevations of the upper half of the beams of ouster-sdk's default for an OS-1-64 without metadata [deg].
 _OS1_64 = (
     16.611, 16.084, 15.557, 15.029, 14.502, 13.975, 13.447, 12.92, 12.393, 11.865, 11.338, 10.811, 10.283, 9.756, 9.229,
     8.701, 8.174, 7.646, 7.119, 6.592, 6.064, 5.537, 5.01, 4.482, 3.955, 3.428, 2.9, 2.373, 1.846, 1.318, 0.791, 0.264,
@@ -47,7 +47,7 @@ _MODELS = ("OS1-64", *_NOMINAL)
 
 @dataclass(frozen=True)
 class _Beams:
-    """What the metadata of a sensor says of its beams; lengths in metres."""
+    """Beams of a sensor, from its metadata; lengths in meters."""
 
     altitude: NDArray[np.float64]
     azimuth: NDArray[np.float64]
@@ -65,38 +65,41 @@ def ouster(
     near: float = 0.0,
     far: float = math.inf,
 ) -> Rays:
-    """Make the rays of a turn of an Ouster OS0, OS1 or OS2, as ``ouster.sdk.core.XYZLut`` has them.
+    """Return the rays of a revolution of an Ouster OS0, OS1 or OS2, as in ``ouster.sdk.core.XYZLut``.
 
-    With n from the axis to where beams leave the sensor, column m of W, te = 2 pi (1 - m / W), a beam of azimuth A (to
-    the right) and altitude a looks along (cos(te - A) cos a, sin(te - A) cos a, sin a), and its range is counted from
-    n (cos te, sin te, 0) less n times that direction, in the lidar's frame; the sensor's is turned by 180 degrees about
-    z, and stands lower. (ouster-sdk, ``xyzlut.cpp`` at 46b7bcee)
+    Let n be the distance of the beam origins from the axis, and te = 2 pi (1 - m / W) the encoder angle of column m of
+    W. In the lidar frame, a beam of azimuth A (to the right) and altitude a has the direction
+    d = (cos(te - A) cos a, sin(te - A) cos a, sin a), and its range is measured from n (cos te, sin te, 0) - n d. The
+    sensor frame is rotated by 180 degrees about z, and lower. Source: ouster-sdk, ``xyzlut.cpp`` at 46b7bcee.
 
     Args:
-        sensor: The metadata that comes with a sensor, a JSON file, of firmware 1.12 or later; or ``"OS0-128"``,
-            ``"OS1-128"``, ``"OS2-128"`` or ``"OS1-64"``: beams evenly spread, as no sensor's are exactly.
-        mode: Columns and turns in a second, ``"1024x10"``: by default those of the file, and ``"1024x10"`` of a model.
-        near: Least range that it measures [m].
-        far: Greatest [m].
+        sensor: The metadata of a sensor, a JSON file, of firmware 1.12 or later; or ``"OS0-128"``, ``"OS1-128"``,
+            ``"OS2-128"`` or ``"OS1-64"`` for nominal beams, from which every real sensor differs slightly.
+        mode: Columns per revolution and revolutions per second, such as ``"1024x10"``; by default the mode in the file,
+            or ``"1024x10"`` for a model.
+        near: Minimum measured range [m].
+        far: Maximum measured range [m].
 
     Returns:
-        Rays of shape ``(beams, columns)``, beam 0 the highest, columns as they are measured ("staggered"): the first
-        looks backward, and the sensor turns clockwise. Of a sensor with a column window, only its columns. Rings are
-        the rows; a column is measured at once.
+        Rays of shape ``(beams, columns)``, the highest beam first, columns in the order of measurement ("staggered"):
+        the first one points backward, and the sensor rotates clockwise. If the metadata has a column window, only the
+        columns in it. Rings are row indices; all rays of a column have the same time.
 
     Raises:
-        CameraError: The model or mode is unknown.
-        FileFormatError: The file is no metadata of such a sensor.
+        CameraError: If the model or mode is unknown.
+        FileFormatError: If the file is not metadata of such a sensor.
     """
-    beams = _nominal(sensor) if isinstance(sensor, str) and _looks_like_model(sensor) else _read(sensor)
+    beams = _nominal(sensor) if isinstance(sensor, str) and _is_model_name(sensor) else _read(sensor)
     mode = check_choice((beams.mode or "1024x10") if mode is None else mode, "mode", MODES, CameraError)
     width, rate = (int(number) for number in mode.split("x"))
     columns = _window(beams, width)
-    turned = 2.0 * math.pi * (1.0 - columns / width)
-    out, up = beams.beam_to_lidar
-    directions = directions_at(turned - beams.azimuth[:, None], beams.altitude[:, None])
-    outlet = np.stack([out * np.cos(turned), out * np.sin(turned), np.full(len(columns), up)], axis=-1)
-    origins = outlet - math.hypot(out, up) * directions
+    encoder = 2.0 * math.pi * (1.0 - columns / width)
+    radius, height = beams.beam_to_lidar
+    directions = directions_at(encoder - beams.azimuth[:, None], beams.altitude[:, None])
+    beam_origins = np.stack(
+        [radius * np.cos(encoder), radius * np.sin(encoder), np.full(len(columns), height)], axis=-1
+    )
+    origins = beam_origins - math.hypot(radius, height) * directions
     rotation, shift = beams.lidar_to_sensor[:3, :3], beams.lidar_to_sensor[:3, 3]
     shape = directions.shape[:2]
     return Rays(
@@ -110,89 +113,91 @@ def ouster(
     )
 
 
-def _looks_like_model(name: str) -> bool:
+def _is_model_name(name: str) -> bool:
     return not name.lower().endswith(".json") and re.fullmatch(r"[Oo][Ss]-?\d.*", name) is not None
 
 
 def _nominal(name: str) -> _Beams:
-    """Return the beams of a model.
+    """Return the nominal beams of a model.
 
     Raises:
-        CameraError: It is another.
+        CameraError: If the model is unknown.
     """
-    known = re.sub(r"^OS-?(\d)-?", r"OS\1-", name.upper())
-    if known not in _MODELS:
-        raise CameraError(f"sensor must be {', '.join(_MODELS)}, or the metadata of another, a JSON file; got {name!r}")
-    if known == "OS1-64":
+    model = re.sub(r"^OS-?(\d)-?", r"OS\1-", name.upper())
+    if model not in _MODELS:
+        raise CameraError(f"sensor must be {', '.join(_MODELS)} or the metadata of a sensor, a JSON file, got {name!r}")
+    if model == "OS1-64":
         half = np.array(_OS1_64)
         altitude, azimuth = np.concatenate([half, -half[::-1]]), np.tile((3.164, 1.055, -1.055, -3.164), 16)
     else:
-        most, columns = _NOMINAL[known]
-        altitude, azimuth = np.linspace(most, -most, 128), np.tile(columns, 32)
-    to_beam = _TO_BEAM[f"OS-{known[2]}-"] / 1000
-    height = _HEIGHT_OS2 if known.startswith("OS2") else _HEIGHT
-    return _Beams(np.radians(altitude), np.radians(azimuth), (to_beam, 0.0), _default_to_sensor(height), None, 0, None)
+        highest, columns = _NOMINAL[model]
+        altitude, azimuth = np.linspace(highest, -highest, 128), np.tile(columns, 32)
+    radius = _BEAM_RADIUS[f"OS-{model[2]}-"] / 1000
+    height = _HEIGHT_OS2 if model.startswith("OS2") else _HEIGHT
+    return _Beams(
+        np.radians(altitude), np.radians(azimuth), (radius, 0.0), _default_lidar_to_sensor(height), None, 0, None
+    )
 
 
-def _default_to_sensor(height: float = _HEIGHT) -> NDArray[np.float64]:
-    """Return the transform from the lidar's frame to the sensor's, of a height [mm], with metres."""
+def _default_lidar_to_sensor(height: float = _HEIGHT) -> NDArray[np.float64]:
+    """Return the default transform from the lidar frame to the sensor frame [m], with the lidar at a height [mm]."""
     transform = np.diag([-1.0, -1.0, 1.0, 1.0])
     transform[2, 3] = height / 1000
     return transform
 
 
 def _read(path: str | os.PathLike[str]) -> _Beams:
-    """Read metadata, of firmware before 2.4, whose keys stand at the top, or after.
+    """Read metadata. Firmware before 2.4 writes all keys at the top level, later firmware in sections.
 
     Raises:
-        FileFormatError: It is none.
+        FileFormatError: If the file is not metadata of an Ouster sensor.
     """
     path = as_path(path, "sensor")
     fields = read_json(path)
     if not isinstance(fields, dict):
-        raise FileFormatError(f"{path}: is no metadata of an Ouster sensor, which is a JSON object")
+        raise FileFormatError(f"{path}: is not metadata of an Ouster sensor: it must be a JSON object")
     top = fields
-    beams = _part(top, "beam_intrinsics")
+    beams = _section(top, "beam_intrinsics")
     altitude, azimuth = (_angles(beams, name, path) for name in ("beam_altitude_angles", "beam_azimuth_angles"))
     if altitude.shape != azimuth.shape:
-        raise FileFormatError(f"{path}: has {len(altitude)} altitudes of beams, and {len(azimuth)} azimuths")
+        raise FileFormatError(f"{path}: has {len(altitude)} beam altitudes, but {len(azimuth)} beam azimuths")
     layout = top.get("lidar_data_format", top.get("data_format"))
     layout = layout if isinstance(layout, dict) else {}
     count = layout.get("pixels_per_column", len(altitude))
-    missing = int((altitude == 0).sum())  # of first sensors, of 16 and 32 beams, whose metadata has 64
+    missing = int((altitude == 0).sum())  # metadata of early sensors with 16 and 32 beams has 64 angles, padded with 0
     if count != len(altitude) or missing > 1:
         raise FileFormatError(
-            f"{path}: must have angles of all {count!r} beams, got {len(altitude)}, of which {missing} are 0"
+            f"{path}: must have the angles of all {count!r} beams, got {len(altitude)}, {missing} of them 0"
         )
-    mode = top.get("lidar_mode", _part(top, "config_params").get("lidar_mode"))
-    product = top.get("prod_line", _part(top, "sensor_info").get("prod_line"))
+    mode = top.get("lidar_mode", _section(top, "config_params").get("lidar_mode"))
+    product = top.get("prod_line", _section(top, "sensor_info").get("prod_line"))
     product = product if isinstance(product, str) else ""
     named = re.match(r"OS-\d-(\d+)", product)
     if named and int(named[1]) != len(altitude):
-        raise FileFormatError(f"{path}: is of an {truncate(product)}, and has {len(altitude)} beams")
+        raise FileFormatError(f"{path}: has {len(altitude)} beams, but is for an {truncate(product)}")
     columns = layout.get("columns_per_frame")
     return _Beams(
         altitude,
         azimuth,
-        _to_beam(beams, product, path),
-        _to_sensor(_part(top, "lidar_intrinsics"), path),
+        _read_beam_origin(beams, product, path),
+        _read_lidar_to_sensor(_section(top, "lidar_intrinsics"), path),
         mode if isinstance(mode, str) else None,
         columns if is_whole(columns) else 0,
         _read_window(layout.get("column_window"), columns, path),
     )
 
 
-def _part(fields: dict[str, Json], name: str) -> dict[str, Json]:
-    """Return a part of newer metadata; of older, whose parts are not apart, all."""
-    part = fields.get(name)
-    return part if isinstance(part, dict) else fields
+def _section(fields: dict[str, Json], name: str) -> dict[str, Json]:
+    """Return a section of the metadata, or all fields if the metadata has no such section."""
+    section = fields.get(name)
+    return section if isinstance(section, dict) else fields
 
 
 def _angles(fields: dict[str, Json], name: str, path: os.PathLike[str]) -> NDArray[np.float64]:
-    """Return angles [rad] that stand in the metadata as a list [deg]."""
+    """Return a list of angles in degrees from the metadata, converted to radians."""
     values = fields.get(name)
     if not isinstance(values, list) or not values:
-        raise FileFormatError(f"{path}: is no metadata of an Ouster sensor: {name} is not there")
+        raise FileFormatError(f"{path}: is not metadata of an Ouster sensor: {name} is missing")
     numbers = _floats(values, (len(values),), name, path)
     if np.abs(numbers).max() > 360.0:
         raise FileFormatError(f"{path}: {name} must be angles in degrees, got {np.abs(numbers).max():g}")
@@ -209,23 +214,23 @@ def _floats(values: Json, shape: tuple[int, ...], name: str, path: os.PathLike[s
     return numbers.reshape(shape)
 
 
-def _to_beam(beams: dict[str, Json], product: str, path: os.PathLike[str]) -> tuple[float, float]:
-    """Return how far from the axis and how high beams begin [m]."""
+def _read_beam_origin(beams: dict[str, Json], product: str, path: os.PathLike[str]) -> tuple[float, float]:
+    """Return the distance of the beam origins from the axis, and their height [m]."""
     if isinstance(beams.get("beam_to_lidar_transform"), list):
         transform = _floats(beams["beam_to_lidar_transform"], (4, 4), "beam_to_lidar_transform", path)
         return transform[0, 3] / 1000, transform[2, 3] / 1000
     given = beams.get("lidar_origin_to_beam_origin_mm")
     if given is None:
-        begins = [name for name in _TO_BEAM if product.startswith(name)]
-        given = _TO_BEAM[begins[0]] if begins else _TO_BEAM_BEFORE
+        prefixes = [prefix for prefix in _BEAM_RADIUS if product.startswith(prefix)]
+        given = _BEAM_RADIUS[prefixes[0]] if prefixes else _BEAM_RADIUS_GEN1
     return float(_floats(given, (), "lidar_origin_to_beam_origin_mm", path)) / 1000, 0.0
 
 
-def _to_sensor(lidar: dict[str, Json], path: os.PathLike[str]) -> NDArray[np.float64]:
-    """Return the transform from the lidar's frame to the sensor's, with metres."""
+def _read_lidar_to_sensor(lidar: dict[str, Json], path: os.PathLike[str]) -> NDArray[np.float64]:
+    """Return the transform from the lidar frame to the sensor frame [m]."""
     given = lidar.get("lidar_to_sensor_transform")
     if given is None:
-        return _default_to_sensor()
+        return _default_lidar_to_sensor()
     transform = _floats(given, (4, 4), "lidar_to_sensor_transform", path)
     rotation = transform[:3, :3]
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
@@ -235,7 +240,7 @@ def _to_sensor(lidar: dict[str, Json], path: os.PathLike[str]) -> NDArray[np.flo
 
 
 def _read_window(given: Json, columns: Json, path: os.PathLike[str]) -> tuple[int, int] | None:
-    """Return the first and last column that are measured."""
+    """Return the first and last measured column."""
     if given is None:
         return None
     ends = given if isinstance(given, list) and len(given) == 2 else []
@@ -247,15 +252,17 @@ def _read_window(given: Json, columns: Json, path: os.PathLike[str]) -> tuple[in
 
 
 def _window(beams: _Beams, width: int) -> NDArray[np.int64]:
-    """Return the columns that are measured; a window that ends before it begins goes over the last one.
+    """Return the measured columns. A window whose end is less than its start wraps around.
 
     Raises:
-        CameraError: The window is of another number of columns.
+        CameraError: If the window refers to another number of columns.
     """
     columns = np.arange(width)
     if beams.window in (None, (0, beams.columns - 1)):
         return columns
     first, last = beams.window
     if beams.columns != width:
-        raise CameraError(f"mode must have {beams.columns} columns, since the file measures {first} to {last} of them")
+        raise CameraError(
+            f"mode must have {beams.columns} columns because the file has a window from {first} to {last}, got {width}"
+        )
     return columns[(columns >= first) & (columns <= last) if first <= last else (columns >= first) | (columns <= last)]

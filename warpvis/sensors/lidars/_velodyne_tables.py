@@ -1,15 +1,16 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What Velodyne's lasers are by default: numbers only.
+"""Default calibrations of Velodyne lidars.
 
-The VLP-16's and VLP-32C's are those of the driver velodyne_decoder (``calib_db.cpp`` at 08ddf97), which are the user
-manuals'; the HDL-64E's are of one calibrated S3, ``HDL-64.xml`` of LidarView, as the same driver has it.
+The tables of the VLP-16 and VLP-32C are from the driver velodyne_decoder (``calib_db.cpp`` at 08ddf97), which uses the
+values of the user manuals. The table of the HDL-64E is that of one calibrated S3: ``HDL-64.xml`` of LidarView, as in
+the same driver.
 """
 
 from __future__ import annotations
 
 VLP16_ELEVATION = (-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15)
-"""Elevation of each laser, in the order in which they fire [deg]."""
+"""Elevation of each laser, in firing order [deg]."""
 
 VLP32C = (
     (-25, -1.4), (-1, 4.2), (-1.667, -1.4), (-15.639, 1.4), (-11.31, -1.4), (0, 1.4), (-0.667, -4.2), (-8.843, 1.4),
@@ -21,7 +22,7 @@ VLP32C = (
 
 VLP16_FOCAL = 0.04191
 VLP32C_FOCAL = 0.0424
-"""How far from the axis all beams meet [m]; a beam leaves the axis by so much times the tangent of its elevation."""
+"""Distance from the axis at which all beams intersect [m]. Beams start on the axis, at -focal * tan(elevation)."""
 
 HDL64E_S3 = (
     (-6.29, -4.55, 215), (-5.89, -2.46, 214), (1.15, 3.3, 205), (1.52, 5.52, 205),
@@ -41,8 +42,8 @@ HDL64E_S3 = (
     (-9.37, -7, 144), (-9.15, -3.76, 144), (-12.37, -8.3, 148), (-12.05, -4.98, 147),
     (-8.65, -0.45, 144), (-8.11, 2.65, 143), (-11.59, -1.71, 147), (-11.12, 1.54, 146),
 )  # fmt: skip
-"""Elevation and correction of the azimuth, to the left [deg], and vertical offset, perpendicular to the beam [mm]. The
-first 32 lasers are the upper block."""
+"""Elevation and azimuth correction, to the left [deg], and vertical offset, perpendicular to the beam [mm]. The first
+32 lasers are the upper block."""
 
 HDL64E_SIDE = 0.026
-"""How far a beam passes the axis [m]: to the left of it for lasers of even numbers, to the right for the others."""
+"""Distance at which beams pass the axis [m]: to the left for lasers with even numbers, to the right for the others."""
