@@ -203,7 +203,7 @@ def test_the_device_brings_its_camera(tmp_path):
         ("realsens_d455", "did you mean d455"),
         ("webcam", "there are d415, d435"),
         ("d435@big", "a size must be given as in d435@424x240"),
-        ("kinect-v2@64x48", "kinect-v2 has one size"),
+        ("kinect-v2@64x48", "kinect-v2 has a fixed size"),
     ],
 )
 def test_unknown_sensors_are_named(name, said):

@@ -104,7 +104,7 @@ def test_what_is_lost_at_a_wall(device):
         ({"dropout": 1.5}, "dropout must be a number from 0 to 1"),
         ({"rectangles": 3}, "rectangles must be a list"),
         ({"rectangles": (3,)}, "rectangles must be two whole numbers"),
-        ({"rectangles": (3, 2)}, "rectangles must be from a number to one no less, and at most 256, got 3 and 2"),
+        ({"rectangles": (3, 2)}, "rectangles must be a minimum and a maximum of at most 256, got 3 and 2"),
         ({"rectangles": (0, 257)}, "at most 256"),
         ({"sides": (0, 4)}, "sides must be a whole number from 1 up"),
         ({"of": "stereo"}, "of must be a model of warpvis.sensors"),

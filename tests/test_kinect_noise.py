@@ -206,7 +206,7 @@ def test_khoshelham_without_steps(device):
         (NguyenNoise, {"best_depth": np.nan}, "best_depth must be a finite number"),
         (NguyenNoise, {"grazing_angle": 60.0}, "grazing_angle must be from 0 to 1.57"),
         (NguyenNoise, {"most_angle": math.pi / 2}, "most_angle must be from 0 to 1.56"),
-        (KhoshelhamNoise, {"step": 0.0}, "step must be above 0 per metre"),
+        (KhoshelhamNoise, {"step": 0.0}, "step must be above 0 per meter"),
         (KhoshelhamNoise, {"sigma": -0.5}, "sigma must be a finite number from 0 up"),
         (KhoshelhamNoise, {"rounds": "no"}, "rounds must be True or False"),
     ],

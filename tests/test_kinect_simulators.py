@@ -214,16 +214,16 @@ def test_damaged_tables_are_a_sentence(tmp_path):
     np.save(tmp_path / "objects.npy", np.array([None]), allow_pickle=True)
     np.save(tmp_path / "endless.npy", np.full((80, 80, 5), np.inf))
     for name, text, said in (
-        ("short.txt", whole[: len(whole) // 2], "must hold 147203 numbers"),
-        ("words.txt", whole.replace("9000.0", "many", 1), "is no table of distortions"),
-        ("empty.txt", "", "must hold 147203 numbers"),
-        ("two.txt", "1\n2\n3\n4\n5\n" + "1 2\n" * 147203, "one a line"),
+        ("short.txt", whole[: len(whole) // 2], "must have 147203 numbers"),
+        ("words.txt", whole.replace("9000.0", "many", 1), "is not a table of distortion factors"),
+        ("empty.txt", "", "must have 147203 numbers"),
+        ("two.txt", "1\n2\n3\n4\n5\n" + "1 2\n" * 147203, "one per line"),
         ("nan.txt", whole.replace(repr(float(TABLE[1, 1, 0])), "nan", 1), "finite"),
         ("gone.txt", None, "cannot be read: No such file"),
         ("small.npy", None, "must have shape"),
-        ("objects.npy", None, "is no table of distortions"),
+        ("objects.npy", None, "is not a table of distortion factors"),
         ("endless.npy", None, "finite factors"),
-        ("broken.npy", "no array", "is no table of distortions|cannot be read"),
+        ("broken.npy", "no array", "is not a table of distortion factors|cannot be read"),
     ):
         if text is not None:
             (tmp_path / name).write_text(text)
@@ -239,7 +239,7 @@ def test_damaged_tables_are_a_sentence(tmp_path):
         (lambda: SimKinect(sigma=np.nan), "sigma must be a finite number"),
         (lambda: SimKinect(baseline=0.0), "baseline must be above 0 m"),
         (lambda: SimKinect(focal_length=0.0), "focal_length must be above 0 px"),
-        (lambda: SimKinect(units=0), "units must be above 0 per metre"),
+        (lambda: SimKinect(units=0), "units must be above 0 per meter"),
         (
             lambda: SimKinect(pattern=np.ones((9, 20), dtype=np.uint8)),
             "pattern must be an image .* 10x10 .*\\(9, 20\\)",
@@ -248,7 +248,7 @@ def test_damaged_tables_are_a_sentence(tmp_path):
         (lambda: SimKinect(pattern=np.full((20, 20), 256)), "pattern must be from 0 to 255, got 256 to 256"),
         (lambda: SimKinect(pattern=np.zeros((20, 20), dtype=bool)), "pattern must have dots"),
         (lambda: RedwoodNoise(np.ones((80, 80, 4))), "distortion must have shape .*\\(80, 80, 4\\)"),
-        (lambda: RedwoodNoise(np.full((80, 80, 5), np.nan)), "distortion must hold finite factors"),
+        (lambda: RedwoodNoise(np.full((80, 80, 5), np.nan)), "distortion must contain finite factors"),
         (lambda: RedwoodNoise(3), "distortion"),
         (lambda: RedwoodNoise(TABLE, multiplier=-1), "multiplier must be a finite number from 0 up"),
     ],

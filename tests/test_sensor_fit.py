@@ -184,7 +184,7 @@ NOISY = np.full((200, 320), 2.0, dtype=np.float32)
         (
             [np.random.default_rng(0).uniform(0.5, 5, (200, 320))],
             {"baseline": 0.05},
-            r"depth_images\[0\] shows no flat wall",
+            r"depth_images\[0\] must show a flat wall",
         ),
     ],
 )

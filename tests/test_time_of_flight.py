@@ -436,7 +436,7 @@ def test_camera_of_a_device():
         ({"frequencies": (1e6, 2e6, 3e6, 4e6)}, "frequencies must be 1 to 3 whole numbers of Hz"),
         ({"frequencies": "fast"}, "frequencies must be 1 to 3 whole numbers of Hz"),
         ({"frequencies": np.nan}, "frequencies must be 1 to 3 whole numbers of Hz"),
-        ({"frequencies": (100e6, 100e6 - 1)}, "frequencies must have a common part of at least 1/1000"),
+        ({"frequencies": (100e6, 100e6 - 1)}, "frequencies must have a common divisor of at least 1/1000"),
         ({"signal": 0.0}, "signal must be a number above 0"),
         ({"background": -1.0}, "background must be a finite number from 0 up"),
         ({"contrast": 0.0}, "contrast must be above 0"),
