@@ -237,7 +237,7 @@ def test_bad_input_is_told_in_one_sentence(tmp_path, call, message):
 
 def test_a_cloud_needs_depth_along_rays(scan):
     views, rays = scan
-    with pytest.raises(wv.WarpvisError, match="views must have depth. Add it to outputs."):
+    with pytest.raises(wv.WarpvisError, match=r"views must have depth\. Add it to outputs\."):
         sensors.point_clouds(wv.Views(), rays)
     with pytest.raises(wv.WarpvisError, match=r"depth must have shape \(views, 28928\) or the shape of the rays"):
         sensors.point_clouds(views, lidars.vlp16(10.0))

@@ -502,7 +502,7 @@ REFUSED = {
         lambda s: deskew([np.zeros(2, dtype=[(n, "f4") for n in ("x", "y", "z", "time")])] * 2, MOVES),
         "points must be one cloud for each of the 1 views of the motion, got 2",
     ),
-    "points without times": (lambda s: deskew(np.zeros((2, 3)), MOVES), "times must be given for points without a time"),
+    "points without times": (lambda s: deskew(np.zeros((2, 3)), MOVES), "times must be given for points without a"),
     "points": (
         lambda s: deskew(np.zeros((2, 3)), MOVES, times=[0.0]),
         r"points must have shape \(1, 3\), .* got \(2, 3\)",
