@@ -328,7 +328,7 @@ CASES = {
     ),
     "picture of no view": (
         lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE).save("map.png", view=1),
-        "view must be one of the map's 1, counted from 0, got 1",
+        "view must be from 0 to 0, got 1",
     ),
     # The floor plan
     "plan of a mesh": (lambda: wv.maps.plan_visibility(BOX, KINECT, POSE), "scene must be a warpvis.Scene"),

@@ -242,10 +242,10 @@ GRID = pose_grid((0, 0, 0), radius=1, step=1, height=0.5, headings=1)
         ),
         (
             {"path_lengths": [np.inf] * 5},
-            "at least one candidate must have a way to it, and none of the 5 has",
+            "at least one candidate must have a path to it, got 5 without",
         ),
-        ({"radius": 5.0}, "at least one candidate must have a way to it and room for the robot, and none of the 5 has"),
-        ({"exclude": np.zeros((5, 4))}, "exclude must be names or indices of objects, which hold for all candidates"),
+        ({"radius": 5.0}, "at least one candidate must have a path to it and room for the robot, got 5 without"),
+        ({"exclude": np.zeros((5, 4))}, "exclude must be names or indices of objects, the same for all candidates"),
         ({"exclude": "cup"}, "the scene has no object 'cup'"),
         ({"object_poses": np.zeros((2, 1, 7))}, "object_poses were given, but no object of the scene is movable"),
     ],
@@ -277,11 +277,15 @@ def test_objects_of_several_worlds_are_refused():
         ({"look_at": (0, np.nan, 0)}, "look_at must be three finite numbers, got "),
         (
             {"step": 1e-6},
-            "a disc of radius 1.0 m has too many places 1e-06 m apart; give a larger step, or fewer headings",
+            "a pose grid must have at most 10000000 poses, got a radius of 1.0 m with a step of 1e-06 m; "
+            "use a larger step or fewer headings",
         ),
-        ({"radius": 0.001, "step": 1e-6}, "a disc of radius 0.001 m has too many places 1e-06 m apart"),
-        ({"radius": 1e300}, "a disc of radius 1e+300 m has too many places"),
-        ({"headings": 10**400}, "a disc of radius 1.0 m has too many places"),
+        (
+            {"radius": 0.001, "step": 1e-6},
+            "a pose grid must have at most 10000000 poses, got a radius of 0.001 m with a step of 1e-06 m",
+        ),
+        ({"radius": 1e300}, "a pose grid must have at most 10000000 poses, got a radius of 1e+300 m"),
+        ({"headings": 10**400}, "a pose grid must have at most 10000000 poses, got a radius of 1.0 m"),
         ({"headings": 0}, "headings must be a whole number from 1 up, got 0"),
         ({"pitch": 2}, "pitch must be between -pi/2 and pi/2 radians, got 2"),
         ({"up": "x"}, 'up must be "z" or "y", got \'x\''),

@@ -194,13 +194,13 @@ def test_worlds_exclusion_and_batches(device, monkeypatch):
     [
         ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
         ({"spacing": 0}, "spacing must be a positive number of metres, got 0"),
-        ({"spacing": 1e-9}, "spacing 1e-09 m makes 8e+18 samples; give more, for 1e+08 at most"),
+        ({"spacing": 1e-9}, "spacing must give at most 1e+08 samples, got 8e+18 with 1e-09 m; use a greater spacing"),
         ({"seed": -1}, "seed must be a whole number from 0 up, got -1"),
         ({"objects": ["ball"]}, "the scene has no object 'ball'; it has 'floor', 'wall'"),
         ({"objects": [2]}, "objects must be names, or indices from 0 to 1, got 2"),
-        ({"labels": "human"}, "the scene has no object labelled HUMAN"),
-        ({"labels": []}, "the scene has no object labelled no label"),
-        ({"objects": [0], "labels": "ground"}, "give objects or labels, not both"),
+        ({"labels": "human"}, "the scene has no object labeled HUMAN"),
+        ({"labels": []}, "the scene has no object labeled no label"),
+        ({"objects": [0], "labels": "ground"}, "objects and labels must not both be given"),
     ],
 )
 def test_bad_input_of_samples(change, said):
@@ -236,8 +236,8 @@ def test_bad_input_of_samples(change, said):
             {"samples": TWO, "weights": [1, -2]},
             "weights must be finite and not negative: 1 are not, the first at 1",
         ),
-        ({"samples": TWO, "weights": [0, 0]}, "weights must not all be zero, nor the areas of samples"),
-        ({"exclude": ["floor", "wall"]}, "exclude leaves no object to be covered"),
+        ({"samples": TWO, "weights": [0, 0]}, "weights and areas of samples must not all be zero"),
+        ({"exclude": ["floor", "wall"]}, "exclude must not contain all objects if no samples are given"),
         ({"tolerance": -1}, "tolerance must be a number of metres from 0 up, got -1"),
     ],
 )

@@ -50,7 +50,7 @@ def test_what_cannot_be_framed_is_said():
     with pytest.raises(wv.WarpvisError, match="the scene has no objects"):
         framing(wv.Scene(), LENS)
     aside = wv.Camera(100, 100, 90, 90, 0.0, 50)
-    with pytest.raises(wv.errors.CameraError, match="a scene is framed by a camera whose axis is inside of its image"):
+    with pytest.raises(wv.errors.CameraError, match="camera must have its optical axis inside the image"):
         framing(wv.scenes.PRESETS["room"].build(), aside)
 
 

@@ -347,7 +347,7 @@ def test_perspectives_know_classes():
         assert np.isclose(colors, color).all(axis=1).any()
     assert not np.isclose(colors, GREYS[wv.Label.OBSTACLE]).all(axis=1).any()
     assert len(wv.planning.surface_samples(scene, spacing=0.2, labels="road")) > 50
-    with pytest.raises(wv.errors.SceneError, match="the scene has no object labelled GROUND"):
+    with pytest.raises(wv.errors.SceneError, match="the scene has no object labeled GROUND"):
         wv.planning.surface_samples(scene, labels=[1])
 
 

@@ -240,9 +240,9 @@ def test_no_room_is_said(monkeypatch):
     add_box(scene, (-2, -2, -2), (2, 2, 2), name="solid")
     with pytest.raises(wv.errors.PoseError) as error:
         random_poses(scene, count=3, seed=0, clearance=0.1)
-    assert str(error.value).startswith("there is no room for 3 cameras from -2 -2 -2 to 2 2 2: of ")
-    assert str(error.value).endswith(" random places, 0 are 0.1 m from all surfaces and not inside of closed objects")
-    with pytest.raises(wv.errors.PoseError, match="are elsewhere than the point to look at"):
+    assert str(error.value).startswith("bounds -2 -2 -2 to 2 2 2 must have room for 3 cameras: only 0 of ")
+    assert str(error.value).endswith(" random positions are 0.1 m from all surfaces and not inside closed objects")
+    with pytest.raises(wv.errors.PoseError, match="differ from the point to look at"):
         random_poses([TARGET, TARGET], count=3, seed=0, look=TARGET)
     inwards = trimesh.creation.box((4, 4, 4))
     inwards.invert()
@@ -324,18 +324,33 @@ BAD = {
     ),
     "too many": (sphere, TARGET, {"radius": 1, "count": 10**12}, "count must be at most 268435456, got 1000000000000"),
     "up": (orbit, TARGET, {"radius": 1, "height": 1, "count": 3, "up": "x"}, 'up must be "z" or "y", got \'x\''),
-    "elevation": (sphere, TARGET, {"radius": 1, "count": 3, "max_elevation": 2}, "elevations need -pi/2 <= min_elevat"),
+    "elevation": (
+        sphere,
+        TARGET,
+        {"radius": 1, "count": 3, "max_elevation": 2},
+        "elevations must satisfy -pi/2 <= min",
+    ),
     "turned": (
         sphere,
         TARGET,
         {"radius": 1, "count": 3, "min_elevation": 1, "max_elevation": 0},
-        "elevations need -pi/2 <= min_elevation <= max_elevation <= pi/2 radians, got 1 and 0",
+        "elevations must satisfy -pi/2 <= min_elevation <= max_elevation <= pi/2 radians, got 1 and 0",
     ),
-    "bounds": (grid, BOX[0], {"step": 1}, "bounds must be a box's least and greatest corner of shape (2, 3), got [0.0"),
-    "turned box": (grid, BOX[::-1], {"step": 1}, "bounds must be a box's least and greatest corner of shape (2, 3), g"),
+    "bounds": (grid, BOX[0], {"step": 1}, "bounds must be the lower and upper corner of a box, shape (2, 3), got [0.0"),
+    "turned box": (grid, BOX[::-1], {"step": 1}, "bounds must be the lower and upper corner of a box, shape (2, 3), g"),
     "step": (grid, BOX, {"step": 0}, "step must be a positive number of metres, got 0"),
-    "tiny step": (grid, BOX, {"step": 1e-6}, "a grid has at most 268435456 poses, and step 1e-06 makes 8e+18; take a"),
-    "no step": (grid, BOX, {"step": 1e-320}, "a grid has at most 268435456 poses, and step 1e-320 makes inf; take a "),
+    "tiny step": (
+        grid,
+        BOX,
+        {"step": 1e-6},
+        "a grid must have at most 268435456 poses, got 8e+18; use a step greater than 1e-06",
+    ),
+    "no step": (
+        grid,
+        BOX,
+        {"step": 1e-320},
+        "a grid must have at most 268435456 poses, got inf; use a step greater than 1e-320",
+    ),
     "headings": (grid, BOX, {"step": 1, "headings": 0}, "headings must be a whole number from 1 up, got 0"),
     "straight down": (grid, BOX, {"step": 1, "pitch": -math.pi / 2}, "pitch must be between -pi/2 and pi/2 radians, g"),
     "look_at": (grid, BOX, {"step": 1, "look_at": "x"}, "look_at must be an array of numbers, got dtype <U1"),
@@ -345,7 +360,7 @@ BAD = {
         {"count": 3},
         "path must be two or more finite points of shape (n, 3), got shape (1, 3",
     ),
-    "no length": (along, [BOX[0]] * 3, {"count": 3}, "path must have a length, and all its points (3) are one"),
+    "no length": (along, [BOX[0]] * 3, {"count": 3}, "path must have a positive length, got 3 equal points"),
     "NaN path": (
         along,
         [(0, 0, 0), (np.nan, 0, 0)],
@@ -353,15 +368,25 @@ BAD = {
         "path must be two or more finite points of shape (n",
     ),
     "backward": (along, BOX, {"count": 3, "look": "backward"}, 'look must be "forward" or a point of shape (3,), got'),
-    "at it": (along, BOX, {"count": 3, "look": (1, 1, 1)}, "a camera cannot look at where it is: 1 are at [1.0, 1.0, "),
+    "at it": (
+        along,
+        BOX,
+        {"count": 3, "look": (1, 1, 1)},
+        "cameras must not be at the point that they look at, [1.0, 1.0, ",
+    ),
     "two boxes": (
         random_poses,
         BOX,
         {**RANDOM, "bounds": BOX},
-        "bounds= is the box of a scene; give a scene, or the b",
+        "bounds= must be given with a scene; pass the bounds as",
     ),
     "no bounds": (random_poses, None, RANDOM, "bounds must be an array of numbers, got dtype object"),
-    "no scene": (random_poses, BOX, {**RANDOM, "clearance": 0.1}, "clearance= is a distance from the surfaces of a sc"),
+    "no scene": (
+        random_poses,
+        BOX,
+        {**RANDOM, "clearance": 0.1},
+        "clearance= requires a scene, since it is a distance",
+    ),
     "clearance": (
         random_poses,
         BOX,
@@ -370,7 +395,12 @@ BAD = {
     ),
     "seed": (random_poses, BOX, {**RANDOM, "seed": -1}, "seed must be a whole number from 0 up, got -1"),
     "look": (random_poses, BOX, {**RANDOM, "look": "up"}, 'look must be "level", "any" or a point of shape (3,), got'),
-    "exclude": (random_poses, BOX, {**RANDOM, "exclude": ["a"]}, "exclude= says whose surfaces do not count for clear"),
+    "exclude": (
+        random_poses,
+        BOX,
+        {**RANDOM, "exclude": ["a"]},
+        "exclude= requires clearance=, from which it excludes",
+    ),
     "nothing": (random_poses, wv.Scene(), RANDOM, "the scene has no objects; add() one first"),
     "no object": (
         random_poses,

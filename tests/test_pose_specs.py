@@ -82,9 +82,9 @@ ORBIT = "orbit target=0,0,0 radius=1 height=1 count=3"
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "a spec of poses begins with one of orbit, sphere, grid, random, along, got ''"),
-        ("obrit radius=2", "a spec of poses begins with one of orbit, sphere, grid, random, along, got 'obrit'"),
-        ("orbit 'a", 'the spec "orbit \'a" does not read: No closing quotation'),
+        ("", "a pose spec must begin with one of orbit, sphere, grid, random, along, got ''"),
+        ("obrit radius=2", "a pose spec must begin with one of orbit, sphere, grid, random, along, got 'obrit'"),
+        ("orbit 'a", 'the spec "orbit \'a" cannot be parsed: No closing quotation'),
         ("orbit", "orbit needs target, radius, height, count; its keys are target, radius, height, count, [start]"),
         ("orbit radius=1", "orbit needs target, height, count; its keys are target, radius, height, count, [start]"),
         (
@@ -92,7 +92,7 @@ ORBIT = "orbit target=0,0,0 radius=1 height=1 count=3"
             "orbit has no 'colour'; its keys are target, radius, height, count, [start], each as key",
         ),
         (ORBIT + " 5", "orbit has no '5'; its keys are"),
-        (ORBIT + " count=3", "count of orbit is there twice"),
+        (ORBIT + " count=3", "count of orbit must be given once, got it twice"),
         ("orbit radius=1m", "radius of orbit must be a finite number, got '1m'"),
         ("orbit radius=nan", "radius of orbit must be a finite number, got 'nan'"),
         ("orbit target=1,2", "target of orbit must be three finite numbers X,Y,Z, got '1,2'"),
@@ -102,14 +102,14 @@ ORBIT = "orbit target=0,0,0 radius=1 height=1 count=3"
         (ORBIT.replace("radius=1", "radius=-1"), "radius must be a positive number of metres, got -1.0"),
         (
             "grid bounds=0,0,0,1,1 step=1",
-            "bounds of grid must be six finite numbers, the least and the greatest corner",
+            "bounds of grid must be six finite numbers, the lower and upper corner",
         ),
         ("grid step=1", "grid needs bounds=, or a scene"),
         ("random count=3", "random needs bounds=, or a scene"),
         ("random count=3 look=up", "look of random must be level or any or three finite numbers X,Y,Z, got 'up'"),
         (
             "random count=3 bounds=0,0,0,1,1,1 clearance=1",
-            "clearance= is a distance from the surfaces of a scene, so g",
+            "clearance= requires a scene, since it is a distance",
         ),
         ("along count=3 path=/nowhere/walk.txt", "/nowhere/walk.txt: no such file"),
     ],

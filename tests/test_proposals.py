@@ -143,7 +143,7 @@ def test_y_up():
             {"robot": Agent.human("robot", wv.look_at((0, 0, 1), (1, 0, 1)))},
             "camera of 'robot' must be a warpvis.Camera",
         ),
-        ({"robot": Agent.kinect("robot", scenes.EXPERIMENTS[0].poses(2))}, "'robot' must have one pose to start from"),
+        ({"robot": Agent.kinect("robot", scenes.EXPERIMENTS[0].poses(2))}, "'robot' must have one pose, got"),
         ({"max_distance": -1}, "max_distance must be a number of metres"),
         ({"step": 0}, "step must be a positive number of metres"),
         ({"radius": 0}, "radius must be a positive number of metres"),

@@ -343,19 +343,22 @@ UNIT = ((0, 0, 0), (1, 1, 1))
     ("change", "said"),
     [
         ({"bounds": ((0, 0), (1, 1))}, "a box, shape (2, 3), got [[0.0, 0.0], [1.0, 1.0]]"),
-        ({"bounds": ((0, 0, 0), (1, 0, 1))}, "bounds must be the least and the greatest corner of a box"),
-        ({"bounds": ((0, 0, 0), (1, np.nan, 1))}, "bounds must be the least and the greatest corner of a box"),
+        ({"bounds": ((0, 0, 0), (1, 0, 1))}, "bounds must be the lower and upper corner of a box"),
+        ({"bounds": ((0, 0, 0), (1, np.nan, 1))}, "bounds must be the lower and upper corner of a box"),
         ({"bounds": "room"}, "bounds must be an array of numbers"),
         ({"cell_size": 0}, "cell_size must be a positive number of metres, got 0"),
         ({"cell_size": np.nan}, "cell_size must be a positive number of metres, got nan"),
         ({"cell_size": "5 cm"}, "cell_size must be a positive number of metres, got '5 cm'"),
         (
             {"cell_size": 1e-4},
-            "a grid of 10000 x 10000 x 10000 voxels is too large, 2147483647 are the most; give a larger",
+            "a grid must have at most 2147483647 voxels, got 10000 x 10000 x 10000; use a cell_size greater",
         ),
         ({"depth": DEPTH[:, 1:]}, "depth must have shape (V, 120, 160), got (1, 119, 160)"),
         ({"depth": (DEPTH * 1000).astype(np.uint16)}, "depth must be in meters, a float array, got uint16"),
-        ({"camera_to_world": np.tile(POSES[0], (2, 1))}, "depth has 1 view and camera_to_world has 2; give one pose"),
+        (
+            {"camera_to_world": np.tile(POSES[0], (2, 1))},
+            "camera_to_world must have one pose for each view of depth, 1, got 2",
+        ),
         ({"camera": 3}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got int"),
         ({"labels": np.ones((1, 12, 16), dtype=np.uint8)}, "labels must have shape (1, 120, 160), got (1, 12, 16)"),
         ({"labels": np.ones((120, 160))}, "labels must be uint8, got float64"),
@@ -417,7 +420,7 @@ def test_bad_calls(tmp_path):
         "state of a voxel must be one of OUTSIDE (0), HIDDEN (1), FREE (2), SURFACE (3), got 'empty'": (
             lambda: result.volume("empty")
         ),
-        "robots must be finite rows of centre and radius": lambda: result.floor_map(robots=[(0, 0)]),
+        "robots must be finite rows of center and radius": lambda: result.floor_map(robots=[(0, 0)]),
         "cannot be written: No such file or directory": lambda: result.save(tmp_path / "nowhere" / "map.npz"),
     }
     for said, call in calls.items():

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Turn depth images into labels and maps: classified pixels, floor maps and voxels.
+"""Labels, floor maps and voxel maps from measured or rendered depth images.
 
-They take measured images and rendered ones alike. `plan_visibility` says what a 2D floor plan would have said instead.
+`plan_visibility` computes visibility on a 2D floor plan for comparison.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth images to world points and labels: the paper's cases, for measured and for rendered images."""
+"""World points and labels of measured and rendered depth images, by the paper's cases."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empty, on_gpu
-from warpvis.core.checks import pluralize
 from warpvis.core.depth_images import read_depth
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.labels import Label, LabelNames
@@ -30,14 +29,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sphere:
-    """An object as the paper's test sees it: everything within half its diameter of its centre is part of it."""
+    """An object approximated by a sphere, as in the paper: points within half its diameter of its center belong to
+    it.
+    """
 
     center: tuple[float, float, float]
-    """Centre in the world frame [m]."""
+    """Center in the world frame [m]."""
     diameter: float
     """Diameter [m]: the paper's size."""
     label: int = Label.OBJECT
-    """What pixels inside are labelled."""
+    """Label of pixels inside."""
 
     def __post_init__(self) -> None:
         center = as_numpy(self.center, name="center of a sphere")
@@ -62,22 +63,22 @@ def back_project(
     """Compute world points of depth images, by equations (3) to (6).
 
     Args:
-        depth: Depth of the camera's kind [m], planar of a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
-            view. Millimeters are refused where arrays on the host plainly hold them; arrays on a GPU are not examined.
-        camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`.
-        camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
+        depth: Depth as defined by the camera (planar for a pinhole) [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for
+            one view. Host arrays that apparently contain millimeters raise an error; arrays on a GPU are not checked.
+        camera: The camera of the images: a pinhole, or a `warpvis.sensors.LensCamera`.
+        camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        device: Where to compute; where `depth` is by default.
-        threads: CPU threads, all cores by default.
-        out: Where to write, shape ``(V, H, W)`` `wp.vec3`.
+        device: Device of the computation; by default that of `depth`.
+        threads: Number of CPU threads; all cores by default.
+        out: Output array, shape ``(V, H, W)`` `wp.vec3`.
 
     Returns:
-        Points in the world frame [m], shape ``(V, H, W)`` vec3; NaN where the camera measured none: where depth is not
-        finite, zero or less, nearer than its `near`, or beyond its `far`; or where a lens has no ray.
+        Points in the world frame [m], shape ``(V, H, W)`` vec3; NaN where depth is not finite, not positive, less than
+        the camera's `near` or greater than its `far`, or where a lens has no ray.
 
     Raises:
-        WarpvisError: A shape, dtype, device or value is not what it has to be.
+        WarpvisError: If a shape, dtype, device or value is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
@@ -105,34 +106,35 @@ def classify(
 ) -> wp.array:
     """Label every pixel of depth images, measured or rendered, by the paper's cases.
 
-    In this order, a pixel is `Label.EMPTY` without a point (its depth is NaN, infinite, zero or less, nearer than the
-    camera's `near`, or beyond `max_range`), `Label.GROUND` where its world point is lower than `ground_tolerance` above
-    the floor, labelled as a sphere's object where ``||C_obj - P|| < diameter/2`` (of several spheres, the one it lies
-    deepest in), and else `Label.OBSTACLE`. Images that warpvis rendered know their objects exactly: for them see
-    `classify_rendered`.
+    The first of these conditions determines the label: `Label.EMPTY` for a pixel without a point (its depth is NaN,
+    infinite, not positive, less than the camera's `near`, or greater than `max_range`); `Label.GROUND` if its world
+    point is less than `ground_tolerance` above the floor; the label of a sphere with ``||C_obj - P|| < diameter/2``
+    (the
+    deepest one, if there are several); otherwise `Label.OBSTACLE`. Images rendered by warpvis have exact objects: use
+    `classify_rendered` for them.
 
     Args:
-        depth: Depth of the camera's kind [m], planar of a pinhole, shape ``(V, H, W)`` float32, or ``(H, W)`` for one
-            view. Millimeters are refused where arrays on the host plainly hold them; arrays on a GPU are not examined.
-        camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`.
-        camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
-        spheres: The objects: `Sphere`s, or rows ``x y z diameter`` [m] of shape ``(S, 4)``, labelled `Label.OBJECT`.
-        ground_tolerance: Height below which a point is ground [m]; sensors are noisy.
+        depth: Depth as defined by the camera (planar for a pinhole) [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for
+            one view. Host arrays that apparently contain millimeters raise an error; arrays on a GPU are not checked.
+        camera: The camera of the images: a pinhole, or a `warpvis.sensors.LensCamera`.
+        camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
+        spheres: Objects: `Sphere`s, or rows ``x y z diameter`` [m] of shape ``(S, 4)``, labeled `Label.OBJECT`.
+        ground_tolerance: Height above the floor below which a point is ground [m], to allow for sensor noise.
         ground_height: Height of the floor [m].
         up: The world's vertical axis.
-        max_range: Greatest depth that counts [m]; the camera's `far` by default.
+        max_range: Maximum depth [m]; the camera's `far` by default.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        device: Where to compute; where `depth` is by default.
-        threads: CPU threads, all cores by default.
-        out: Where to write the labels, shape ``(V, H, W)`` uint8.
-        spheres_out: Where to write the index of every pixel's sphere, -1 for none, shape ``(V, H, W)`` int32.
+        device: Device of the computation; by default that of `depth`.
+        threads: Number of CPU threads; all cores by default.
+        out: Output array for the labels, shape ``(V, H, W)`` uint8.
+        spheres_out: Output array for the index of each pixel's sphere, -1 for none, shape ``(V, H, W)`` int32.
 
     Returns:
         `Label` values, shape ``(V, H, W)`` uint8.
 
     Raises:
-        WarpvisError: A shape, dtype, device or value is not what it has to be.
+        WarpvisError: If a shape, dtype, device or value is invalid.
     """
     from warpvis.kernels import classify as kernels
 
@@ -160,21 +162,21 @@ def classify_rendered(
     threads: int | None = None,
     out: wp.array | None = None,
 ) -> wp.array:
-    """Label every pixel of rendered images by its object, exactly.
+    """Label every pixel of rendered images by its object.
 
     Args:
         depth: Planar depth [m], shape ``(V, H, W)`` float32.
         objects: Indices into the scene's objects, shape ``(V, H, W)`` int32, -1 for none.
-        scene: The scene that was rendered.
+        scene: The rendered scene.
         max_range: Depth beyond which a pixel is empty [m].
-        threads: CPU threads, all cores by default.
-        out: Where to write, shape ``(V, H, W)`` uint8.
+        threads: Number of CPU threads; all cores by default.
+        out: Output array, shape ``(V, H, W)`` uint8.
 
     Returns:
         `Label` values on the scene's device, shape ``(V, H, W)`` uint8.
 
     Raises:
-        WarpvisError: A shape, dtype or device is not what it has to be.
+        WarpvisError: If a shape, dtype or device is invalid.
     """
     require_scene(scene)
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
@@ -186,15 +188,14 @@ def classify_rendered(
 
 
 def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.array:
-    """Read images of objects, of the shape of depth; those of the host index the scene's objects."""
+    """Read object images of the shape of `depth`; check the indices of host arrays."""
     result = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
     if not on_gpu(objects):
         host = result.numpy()
-        least, greatest = int(host.min(initial=-1)), int(host.max(initial=-1))
-        if least < -1 or greatest >= len(scene):
+        low, high = int(host.min(initial=-1)), int(host.max(initial=-1))
+        if low < -1 or high >= len(scene):
             raise ArrayError(
-                f"objects must be from -1 to {len(scene) - 1}, indices of the scene's objects, "
-                f"got {least} to {greatest}"
+                f"objects must be from -1 to {len(scene) - 1}, indices of the scene's objects, got {low} to {high}"
             )
     return result
 
@@ -207,19 +208,17 @@ def _read_images(
     device: DeviceLike,
     max_range: float | None = None,
 ) -> tuple[wp.array, wp.array]:
-    """Read depth images and as many poses, on one device."""
+    """Read depth images and their poses on one device."""
     require_image_camera(camera)
     depth = read_depth(depth, camera, device, max_range=_check_range(max_range, camera))
     poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
     if len(poses) != len(depth):
-        raise ArrayError(
-            f"depth has {pluralize(len(depth), 'view')} and camera_to_world has {len(poses)}; give one pose a view"
-        )
+        raise ArrayError(f"camera_to_world must have one pose for each view of depth, {len(depth)}, got {len(poses)}")
     return depth, poses
 
 
 def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> tuple[Spheres, int]:
-    """Return spheres as a kernel takes them, and their number."""
+    """Return spheres as a kernel argument, and their number."""
     from warpvis.kernels.classify import Spheres
 
     if isinstance(spheres, Sequence) and all(isinstance(item, Sphere) for item in spheres):

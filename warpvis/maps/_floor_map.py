@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What was seen, projected to the floor: the paper's map of visible ground, obstacles, objects and people."""
+"""Floor maps: labeled points projected to the floor, as in the paper."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.maps._map_labels import Color, ground_bits, label_colors, legend_of, read_classes
 
-# The floor's axes, in the order that makes the map a view from above: first to the right, second upwards.
+# The floor's axes, in the order of a view from above: the first to the right, the second up.
 _FLOOR_AXES = {"z": (0, 1), "y": (2, 0)}
 
 _MAX_CELLS = 2**31 - 1
@@ -31,12 +31,12 @@ _MAX_CELLS = 2**31 - 1
 
 @dataclass(frozen=True)
 class FloorMap:
-    """Maps of the floor, one a view, as seen from above."""
+    """Maps of the floor as seen from above, one per view."""
 
     cells: wp.array
-    """Label of what was seen over each cell, ``(V, rows, columns)`` uint8; row 0 has the least second coordinate."""
+    """Label of each cell, ``(V, rows, columns)`` uint8; row 0 has the lowest second coordinate."""
     bounds: tuple[float, float, float, float]
-    """First coordinate's least and greatest, then the second's [m]: matplotlib's ``extent``."""
+    """Minimum and maximum of the first coordinate, then of the second [m]: matplotlib's ``extent``."""
     cell_size: float
     """Side of a cell [m]."""
     up: Literal["z", "y"]
@@ -46,7 +46,7 @@ class FloorMap:
 
     @property
     def legend(self) -> dict[int, tuple[str, Color]]:
-        """Meaning and colour (red, green, blue; 0 to 255) of the labels that are there; see `MAP_LEGEND`."""
+        """Meaning and color (red, green, blue; 0 to 255) of the labels in the map; see `MAP_LEGEND`."""
         return legend_of(np.unique(self.cells.numpy()), self.label_names)
 
     @property
@@ -56,11 +56,11 @@ class FloorMap:
         return "xyz"[first], "xyz"[second]
 
     def rgb(self) -> NDArray[np.uint8]:
-        """Colour the maps, ``(V, rows, columns, 3)``, in the order of `cells` (row 0 at the bottom of a picture)."""
+        """Return the maps in color, ``(V, rows, columns, 3)``; as in `cells`, row 0 is the bottom of a picture."""
         return label_colors()[self.cells.numpy()]
 
     def area(self, label: Label | int | str) -> NDArray[np.float64]:
-        """Measure the floor area of a label in each view [m^2], shape ``(V,)``."""
+        """Compute the floor area of a label in each view [m^2], shape ``(V,)``."""
         count = (self.cells.numpy() == self.label_names.number(label)).sum(axis=(1, 2))
         return count * self.cell_size**2
 
@@ -68,12 +68,12 @@ class FloorMap:
         """Write one view's map as a picture with axes and a legend.
 
         Raises:
-            WarpvisError: There is no such view, or the picture cannot be written.
+            WarpvisError: If there is no such view, or the picture cannot be written.
         """
         from warpvis.viz import save_map
 
         if not is_whole(view) or view not in range(len(self.cells)):
-            raise ArrayError(f"view must be one of the map's {len(self.cells)}, counted from 0, got {view!r}")
+            raise ArrayError(f"view must be from 0 to {len(self.cells) - 1}, got {view!r}")
         cells = self.cells.numpy()[view]
         legend = legend_of(np.unique(cells), self.label_names)
         save_map(cells, path, bounds=self.bounds, legend=legend, axes=self.axes)
@@ -92,30 +92,30 @@ def floor_map(
     ground_labels: Iterable[Label | int | str] = (Label.GROUND,),
     threads: int | None = None,
 ) -> FloorMap:
-    """Project seen points to the floor: the paper's figure (c).
+    """Project visible points to the floor, as in the paper's figure (c).
 
-    A cell shows the highest label of the points over it: ground is the lowest, then come obstacles and all classes of
-    one's own, by their numbers, and highest are objects, humans and robots. Where neighbouring pixels of one label lie
-    level (all of the ground; the tops of obstacles, within `level_tolerance`), the surface between them counts as seen.
+    A cell has the highest label of the points above it: ground is the lowest, followed by obstacles and user-defined
+    classes by number; objects, humans and robots are highest. Between adjacent pixels of the same label at the same
+    height (any ground; tops of obstacles within `level_tolerance`), the cells in between are filled.
 
     Args:
-        points: World points [m], shape ``(V, H, W)`` vec3, NaN where there is none.
-        labels: Their labels, shape ``(V, H, W)`` uint8.
-        bounds: Least and greatest corner of the map [m], shape ``(2, 2)`` on the floor's axes (x and y where z is up,
+        points: World points [m], shape ``(V, H, W)`` vec3, NaN for no point.
+        labels: Labels of the points, shape ``(V, H, W)`` uint8.
+        bounds: Lower and upper corner of the map [m], shape ``(2, 2)`` on the floor's axes (x and y where z is up,
             z and x where y is up), or ``(2, 3)`` in the world (a scene's `bounds`).
         cell_size: Side of a cell [m].
         up: The world's vertical axis.
-        level_tolerance: Greatest difference in height of neighbouring points of a level surface [m].
-        robots: Discs to draw: rows of centre on the floor's axes and radius [m], shape ``(R, 3)``.
-        label_names: Names of classes of your own, for the legend: a scene's `label_names`.
+        level_tolerance: Maximum height difference of adjacent points of a level surface [m].
+        robots: Discs to draw: rows of center on the floor's axes and radius [m], shape ``(R, 3)``.
+        label_names: Names of user-defined classes for the legend: a scene's `label_names`.
         ground_labels: Classes that are ground: a scene's `ground_labels`.
-        threads: CPU threads, all cores by default; a view is one thread's work.
+        threads: Number of CPU threads; all cores by default. Each view is computed by one thread.
 
     Returns:
-        The maps, on the points' device.
+        The maps, on the device of `points`.
 
     Raises:
-        WarpvisError: A shape, dtype, device or value is not what it has to be.
+        WarpvisError: If a shape, dtype, device or value is invalid.
     """
     device = points.device if isinstance(points, wp.array) else get_device("cpu")
     points = as_warp(points, wp.vec3, ("V", "H", "W"), name="points", device=device)
@@ -148,7 +148,7 @@ def map_numbers(
     ground_labels: Iterable[int] = (Label.GROUND,),
     threads: int | None = None,
 ) -> FloorMap:
-    """Make `floor_map` of Warp arrays."""
+    """Compute `floor_map` of Warp arrays."""
     from warpvis.kernels import floor_map as kernels
 
     device = points.device
@@ -175,7 +175,7 @@ def map_numbers(
         lambda window: [window, grid, points, labels, marks],
         device=device,
         threads=threads,
-        split_views=False,  # on the CPU, Warp's atomics are not: only one thread may write to a map
+        split_views=False,  # Warp's atomics are not atomic on the CPU: only one thread may write to a map
     )
     launch_images(
         kernels.finish_map,
@@ -196,19 +196,19 @@ def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDAr
         corners = corners[:, _FLOOR_AXES[up]]
     if corners.shape != (2, 2) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
         raise ArrayError(
-            "bounds must be the least and the greatest corner of the map, shape (2, 2) or (2, 3), "
-            f"got {corners.tolist()}"
+            f"bounds must be the lower and upper corner of the map, shape (2, 2) or (2, 3), got {corners.tolist()}"
         )
     return corners[0], corners[1]
 
 
 def _check_cells(size: NDArray[np.float64], cell_size: float) -> tuple[int, int]:
     check_metres(cell_size, "cell_size", zero=False)
-    # A map of 4 m in cells of 2 cm has 200 of them, whatever the quotient's last digit says.
+    # Tolerate rounding of the quotient: a map of 4 m in cells of 2 cm has 200 cells.
     columns, rows = np.ceil(size / cell_size - 1e-6)
     if columns * rows > _MAX_CELLS:
         raise ArrayError(
-            f"a map of {columns:.0f} x {rows:.0f} cells is too large; give a larger cell_size than {cell_size} m"
+            f"a map must have at most {_MAX_CELLS} cells, got {columns:.0f} x {rows:.0f}; "
+            f"use a cell_size greater than {cell_size} m"
         )
     return int(columns), int(rows)
 
@@ -218,5 +218,5 @@ def _check_robots(robots: ArrayLike, device: wp.Device) -> wp.array:
     if discs.size == 0:
         return wp.zeros(0, dtype=wp.vec3, device=device)
     if discs.ndim != 2 or discs.shape[1] != 3 or not np.isfinite(discs).all():
-        raise ArrayError(f"robots must be finite rows of centre and radius, shape (R, 3), got shape {discs.shape}")
+        raise ArrayError(f"robots must be finite rows of center and radius [m], shape (R, 3), got shape {discs.shape}")
     return wp.array(discs, dtype=wp.vec3, device=device)

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a planner that only knows the floor plan would call visible: the answer the paper's method corrects.
+"""Visibility on a 2D floor plan, the baseline of the paper.
 
-On the floor plan every object is its outline from above and has no height: whatever stands before something hides it.
+On the floor plan, every object is its outline from above, without a height, so nearer objects always occlude.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ _EDGES_AT_A_TIME = 20_000
 
 @dataclass(frozen=True)
 class PlanVisibility:
-    """Lines of sight on the floor plan, one for every image column."""
+    """Lines of sight on the floor plan, one per image column."""
 
     alone: NDArray[np.int64]
-    """Columns whose line meets the object's outline in range, whatever stands before it, shape ``(V, objects)``."""
+    """Number of columns whose line hits the object's outline in range, ignoring occlusion, shape ``(V, objects)``."""
     first: NDArray[np.int64]
-    """Columns whose line meets the object's outline before any other, shape ``(V, objects)``."""
+    """Number of columns whose line hits the object's outline first, shape ``(V, objects)``."""
 
     @property
     def visible(self) -> NDArray[np.bool_]:
-        """Whether any line of sight reaches the object, shape ``(V, objects)``; ground has no outline, so it is not."""
+        """Whether any line of sight hits the object first, shape ``(V, objects)``; False for ground."""
         return self.first > 0
 
 
@@ -48,24 +48,25 @@ def plan_visibility(
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
 ) -> PlanVisibility:
-    """Find which objects a 2D line of sight on the floor plan reaches.
+    """Find the objects that 2D lines of sight on the floor plan reach.
 
-    From the camera's place on the plan, one line runs along the horizontal direction of every image column, as far as
-    the camera measures. Outlines are the edges of all triangles seen from above; ground (`Scene.ground_labels`) has
-    none. Through a lens, a column's direction is that of its pixel at the height of the lens's centre; a column that
-    has no ray there has no line.
+    One line per image column starts at the camera's position on the plan, in the horizontal direction of the column, up
+    to the camera's maximum depth. Outlines are the edges of all triangles seen from above; ground
+    (`Scene.ground_labels`) has none. For a lens, the direction of a column is that of its pixel in the row of the
+    lens's
+    center; a column without a ray in that row has no line.
 
     Args:
-        scene: The world.
-        camera: The camera, a pinhole or a `warpvis.sensors.LensCamera`; only its columns and its greatest depth count.
-        camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
-        exclude: Names of objects that hide nothing, like the robot that carries the camera.
+        scene: The scene.
+        camera: The camera, a pinhole or a `warpvis.sensors.LensCamera`. Only its columns and `far` are used.
+        camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
+        exclude: Names of objects that are ignored, like the robot that carries the camera.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Raises:
-        SceneError: An excluded object is not in the scene.
-        PoseError: A camera looks straight up or down, where columns have no direction on the plan.
+        SceneError: If an excluded object is not in the scene.
+        PoseError: If a camera looks straight up or down, where columns have no direction on the plan.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     require_scene(scene)
@@ -93,7 +94,7 @@ def plan_visibility(
 
 
 def _edges(corners: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return edges of all triangles on the plan, each once, shape ``(n, 2, 2)``."""
+    """Return the unique edges of all triangles on the plan, shape ``(n, 2, 2)``."""
     pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     edges = corners[np.unique(pairs, axis=0)].astype(np.float64)
     return edges[(edges[:, 0] != edges[:, 1]).any(axis=1)]
@@ -102,19 +103,21 @@ def _edges(corners: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np
 def _column_directions(
     camera: ImageCamera, rotation: NDArray[np.float64], floor: list[int], view: int
 ) -> NDArray[np.float64]:
-    """Compute directions on the plan, ``(W, 2)``: of length 1, or 1 along the heading, so that range is depth."""
+    """Compute directions on the plan, ``(W, 2)``: unit vectors, or of length 1 along the heading if depth is planar."""
     heading = rotation[floor, 2]
     if np.linalg.norm(heading) < 1e-6:
         raise PoseError(f"camera_to_world must not look straight up or down on a floor plan: view {view} does")
     directions = (_level_rays(camera) @ rotation.T)[:, floor]
     if isinstance(camera, Camera) or camera.kind == "z":
         return directions / np.linalg.norm(heading)
-    with np.errstate(invalid="ignore"):  # straight up or down, a line has no direction
+    with np.errstate(invalid="ignore"):  # vertical rays have no direction
         return directions / np.linalg.norm(directions, axis=1)[:, None]
 
 
 def _level_rays(camera: ImageCamera) -> NDArray[np.float64]:
-    """Compute what columns show at the height of the camera's centre, without y, ``(W, 3)``; z is 1 if depth is z."""
+    """Compute the columns' rays in the row of the camera's center, with y = 0, ``(W, 3)``; z is 1 if depth is
+    planar.
+    """
     x = np.arange(camera.width) + 0.5
     if isinstance(camera, Camera):
         across = (x - camera.cx) / camera.fx
@@ -123,7 +126,7 @@ def _level_rays(camera: ImageCamera) -> NDArray[np.float64]:
     rays = camera.unproject(np.stack([x, np.full_like(x, middle)], axis=1))
     rays[:, 1] = 0
     if camera.kind == "z":
-        with np.errstate(all="ignore"):  # a column beside the image's middle may look aside
+        with np.errstate(all="ignore"):  # rays far from the axis may have z <= 0
             rays = np.where(rays[:, 2:] > 0, rays / rays[:, 2:], np.nan)
     return rays
 
@@ -131,7 +134,7 @@ def _level_rays(camera: ImageCamera) -> NDArray[np.float64]:
 def _nearest_edge(
     origin: NDArray[np.float64], directions: NDArray[np.float64], edges: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Compute the parameter of each ray's first crossing with a segment, +inf without one, shape ``(rays,)``."""
+    """Compute the parameter of each ray's first intersection with a segment, +inf for none, shape ``(rays,)``."""
     nearest = np.full(len(directions), np.inf)
     for start in range(0, len(edges), _EDGES_AT_A_TIME):
         a = edges[start : start + _EDGES_AT_A_TIME, 0] - origin

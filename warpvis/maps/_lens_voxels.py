@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The visibility map in 3D of images through a lens: voxels' middles are projected on the host in double precision."""
+"""Voxel maps of lens cameras, with voxel centers projected on the host in double precision."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from warpvis.kernels.pinhole import Window
     from warpvis.kernels.voxels import VoxelGrid
 
-# Projected points take 200 bytes each while they are worked on.
+# Number of points projected per batch; each needs 200 bytes of temporary memory.
 _AT_ONCE = 1 << 19
 
 
@@ -37,18 +37,18 @@ def add_lens_views(
     marks: wp.array,
     threads: int | None,
 ) -> None:
-    """Raise a map by what views show; see `warpvis.maps.voxel_map`.
+    """Add views to a map; see `warpvis.maps.voxel_map`.
 
     Args:
         target: The map.
-        grid: It, as kernels take it.
+        grid: Its grid as a kernel argument.
         depth: Images, on the map's device.
-        labels: Labels of the same shape; None for obstacles alone.
+        labels: Labels of the same shape, or None if all surfaces are obstacles.
         camera: The camera of all views.
-        poses: Their poses on the device.
-        frames: The same as `warpvis.kernels.points.camera_frames` makes them.
-        marks: Zeros, as many as there are voxels.
-        threads: CPU threads.
+        poses: Poses of the views, on the device.
+        frames: The same poses from `warpvis.kernels.points.camera_frames`.
+        marks: Zeros, one per voxel.
+        threads: Number of CPU threads.
     """
     from warpvis.kernels import lens_voxels as kernels
 
@@ -59,7 +59,7 @@ def add_lens_views(
         depth.shape,
         lambda window: [lens, *frames, window, table, grid, depth, labels, marks],
         device=device,
-        threads=1,  # on the CPU, Warp's atomics are not: only one thread may write to the marks
+        threads=1,  # Warp's atomics are not atomic on the CPU: only one thread may write to the marks
     )
     size = target.states.shape
     step = max(1, _AT_ONCE // math.prod(size[1:]))
@@ -79,16 +79,16 @@ def add_lens_views(
 
 
 def _pixels_of(target: VoxelMap, camera: LensedCamera, pose: NDArray[np.float64], layers: range) -> NDArray[np.int32]:
-    """Find which pixels voxels' middles are in, as indices into the image; -1 for none, or one without a ray."""
+    """Find the pixels that contain the voxels' centers, as flat indices; -1 outside of the image or without a ray."""
     counts = layers, *map(range, target.states.shape[1:])
     axes = [low + target.cell_size * (np.array(count) + 0.5) for low, count in zip(target.origin, counts, strict=True)]
     centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     matrix = poses_to_matrices(pose)
     seen = (centers - matrix[:3, 3]) @ matrix[:3, :3]
-    at = camera.project(seen)
-    inside: NDArray[np.bool_] = np.all((at >= 0) & (at < (camera.width, camera.height)), axis=-1)
+    pixels = camera.project(seen)
+    inside: NDArray[np.bool_] = np.all((pixels >= 0) & (pixels < (camera.width, camera.height)), axis=-1)
     if camera.kind == "z":
         inside &= seen[..., 2] > 0
-    columns, rows = np.moveaxis(np.where(inside[..., None], at, 0).astype(np.int32), -1, 0)
+    columns, rows = np.moveaxis(np.where(inside[..., None], pixels, 0).astype(np.int32), -1, 0)
     inside &= np.isfinite(camera.rays[rows, columns, 2])
     return np.where(inside, rows * camera.width + columns, -1).astype(np.int32)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Labels on maps and in pictures: which are ground, in which colours they are shown, and what they are called."""
+"""Colors and names of labels on maps and in pictures."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ MAP_LEGEND: dict[Label, tuple[str, Color]] = {
     Label.HUMAN: ("visible human", (11, 96, 205)),
     Label.ROBOT: ("robot", (181, 181, 181)),
 }
-"""What each `Label` of a map means, and the colour (red, green, blue; 0 to 255) it is shown in.
+"""Meaning and color (red, green, blue; 0 to 255) of each `Label` of a map.
 
-With red, green or blue cones missing, too, no two of them are nearer than 30 in CIELAB, by the simulation of Machado,
+All colors differ by at least 30 in CIELAB, also with missing red, green or blue cones in the simulation of Machado,
 Oliveira and Fernandes (2009).
 """
 
-# Steps of red, green and blue between colours to choose from, and the lightness (L* of CIELAB) that these have.
+# Step of red, green and blue between candidate colors, and limits of their lightness (L* of CIELAB).
 _STEP, _DARKEST, _BRIGHTEST = 17, 25, 92
 # From linear sRGB to XYZ, relative to the white D65: IEC 61966-2-1.
 _TO_XYZ = np.array([(0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505)])
@@ -37,7 +37,7 @@ _TO_XYZ /= _TO_XYZ.sum(axis=1, keepdims=True)
 
 @cache
 def _palette() -> NDArray[np.uint8]:
-    """Choose colours one by one, each as far as can be from those before it, beginning with the six."""
+    """Choose colors greedily, each as far as possible from all previous ones, starting from `MAP_LEGEND`."""
     levels = np.arange(0, 256, _STEP)
     choice = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(-1, 3)
     light = _to_lab(choice)[:, 0]
@@ -53,7 +53,7 @@ def _palette() -> NDArray[np.uint8]:
 
 
 def _to_lab(colors: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Convert sRGB, 0 to 255, to CIELAB (CIE 015), in which distances are about as large as they look, ``(..., 3)``."""
+    """Convert sRGB, 0 to 255, to the approximately perceptually uniform CIELAB (CIE 015), ``(..., 3)``."""
     parts = colors / 255
     linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
     xyz = linear @ _TO_XYZ.T
@@ -62,22 +62,22 @@ def _to_lab(colors: NDArray[np.integer]) -> NDArray[np.float64]:
 
 
 def label_colors() -> NDArray[np.uint8]:
-    """Return the colour of every label, red, green and blue, shape ``(256, 3)``: always the same for a number."""
+    """Return the constant color of every label, red, green and blue, shape ``(256, 3)`` uint8."""
     return _palette().copy()
 
 
 def legend_of(labels: Iterable[int], names: LabelNames) -> dict[int, tuple[str, Color]]:
-    """Make the legend of a map with these labels: what each is called, and its colour."""
+    """Return the legend of a map, with the meaning and color of each label."""
     colors = label_colors().tolist()
     legend: dict[int, tuple[str, Color]] = {}
     for number in sorted(map(int, labels)):
-        own = names.word(number) not in Label.__members__
-        legend[number] = (names.name(number) if own else MAP_LEGEND[Label(number)][0], tuple(colors[number]))
+        is_custom = names.word(number) not in Label.__members__
+        legend[number] = (names.name(number) if is_custom else MAP_LEGEND[Label(number)][0], tuple(colors[number]))
     return legend
 
 
 def ground_bits(labels: Iterable[int]) -> object:
-    """Return what kernels know of ground: a bit for every label, as `warpvis.kernels.labels.GroundLabels`."""
+    """Return the ground labels as a bit mask for kernels, a `warpvis.kernels.labels.GroundLabels`."""
     from warpvis.kernels.labels import GroundLabels
 
     words = [0] * (LABEL_COUNT // 32)
@@ -89,10 +89,10 @@ def ground_bits(labels: Iterable[int]) -> object:
 def read_classes(
     label_names: Mapping[int, str] | None, ground_labels: Iterable[Label | int | str]
 ) -> tuple[LabelNames, frozenset[int]]:
-    """Check the names of classes, and which are ground; see `floor_map`.
+    """Parse class names and ground labels; see `floor_map`.
 
     Raises:
-        SceneError: They are none.
+        SceneError: If a name or label is invalid.
     """
     names = LabelNames(label_names)
     return names, frozenset(names.numbers(ground_labels, "ground_labels"))

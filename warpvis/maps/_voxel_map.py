@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The visibility map in 3D: what is known of every voxel, and what can be made of it."""
+"""Voxel maps: the state of every voxel of a box."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from warpvis.maps._map_labels import ground_bits
 
 
 class Voxel(enum.IntEnum):
-    """What views say of a voxel. The order is the order of precedence where several views differ."""
+    """State of a voxel. Where views differ, the greatest value takes precedence."""
 
     OUTSIDE = 0
-    """In no view's image and range, or only where nothing was measured."""
+    """Outside of the image and range of all views, or without measurements."""
     HIDDEN = 1
-    """Behind something in every view that it is in."""
+    """Occluded in every view that contains it."""
     FREE = 2
-    """A view sees through it."""
+    """Seen to be free in a view."""
     SURFACE = 3
-    """A seen surface is in it."""
+    """Contains a visible surface."""
 
     @classmethod
     def parse(cls, value: Voxel | int | str) -> Voxel:
-        """Return the state from itself, its number or its name in any case.
+        """Convert a state, its number or its name (in any case) to a state.
 
         Raises:
-            ArrayError: There is no such state.
+            ArrayError: If there is no such state.
         """
         try:
             return cls[value.upper()] if isinstance(value, str) else cls(value)
@@ -52,63 +52,63 @@ class Voxel(enum.IntEnum):
 
 @dataclass(frozen=True)
 class VoxelMap:
-    """What views have seen of a box of space, in cubes along the world's axes."""
+    """Visibility of a box of space, in cubic voxels along the world's axes."""
 
     states: wp.array
-    """`Voxel` of every cube, ``(nx, ny, nz)`` uint8, indexed ``[x, y, z]``."""
+    """`Voxel` state of every voxel, ``(nx, ny, nz)`` uint8, indexed ``[x, y, z]``."""
     labels: wp.array
-    """Highest label of the surface points in every cube, as for `floor_map`, ``(nx, ny, nz)`` uint8; EMPTY where there
-    are none."""
+    """Highest label of the surface points in every voxel, as for `floor_map`, ``(nx, ny, nz)`` uint8; EMPTY without
+    surface points."""
     origin: tuple[float, float, float]
-    """Least corner of the box [m]."""
+    """Lower corner of the box [m]."""
     cell_size: float
-    """Side of a cube [m]."""
+    """Side of a voxel [m]."""
     up: Literal["z", "y"]
     """The world's vertical axis."""
     label_names: LabelNames = field(default_factory=LabelNames)
     """Names of the classes."""
     ground_labels: frozenset[int] = frozenset({Label.GROUND})
-    """Classes that are ground, which all others cover."""
+    """Classes that are ground, which have the lowest precedence."""
 
     @property
     def bounds(self) -> NDArray[np.float64]:
-        """Least and greatest corner of the box [m], shape ``(2, 3)``."""
+        """Lower and upper corner of the box [m], shape ``(2, 3)``."""
         low = np.array(self.origin)
         return np.stack([low, low + self.cell_size * np.array(self.states.shape)])
 
     def centers(self) -> NDArray[np.float32]:
-        """Return the middles of the cubes [m], shape ``(nx, ny, nz, 3)``."""
+        """Return the centers of the voxels [m], shape ``(nx, ny, nz, 3)``."""
         return np.stack(np.meshgrid(*self._middles(), indexing="ij"), axis=-1)
 
     def _middles(self) -> list[NDArray[np.float32]]:
-        """Return the middles' coordinates along x, y and z."""
+        """Return the centers' coordinates along x, y and z [m]."""
         sizes = zip(self.origin, self.states.shape, strict=True)
         return [(low + self.cell_size * (np.arange(count) + 0.5)).astype(np.float32) for low, count in sizes]
 
     def counts(self) -> dict[Voxel, int]:
-        """Count how many cubes are in each state."""
+        """Return the number of voxels in each state."""
         numbers = np.bincount(self.states.numpy().ravel(), minlength=len(Voxel))
         return {state: int(numbers[state]) for state in Voxel}
 
     def volume(self, state: Voxel | int | str) -> float:
-        """Measure the space in a state [m^3]."""
+        """Compute the volume in a state [m^3]."""
         return self.counts()[Voxel.parse(state)] * self.cell_size**3
 
     def floor_map(self, *, robots: ArrayLike = ()) -> FloorMap:
-        """Make the paper's map: the seen surface projected to the floor.
+        """Project the visible surface to the floor, as in the paper.
 
-        A cell of the floor shows the highest label of the cubes over it, `Label.EMPTY` where no surface was seen.
-        It is what `floor_map` makes of the points that lie in the box, seen from all views together, and of those
-        that the rays through the cubes' middles meet (see `voxel_map`), without the level surface between points.
+        A cell of the floor has the highest label of the voxels above it, or `Label.EMPTY` if no surface was seen. The
+        result equals `floor_map` of the points of all views within the box and of the points of the rays through voxel
+        centers (see `voxel_map`), but without filling between points.
 
         Args:
-            robots: Discs to draw: rows of centre on the floor's axes and radius [m], shape ``(R, 3)``.
+            robots: Discs to draw: rows of center on the floor's axes and radius [m], shape ``(R, 3)``.
 
         Returns:
-            The map, as of one view, on this map's device.
+            A map with one view, on this map's device.
 
         Raises:
-            ArrayError: `robots` are malformed.
+            ArrayError: If `robots` is malformed.
         """
         from warpvis.kernels import voxels as kernels
 
@@ -136,11 +136,11 @@ class VoxelMap:
         )
 
     def merge(self, other: VoxelMap) -> VoxelMap:
-        """Make a new map of what this one or another one saw: of every cube the higher state and the higher label.
+        """Return a new map with the higher state and the higher label of both maps in every voxel.
 
         Raises:
-            ArrayError: The other map is of another grid, on another device, or has other ground.
-            SceneError: The two have one name for different classes.
+            ArrayError: If the maps differ in grid, device or ground labels.
+            SceneError: If the maps use the same name for different classes.
         """
         from warpvis.kernels import voxels as kernels
 
@@ -161,13 +161,13 @@ class VoxelMap:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a NumPy ``.npz`` file of `states`, `labels`, `origin`, `cell_size` and `up`.
 
-        `label_numbers` and `label_names` say what labels are called, `ground_labels` which are ground.
+        The file also contains the names of labels, as `label_numbers` and `label_names`, and `ground_labels`.
 
         Raises:
-            FileFormatError: The file cannot be written.
+            FileFormatError: If the file cannot be written.
         """
         try:
-            with as_path(path).open("wb") as file:  # of that very name: NumPy would add a suffix
+            with as_path(path).open("wb") as file:  # by handle, since NumPy appends a suffix to names
                 np.savez_compressed(
                     file,
                     states=self.states.numpy(),

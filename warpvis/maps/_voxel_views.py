@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The visibility map in 3D: which parts of space depth images show to be free, which hold a surface, which are hidden.
+"""Construction of voxel maps from depth images: free, surface and hidden voxels.
 
-The grid is that of occupancy mapping: each view clears what lies before the surface that it shows, and says nothing of
-what lies behind it (Hornung et al., OctoMap, Autonomous Robots 2013). Views are taken as exact, so one is enough.
+As in occupancy mapping, each view clears the space in front of the visible surface and provides no information behind
+it (Hornung et al., OctoMap, Autonomous Robots 2013). Views are assumed to be exact, so one observation suffices.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, check_metres, empty
 from warpvis.core.camera import Camera
-from warpvis.core.checks import pluralize
 from warpvis.core.depth_images import read_depth, read_labels
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
@@ -57,52 +56,52 @@ def voxel_map(
     threads: int | None = None,
     out: VoxelMap | None = None,
 ) -> VoxelMap:
-    """Tell which voxels of a box depth images show to be free, which hold a seen surface, and which are hidden.
+    """Compute which voxels of a box are free, contain a visible surface, or are hidden in depth images.
 
-    A voxel is, by the first of these that is true in any view:
+    The state of a voxel is the first of these that holds in any view:
 
-    - `Voxel.SURFACE` if the point of a pixel with depth lies in it, as `back_project` gives it, unrounded; or if the
-      ray through its middle meets the seen surface in it: the middle lies in some pixel, and the point of that ray at
-      the pixel's depth is in the voxel. The second is what closes surfaces whose pixels lie voxels apart. A
-      voxel holds its least faces by the first rule, and all of them by the second.
-    - `Voxel.FREE` if its middle is in the image, from the camera's `near` to its `far`, and nearer than what its pixel
-      shows.
-    - `Voxel.HIDDEN` if its middle is in the image and in that range, behind what its pixel shows.
-    - `Voxel.OUTSIDE` else.
+    - `Voxel.SURFACE` if it contains the point of a pixel with depth (`back_project` in double precision), or if the ray
+      through its center meets the visible surface in it: the center is in a pixel, and the point of that ray at the
+      pixel's depth is in the voxel. The second rule closes surfaces whose pixels are more than a voxel apart. A voxel
+      includes its lower faces for the first rule, and all faces for the second.
+    - `Voxel.FREE` if its center is in the image, between the camera's `near` and `far`, and nearer than the depth of
+      its pixel.
+    - `Voxel.HIDDEN` if its center is in the image and in that range, behind the depth of its pixel.
+    - `Voxel.OUTSIDE` otherwise.
 
-    A surface that lies on the border of two voxels, as a floor at a height of 0 does where the box begins there, falls
-    into either by rounding: begin the box half a voxel lower.
+    A surface on the boundary of two voxels, such as a floor at height 0 where the box begins, is in either one due to
+    rounding: begin the box half a voxel lower.
 
     Args:
-        depth: Depth of the camera's kind [m], planar of a pinhole, measured or rendered, shape ``(V, H, W)`` float32,
-            or ``(H, W)`` for one view. +inf is nothing up to `far`, and so is a finite depth beyond it; -inf is
-            something nearer than `near`, which hides all behind it, and so is a depth between 0 and `near` (REP 117).
-            0, negative and NaN is not measured, and says nothing. Millimeters are refused where arrays on the host
-            plainly hold them; arrays on a GPU are not examined.
-        camera: The camera that took the images: a pinhole, or a `warpvis.sensors.LensCamera`, through which voxels are
-            projected on the host; a pixel without a ray says nothing.
-        camera_to_world: Its poses, shape ``(V, 7)`` or ``(V, 4, 4)``.
-        bounds: Least and greatest corner of the box [m], shape ``(2, 3)``. Voxels begin at the least one; the last of
-            an axis may reach beyond the greatest.
+        depth: Measured or rendered depth as defined by the camera (planar for a pinhole) [m], shape ``(V, H, W)``
+            float32, or ``(H, W)`` for one view. +inf, or a finite depth beyond `far`, means no surface up to `far`;
+            -inf, or a depth between 0 and `near`, means a surface nearer than `near` that occludes everything behind it
+            (REP 117). 0, negative and NaN mean no measurement. Host arrays that apparently contain millimeters raise an
+            error; arrays on a GPU are not checked.
+        camera: The camera of the images: a pinhole, or a `warpvis.sensors.LensCamera`, for which voxels are projected
+            on the host; its pixels without a ray are ignored.
+        camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
+        bounds: Lower and upper corner of the box [m], shape ``(2, 3)``. Voxels begin at the lower corner; the last
+            voxel
+            of an axis may extend beyond the upper one.
         cell_size: Side of a voxel [m].
-        labels: Label of every pixel, as `classify` or `Renderer.render` gives them, of the shape of `depth`, uint8;
-            by default every surface is `Label.OBSTACLE`.
-        label_names: Names of classes of your own: a scene's `label_names`.
-        ground_labels: Classes that are ground: a scene's `ground_labels`. By default those of `out`, or else
-            `Label.GROUND`.
-        up: The world's vertical axis, which `VoxelMap.floor_map` looks along.
+        labels: Label of every pixel, from `classify` or `Renderer.render`, of the shape of `depth`, uint8; by default
+            every surface is `Label.OBSTACLE`.
+        label_names: Names of user-defined classes: a scene's `label_names`.
+        ground_labels: Classes that are ground: a scene's `ground_labels`. By default those of `out`, or `Label.GROUND`.
+        up: The world's vertical axis, used by `VoxelMap.floor_map`.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        device: Where to compute; by default where `out` is, or else the images.
-        threads: CPU threads, all cores by default.
-        out: An earlier map of the same grid, which these views are added to: so maps of several cameras and agents
-            become one.
+        device: Device of the computation; by default that of `out`, or of `depth`.
+        threads: Number of CPU threads; all cores by default.
+        out: An earlier map of the same grid to which these views are added, for example to combine the maps of several
+            cameras and agents.
 
     Returns:
-        One map of all views; `out` if it was given.
+        One map of all views; `out` if given.
 
     Raises:
-        WarpvisError: A shape, dtype, device or value is not what it has to be.
+        WarpvisError: If a shape, dtype, device or value is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     if out is not None and device is None:
@@ -111,9 +110,7 @@ def voxel_map(
     device = images.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     if len(poses) != len(images):
-        raise ArrayError(
-            f"depth has {pluralize(len(images), 'view')} and camera_to_world has {len(poses)}; give one pose a view"
-        )
+        raise ArrayError(f"camera_to_world must have one pose for each view of depth, {len(images)}, got {len(poses)}")
     pixel_labels = None if labels is None else read_labels(labels, images.shape, device)
     given: Iterable[Label | int | str] = (Label.GROUND,) if ground_labels is None else ground_labels
     _, ground = read_classes(label_names, given)
@@ -139,29 +136,29 @@ def voxel_map_from_scene(
     threads: int | None = None,
     out: VoxelMap | None = None,
 ) -> VoxelMap:
-    """Map what views of a scene show: `voxel_map` of their depth and labels, which are rendered in parts.
+    """Compute `voxel_map` of views of a scene, whose depth and labels are rendered in batches.
 
     Args:
-        scene: What is seen; its vertical axis is the map's.
+        scene: The scene, whose vertical axis is the map's.
         camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera`.
         camera_to_world: Poses, as for `Renderer.render`.
-        bounds: Least and greatest corner of the box [m], shape ``(2, 3)``. By default those of `out`, or else the
-            scene's, with movable objects where they were added, and one and a half voxels more on every side: a floor
-            or a wall that ends the scene then lies in the middle of voxels, not on their border.
+        bounds: Lower and upper corner of the box [m], shape ``(2, 3)``. By default those of `out`, or else the scene's,
+            with movable objects at their initial poses, extended by one and a half voxels on every side, so that a
+            floor or wall at the scene's boundary is in the middle of voxels instead of on their faces.
         cell_size: Side of a voxel [m].
-        object_poses: As for `Renderer.render`. One map shows all worlds that the views are of.
+        object_poses: As for `Renderer.render`. The map combines the views of all worlds.
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        threads: CPU threads, all cores by default.
-        out: An earlier map of the same grid, which these views are added to.
+        threads: Number of CPU threads; all cores by default.
+        out: An earlier map of the same grid to which these views are added.
 
     Returns:
-        One map of all views, on the scene's device; `out` if it was given.
+        One map of all views, on the scene's device; `out` if given.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
@@ -182,10 +179,11 @@ def voxel_map_from_scene(
     step = max(1, _PIXELS_AT_A_TIME // (camera.width * camera.height))
     for first in range(0, len(poses), step):
         part = slice(first, min(first + step, len(poses)))
-        seen, some = part_of(worlds, part), poses[part]
-        places = seen.object_poses if scene.movable else None
-        views = renderer.render(some, object_poses=places, world_index=seen.world, exclude=seen.excluded)
-        _add_views(result, views.depth, views.labels, camera, some, threads)
+        batch_worlds, batch = part_of(worlds, part), poses[part]
+        placed = batch_worlds.object_poses if scene.movable else None
+        index, excluded = batch_worlds.world, batch_worlds.excluded
+        views = renderer.render(batch, object_poses=placed, world_index=index, exclude=excluded)
+        _add_views(result, views.depth, views.labels, camera, batch, threads)
     return result
 
 
@@ -198,7 +196,7 @@ def _map_for(
     label_names: Mapping[int, str] | None,
     ground: frozenset[int],
 ) -> VoxelMap:
-    """Make a map of which nothing is known yet, or `out` if that is there and of this grid and ground."""
+    """Return `out` after checking its grid and ground labels, or an empty map if `out` is None."""
     check_up(up)
     origin, size, side = _check_grid(bounds, cell_size)
     if out is None:
@@ -218,7 +216,7 @@ def _add_views(
     poses: wp.array,
     threads: int | None,
 ) -> None:
-    """Raise a map by what views show, on the device of all of them."""
+    """Add views to a map on the same device."""
     from warpvis.kernels import voxels as kernels
     from warpvis.kernels.points import camera_frames
 
@@ -228,7 +226,7 @@ def _add_views(
     grid = kernels.VoxelGrid()
     grid.origin, grid.cell, grid.size = wp.vec3d(*target.origin), target.cell_size, wp.vec3i(*size)
     grid.ground = ground_bits(target.ground_labels)
-    # Flat: Warp counts the bytes from one index of a first axis to the next in 32 bits.
+    # Flat, since Warp's strides are 32-bit.
     marks = _zeros((math.prod(size),), wp.int32, device)
     if not isinstance(camera, Camera):
         add_lens_views(target, grid, depth, labels, camera, poses, frames, marks, threads)
@@ -239,7 +237,7 @@ def _add_views(
         depth.shape,
         lambda window: [lens, *frames, window, grid, depth, labels, marks],
         device=device,
-        threads=1,  # on the CPU, Warp's atomics are not: only one thread may write to the marks
+        threads=1,  # Warp's atomics are not atomic on the CPU: only one thread may write to the marks
     )
     launch_images(
         kernels.judge_voxels,
@@ -257,19 +255,17 @@ def _zeros(shape: tuple[int, ...], dtype: type, device: wp.Device) -> wp.array:
 
 
 def _check_grid(bounds: ArrayLike, cell_size: float) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:
-    """Check a grid's box, and return origin, size and side of a grid's voxels."""
+    """Check the box of a grid; return the grid's origin, size and voxel side."""
     side = check_metres(cell_size, "cell_size", zero=False)
     corners = as_numpy(bounds, name="bounds").astype(np.float64)
     if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
-        raise ArrayError(
-            f"bounds must be the least and the greatest corner of a box, shape (2, 3), got {corners.tolist()}"
-        )
-    # A box of 4 m in voxels of 2 cm has 200 of them, whatever the quotient's last digit says.
+        raise ArrayError(f"bounds must be the lower and upper corner of a box, shape (2, 3), got {corners.tolist()}")
+    # Tolerate rounding of the quotient: a box of 4 m in voxels of 2 cm has 200 voxels.
     x, y, z = np.ceil((corners[1] - corners[0]) / side - 1e-6).clip(min=1)
     if x * y * z > _MAX_VOXELS:
         raise ArrayError(
-            f"a grid of {x:.0f} x {y:.0f} x {z:.0f} voxels is too large, {_MAX_VOXELS} are the most; "
-            f"give a larger cell_size than {side} m"
+            f"a grid must have at most {_MAX_VOXELS} voxels, got {x:.0f} x {y:.0f} x {z:.0f}; "
+            f"use a cell_size greater than {side} m"
         )
     first, second, third = corners[0].tolist()
     return (first, second, third), (int(x), int(y), int(z)), side

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Find where to stand and look: best views, what views cover, free space, heights, and proposals for a robot."""
+"""View planning: best views, coverage, free space, minimum heights, and proposals for a robot."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where to look from: candidate poses, and which of them see the most of given objects."""
+"""Candidate camera poses, ranked by the visibility of given objects."""
 
 from __future__ import annotations
 
@@ -27,35 +27,35 @@ Measure = Literal["fraction", "pixels"]
 
 _FIELDS = {"fraction": "fraction", "pixels": "visible_pixels"}
 
-# Candidates times objects that are judged in one call: its counters take 150 MB.
+# Candidates times objects that are evaluated per call, whose counters take 150 MB.
 _AT_A_TIME = 1 << 21
 
-# Poses of a grid: they and what makes them take 2 GB.
+# Maximum number of poses of a grid, which needs 2 GB including temporary arrays.
 _MAX_PLACES = 10**7
 
-# Scores are single precision: what is a whole number of ties up to rounding counts as one.
+# Scores are single precision: a quotient score / tie that is integral up to this rounding error counts as integral.
 _TIE_ROUNDING = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class BestViews:
-    """Candidate poses in the order of what they see of K objects. Everything is NumPy, on the host."""
+    """Candidate poses ranked by the visibility of K objects, as NumPy arrays."""
 
     order: NDArray[np.int64]
-    """Indices of the candidates, the best first, ``(k,)``."""
+    """Indices of the candidates, best first, ``(k,)``."""
     scores: NDArray[np.float32]
-    """Weighted mean of `values` over the objects, ``(C,)``; -inf for candidates that were left out."""
+    """Weighted mean of `values` over the objects, ``(C,)``; -inf for rejected candidates."""
     values: NDArray[np.float32]
-    """What every candidate sees of each object, visible fraction or pixels, ``(C, K)``; NaN for those left out."""
+    """Visible fraction or pixels of each object from every candidate, ``(C, K)``; NaN for rejected candidates."""
     path_lengths: NDArray[np.float64] | None
-    """Way to each candidate [m], ``(C,)``; None if nothing was said of it."""
+    """Path length to each candidate [m], ``(C,)``; None if not given."""
     objects: tuple[str, ...]
     """Names of the objects."""
     candidates: NDArray[np.float64]
-    """The candidates, rows ``x y z qx qy qz qw`` of the OpenCV frame, ``(C, 7)``."""
+    """The candidates, rows ``x y z qx qy qz qw``, OpenCV camera to world, ``(C, 7)``."""
 
     def pose(self, rank: int = 0) -> NDArray[np.float64]:
-        """Return the pose at this place in the order, row ``x y z qx qy qz qw`` of the OpenCV frame, ``(7,)``."""
+        """Return the pose at a rank, ``x y z qx qy qz qw``, OpenCV camera to world, ``(7,)``."""
         if check_whole(rank, "rank", least=0) >= len(self.order):
             raise ArrayError(f"rank must be from 0 to {len(self.order) - 1}, got {rank!r}")
         return self.candidates[self.order[rank]]
@@ -72,17 +72,17 @@ def pose_grid(
     pitch: float = 0.0,
     up: Literal["z", "y"] = "z",
 ) -> NDArray[np.float64]:
-    """Make camera poses over a disc of the floor, on a square grid around its middle.
+    """Generate camera poses over a disc of the floor, on a square grid around its center.
 
     Args:
-        center: Middle of the disc [m], a point of the world, shape ``(3,)``; its height does not count.
+        center: Center of the disc in the world [m], shape ``(3,)``; its height is ignored.
         radius: Radius of the disc [m].
-        step: Distance of neighbouring grid points [m].
+        step: Spacing of the grid [m].
         height: Height of the cameras in the world [m].
-        look_at: A point [m] that all cameras look at, shape ``(3,)``. Places straight above or below it are left out.
-            By default every place has cameras in several directions.
-        headings: Number of these directions, evenly spaced; the first is that of the floor's first axis (x where z is
-            up, z where y is up), and they go on counterclockwise, seen from above.
+        look_at: A point [m] that all cameras look at, shape ``(3,)``. Grid points exactly above or below it are
+            skipped. By default, every grid point has cameras in several directions.
+        headings: Number of these directions, evenly spaced counterclockwise as seen from above, starting from the
+            floor's first axis (x where z is up, z where y is up).
         pitch: Angle of these directions above the horizontal [rad]; negative looks down.
         up: The world's vertical axis.
 
@@ -90,19 +90,20 @@ def pose_grid(
         Rows ``x y z qx qy qz qw``, OpenCV camera to world, shape ``(C, 7)``.
 
     Raises:
-        ArrayError: A length, an angle or a number is not what it has to be.
-        PoseError: `up` is not an axis.
+        ArrayError: If a length, an angle or a number is invalid.
+        PoseError: If `up` is not an axis.
     """
     vertical = check_up(up)
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
     middle = as_point(center, "center")
     radius, step = check_metres(radius, "radius"), check_metres(step, "step", zero=False)
     height = check_metres(height, "height", signed=True)
-    turns = check_whole(headings, "headings") if look_at is None else 1
-    across = 2 * radius / step + 1  # of a square around the disc; what would be too many is never made
-    if turns > _MAX_PLACES or not across * across * turns <= _MAX_PLACES:
+    directions = check_whole(headings, "headings") if look_at is None else 1
+    across = 2 * radius / step + 1  # of a square around the disc; checked before allocation
+    if directions > _MAX_PLACES or not across * across * directions <= _MAX_PLACES:
         raise ArrayError(
-            f"a disc of radius {radius} m has too many places {step} m apart; give a larger step, or fewer headings"
+            f"a pose grid must have at most {_MAX_PLACES} poses, got a radius of {radius} m with a step of {step} m; "
+            "use a larger step or fewer headings"
         )
     steps = np.arange(-math.floor(radius / step + 1e-9), math.floor(radius / step + 1e-9) + 1) * step
     grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -112,8 +113,8 @@ def pose_grid(
     places[:, vertical] = height
     if look_at is not None:
         forward = as_point(look_at, "look_at") - places
-        aside = np.hypot(forward[:, first], forward[:, second]) > 1e-9 * np.abs(forward[:, vertical])
-        return look_along(places[aside], forward[aside], vertical)
+        oblique = np.hypot(forward[:, first], forward[:, second]) > 1e-9 * np.abs(forward[:, vertical])
+        return look_along(places[oblique], forward[oblique], vertical)
     if not is_number(pitch) or not -math.pi / 2 < pitch < math.pi / 2:
         raise ArrayError(f"pitch must be between -pi/2 and pi/2 radians, got {pitch!r}{degrees_hint(pitch)}")
     angles = np.arange(headings) * (2 * math.pi / headings)
@@ -144,37 +145,40 @@ def best_views(
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> BestViews:
-    """Order candidate poses by what a camera there sees of given objects.
+    """Rank candidate poses by the visibility of given objects.
 
-    A candidate's score is the weighted mean of what it sees of the objects. Scores tie that are equal when divided by
-    `tie` and rounded down (up to rounding errors of single precision); of those that tie, the shorter way comes first,
-    then the greater score, then the lesser index.
+    A candidate's score is the weighted mean of the objects' visibility. Scores tie if they are equal after division by
+    `tie` and rounding down (up to single-precision rounding errors). Ties are ordered by shorter path, then by higher
+    score, then by lower index.
 
     Args:
-        scene: The world.
-        camera: The camera that is moved.
-        candidates: Poses that it may have, camera to world, ``(C, 7)`` or ``(C, 4, 4)``; see `pose_grid`.
-        objects: Names or indices of the K objects to be seen.
-        weights: How much each object counts, shape ``(K,)``; all the same by default.
-        measure: ``"fraction"``, the visible share of an object's silhouette, or ``"pixels"``, how many show it.
-        count: How many of the best to give; all by default.
-        start: Where the camera is: a point ``(3,)`` or a pose. Ways are then straight lines on the floor from there.
-        path_lengths: Or how long the way to each candidate is [m], shape ``(C,)``; inf where there is none.
-        tie: Step of scores within which the way decides; 0 if only equal scores tie.
-        radius: Radius of a robot that has to stand under the camera [m]: candidates without room for it are left out.
+        scene: The scene.
+        camera: The camera.
+        candidates: Candidate poses, camera to world, ``(C, 7)`` or ``(C, 4, 4)``; see `pose_grid`.
+        objects: Names or indices of the K objects.
+        weights: Weights of the objects, shape ``(K,)``; equal by default.
+        measure: ``"fraction"``, the visible fraction of an object's silhouette, or ``"pixels"``, its number of visible
+            pixels.
+        count: Maximum number of ranked candidates; all by default.
+        start: Current position of the camera, a point ``(3,)`` or a pose. Paths are straight lines on the floor from
+            it.
+        path_lengths: Alternatively, lengths of the paths to the candidates [m], shape ``(C,)``; inf for unreachable
+            ones.
+        tie: Step of scores within which path lengths decide; 0 if only equal scores tie.
+        radius: Radius of a robot that stands under the camera [m]; candidates without room for it are rejected.
         floor: Height of the floor that it stands on [m]; see `warpvis.planning.standing_room`.
         delta: See `object_visibility`.
-        object_poses: Where the movable objects are, as for `Renderer.render`, in one world.
-        exclude: Names or indices of objects that the camera does not see and the robot does not run into: its body.
-        convention: Axes of the camera frame that the candidates are for.
+        object_poses: Poses of the movable objects in one world, as for `Renderer.render`.
+        exclude: Names or indices of objects that are neither visible nor obstacles, such as the robot's body.
+        convention: Axes of the camera frame of the candidates.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        threads: CPU threads to use; all cores of this process by default.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
-        The candidates' order and scores. Those without room or way are not in it.
+        Order and scores of the candidates; candidates without room or path are not in the order.
 
     Raises:
-        WarpvisError: An argument is not what it has to be, or no candidate is left.
+        WarpvisError: If an argument is invalid, or all candidates are rejected.
     """
     candidates = to_xyzw(candidates, quaternion, "candidates")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
@@ -195,13 +199,13 @@ def best_views(
     if radius is not None:
         free &= _room(scene, rows, radius, floor, given)
     if not free.any():
-        why = "a way to it" if radius is None else "a way to it and room for the robot"
-        raise ArrayError(f"at least one candidate must have {why}, and none of the {len(rows)} has")
+        needed = "a path to it" if radius is None else "a path to it and room for the robot"
+        raise ArrayError(f"at least one candidate must have {needed}, got {len(rows)} without")
     values = np.full((len(rows), len(chosen)), np.nan, dtype=np.float32)
     options = {**given, "objects": chosen, "delta": delta, "skip_unseen": True, "threads": threads}
     if measure == "pixels":
         options["canvas"] = (0, 0, 0, 0)
-    values[free] = _look(scene, camera, rows[free], _FIELDS[measure], options)
+    values[free] = _measure(scene, camera, rows[free], _FIELDS[measure], options)
     scores = np.full(len(rows), -np.inf, dtype=np.float32)
     scores[free] = values[free].astype(np.float64) @ (weights / weights.sum())
     order = np.flatnonzero(free)
@@ -211,10 +215,10 @@ def best_views(
     return BestViews(order, scores, values, lengths if known else None, names, rows)
 
 
-def _look(
+def _measure(
     scene: Scene, camera: ImageCamera, rows: NDArray[np.float64], field: str, options: dict[str, Any]
 ) -> np.ndarray:
-    """Return one field of `object_visibility` for all poses, ``(C, K)``: the device's results are read back once."""
+    """Return one field of `object_visibility` for all poses, ``(C, K)``, with a single transfer to the host."""
     objects = options["objects"]
     poses = wp.array(rows.astype(np.float32), dtype=wp.transform, device=scene.device)
     values = None
@@ -230,10 +234,10 @@ def _look(
 
 
 def _ranked(scores: NDArray[np.float32], lengths: NDArray[np.float64], tie: float) -> NDArray[np.int64]:
-    """Rank indices from the best to the worst."""
+    """Return indices from best to worst."""
     exact = scores.astype(np.float64)
-    levels = np.floor(exact / tie + _TIE_ROUNDING) if tie > 0 else exact
-    return np.lexsort((-exact, lengths, -levels))
+    tied = np.floor(exact / tie + _TIE_ROUNDING) if tie > 0 else exact
+    return np.lexsort((-exact, lengths, -tied))
 
 
 def _room(
@@ -257,7 +261,7 @@ def _candidate_rows(candidates: PoseLike, convention: Convention) -> NDArray[np.
 def _path_lengths(
     scene: Scene, rows: NDArray[np.float64], start: ArrayInput | None, path_lengths: ArrayInput | None
 ) -> NDArray[np.float64]:
-    """Compute the way to every candidate [m], shape ``(C,)``; 0 if nothing is said of it."""
+    """Compute the path length to every candidate [m], shape ``(C,)``; 0 if not given."""
     if start is not None and path_lengths is not None:
         raise ArrayError("give either start or path_lengths, not both")
     if path_lengths is not None:
@@ -270,8 +274,8 @@ def _path_lengths(
         return lengths
     if start is None:
         return np.zeros(len(rows))
-    where = as_numpy(start, name="start")
-    places = as_point(start, "start")[None] if where.shape == (3,) else poses_to_opencv(start, name="start")
+    given = as_numpy(start, name="start")
+    places = as_point(start, "start")[None] if given.shape == (3,) else poses_to_opencv(start, name="start")
     if len(places) != 1:
         raise ArrayError(f"start must be a point or one pose, got {len(places)}")
     point = places[0, :3]
@@ -295,12 +299,12 @@ def _check_exclude(exclude: Excluded) -> list[str | int] | None:
         return None
     items = as_items(exclude, "exclude")
     if not all(isinstance(item, str | int | np.integer) for item in items):
-        raise ArrayError("exclude must be names or indices of objects, which hold for all candidates")
+        raise ArrayError("exclude must be names or indices of objects, the same for all candidates")
     return items or None
 
 
 def look_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    """Make poses at places ``(C, 3)`` that look along directions of any length, upright: `look_at` for many."""
+    """Build upright poses at positions ``(C, 3)`` along directions of any length: a vectorized `look_at`."""
     right = np.cross(forward, np.eye(3)[vertical])
     axes = np.stack([right, np.cross(forward, right), forward], axis=2)
     matrices = np.tile(np.eye(4), (len(places), 1, 1))

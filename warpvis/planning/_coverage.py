@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How much of a scene's surfaces views cover together, and which few views cover the most."""
+"""Coverage of a scene's surfaces by views, and greedy selection of views."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ from warpvis.visibility import choose_objects, point_visibility
 
 _MAX_SAMPLES = 10**8
 
-# Pairs of a view and a sample that are looked at together: point_visibility takes about 20 bytes for each.
+# Pairs of a view and a sample per batch; point_visibility needs about 20 bytes for each.
 _PAIRS = 1 << 22
 
-# The sequence R2 (Roberts 2018): multiples of these two numbers fill the unit square evenly.
+# The low-discrepancy sequence R2 (Roberts 2018): multiples of these two numbers modulo 1 fill the unit square evenly.
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Points of surfaces, each of which stands for a part of the area of its object's surface."""
+    """Points on surfaces, each of which represents a part of its object's surface area."""
 
     points: NDArray[np.float32] = field(repr=False)
-    """In the world frame [m], shape ``(N, 3)``."""
+    """Points in the world frame [m], shape ``(N, 3)``."""
     normals: NDArray[np.float32] = field(repr=False)
-    """Unit normals of their triangles, ``(b - a) x (c - a)``, shape ``(N, 3)``; NaN where there is none."""
+    """Unit normals of their triangles, along ``(b - a) x (c - a)``, shape ``(N, 3)``; NaN if unknown."""
     areas: NDArray[np.float64] = field(repr=False)
-    """What each stands for [m^2], shape ``(N,)``."""
+    """Area represented by each point [m^2], shape ``(N,)``."""
     objects: NDArray[np.int32] = field(repr=False)
-    """Indices of their objects in the scene, shape ``(N,)``; -1 of points that are of none."""
+    """Indices of their objects in the scene, shape ``(N,)``; -1 for none."""
 
     def __len__(self) -> int:
         return len(self.points)
@@ -60,24 +60,24 @@ def surface_samples(
     quaternion: QuaternionOrder = "xyzw",
     seed: int = 0,
 ) -> Samples:
-    """Spread points evenly over the surfaces of objects, the same ones every time.
+    """Sample points evenly and deterministically on the surfaces of objects.
 
-    An object gets its area divided by the square of `spacing` of them, at least one, each of which stands for an equal
-    share of its area. Triangles get theirs by systematic sampling in proportion to their areas; within triangles they
-    follow the sequence R2 (Roberts 2018), which leaves smaller gaps than random points.
+    An object's number of samples is its area divided by the square of `spacing`, at least one, and each sample
+    represents an equal share of its area. Triangles are chosen by systematic sampling in proportion to their areas;
+    points within triangles follow the sequence R2 (Roberts 2018), which leaves smaller gaps than random points.
 
     Args:
-        scene: The surfaces: triangles, also of movable `warpvis.scene.solids.Solid` objects.
-        spacing: About how far apart they are [m].
+        scene: The scene. Surfaces are triangles, also those of movable `warpvis.scene.solids.Solid` objects.
+        spacing: Approximate spacing of the samples [m].
         objects: Names or indices of the objects to sample; all by default.
-        labels: Or the labels of the objects to sample, such as ``"ground"``.
-        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default where they were added.
+        labels: Alternatively, labels of the objects to sample, such as ``"ground"``.
+        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default their initial poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        seed: Another number moves all of them.
+        seed: Seed of the samples.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     spacing = check_metres(spacing, "spacing", zero=False)
@@ -91,7 +91,8 @@ def surface_samples(
     wanted = [max(1.0, np.rint(area / spacing / spacing)) for area in areas]
     if not sum(wanted) <= _MAX_SAMPLES:
         raise ArrayError(
-            f"spacing {spacing:g} m makes {sum(wanted):.3g} samples; give more, for {_MAX_SAMPLES:g} at most"
+            f"spacing must give at most {_MAX_SAMPLES:g} samples, got {sum(wanted):.3g} with {spacing:g} m; "
+            "use a greater spacing"
         )
     parts = []
     for index, part, doubles, area, count in zip(chosen, corners, doubled, areas, map(int, wanted), strict=True):
@@ -105,47 +106,47 @@ def surface_samples(
 
 @dataclass(frozen=True)
 class Coverage:
-    """What V views cover of N samples."""
+    """Coverage of N samples by V views."""
 
     samples: Samples
     weights: NDArray[np.float64] = field(repr=False)
-    """What every sample counts [m^2], shape ``(N,)``: its area times the weight that it was given."""
+    """Weighted area of every sample [m^2], shape ``(N,)``: its area times its weight."""
     seen: NDArray[np.bool_] = field(repr=False)
     """Whether a view sees a sample, shape ``(V, N)``."""
     area_by_view: NDArray[np.float64] = field(repr=False)
-    """What every view covers by itself [m^2], shape ``(V,)``."""
+    """Area covered by each view [m^2], shape ``(V,)``."""
     cumulative: NDArray[np.float64] = field(repr=False)
-    """What views 0 to i cover together [m^2], shape ``(V,)``."""
+    """Area covered by views 0 to i together [m^2], shape ``(V,)``."""
     order: NDArray[np.int64]
-    """Views chosen greedily: each covers the most of what those before it do not, shape ``(k,)``."""
+    """Greedily chosen views, each with the largest gain over its predecessors, shape ``(k,)``."""
     gain: NDArray[np.float64]
-    """What each view of `order` adds [m^2], shape ``(k,)``."""
+    """Area added by each view of `order` [m^2], shape ``(k,)``."""
 
     @cached_property
     def total(self) -> float:
-        """What all samples count together [m^2]."""
+        """Weighted area of all samples [m^2]."""
         return float(self.weights.sum())
 
     @property
     def fraction(self) -> float:
-        """Share of it that all views cover together."""
+        """Fraction of `total` that all views cover together."""
         return float(self.cumulative[-1]) / self.total
 
     @property
     def curve(self) -> NDArray[np.float64]:
-        """What the first 1, 2, ... views of `order` cover together [m^2], shape ``(k,)``."""
+        """Area covered by the first 1, 2, ... views of `order` together [m^2], shape ``(k,)``."""
         return np.cumsum(self.gain)
 
     def best(self, k: int) -> NDArray[np.int64]:
-        """Return the first k views of `order`: they cover at least 1 - 1/e, 63 %, of what the best k views could.
+        """Return the first k views of `order`, which cover at least 1 - 1/e (63 %) of the optimum of k views.
 
         Raises:
-            ArrayError: `order` has fewer views, or k is less than 1.
+            ArrayError: If `order` has fewer views, or k is less than 1.
         """
         return self.order[: _check_k(k, len(self.order), "views of order")]
 
     def unseen(self) -> NDArray[np.bool_]:
-        """Tell which samples no view sees, shape ``(N,)``."""
+        """Return whether each sample is seen by no view, shape ``(N,)``."""
         return np.logical_not(self.seen.any(axis=0))
 
 
@@ -164,35 +165,34 @@ def coverage(
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> Coverage:
-    """Measure how much surface views cover, alone and together, and choose views if only some can be taken.
+    """Compute the surface area covered by views, and choose views greedily.
 
-    A sample is covered by a view if `point_visibility` calls it `Visibility.VISIBLE`: in the image, in range, and
-    hidden by nothing. Surfaces have two sides, and both count: a floor is seen from below, too, where nothing is in
-    between.
+    A view covers a sample if `point_visibility` returns `Visibility.VISIBLE`: the sample is in the image, in range, and
+    not occluded. Surfaces are two-sided: an unoccluded floor is also visible from below.
 
-    The views of `Coverage.order` are chosen greedily, the one that adds most first; of views that add exactly as much,
-    the one of least index. That covers at least 1 - 1/e of what the best choice of as many views covers (Nemhauser,
-    Wolsey and Fisher 1978). Gains only shrink as views are chosen, so few have to be computed again (Minoux 1978).
+    The views of `Coverage.order` are chosen greedily by gain, with ties resolved by lower index. They cover at least
+    1 - 1/e of the area of the best choice of as many views (Nemhauser, Wolsey and Fisher 1978). Since gains never
+    increase, lazy evaluation recomputes only few of them (Minoux 1978).
 
     Args:
-        scene: What is seen, and what may be in the way.
+        scene: The scene.
         camera: Image size, intrinsics and depth range.
-        camera_to_world: Poses, as for `Renderer.render`; V of them.
-        samples: What is to be covered: `surface_samples`, or points in the world frame [m], shape ``(N, 3)``, each of
-            which counts as 1 m^2. By default samples of all objects that are not excluded in all views.
-        weights: How important every sample is, a factor of its area, shape ``(N,)``; 1 by default.
-        k: How many views to choose; by default all are put in order.
-        tolerance: How far behind the first surface along its ray a sample still counts as seen [m]. The triangles of
-            movable solids lie farther than this behind their round surface, unless they are fine or this is greater.
-        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default where they were added.
-        exclude: What is not seen, as for `Renderer.render`.
+        camera_to_world: V poses, as for `Renderer.render`.
+        samples: Samples from `surface_samples`, or points in the world frame [m], shape ``(N, 3)``, each of area 1 m^2.
+            By default, samples of all objects except those excluded in all views.
+        weights: Weights of the samples, which multiply their areas, shape ``(N,)``; 1 by default.
+        k: Number of views to choose; by default all are ordered.
+        tolerance: Maximum distance of a visible sample behind the first surface along its ray [m]. Triangles of movable
+            solids are farther than this behind the exact round surface, unless they are fine or this is greater.
+        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default their initial poses.
+        exclude: Excluded objects, as for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        threads: CPU threads to use; all cores of this process by default.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
@@ -207,7 +207,7 @@ def coverage(
     samples = _read_samples(scene, samples, object_poses, hidden)
     areas = samples.areas * _read_weights(weights, len(samples))
     if not areas.any():
-        raise ArrayError("weights must not all be zero, nor the areas of samples")
+        raise ArrayError("weights and areas of samples must not all be zero")
     places = wp.array(samples.points, dtype=wp.vec3, device=device)
     seen = empty((len(poses), len(samples)), wp.uint8, name="seen", device=wp.get_device("cpu")).numpy().view(np.bool_)
     step = max(1, _PAIRS // len(samples))
@@ -233,26 +233,26 @@ def coverage(
 
 
 def _area(areas: NDArray[np.float64], which: NDArray[np.bool_]) -> float:
-    """Sum some areas, all in one order: what is in a smaller set never sums up to more, even by rounding."""
+    """Sum areas in a fixed order, so that rounding never makes the sum of a subset greater."""
     return float((areas * which).sum())
 
 
 def _choose_views(
     seen: NDArray[np.bool_], areas: NDArray[np.float64], alone: NDArray[np.float64], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose views greedily, and say what each adds: the top of the heap is chosen once its gain is up to date."""
-    left = areas.copy()
+    """Choose views greedily; return them with their gains. The top of the heap is chosen once its gain is current."""
+    uncovered = areas.copy()
     heap = [(-area, view, 0) for view, area in enumerate(alone)]
     heapq.heapify(heap)
     order: list[int] = []
     gain: list[float] = []
     while len(order) < count:
-        bound, view, as_of = heap[0]
-        if as_of < len(order):
-            heapq.heapreplace(heap, (-_area(left, seen[view]), view, len(order)))
+        bound, view, num_chosen = heap[0]
+        if num_chosen < len(order):
+            heapq.heapreplace(heap, (-_area(uncovered, seen[view]), view, len(order)))
             continue
         heapq.heappop(heap)
-        left[seen[view]] = 0.0
+        uncovered[seen[view]] = 0.0
         order.append(view)
         gain.append(-bound)
     return np.array(order, dtype=np.int64), np.array(gain)
@@ -261,7 +261,7 @@ def _choose_views(
 def _spread(
     corners: NDArray[np.float64], areas: NDArray[np.float64], count: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Spread points over triangles of these areas (of any scale), and say which triangle each is of."""
+    """Sample points on triangles with the given areas (of any scale); return them with their triangle indices."""
     ends = np.cumsum(areas)
     marks = (np.arange(count) + rng.random()) / count * ends[-1]
     faces = np.minimum(np.searchsorted(ends, marks, side="right"), len(areas) - 1)
@@ -279,12 +279,12 @@ def _choose(
     if labels is None:
         return choose_objects(scene, objects)
     if objects is not None:
-        raise SceneError("give objects or labels, not both")
+        raise SceneError("objects and labels must not both be given")
     wanted = scene.label_names.numbers(labels)
     chosen = [index for index, item in enumerate(scene.objects) if item.label in wanted]
     if not chosen:
         names = ", ".join(scene.label_names.word(label) for label in sorted(wanted)) or "no label"
-        raise SceneError(f"the scene has no object labelled {names}")
+        raise SceneError(f"the scene has no object labeled {names}")
     return chosen
 
 
@@ -294,7 +294,7 @@ def _read_samples(
     if samples is None:
         in_view = np.arange(len(scene)) if hidden is None else np.flatnonzero((hidden.numpy() == 0).any(axis=0))
         if not len(in_view):
-            raise SceneError("exclude leaves no object to be covered")
+            raise SceneError("exclude must not contain all objects if no samples are given")
         return surface_samples(scene, objects=in_view.tolist(), object_poses=object_poses)
     given = samples.points if isinstance(samples, Samples) else samples
     points = as_points(given, "samples", "N", scene.device).numpy()
@@ -319,7 +319,7 @@ def _read_weights(weights: ArrayInput | None, count: int) -> NDArray[np.float64]
     return factors
 
 
-def _check_k(k: int, most: int, what: str) -> int:
-    if isinstance(k, bool) or not isinstance(k, int | np.integer) or not 1 <= k <= most:
-        raise ArrayError(f"k must be a whole number from 1 to the {most} {what}, got {k!r}")
+def _check_k(k: int, limit: int, what: str) -> int:
+    if isinstance(k, bool) or not isinstance(k, int | np.integer) or not 1 <= k <= limit:
+        raise ArrayError(f"k must be a whole number from 1 to the {limit} {what}, got {k!r}")
     return int(k)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far points are from surfaces, and where a robot has room to stand."""
+"""Distances from points to surfaces, and free space for a robot."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from warpvis.scene.closed import may_hold
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility import choose_objects
 
-# Farther than any two points of a scene are apart, and its square is finite in single precision.
+# Exceeds all distances in a scene, and its square is finite in single precision.
 _FARTHEST = 1e19
 
 
@@ -36,28 +36,28 @@ def clearance(
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> wp.array:
-    """Measure the distance from points to the nearest surface, on either side of it.
+    """Compute the unsigned distance from points to the nearest surface.
 
-    Surfaces are triangles; of a movable `warpvis.scene.solids.Solid`, too, the triangles count. Those without an area
-    may be passed over. The nearest one is found in single precision, its distance is computed in double.
+    Surfaces are triangles, also those of movable `warpvis.scene.solids.Solid` objects. Degenerate triangles may be
+    ignored. The nearest triangle is found in single precision, and its distance is computed in double precision.
 
     Args:
-        scene: The surfaces.
+        scene: The scene.
         points: Points in the world frame [m], shape ``(N, 3)``.
-        max_distance: Surfaces farther than this are not looked for [m]; less is faster.
-        objects: Names or indices of the objects whose surfaces count; all by default.
-        exclude: Names or indices of objects whose surfaces do not count.
-        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default where they were added.
+        max_distance: Maximum distance of the search [m]; lower values are faster.
+        objects: Names or indices of the objects to search; all by default.
+        exclude: Names or indices of objects to ignore.
+        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default their initial poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        threads: CPU threads to use; all cores of this process by default.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
-        Distances [m], shape ``(N,)`` float32, on the scene's device; +inf where nothing is nearer than `max_distance`,
-        NaN where a point of a GPU is not finite.
+        Distances [m], shape ``(N,)`` float32, on the scene's device; +inf where no surface is nearer than
+        `max_distance`, NaN where a point on a GPU is not finite.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.clearance import nearest_surface
 
@@ -91,31 +91,31 @@ def standing_room(
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> NDArray[np.bool_]:
-    """Tell whether an upright robot has room where its camera is.
+    """Return whether an upright robot has room at each of its camera's poses.
 
     The robot is an upright cylinder around the camera, from `step` above the floor up to the camera's height. It has
-    room if no triangle comes into the cylinder, and its top is not inside of a closed object whose triangles face
-    outwards. That is computed from the triangles in double precision, so it is exact but for the rounding of the
-    input to single precision. Objects of the scene's `ground_labels` do not hinder.
+    room if no triangle intersects the cylinder and its top is not inside a closed object whose triangles face outward.
+    The computation uses double precision, so it is exact up to the rounding of the input to single precision. Objects
+    of the scene's `ground_labels` are not obstacles.
 
     Args:
-        scene: What may be in the way; of movable `warpvis.scene.solids.Solid` objects, their triangles.
-        camera_to_world: Poses as for `Renderer.render`; only the positions matter.
+        scene: The scene. Obstacles are triangles, also those of movable `warpvis.scene.solids.Solid` objects.
+        camera_to_world: Poses as for `Renderer.render`; only the positions are used.
         radius: The robot's radius [m].
         floor: Height of the floor along the scene's up axis [m].
-        step: What is not higher than this above the floor does not hinder [m], such as a threshold, or a floor that has
-            another label.
-        exclude: Names or indices of objects that do not hinder, such as the robot's own body.
-        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default where they were added.
+        step: Height above the floor up to which geometry is ignored [m], such as a threshold, or a floor with another
+            label.
+        exclude: Names or indices of objects that are not obstacles, such as the robot's body.
+        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default their initial poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        threads: CPU threads to use; all cores of this process by default.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
-        Whether there is room, shape ``(V,)``; False for a camera that is no higher than `step` above the floor.
+        Whether there is room, shape ``(V,)``; False for a camera that is not higher than `step` above the floor.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.clearance import find_free_poses
 
@@ -143,15 +143,15 @@ def standing_room(
 def one_world(
     scene: Scene, object_poses: ObjectPoses, exclude: Excluded
 ) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
-    """Return all objects' vertices in one world [m], ``(n, 3)``, and which are excluded, ``(objects,)``.
+    """Return the vertices of all objects in one world [m], ``(n, 3)``, and whether they are excluded, ``(objects,)``.
 
     Args:
-        scene: A scene that has objects.
-        object_poses: Where the movable ones are, shape ``(M, 7)``; None for where they were added.
+        scene: A scene with objects.
+        object_poses: Poses of the movable objects, shape ``(M, 7)``; None for their initial poses.
         exclude: Names or indices of objects, or flags of shape ``(1, objects)``.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     require_scene(scene)
     objects = scene.require_objects()
@@ -159,7 +159,7 @@ def one_world(
     if worlds.object_poses.shape[0] != 1:
         raise PoseError(f"object_poses must be of one world, got {worlds.object_poses.shape[0]}")
     rows = worlds.object_poses.numpy().reshape(-1, 7)
-    with np.errstate(invalid="ignore"):  # poses that came from a GPU may be anything
+    with np.errstate(invalid="ignore"):  # poses from a GPU are not validated
         place = dict(zip(scene.movable, poses_to_matrices(rows), strict=True))
     vertices = []
     for index, item in enumerate(objects):
@@ -170,7 +170,9 @@ def one_world(
         matrix = place[index if item.carrier is None else item.carrier]
         vertices.append((item.mesh_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32))
         if not surely_finite(vertices[-1]) and not np.isfinite(vertices[-1]).all():
-            raise PoseError(f"object_poses must be finite and have a rotation, and leave {item.name!r} in the world")
+            raise PoseError(
+                f"object_poses must be finite, have a rotation, and keep {item.name!r} at finite coordinates"
+            )
     excluded = np.zeros(len(objects), dtype=bool)
     if worlds.excluded is not None and worlds.excluded.size:
         excluded[:] = worlds.excluded.numpy()[0] != 0
@@ -178,12 +180,12 @@ def one_world(
 
 
 def corners_of(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> NDArray[np.float32]:
-    """Gather corners of the chosen objects' triangles, shape ``(T, 3, 3)``, one object after the other."""
+    """Gather the triangles of the chosen objects, shape ``(T, 3, 3)``, in the order of `chosen`."""
     return np.concatenate([vertices[index][scene.objects[index].faces] for index in chosen])
 
 
 def build_mesh(scene: Scene, vertices: Sequence[NDArray[np.float32]], chosen: Sequence[int]) -> wp.Mesh:
-    """Build one `wp.Mesh` of some of the scene's objects, where `one_world` says they are."""
+    """Build one `wp.Mesh` of some of the scene's objects, with vertices from `one_world`."""
     device = scene.device
     corners = corners_of(scene, vertices, chosen).reshape(-1, 3)
     return wp.Mesh(

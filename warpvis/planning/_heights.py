@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far points must be raised to be seen."""
+"""Minimum heights for visibility."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from warpvis.core.types import ArrayInput, Excluded, ObjectPoses
 from warpvis.planning._free_space import corners_of, one_world
 from warpvis.scene import Scene
 
-# Of the greatest coordinate: more than the search for triangles loses to single precision.
+# Relative to the largest coordinate; exceeds the single-precision error of the search for triangles.
 _ROUNDING = 4e-6
 
 
@@ -35,37 +35,38 @@ def minimum_height(
     exclude: Excluded = None,
     threads: int | None = None,
 ) -> wp.array:
-    """Find the least height by which each target must be raised to be in each eye's line of sight.
+    """Find the minimum height by which each target must be raised to be in each eye's line of sight.
 
-    Lines of sight are straight, from point to point; there is no field of view. GDAL's viewshed asks the same of height
-    fields (output mode ``GROUND``). Among triangle meshes a point may be hidden again when it is raised further, under
-    a bridge for instance: the answer is the least height from which the line is free. It is exact, from an interval of
-    heights for each triangle in the way (double precision), and not found by trying heights.
+    Lines of sight are straight, from point to point, without a field of view. GDAL's viewshed computes the same for
+    height fields (output mode ``GROUND``). Among triangle meshes, a point may be hidden again when it is raised
+    further,
+    for example under a bridge; the result is the lowest height with a free line. It is exact: each occluding triangle
+    gives an interval of heights (in double precision); heights are not sampled.
 
-    A line that touches no more than an edge, or a surface edge-on, is free. Gaps between triangles through which the
-    point would be seen over less than a micrometre of height count as closed.
+    A line that only touches an edge, or an edge-on surface, is free. Gaps between triangles count as closed if the
+    point is visible through them over less than a micrometer of height.
 
     Args:
-        scene: What may be in the way: the triangles, also of movable `warpvis.scene.solids.Solid` objects.
-        eyes: Points to see from, in the world frame [m], shape ``(E, 3)``.
-        targets: Points to be seen [m], shape ``(N, 3)``.
-        raises: Which of the two is raised, along the scene's up axis: the ``"target"``, or the ``"eye"``.
-        max_height: Greatest height looked for [m].
-        tolerance: How far from its ends a line may be blocked and count as free [m], as targets lie on surfaces. It is
-            measured before raising; of a line that gets longer, the same share at either end does not count.
-            Points within twice the tolerance see each other.
-        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default where they were added.
+        scene: The scene. Occluders are triangles, also those of movable `warpvis.scene.solids.Solid` objects.
+        eyes: Viewpoints in the world frame [m], shape ``(E, 3)``.
+        targets: Target points in the world frame [m], shape ``(N, 3)``.
+        raises: Which of the two is raised along the scene's up axis: the ``"target"``, or the ``"eye"``.
+        max_height: Maximum height of the search [m].
+        tolerance: Distance from the ends of a line within which occluders are ignored [m], since targets lie on
+            surfaces. It applies before raising; for a line that becomes longer, the same fraction at either end is
+            ignored. Points within twice the tolerance see each other.
+        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default their initial poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        exclude: Names or indices of objects that are not in the way.
-        threads: CPU threads to use; all cores of this process by default.
+        exclude: Names or indices of objects that do not occlude.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
-        Heights [m], shape ``(E, N)`` float32, on the scene's device: 0 where the line is free as it is, +inf where
-        raising by `max_height` does not suffice, NaN where an input of a GPU was not finite.
+        Heights [m], shape ``(E, N)`` float32, on the scene's device: 0 where the line is free without raising, +inf
+        where raising by `max_height` does not suffice, NaN where an input on a GPU is not finite.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.heights import climb
 
@@ -88,12 +89,12 @@ def minimum_height(
 
 
 def _build_blockers(corners: NDArray[np.float32], up: int, device: wp.Device) -> tuple[wp.array, wp.Bvh]:
-    """Build a `warpvis.kernels.heights.Blockers` and the tree that it refers to, in boxes with room for rounding."""
+    """Build a `warpvis.kernels.heights.Blockers` and the tree that it refers to, with boxes enlarged for rounding."""
     from warpvis.kernels.heights import Blockers
 
     corners = corners[..., [(up + 1) % 3, (up + 2) % 3, up]]  # the kernel's third axis is up
-    room = np.float32(_ROUNDING * (1 + np.abs(corners).max()))
-    lows, highs = corners.min(axis=1) - room, corners.max(axis=1) + room
+    margin = np.float32(_ROUNDING * (1 + np.abs(corners).max()))
+    lows, highs = corners.min(axis=1) - margin, corners.max(axis=1) + margin
     tree = wp.Bvh(
         wp.array(lows, dtype=wp.vec3, device=device),
         wp.array(highs, dtype=wp.vec3, device=device),

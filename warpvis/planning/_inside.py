@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which points are inside of closed objects."""
+"""Point-in-solid tests."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ def inside_solids(
     object_poses: ObjectPoses = None,
     threads: int | None = None,
 ) -> NDArray[np.bool_]:
-    """Tell whether points are inside of closed objects whose triangles face outwards.
+    """Return whether points are inside closed objects whose triangles face outward.
 
-    Above a point inside of such objects, more triangles that face up than such that face down are passed. An object
-    counts if its triangles have no boundary and enclose a positive volume; one that faces inwards, as the walls of a
-    room do, holds nothing. Of movable `warpvis.scene.solids.Solid` objects, their triangles count.
+    A vertical ray from a point inside such objects crosses more triangles that face up than triangles that face down.
+    Only objects whose triangles are watertight and enclose a positive volume are considered; objects that face inward,
+    like the walls of a room, have no inside. Movable `warpvis.scene.solids.Solid` objects are represented by triangles.
 
     Args:
-        scene: The objects.
+        scene: The scene.
         points: Points in the world frame [m], shape ``(N, 3)``.
-        exclude: Names or indices of objects that do not count.
-        object_poses: Where the movable objects are, in one world: rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default where they were added.
-        threads: CPU threads to use; all cores of this process by default.
+        exclude: Names or indices of objects to ignore.
+        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
+            default their initial poses.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
-        Whether they are, shape ``(N,)``.
+        Whether each point is inside, shape ``(N,)``.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.inside import find_inside
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a robot could go to see what a person may mean and it does not see."""
+"""Proposals of poses from which a robot sees objects that only a person sees now."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from warpvis.planning._free_space import one_world, standing_room
 from warpvis.scene import Scene, require_scene
 from warpvis.visibility import Agent, Candidate, FieldOfView, State
 
-# Places that see the objects equally well up to this: the nearest is taken.
+# Step of scores within which the nearest position is chosen.
 _TIE = 0.05
 
 
@@ -29,14 +29,14 @@ class Proposal:
     """A pose from which a robot's camera sees objects that it does not see now."""
 
     pose: NDArray[np.float64]
-    """The camera's pose, row ``x y z qx qy qz qw`` of the OpenCV frame, shape ``(7,)``."""
+    """The camera's pose, ``x y z qx qy qz qw``, OpenCV camera to world, shape ``(7,)``."""
     distance: float
-    """Way to it in a straight line on the floor [m]."""
+    """Straight-line distance to it on the floor [m]."""
     fractions: dict[str, float]
-    """Visible share of the silhouette of every object that has to be seen, by name."""
+    """Visible fraction of the silhouette of every missed object, by name."""
 
     def report(self) -> dict[str, Any]:
-        """Report the same in plain Python values that `json.dumps` takes."""
+        """Return the proposal as plain Python values for `json.dumps`."""
         return {"pose": self.pose.tolist(), "distance": self.distance, "fractions": self.fractions}
 
 
@@ -52,29 +52,29 @@ def propose_view(
     object_poses: ObjectPoses = None,
     quaternion: QuaternionOrder = "xyzw",
 ) -> Proposal | None:
-    """Find where a robot near its present place sees the most of the objects that only the person sees.
+    """Find a pose near the robot from which it sees the most of the objects that only the person sees.
 
-    The camera keeps its height and looks at the likeliest of the objects. Places are those of `pose_grid` at which the
-    robot has `standing_room`. Objects weigh as much as the person is likely to mean them, by `Candidate.score`. Of
-    places that see about as much, the nearest is taken.
+    The camera keeps its height and looks at the most likely of these objects. Candidate positions are those of
+    `pose_grid` at which the robot has `standing_room`. Objects are weighted by `Candidate.score`, their likelihood to
+    be meant by the person. Among positions with similar scores, the nearest is chosen.
 
     Args:
-        scene: The world.
+        scene: The scene.
         robot: The robot, at one pose, with a `Camera`.
-        candidates: What `Perspective.candidates` found of the person and the robot.
-        max_distance: How far the robot may go [m].
-        step: Distance of neighbouring places [m].
+        candidates: Candidates of the person and the robot, from `Perspective.candidates`.
+        max_distance: Maximum distance that the robot moves [m].
+        step: Spacing of candidate positions [m].
         radius: Radius of the robot, an upright cylinder around its camera [m].
         floor: Height of the floor [m].
-        object_poses: Where the movable objects are, as for `Renderer.render`, in one world; by default where they were
-            when the candidates were found.
+        object_poses: Poses of the movable objects in one world, as for `Renderer.render`; by default those of
+            `candidates`.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Returns:
-        The pose; None if the robot sees all that the person sees, or no place in reach shows any of it.
+        The pose; None if the robot sees all objects that the person sees, or sees none of the others from any position.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
@@ -83,11 +83,11 @@ def propose_view(
     given = as_items(candidates, "candidates", SceneError)
     wrong = [type(item).__name__ for item in given if not isinstance(item, Candidate)]
     if wrong:
-        raise SceneError(f"candidates must be what Perspective.candidates found, got {wrong[0]}")
+        raise SceneError(f"candidates must be Candidate objects from Perspective.candidates, got {wrong[0]}")
     if isinstance(robot.camera, FieldOfView):
-        raise CameraError(f"camera of {robot.name!r} must be a warpvis.Camera to be placed, got a FieldOfView")
+        raise CameraError(f"camera of {robot.name!r} must be a warpvis.Camera, got a FieldOfView")
     if len(robot.poses) != 1:
-        raise ArrayError(f"{robot.name!r} must have one pose to start from, got {len(robot.poses)}")
+        raise ArrayError(f"{robot.name!r} must have one pose, got {len(robot.poses)}")
     missed = [item for item in given if item.state == State.FIRST and item.object not in robot.body]
     if not missed:
         return None

@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Make camera poses by rule: around a point, in a volume, at random, along a path.
+"""Generators of camera poses: around a point, in a volume, at random, along a path.
 
-All are rows ``x y z qx qy qz qw`` [m] of the OpenCV camera frame, camera to world, and images are upright: their x axis
-is level. A camera that looks straight up or down has the floor's first axis (x where z is up, z where y is up) at the
-top of its image.
+Poses are rows ``x y z qx qy qz qw`` [m], OpenCV camera to world. Images are upright: their x axis is horizontal. In the
+image of a camera that looks straight up or down, the floor's first axis (x where z is up, z where y is up) points up.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a camera sees all of a scene."""
+"""Camera poses that show a whole scene."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from warpvis.scene import Scene, require_scene
 
 _MARGIN = 0.03
 _MIN_DISTANCE = 1e-3
-_ASIDE = "a scene is framed by a camera whose axis is inside of its image, and this one's is not"
+_OFF_AXIS = "camera must have its optical axis inside the image, to frame a scene"
 
-# Of the pinhole in a lens's image: how wide it may be, points on each side of its border, and steps of the search.
+# Search for a pinhole within a lens's image: maximum half angle, points on each side of the border, and bisection
+# steps.
 _WIDEST = math.radians(75)
 _BORDER_POINTS, _HALVINGS = 33, 40
 
@@ -30,21 +31,21 @@ _BORDER_POINTS, _HALVINGS = 33, 40
 def framing(
     scene: Scene, camera: ImageCamera, *, azimuth: float = -1.0, elevation: float = 0.55
 ) -> NDArray[np.float64]:
-    """Place a camera so that the box around a scene just fits into its image.
+    """Place a camera so that the bounding box of a scene just fits into its image.
 
     Args:
-        scene: The scene, whose objects count where they were added.
-        camera: The camera, which may be a `warpvis.sensors.LensCamera`. Its axis has to be inside of its image; its
-            range does not count.
-        azimuth: Direction from the scene to the camera [rad], counterclockwise from the floor's first axis (x where z
-            is up, z where y is up).
-        elevation: The same above the horizon [rad].
+        scene: The scene, with its objects at their initial poses.
+        camera: The camera, which may be a `warpvis.sensors.LensCamera`. Its optical axis must be inside the image; its
+            depth range is ignored.
+        azimuth: Azimuth of the camera as seen from the scene [rad], counterclockwise from the floor's first axis (x
+            where z is up, z where y is up).
+        elevation: Elevation of the camera as seen from the scene [rad].
 
     Returns:
-        The pose, row ``x y z qx qy qz qw`` [m] of the OpenCV camera frame, shape ``(7,)``.
+        The pose, ``x y z qx qy qz qw`` [m], OpenCV camera to world, shape ``(7,)``.
 
     Raises:
-        WarpvisError: An argument is not what it has to be, or the scene is empty.
+        WarpvisError: If an argument is invalid, or the scene is empty.
     """
     require_scene(scene)
     require_image_camera(camera)
@@ -65,10 +66,10 @@ def framing(
 
 
 def _pinhole_inside(camera: LensedCamera) -> Camera:
-    """Find a pinhole whose image lies in a lens's: the widest of the image's proportions around the axis.
+    """Find the widest centered pinhole, of the image's aspect ratio, whose rays are all within a lens's image.
 
     Raises:
-        CameraError: The camera's axis is not inside of its image.
+        CameraError: If the optical axis is not inside the image.
     """
     along = np.linspace(-1, 1, _BORDER_POINTS)
     ends = np.ones_like(along)
@@ -77,11 +78,11 @@ def _pinhole_inside(camera: LensedCamera) -> Camera:
 
     def fits(slope: float) -> bool:
         border = np.stack([slope * across, slope * down, np.ones_like(across)], axis=-1)
-        at = camera.project(border)
-        return bool(((at >= 0) & (at <= (camera.width, camera.height))).all())  # nowhere is NaN
+        pixels = camera.project(border)
+        return bool(((pixels >= 0) & (pixels <= (camera.width, camera.height))).all())  # NaN fails
 
     if not fits(0.0):
-        raise CameraError(_ASIDE)
+        raise CameraError(_OFF_AXIS)
     narrow, wide = 0.0, math.tan(_WIDEST)
     for _ in range(_HALVINGS):
         middle = (narrow + wide) / 2
@@ -99,31 +100,31 @@ def fitting_distance(
     *,
     margin: float = _MARGIN,
 ) -> float:
-    """Compute how far from the middle of a box a camera has to be to have all of it in its image [m].
+    """Compute the distance from the center of a box at which the whole box is in a camera's image [m].
 
-    A corner at (x, y, z) of the camera's axes from the middle is at ``fx x / (z + d) + cx`` from a distance d, which
-    has to be between the image's borders; so must it be down the image.
+    A corner at (x, y, z) from the center, in the camera's axes, projects to ``fx x / (z + d) + cx`` from distance d. It
+    must be inside the image; the same holds for y.
 
     Args:
         camera: The camera.
-        pose: Its pose, of which the direction counts, row of 7.
-        middle: The box's middle, ``(3,)``.
-        low: Its least corner.
-        high: Its greatest corner.
-        margin: What is left free on each side, as a share of the image.
+        pose: Its pose, shape ``(7,)``, of which only the direction is used.
+        middle: Center of the box, shape ``(3,)``.
+        low: Lower corner of the box.
+        high: Upper corner of the box.
+        margin: Free margin on each side, as a fraction of the image.
 
     Raises:
-        CameraError: The camera's axis is not inside of its image, so that no distance is enough.
+        CameraError: If the optical axis is not inside the image, so that no distance suffices.
     """
     corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
     x, y, z = ((corners - middle) @ poses_to_matrices(pose)[:3, :3]).T
     found = _MIN_DISTANCE - z
-    for along, focal, centre, size in (
+    for along, focal, center, size in (
         (x, camera.fx, camera.cx, camera.width),
         (y, camera.fy, camera.cy, camera.height),
     ):
-        room = (centre - margin * size, size - centre - margin * size)
-        if min(room) <= 0:
-            raise CameraError(_ASIDE)
-        found = np.maximum(found, np.maximum(-focal * along / room[0], focal * along / room[1]) - z)
+        extents = (center - margin * size, size - center - margin * size)
+        if min(extents) <= 0:
+            raise CameraError(_OFF_AXIS)
+        found = np.maximum(found, np.maximum(-focal * along / extents[0], focal * along / extents[1]) - z)
     return float(found.max())

@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Camera poses by rule: around a point, in a volume, at random, along a path.
+"""Generators of camera poses: around a point, in a volume, at random, along a path.
 
-All are rows ``x y z qx qy qz qw`` [m] of the OpenCV camera frame, camera to world, and images are upright: their x axis
-is level. A camera that looks straight up or down has the floor's first axis (x where z is up, z where y is up) at the
-top of its image.
+Poses are rows ``x y z qx qy qz qw`` [m], OpenCV camera to world. Images are upright: their x axis is horizontal. In the
+image of a camera that looks straight up or down, the floor's first axis (x where z is up, z where y is up) points up.
 """
 
 from __future__ import annotations
@@ -26,45 +25,46 @@ from warpvis.scene import Scene
 Up = Literal["z", "y"]
 
 MAX_POSES = 1 << 28
-"""A generator makes at most this many: they take 15 GB."""
+"""Maximum number of poses of a generator; they take 15 GB."""
 
-# Poses whose axes are computed in one go.
+# Number of poses per batch.
 _AT_A_TIME = 1 << 18
 
-# A direction is straight up or down if its level part is at most this share of it.
+# A direction is vertical if the ratio of its horizontal to its vertical part is at most this.
 _STRAIGHT = 1e-9
 
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
-# Random places: a candidate is so many numbers of the generator; so many are judged in one go at least and at most; the
-# search ends when one in so many is good, of so many at least.
+# Random positions: numbers of the random generator per candidate; minimum and maximum number of candidates per batch;
+# the
+# search fails if fewer than one in `_RAREST` candidates, of at least `_MIN_TRIED`, are valid.
 _NUMBERS_EACH = 5
 _FEWEST_CANDIDATES, _MAX_CANDIDATES = 1 << 12, 1 << 19
 _RAREST, _MIN_TRIED = 10_000, 1_000_000
 
-# How much farther than the clearance surfaces are looked for, in single precision.
+# Relative margin of the single-precision search for surfaces beyond the clearance.
 _ROOM_FOR_ROUNDING = 1e-3
 
 
 def orbit(
     target: ArrayLike, *, radius: float, height: float, count: int, up: Up = "z", start: float = 0.0
 ) -> NDArray[np.float64]:
-    """Place cameras on a level circle around a point, which they look at.
+    """Place cameras on a horizontal circle around a point that they look at.
 
     Args:
         target: The point [m], shape ``(3,)``.
-        radius: Radius of the circle [m], around the vertical line through the target.
-        height: Height of the cameras in the world [m], not above the target.
-        count: Number of cameras, evenly spaced, counterclockwise seen from above.
+        radius: Radius of the circle [m] around the vertical line through the target.
+        height: Height of the cameras in the world [m], not relative to the target.
+        count: Number of cameras, evenly spaced, counterclockwise as seen from above.
         up: The world's vertical axis.
-        start: Direction from the target to the first camera [rad], from the floor's first axis (x where z is up, z
-            where y is up).
+        start: Azimuth of the first camera as seen from the target [rad], from the floor's first axis (x where z is up,
+            z where y is up).
 
     Returns:
         Poses, shape ``(count, 7)``.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     vertical, middle = check_up(up), as_point(target, "target")
     radius, height = check_metres(radius, "radius", zero=False), check_metres(height, "height", signed=True)
@@ -84,32 +84,33 @@ def sphere(
     min_elevation: float = -math.pi / 2,
     max_elevation: float = math.pi / 2,
 ) -> NDArray[np.float64]:
-    """Place cameras spread evenly over a sphere around a point, which they look at.
+    """Place cameras evenly on a sphere around a point that they look at.
 
-    They lie on a Fibonacci lattice: each stands for the same area, on a spiral by the golden angle from the least
-    elevation to the greatest (Swinbank and Purser 2006, https://doi.org/10.1256/qj.05.227). None is at a pole of a
-    whole sphere.
+    Positions form a Fibonacci lattice: each represents the same area, on a golden-angle spiral from the lowest to the
+    highest elevation (Swinbank and Purser 2006, https://doi.org/10.1256/qj.05.227). No camera is at a pole of a whole
+    sphere.
 
     Args:
         target: The point [m], shape ``(3,)``.
         radius: Radius of the sphere [m].
         count: Number of cameras.
         up: The world's vertical axis.
-        min_elevation: Least angle of a camera above the target's level [rad], from -pi/2; 0 for the upper half.
-        max_elevation: Greatest such angle [rad], up to pi/2.
+        min_elevation: Minimum elevation of a camera as seen from the target [rad], at least -pi/2; 0 for the upper
+            half.
+        max_elevation: Maximum elevation [rad], at most pi/2.
 
     Returns:
         Poses, shape ``(count, 7)``.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     vertical, middle = check_up(up), as_point(target, "target")
     radius = check_metres(radius, "radius", zero=False)
     low, high = check_angle(min_elevation, "min_elevation"), check_angle(max_elevation, "max_elevation")
     if not -math.pi / 2 <= low <= high <= math.pi / 2:
         raise ArrayError(
-            f"elevations need -pi/2 <= min_elevation <= max_elevation <= pi/2 radians, got {min_elevation} and "
+            f"elevations must satisfy -pi/2 <= min_elevation <= max_elevation <= pi/2 radians, got {min_elevation} and "
             f"{max_elevation}{degrees_hint(max(low, high, key=abs))}"
         )
     index = np.arange(_check_count(count), dtype=np.float64)
@@ -130,34 +131,36 @@ def grid(
     """Place cameras on a cubic grid in a box.
 
     Args:
-        bounds: Least and greatest corner of the box [m], shape ``(2, 3)``. The grid begins at the least corner.
-        step: Distance of neighbouring grid points [m].
-        headings: Number of directions of every place; see `pose_grid`.
+        bounds: Lower and upper corner of the box [m], shape ``(2, 3)``. The grid begins at the lower corner.
+        step: Spacing of the grid [m].
+        headings: Number of directions at every grid point; see `pose_grid`.
         pitch: Angle of these directions above the horizontal [rad], between -pi/2 and pi/2.
-        look_at: A point [m] that all cameras look at instead, shape ``(3,)``; none is at the point itself.
+        look_at: Alternatively, a point [m] that all cameras look at, shape ``(3,)``; a grid point there is skipped.
         up: The world's vertical axis.
 
     Returns:
-        Poses, shape ``(C, 7)``: place after place, x slowest and z fastest, the directions of each together.
+        Poses, shape ``(C, 7)``, ordered by grid point, with x slowest and z fastest, and then by direction.
 
     Raises:
-        WarpvisError: An argument is not what it has to be.
+        WarpvisError: If an argument is invalid.
     """
     low, high = _check_bounds(bounds)
     step, vertical = check_metres(step, "step", zero=False), check_up(up)
     target = None if look_at is None else as_point(look_at, "look_at")
-    turns = pose_grid(np.zeros(3), radius=0, step=1, height=0, headings=headings, pitch=pitch, up=up)[:, 3:]
+    rotations = pose_grid(np.zeros(3), radius=0, step=1, height=0, headings=headings, pitch=pitch, up=up)[:, 3:]
     with np.errstate(over="ignore"):
         counts = np.floor((high - low) / step + 1e-9) + 1
-        total = counts.prod() * (len(turns) if target is None else 1)
+        total = counts.prod() * (len(rotations) if target is None else 1)
     if not total <= MAX_POSES:
-        raise ArrayError(f"a grid has at most {MAX_POSES} poses, and step {step} makes {total:.3g}; take a greater one")
+        raise ArrayError(
+            f"a grid must have at most {MAX_POSES} poses, got {total:.3g}; use a step greater than {step} m"
+        )
     axes = [low[axis] + step * np.arange(int(counts[axis])) for axis in range(3)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     if target is not None:
         return _look_at(places[(places != target).any(axis=1)], target, vertical)
-    rows = np.empty((len(places), len(turns), 7))
-    rows[..., :3], rows[..., 3:] = places[:, None], turns
+    rows = np.empty((len(places), len(rotations), 7))
+    rows[..., :3], rows[..., 3:] = places[:, None], rotations
     return rows.reshape(-1, 7)
 
 
@@ -173,40 +176,40 @@ def random_poses(
     exclude: Excluded = None,
     threads: int | None = None,
 ) -> NDArray[np.float64]:
-    """Place cameras at random, uniformly within a box where there is room.
+    """Place cameras at uniformly random positions in the free space of a box.
 
-    With a clearance, places are drawn again that are nearer to a surface, or inside of a closed object whose triangles
-    face outwards (see `warpvis.planning.inside_solids`). Movable objects are where they were added. What is outside of
-    the scene but within the box is room.
+    With a clearance, positions nearer to a surface, or inside a closed object whose triangles face outward (see
+    `warpvis.planning.inside_solids`), are rejected and sampled again. Movable objects are at their initial poses. Space
+    within the box but outside the scene is free.
 
-    The same seed gives the same poses: on every device, for every number of threads, and the first ones for every
-    count. Places are judged on the CPU.
+    Poses depend only on the seed, not on the device or the number of threads; a smaller `count` gives the first of the
+    same poses. Positions are checked on the CPU.
 
     Args:
-        scene_or_bounds: A scene, or the least and greatest corner of the box [m], shape ``(2, 3)``.
+        scene_or_bounds: A scene, or the lower and upper corner of the box [m], shape ``(2, 3)``.
         count: Number of cameras.
-        seed: Seed of the random numbers (`numpy.random.default_rng`), from 0 up.
-        bounds: Of a scene: the box; the scene's own by default.
-        clearance: Least distance from all surfaces [m]; needs a scene unless it is 0. With 0, surfaces do not count.
-        look: ``"level"``: horizontal, in any direction. ``"any"``: all directions alike. Or a point [m] that the
+        seed: Seed of the random numbers (`numpy.random.default_rng`), at least 0.
+        bounds: With a scene, the box; the scene's bounds by default.
+        clearance: Minimum distance from all surfaces [m], which requires a scene. With 0, surfaces are ignored.
+        look: ``"level"`` for horizontal directions, ``"any"`` for uniformly random directions, or a point [m] that the
             cameras look at, shape ``(3,)``.
         up: The world's vertical axis; the scene's by default, else ``"z"``.
-        exclude: Names or indices of objects that do not count for the clearance.
-        threads: CPU threads to use; all cores of this process by default.
+        exclude: Names or indices of objects that are ignored for the clearance.
+        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
         Poses, shape ``(count, 7)``.
 
     Raises:
-        PoseError: Of a million places or more, fewer than one in 10,000 had room.
-        WarpvisError: An argument is not what it has to be.
+        PoseError: If fewer than one in 10,000 of at least a million positions are free.
+        WarpvisError: If an argument is invalid.
     """
     scene: Scene | None = None
     if isinstance(scene_or_bounds, Scene):
         scene = scene_or_bounds
         box = scene.bounds if bounds is None else bounds
     elif bounds is not None:
-        raise ArrayError("bounds= is the box of a scene; give a scene, or the bounds alone")
+        raise ArrayError("bounds= must be given with a scene; pass the bounds as the first argument otherwise")
     else:
         box = scene_or_bounds
     low, high = _check_bounds(box)
@@ -217,11 +220,11 @@ def random_poses(
     if target is None and look not in ("level", "any"):
         raise PoseError(f'look must be "level", "any" or a point of shape (3,), got {look!r}')
     if clearance and scene is None:
-        raise ArrayError("clearance= is a distance from the surfaces of a scene, so give a scene")
+        raise ArrayError("clearance= requires a scene, since it is a distance from its surfaces")
     if exclude is not None and not clearance:
-        raise ArrayError("exclude= says whose surfaces do not count for clearance=, so give a clearance")
-    judge = _Room(scene.to("cpu"), clearance, exclude, threads) if scene is not None and clearance else None
-    numbers = _draw(count, np.random.default_rng(seed), low, high, target, judge)
+        raise ArrayError("exclude= requires clearance=, from which it excludes surfaces")
+    is_free = _FreeSpace(scene.to("cpu"), clearance, exclude, threads) if scene is not None and clearance else None
+    numbers = _sample(count, np.random.default_rng(seed), low, high, target, is_free)
     places = low + numbers[:, :3] * (high - low)
     if target is not None:
         return _look_at(places, target, vertical)
@@ -232,21 +235,20 @@ def random_poses(
 def along(
     path: ArrayLike, *, count: int, look: Literal["forward"] | ArrayLike = "forward", up: Up = "z"
 ) -> NDArray[np.float64]:
-    """Place cameras along a path of straight pieces, evenly spaced by its length, from its first point to its last.
+    """Place cameras along a polyline, evenly spaced by arc length from its first to its last point.
 
     Args:
-        path: The points [m], shape ``(n, 3)``; equal neighbors count as one.
-        count: Number of cameras; one alone is at the first point.
-        look: ``"forward"``: along the piece that the camera is on, at a corner along the one that begins there. Or a
-            point [m] that the cameras look at, shape ``(3,)``.
+        path: The points [m], shape ``(n, 3)``; consecutive duplicates are merged.
+        count: Number of cameras; a single one is at the first point.
+        look: ``"forward"`` for the direction of the segment (at a vertex, of the next segment), or a point [m] that the
+            cameras look at, shape ``(3,)``.
         up: The world's vertical axis.
 
     Returns:
         Poses, shape ``(count, 7)``.
 
     Raises:
-        WarpvisError: An argument is not what it has to be, the path has no length, or a camera is at the point that it
-            looks at.
+        WarpvisError: If an argument is invalid, the path has zero length, or a camera is at the point that it looks at.
     """
     vertical, count = check_up(up), _check_count(count)
     points = as_numpy(path, name="path").astype(np.float64)
@@ -259,17 +261,17 @@ def along(
     lengths = np.linalg.norm(steps, axis=1)
     moving = lengths > 0
     if not moving.any():
-        raise ArrayError(f"path must have a length, and all its points ({len(points)}) are one")
+        raise ArrayError(f"path must have a positive length, got {len(points)} equal points")
     begins, steps, lengths = points[:-1][moving], steps[moving], lengths[moving]
-    at = np.concatenate([[0], np.cumsum(lengths)])
-    ways = np.linspace(0, at[-1], count)
-    piece = np.clip(np.searchsorted(at, ways, side="right") - 1, 0, len(steps) - 1)
-    places = begins[piece] + ((ways - at[piece]) / lengths[piece])[:, None] * steps[piece]
-    return poses_along(places, steps[piece], vertical) if target is None else _look_at(places, target, vertical)
+    starts = np.concatenate([[0], np.cumsum(lengths)])
+    arcs = np.linspace(0, starts[-1], count)
+    segment = np.clip(np.searchsorted(starts, arcs, side="right") - 1, 0, len(steps) - 1)
+    places = begins[segment] + ((arcs - starts[segment]) / lengths[segment])[:, None] * steps[segment]
+    return poses_along(places, steps[segment], vertical) if target is None else _look_at(places, target, vertical)
 
 
-class _Room:
-    """Whether places have room in a scene."""
+class _FreeSpace:
+    """A test for positions in the free space of a scene."""
 
     def __init__(self, scene: Scene, clearance: float, exclude: Excluded, threads: int | None) -> None:
         self.scene, self.clearance = scene, clearance
@@ -277,49 +279,50 @@ class _Room:
 
     def __call__(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         reach = self.clearance * (1 + _ROOM_FOR_ROUNDING)
-        room = free_distance(self.scene, places, max_distance=reach, **self.options).numpy() >= self.clearance
-        if room.any():
-            room[room] = ~inside_solids(self.scene, places[room], **self.options)
-        return room
+        free = free_distance(self.scene, places, max_distance=reach, **self.options).numpy() >= self.clearance
+        if free.any():
+            free[free] = ~inside_solids(self.scene, places[free], **self.options)
+        return free
 
 
-def _draw(
+def _sample(
     count: int,
     generator: np.random.Generator,
     low: NDArray[np.float64],
     high: NDArray[np.float64],
     target: NDArray[np.float64] | None,
-    judge: _Room | None,
+    is_free: _FreeSpace | None,
 ) -> NDArray[np.float64]:
-    """Draw the random numbers of the first candidates that are good, ``(count, 5)``.
+    """Sample the random numbers of the first valid candidates, ``(count, 5)``.
 
-    Every candidate takes as many numbers, whatever they are used for, so it does not matter how many are drawn at once.
+    Every candidate consumes the same number of random numbers, so results do not depend on the batch size.
     """
-    good: list[NDArray[np.float64]] = []
-    have, tried, size = 0, 0, count + count // 8
-    while have < count:
+    accepted: list[NDArray[np.float64]] = []
+    num_accepted, tried, size = 0, 0, count + count // 8
+    while num_accepted < count:
         size = min(max(size, _FEWEST_CANDIDATES), _MAX_CANDIDATES)
         numbers = generator.random((size, _NUMBERS_EACH))
         places = low + numbers[:, :3] * (high - low)
-        fine = np.ones(size, dtype=bool) if target is None else (places != target).any(axis=1)
-        if judge is not None:
-            fine &= judge(places)
-        good.append(numbers[fine])
-        have, tried = have + len(good[-1]), tried + size
-        if have < count and tried >= _MIN_TRIED and have * _RAREST < tried:
-            what = "are elsewhere than the point to look at"
-            if judge is not None:
-                what = f"are {judge.clearance} m from all surfaces and not inside of closed objects"
+        valid = np.ones(size, dtype=bool) if target is None else (places != target).any(axis=1)
+        if is_free is not None:
+            valid &= is_free(places)
+        accepted.append(numbers[valid])
+        num_accepted, tried = num_accepted + len(accepted[-1]), tried + size
+        if num_accepted < count and tried >= _MIN_TRIED and num_accepted * _RAREST < tried:
+            condition = "differ from the point to look at"
+            if is_free is not None:
+                condition = f"are {is_free.clearance} m from all surfaces and not inside closed objects"
             box = " to ".join(" ".join(f"{value:g}" for value in corner) for corner in (low, high))
             raise PoseError(
-                f"there is no room for {pluralize(count, 'camera')} from {box}: of {tried} random places, {have} {what}"
+                f"bounds {box} must have room for {pluralize(count, 'camera')}: "
+                f"only {num_accepted} of {tried} random positions {condition}"
             )
-        size = math.ceil((count - have) * tried / max(have, 1))
-    return np.concatenate(good)[:count]
+        size = math.ceil((count - num_accepted) * tried / max(num_accepted, 1))
+    return np.concatenate(accepted)[:count]
 
 
 def _directions(headings: NDArray[np.float64], pitches: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    """Make unit vectors of angles from the floor's first axis, and above the floor [rad], shape ``(n, 3)``."""
+    """Compute unit vectors, shape ``(n, 3)``, from azimuths (from the floor's first axis) and elevations [rad]."""
     directions = np.empty((len(headings), 3))
     directions[:, (vertical + 1) % 3] = np.cos(headings) * np.cos(pitches)
     directions[:, (vertical + 2) % 3] = np.sin(headings) * np.cos(pitches)
@@ -328,16 +331,17 @@ def _directions(headings: NDArray[np.float64], pitches: NDArray[np.float64], ver
 
 
 def _look_at(places: NDArray[np.float64], target: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    at = np.flatnonzero((places == target).all(axis=1))
-    if len(at):
+    equal = np.flatnonzero((places == target).all(axis=1))
+    if len(equal):
         raise PoseError(
-            f"a camera cannot look at where it is: {len(at)} are at {target.tolist()}, the first is {at[0]}"
+            f"cameras must not be at the point that they look at, {target.tolist()}, got {len(equal)} there, "
+            f"the first is {equal[0]}"
         )
     return poses_along(places, target - places, vertical)
 
 
 def poses_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    """Make poses that look along directions of any length but 0; see the module for straight up and down."""
+    """Build poses along directions of any nonzero length; see the module for vertical directions."""
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
     rows = np.empty((len(places), 7))
     for start in range(0, len(places), _AT_A_TIME):
@@ -353,7 +357,7 @@ def poses_along(places: NDArray[np.float64], forward: NDArray[np.float64], verti
 def _check_bounds(bounds: ArrayLike) -> NDArray[np.float64]:
     corners = as_numpy(bounds, name="bounds").astype(np.float64)
     if corners.shape != (2, 3) or not ((np.abs(corners) <= FARTHEST).all() and (corners[0] <= corners[1]).all()):
-        raise ArrayError(f"bounds must be a box's least and greatest corner of shape (2, 3), got {corners.tolist()}")
+        raise ArrayError(f"bounds must be the lower and upper corner of a box, shape (2, 3), got {corners.tolist()}")
     return corners
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Generators of poses as a command line has them: ``"orbit target=0,0,0.5 radius=2 height=1 count=360"``."""
+"""Textual specs of pose generators: ``"orbit target=0,0,0.5 radius=2 height=1 count=360"``."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 _Value = float | str | list[str] | NDArray[np.float64]
-"""What the value of a key is read as."""
+"""Type of the parsed value of a key."""
 
 
 def looks_like_spec(text: str) -> bool:
-    """Tell whether a text is a generator's spec and not the name of a file.
+    """Return whether a text is a generator's spec rather than a file name.
 
-    It is if there is no file of that name, and it begins with a generator's name or goes on with words ``key=value``.
+    It is a spec if no such file exists, and it begins with a generator's name or continues with words ``key=value``.
     """
     try:
         words = shlex.split(check_text(text, "text", PoseError))
@@ -47,7 +47,7 @@ def looks_like_spec(text: str) -> bool:
 
 
 def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", "y"] | None = None) -> Frames:
-    """Make frames of a generator that a text names: ``NAME key=value ...``.
+    """Generate frames from a spec ``NAME key=value ...``.
 
     - ``orbit target=X,Y,Z radius=R height=H count=N [start=A]``
     - ``sphere target=X,Y,Z radius=R count=N [min_elevation=A] [max_elevation=A]``
@@ -55,8 +55,8 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
     - ``random count=N [seed=N] [bounds=X,Y,Z,X,Y,Z] [clearance=D] [look=level|any|X,Y,Z] [exclude=NAME,NAME]``
     - ``along path=FILE count=N [look=forward|X,Y,Z]``, a file of points; see `warpvis.io.read_points`
 
-    Lengths are in meters and angles in radians; see `warpvis.pose_generators`. Bounds are the scene's by default, the
-    seed is 0. A value with spaces is written in quotes.
+    Lengths are in meters and angles in radians; see `warpvis.pose_generators`. By default, bounds are the scene's and
+    the seed is 0. Quote values with spaces.
 
     Args:
         text: The spec.
@@ -64,12 +64,11 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
         up: The world's vertical axis; the scene's by default, else ``"z"``.
 
     Returns:
-        The frames, 0, 1, 2, ... seconds; their `source` says the generator and its arguments.
+        The frames, at 0, 1, 2, ... seconds; their `source` contains the generator and its arguments.
 
     Raises:
-        PoseError: The text does not name a generator, or a key is unknown, missing, there twice or not what it has to
-            be.
-        WarpvisError: The generator refuses its arguments.
+        PoseError: If there is no such generator, or a key is unknown, missing, duplicate or invalid.
+        WarpvisError: If an argument of the generator is invalid.
     """
     check_text(text, "text", PoseError)
     if scene is not None:
@@ -79,10 +78,10 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
     try:
         words = shlex.split(text)
     except ValueError as error:
-        raise PoseError(f"the spec {text!r} does not read: {error}") from None
+        raise PoseError(f"the spec {text!r} cannot be parsed: {error}") from None
     name = words[0] if words else ""
     if name not in _GENERATORS:
-        raise PoseError(f"a spec of poses begins with one of {', '.join(_GENERATORS)}, got {name!r}")
+        raise PoseError(f"a pose spec must begin with one of {', '.join(_GENERATORS)}, got {name!r}")
     generator = _GENERATORS[name]
     given = _parse_keys(name, generator, words[1:])
     upright = up if up is not None else scene.up if scene is not None else "z"
@@ -107,7 +106,7 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
 
 @dataclass(frozen=True)
 class _Generator:
-    """A function of `warpvis.pose_generators`, and how its keys are read."""
+    """A function of `warpvis.pose_generators` and the parsers of its keys."""
 
     function: str
     required: dict[str, Callable[[str], _Value]]
@@ -123,7 +122,7 @@ def _parse_keys(name: str, generator: _Generator, words: list[str]) -> dict[str,
         if not equals or key not in known:
             raise PoseError(f"{name} has no {key!r}; its keys are {keys}, each as key=value")
         if key in given:
-            raise PoseError(f"{key} of {name} is there twice")
+            raise PoseError(f"{key} of {name} must be given once, got it twice")
         try:
             given[key] = known[key](value)
         except ValueError as error:
@@ -149,7 +148,7 @@ def _place(text: str) -> NDArray[np.float64]:
 
 
 def _box(text: str) -> NDArray[np.float64]:
-    wanted = "six finite numbers, the least and the greatest corner, X,Y,Z,X,Y,Z"
+    wanted = "six finite numbers, the lower and upper corner, X,Y,Z,X,Y,Z"
     return np.array(_numbers(text, 6, wanted)).reshape(2, 3)
 
 
