@@ -140,9 +140,7 @@ def test_a_visual_that_does_not_fit_is_left_out_with_a_warning():
     mesh = box()
     mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((5, 2)))
     scene = added(mesh)
-    with pytest.warns(
-        UserWarning, match=r"the colours of 'box' are left out: uv of 'box' must be one for each of its 8"
-    ):
+    with pytest.warns(UserWarning, match=r"the colors of 'box' are ignored: uv of 'box' must be one for each of its 8"):
         assert scene["box"].appearance is None
 
 
@@ -199,7 +197,7 @@ def test_an_unreadable_image_is_white_with_a_warning_that_names_it(tmp_path):
     (tmp_path / "torn.png").write_bytes(b"\x89PNG\r\n\x1a\n torn")
     for texture, said in (
         (Texture(tmp_path / "torn.png"), r"torn\.png: cannot be read as an image"),
-        (Texture(tmp_path / "none.png"), r"none\.png: cannot be read as an image \(no such file\): white stands in"),
+        (Texture(tmp_path / "none.png"), r"none\.png: cannot be read as an image \(no such file\); using white"),
         (Texture(b"", "wood"), r"wood: cannot be read as an image \(no such file\)"),
         (Texture(b"\0" * 99, "wood"), r"wood: cannot be read as an image \(no known format\)"),
         (Texture(tmp_path), "cannot be read as an image"),
@@ -262,7 +260,7 @@ def test_what_does_not_fit_is_refused_and_nothing_is_added(said, given):
         (lambda: Material(texture_repeat=(1,)), "texture_repeat of a material must be two numbers"),
         (lambda: Appearance(()), "materials must be at least one Material"),
         (lambda: Appearance(7), "materials must be at least one Material"),
-        (lambda: Appearance(face_materials=[0, 1]), "face_materials must index the materials, which are 1"),
+        (lambda: Appearance(face_materials=[0, 1]), "face_materials must be material indices from 0 to 0, got 0 to 1"),
         (lambda: Appearance(face_materials=[0.5]), "face_materials must be whole numbers"),
         (lambda: Appearance(uv=np.zeros((3, 3))), "uv must have shape"),
         (lambda: Appearance(uv=[[np.nan, 0]]), "uv must be finite: 1 are not, the first at 0"),

@@ -100,7 +100,7 @@ def test_gltf_without_its_image_shows_the_materials_colour(tmp_path, place):
     writer = triangle({"index": 1})
     writer.content["images"][1]["uri"] = place
     texture = appearance(tmp_path / "in", writer).materials[0].texture
-    with pytest.warns(UserWarning, match=r"my tex\.png: cannot be read as an image \(no such file\): white stands in"):
+    with pytest.warns(UserWarning, match=r"my tex\.png: cannot be read as an image \(no such file\); using white"):
         assert (texture.image == 255).all()
 
 
@@ -150,7 +150,7 @@ def test_gltf_with_damaged_colours_keeps_its_triangles(tmp_path, spoil):
     (tmp_path / "a.glb").write_bytes(writer.bytes())
     (item,) = load(tmp_path / "a.glb", strict=True)
     assert len(item.faces) == 1
-    with pytest.warns(UserWarning, match=r"a\.glb: left out the colours of mesh 0 \("):
+    with pytest.warns(UserWarning, match=r"a\.glb: left out the colors of mesh 0 \("):
         assert item.appearance is None
 
 
@@ -253,7 +253,7 @@ def test_obj_without_its_mtl_warns_when_colours_are_asked_for(tmp_path):
     (tmp_path / "a.obj").write_text(OBJ)
     scene = load(tmp_path / "a.obj")
     with pytest.warns(
-        UserWarning, match=r"a\.obj: no MTL file has the material 'red', 'blue' \(m\.mtl: no such file\)"
+        UserWarning, match=r"a\.obj: no MTL file defines the material 'red', 'blue' \(m\.mtl: no such file\)"
     ):
         found = scene["triangles"].appearance
     assert [material.base_color for material in found.materials] == [(1, 1, 1, 1)] * 2

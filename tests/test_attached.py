@@ -101,12 +101,24 @@ def test_another_device_and_a_file_keep_them(tmp_path):
 @pytest.mark.parametrize(
     ("name", "attach_to", "said"),
     [
-        ("a box", "floor", "'a box' cannot be attached to 'floor', which stays; add it with movable=True"),
-        ("a box", "lamp", "'a box' cannot be attached to 'lamp', which moves with another one"),
+        ("a box", "floor", "'a box' cannot be attached to 'floor', which is static; add it with movable=True"),
+        ("a box", "lamp", "'a box' cannot be attached to 'lamp', which is itself attached to another object"),
         ("a box", "chair", "the scene has no object 'chair'; it has " + NAMES),
-        ("a box", "egg", "'a box' cannot be attached to 'egg': 'egg' is a solid, and moves alone"),
-        ("a solid", "table", "'a solid' cannot be attached to 'table': 'a solid' is a solid, and moves alone"),
-        ("a box", "rag", "'a box' cannot be attached to 'rag': 'rag' is deforming, and moves alone"),
+        (
+            "a box",
+            "egg",
+            "'a box' cannot be attached to 'egg': 'egg' is a solid, and only rigid meshes can be attached",
+        ),
+        (
+            "a solid",
+            "table",
+            "'a solid' cannot be attached to 'table': 'a solid' is a solid, and only rigid meshes can be attached",
+        ),
+        (
+            "a box",
+            "rag",
+            "'a box' cannot be attached to 'rag': 'rag' is deforming, and only rigid meshes can be attached",
+        ),
     ],
 )
 def test_what_cannot_be_attached(name, attach_to, said):
@@ -126,5 +138,5 @@ def test_pieces_do_not_deform(name, others):
     scene = build("cpu", *random_poses(np.random.default_rng(5), 2))
     with pytest.raises(wv.errors.SceneError) as error:
         scene.update_vertices(name, scene[name].mesh_vertices)
-    said = f"object {name!r} is of one piece with {others}, so its vertices stay; do not attach them"
+    said = f"object {name!r} is rigidly attached to {others}, so its vertices cannot be updated; do not attach them"
     assert str(error.value) == said

@@ -220,7 +220,7 @@ CASES = {
     ),
     "worlds and views": (
         lambda: render_moved(object_poses=moved(3)),
-        "object_poses are of 3 worlds for 2 views; say world_index= of each view",
+        "object_poses have 3 worlds for 2 views; give world_index= for each view",
     ),
     "world out of range": (
         lambda: render_moved(object_poses=moved(3), world_index=[0, 3]),
@@ -366,10 +366,10 @@ def test_arrays_of_another_device_are_refused(device):
 
 FILES = {
     "missing": ("box.obj", None, r"box.obj: no such file"),
-    "no mesh": ("box.txt", b"hello", r"box.txt: '.txt' is no format of scenes; those are .*glb"),
+    "no mesh": ("box.txt", b"hello", r"box.txt: '.txt' is not a scene format; supported are .*glb"),
     "without triangles": ("box.obj", b"hello", r"box.obj: holds no triangles"),
-    "broken PLY": ("box.ply", b"ply\nformat ascii 1.0\nelement vertex 3\n", r"box.ply: does not read as PLY"),
-    "broken GLB": ("box.glb", b"junk", r"box.glb: does not read as GLB"),
+    "broken PLY": ("box.ply", b"ply\nformat ascii 1.0\nelement vertex 3\n", r"box.ply: cannot be read as PLY"),
+    "broken GLB": ("box.glb", b"junk", r"box.glb: cannot be read as GLB"),
     "broken STL": ("box.stl", b"solid x", r"box.stl: "),
     "empty": ("box.obj", b"", r"box.obj: "),
 }
@@ -461,7 +461,7 @@ COMMANDS = {
         "warpvis: file: is a file; a dataset needs a folder",
     ),
     "demo on no device": ("demo --out o --device tpu", "device 'tpu' is not on this machine"),
-    "demo into a file": ("demo --out file", "warpvis: file: is a file; a folder is wanted"),
+    "demo into a file": ("demo --out file", "warpvis: file: must be a folder, but is a file"),
     "negative scale": ("render box.stl --poses poses.txt --out o --scale -1", "scale of 'box.stl' must be"),
 }
 

@@ -81,7 +81,7 @@ def test_a_job_from_the_command_line(workspace):
 
     sound = cli("verify", "out")
     assert sound.returncode == 0
-    assert "out: complete and sound: 3 of 3 shards (npz, 9 frames), 7 files" in sound.stdout.replace("\n", " ")
+    assert "out: complete and intact: 3 of 3 shards (npz, 9 frames), 7 files" in sound.stdout.replace("\n", " ")
     shard = workspace / "out" / "shard-000001.npz"
     data = bytearray(shard.read_bytes())
     data[1000] ^= 1
@@ -89,12 +89,15 @@ def test_a_job_from_the_command_line(workspace):
     damaged = cli("verify", "out")
     assert damaged.returncode == 1
     assert "shard-000001.npz: its checksum differs from the recorded one" in damaged.stdout
-    assert "damaged: what is of shards/000001.json; the batch's command with --resume --repair" in damaged.stdout
+    assert (
+        "damaged shards: shards/000001.json; the batch command with --resume --repair renders them again"
+        in damaged.stdout
+    )
     trusting = cli(*job, "--resume")
-    assert "9 of them were there: their sizes are right, and --repair reads them" in trusting.stdout
+    assert "9 of them existed: their sizes are correct; --repair reads them" in trusting.stdout
     (workspace / "scene.glb").rename(workspace / "renamed.glb")
     repairing = cli(job[0], "renamed.glb", *job[2:], "--resume", "--repair")
-    assert "5 of them were there: their checksums are right" in repairing.stdout
+    assert "5 of them existed: their checksums are correct" in repairing.stdout
     assert "4 of them rendered in" in repairing.stdout
     assert tree(workspace / "out") == before
 
@@ -144,25 +147,28 @@ BAD = {
     "camera": ({"camera": "lens"}, "lens: no such file; a camera is"),
     "device": ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
     "labels": ({"labels": ("cat=human",)}, "labels for 'cat' fit no object"),
-    "movable": ({"movable": ("cat",)}, "movable 'cat' fits no object of scene.glb, which has 'floor', 'box', 'ball'"),
+    "movable": (
+        {"movable": ("cat",)},
+        "movable 'cat' matches no object of scene.glb, which has 'floor', 'box', 'ball'",
+    ),
     "movable without worlds": (
         {"movable": ("ball",)},
         "--movable has no effect without poses of objects: give --worlds",
     ),
     "worlds without movable": (
         {"worlds": Path("worlds.npz")},
-        "poses of 1 object, and the scene has 0 that are movable",
+        "poses of 1 object, but the scene has 0 that are movable",
     ),
-    "spec in axes": ({"poses": ORBIT, "convention": "opengl"}, "poses that are made need no --convention"),
-    "spec of a topic": ({"poses": ORBIT, "topic": "/tf"}, "poses that are made need no --topic"),
+    "spec in axes": ({"poses": ORBIT, "convention": "opengl"}, "generated poses take no --convention"),
+    "spec of a topic": ({"poses": ORBIT, "topic": "/tf"}, "generated poses take no --topic"),
     "topic": ({"topic": "/tf"}, "topic= is for ROS 2 bags"),
-    "search path": ({"search_path": (Path("taken"),)}, "its geometry is all in one file: leave out search_path"),
+    "search path": ({"search_path": (Path("taken"),)}, "its geometry is in a single file; leave out search_path"),
     "worlds": (
         {"movable": ("ball",), "worlds": Path("two.npz")},
-        "the frames have poses of 2 objects, and the scene has 1",
+        "the frames have poses of 2 objects, but the scene has 1",
     ),
     "no worlds": ({"worlds": Path("empty.npz")}, "^empty.npz: expected an array object_poses, got world"),
-    "no npz": ({"worlds": Path("poses.txt")}, "^poses.txt: does not read as NPZ: "),
+    "no npz": ({"worlds": Path("poses.txt")}, "^poses.txt: cannot be read as NPZ: "),
     "url": ({"out": "nosuch://bucket/name"}, "^nosuch://bucket/name: cannot be opened: "),
 }
 
@@ -208,5 +214,5 @@ def test_an_interrupted_job_says_how_to_go_on(workspace):
         time.sleep(0.05)
     job.send_signal(signal.SIGINT)
     errors = job.communicate()[1]
-    assert job.returncode == 130 and "the same command with --resume goes on with out" in errors
+    assert job.returncode == 130 and "the same command with --resume continues out" in errors
     assert "Traceback" not in errors and not list((workspace / "out").glob(".part*"))

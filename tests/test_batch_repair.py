@@ -114,7 +114,7 @@ def test_the_command_says_what_to_do(wholes, tmp_path, capsys):
         Verify(str(tmp_path / "out"), repair=True).run()
     assert ended.value.code == 1
     printed = capsys.readouterr().out
-    assert "removed shards/000001.json: the batch's command with --resume makes again what is damaged" in printed
+    assert "removed shards/000001.json: the batch command with --resume renders the damaged shards again" in printed
 
 
 def test_renamed_files_of_the_same_content_are_resumed(wholes, tmp_path):

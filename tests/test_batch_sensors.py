@@ -251,8 +251,8 @@ def test_the_command_line(tmp_path):
     np.testing.assert_array_equal(varied["depth"][2], views.depth.numpy()[0])
     for wrong, said in (
         (["--sensor", "d345"], "there is no sensor 'd345'; did you mean d4"),
-        (["--sensor-seed", "3"], "without --sensor there is no --sensor-seed"),
-        (["--sensor-vary", "sigma=0:1"], "without --sensor there is no --sensor-vary"),
+        (["--sensor-seed", "3"], "without --sensor, give no --sensor-seed"),
+        (["--sensor-vary", "sigma=0:1"], "without --sensor, give no --sensor-vary"),
         (["--sensor", "d435", "--sensor-vary", "sigma=0.1"], "NAME=MIN:MAX once, as in sigma=0.05:0.15, got"),
         (["--sensor", "d435", "--sensor-vary", "colour=0:1"], "StereoDepth has no parameter 'colour'"),
         (["--sensor", "d435", "--lidar", "vlp16"], "with --lidar no camera is rendered: give no --sensor"),

@@ -136,7 +136,7 @@ def test_blenders_files_have_an_angle_and_pictures(tmp_path):
     data = {"camera_angle_x": 2 * math.atan(0.5), "frames": nerfstudio()["frames"]}
     data["frames"] = [frame | {"file_path": "./train/r_0"} for frame in data["frames"]]
     path = put(tmp_path / "transforms_train.json", data)
-    with pytest.warns(IntrinsicsWarning, match="json: says a field of view, but not the images' size"):
+    with pytest.warns(IntrinsicsWarning, match="json: defines a field of view but not the image size"):
         assert read_frames(path).camera is None
     (tmp_path / "train").mkdir()
     Image.new("L", (64, 48)).save(tmp_path / "train" / "r_0.png")
@@ -158,7 +158,7 @@ def test_bop_says_its_camera(tmp_path):
     assert read_frames(path).camera.width == 60
     last = sorted(images)[-1]
     images[last]["cam_K"][0] += 1
-    with pytest.warns(IntrinsicsWarning, match=r"its images have different cameras, of 60x48 pixels, fx=60"):
+    with pytest.warns(IntrinsicsWarning, match=r"its images have different cameras, such as 60x48 pixels, fx=60"):
         assert read_frames(put(path, images)).camera is None
 
 
@@ -191,12 +191,12 @@ def test_poses_of_a_lens_that_is_no_pinhole_are_read_without_it(kind, tmp_path):
         "nerfstudio": (
             lambda: put(tmp_path / "transforms.json", nerfstudio() | NERF | {"camera_model": "OPENCV_FISHEYE"}),
             "transforms.json",
-            r'transforms\.json: camera_model "OPENCV_FISHEYE" is no pinhole: the poses come without a camera',
+            r'transforms\.json: camera_model "OPENCV_FISHEYE" is not a pinhole: the frames have no camera',
         ),
         "text": (
             lambda: colmap_text(tmp_path, "7 FOV 64 48 60 58 31 25 1"),
             "cameras.txt",
-            r"cameras\.txt:2: camera model FOV is no pinhole: the poses come without a camera",
+            r"cameras\.txt:2: camera model FOV is not a pinhole: the frames have no camera",
         ),
         "binary": (
             lambda: colmap_binary(tmp_path, 5, [60.0] * 8),
@@ -209,7 +209,7 @@ def test_poses_of_a_lens_that_is_no_pinhole_are_read_without_it(kind, tmp_path):
         frames = read_frames(path)
     np.testing.assert_allclose(poses_to_matrices(frames.camera_to_world), MATRICES, atol=1e-12)
     assert frames.camera is None
-    with pytest.raises(FileFormatError, match="is no pinhole"):
+    with pytest.raises(FileFormatError, match="is not a pinhole"):
         load_camera(tmp_path / name)
 
 
@@ -260,11 +260,11 @@ def test_the_command_line_takes_the_poses_camera(tmp_path, monkeypatch, capsys):
     assert run("replaced", "--camera", "kinect", "--replace-camera")[0] in (0, None)
     assert wv.open_dataset(tmp_path / "replaced").camera == wv.Camera.kinect()
     code, said = run("useless", "--replace-camera")
-    assert code == 2 and "--replace-camera is for a pose file that says its camera" in said
+    assert code == 2 and "--replace-camera requires a pose file that defines a camera" in said
 
 
 BAD = {
-    "fisheye": (lambda p: put(p / "t.json", NERF | {"camera_model": "OPENCV_FISHEYE"}), "is no pinhole"),
+    "fisheye": (lambda p: put(p / "t.json", NERF | {"camera_model": "OPENCV_FISHEYE"}), "is not a pinhole"),
     "no size": (lambda p: put(p / "t.json", {"fl_x": 60.0, "frames": []}), "holds no camera of all images"),
     "words": (lambda p: put(p / "t.json", NERF | {"fl_x": "long"}), r"t\.json: fl_x must be"),
     "negative": (lambda p: put(p / "t.json", NERF | {"fl_x": -60.0}), "focal lengths must be positive"),
@@ -272,7 +272,7 @@ BAD = {
     "no yaml": (lambda p: put(p / "eye.yaml", "a: [1"), r"eye\.yaml: is not YAML"),
     "a list": (lambda p: put(p / "eye.yaml", "[1, 2]"), "a camera file holds one YAML mapping, got list"),
     "empty yaml": (lambda p: put(p / "eye.yaml", "a: 1"), "holds no camera of ROS"),
-    "omni": (lambda p: put(p / "eye.yaml", KALIBR.replace("pinhole", "omni")), 'camera_model "omni" is no pinhole'),
+    "omni": (lambda p: put(p / "eye.yaml", KALIBR.replace("pinhole", "omni")), 'camera_model "omni" is not a pinhole'),
     "cut off": (lambda p: colmap_binary(p / "m").with_name("cameras.bin"), None),
 }
 
@@ -285,7 +285,7 @@ def test_what_is_no_camera_is_said(name, tmp_path):
         pytest.importorskip("ruamel.yaml")
     if message is None:
         path.write_bytes(path.read_bytes()[:30])
-        message = "is cut off, or no file of COLMAP's"
+        message = "is truncated, or not a COLMAP file"
     with pytest.raises(wv.WarpvisError, match=message):
         load_camera(path)
 
@@ -370,9 +370,9 @@ def test_instant_ngps_fisheye(tmp_path, place):
     for point in ((0.3, -0.2, 1.0), (-0.9, 0.4, 1.0), (1.5, 1.0, 1.0)):
         np.testing.assert_allclose(camera.project([point])[0], fisheye_pixel(point, NGP_FISHEYE), atol=1e-9)
     assert read_frames(path, distortion=True).camera == camera
-    with pytest.raises(FileFormatError, match=r'camera_model "OPENCV_FISHEYE" is no pinhole'):
+    with pytest.raises(FileFormatError, match=r'camera_model "OPENCV_FISHEYE" is not a pinhole'):
         load_camera(path)
-    with pytest.warns(IntrinsicsWarning, match="the poses come without a camera"):
+    with pytest.warns(IntrinsicsWarning, match="the frames have no camera"):
         assert read_frames(path).camera is None
 
 

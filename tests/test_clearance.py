@@ -187,7 +187,7 @@ def test_room_is_where_no_point_of_a_surface_is(device):
         ({"max_distance": np.nan}, "max_distance must be a number of metres from 0 up, got nan"),
         ({"objects": ["ball"]}, "the scene has no object 'ball'; it has 'floor', 'table', 'pillar', 'sill'"),
         ({"objects": []}, "objects must be one or more different ones of the scene's, got []"),
-        ({"exclude": [7]}, "exclude must name objects from 0 to 3, got 7"),
+        ({"exclude": [7]}, "exclude must be indices of objects from 0 to 3, got 7"),
     ],
 )
 def test_bad_input(change, said):

@@ -169,7 +169,7 @@ def test_perspective_of_a_file(lab, tmp_path):
 
 def test_perspective_of_an_experiment(tmp_path, monkeypatch, capsys):
     """It has its own agents; nothing is written that was not asked for."""
-    for number, word in ((1, "The robot sees all of them."), (4, "The person sees none of the objects")):
+    for number, word in ((1, "The robot sees all of them."), (4, "The person sees no objects")):
         code, out, _ = run_here(monkeypatch, capsys, tmp_path, "perspective", f"experiment_{number}")
         assert code == 0 and word in out
         experiment = EXPERIMENTS[number - 1]
@@ -180,7 +180,7 @@ def test_perspective_of_an_experiment(tmp_path, monkeypatch, capsys):
 def test_a_file_comes_before_an_experiment(lab, tmp_path, monkeypatch, capsys):
     (tmp_path / "experiment_1").write_text("no mesh")
     code, _, error = run_here(monkeypatch, capsys, tmp_path, "perspective", "experiment_1")
-    assert code == 2 and error.startswith("warpvis: --robot must say")
+    assert code == 2 and error.startswith("warpvis: --robot must be given as")
 
 
 def test_labels_say_what_the_person_may_mean(lab, monkeypatch, capsys):
@@ -214,8 +214,8 @@ def test_poses_of_seven_numbers_of_other_axes_and_of_files(lab, tmp_path, monkey
         tables.append(out)
     assert len(set(tables)) == 1
     for pose, more, said in (
-        (ROBOT, ("--convention", "opengl"), "poses that are given by what they look at take no --convention"),
-        (seven, ("--topic", "/tf"), "poses that are given as numbers take no --topic"),
+        (ROBOT, ("--convention", "opengl"), "poses given by eye and target take no --convention"),
+        (seven, ("--topic", "/tf"), "poses given as numbers take no --topic"),
         (tmp_path / "poses.npy", (), f"--robot must be one pose, and {tmp_path / 'poses.npy'} holds 2"),
     ):
         given = ("perspective", "lab.glb", "--robot", pose, "--human", HUMAN, *more)
@@ -227,7 +227,7 @@ def test_where_the_robot_may_go(lab, monkeypatch, capsys):
     for more in (("--max-distance", "0.3"), ("--robot-radius", "5"), ("--floor", "-1")):
         code, out, _ = run_here(monkeypatch, capsys, lab, *given, *more)
         assert code == 0
-        assert ("that has room for it shows any of that." in out) == (more[0] != "--floor")
+        assert ("m shows any of them." in out) == (more[0] != "--floor")
 
 
 def test_check_objects(lab, tmp_path, monkeypatch, capsys):
@@ -311,19 +311,19 @@ POSES = ("--poses", "poses.txt")
         (("perspective", "experiment_9", *LOOK, "--out", "x"), "experiment_9: no such file"),
         (
             ("perspective", "lab.glb", "--human", HUMAN, "--out", "x"),
-            "--robot must say where the eyes are and what they",
+            "--robot must be given as eye and target",
         ),
         (
             ("perspective", "lab.glb", "--robot", ROBOT, "--out", "x"),
-            "--human must say where the eyes are and what they",
+            "--human must be given as eye and target",
         ),
         (
             ("perspective", "lab.glb", "--robot", "1 2 3", "--human", HUMAN),
-            "--robot must be 6 numbers, where the eyes are",
+            "--robot must be 6 numbers, eye and target",
         ),
         (
             ("perspective", "lab.glb", "--robot", ROBOT, "--human", "a b c d e f"),
-            "--human must be 6 numbers, where the",
+            "--human must be 6 numbers, eye and target",
         ),
         (
             ("perspective", "lab.glb", "--robot", "0 0 1 0 0 0", "--human", HUMAN),
@@ -353,10 +353,10 @@ POSES = ("--poses", "poses.txt")
             "--robot-radius must be a positive number of metres",
         ),
         (("perspective", "lab.glb", *LOOK, "--floor", "nan"), "--floor must be a finite number of metres, got nan"),
-        (("perspective", "lab.glb", *LOOK, "--out", "lab.glb"), "lab.glb: is a file; a folder is wanted"),
+        (("perspective", "lab.glb", *LOOK, "--out", "lab.glb"), "lab.glb: must be a folder, but is a file"),
         (
             ("perspective", "experiment_1", "--robot", ROBOT, "--scale", "2"),
-            "experiment_1 comes with its robot and its",
+            "experiment_1 defines its robot and its",
         ),
         (("check", "none.glb", *POSES, "--out", "x.json"), "none.glb: no such file"),
         (("check", "lab.glb", "--poses", "none.txt", "--out", "x.json"), "none.txt: no such file"),

@@ -169,7 +169,7 @@ def test_what_the_model_says_moves(run, tmp_path):
     assert (depth[0] > depth[1]).any()
     (tmp_path / "model.stl").write_bytes(trimesh.creation.box().export(file_type="stl"))
     code, _, error = run("check", tmp_path / "model.stl", *given, "--movable", "model")
-    assert code == 2 and "nothing in it is said to move: name what is movable" in error
+    assert code == 2 and "it defines no moving objects; name those that are movable" in error
     assert run("check", tmp_path / "model.stl", *given, "--movable", "[m]odel")[0] == 0
 
 
@@ -185,7 +185,7 @@ def test_render_checks_all_formats_before_it_writes(run, tmp_path):
     (tmp_path / "out" / "png").mkdir(parents=True)
     (tmp_path / "out" / "png" / "mine").write_text("")
     code, _, error = run(*given)
-    assert code == 2 and "png: is there already" in error and not (tmp_path / "out" / "npz").exists()
+    assert code == 2 and "png: exists already" in error and not (tmp_path / "out" / "npz").exists()
     assert run(*given, "--format", "tum")[0] == 0
     assert (tmp_path / "out" / "tum" / "depth.txt").is_file()
 
@@ -193,25 +193,28 @@ def test_render_checks_all_formats_before_it_writes(run, tmp_path):
 NO_EFFECT = {
     "tolerance": (
         ("check", "room.stl", "--poses", ORBIT, "--tolerance", "1"),
-        "without --points there is no --tolerance",
+        "without --points, give no --tolerance",
     ),
-    "convention": (("check", "room.stl", "--poses", ORBIT, "--convention", "opengl"), "are made need no --convention"),
+    "convention": (
+        ("check", "room.stl", "--poses", ORBIT, "--convention", "opengl"),
+        "generated poses take no --convention",
+    ),
     "topic": (
         ("render", "room.stl", "--poses", "poses.npy", "--topic", "/tf", "--out", "x"),
         "--topic is for ROS 2 bags",
     ),
     "movable": (("check", "room.stl", "--poses", ORBIT, "--movable", "room"), "--movable has no effect without poses"),
     "worlds": (("check", "room.stl", "--poses", "poses.npy", "--worlds", "worlds.npz"), "has 0 that are movable"),
-    "search path": (("info", "room.stl", "--search-path", "lib"), "its geometry is all in one file"),
+    "search path": (("info", "room.stl", "--search-path", "lib"), "its geometry is in a single file"),
     "scale": (("check", "room.xml", "--poses", ORBIT, "--scale", "2"), "leave out scale and file_up"),
     "file_up": (("check", "world.wbt", "--poses", ORBIT, "--file-up", "y"), "leave out scale and file_up"),
     "quaternion of what is made": (
         ("check", "room.stl", "--poses", ORBIT, "--quaternion", "wxyz"),
-        "poses that are made need no --quaternion",
+        "generated poses take no --quaternion",
     ),
     "quaternion of TUM": (
         ("check", "room.stl", "--poses", "poses.txt", "--quaternion", "wxyz"),
-        "poses that are in poses.txt, whose format says what their order is, need no --quaternion",
+        "poses in poses.txt, whose format defines the order, take no --quaternion",
     ),
     "quaternion of a gaze": (
         ("perspective", "room.stl", "--robot", "0 0 3 0 0 0", "--human", "0 3 3 0 0 0", "--quaternion", "wxyz"),
@@ -223,11 +226,11 @@ NO_EFFECT = {
     ),
     "labels of an experiment": (
         ("info", "experiment_2", "--labels", "ball=human"),
-        "experiment_2 is no file, so it takes no --labels",
+        "experiment_2 is not a file, so it takes no --labels",
     ),
     "movables of an experiment": (
         ("check", "experiment_2", "--poses", "poses.npy", "--movable", "ball", "--worlds", "worlds.npz"),
-        "nothing of experiment_2 is movable, so it takes no --movable",
+        "experiment_2 has no movable objects, so it takes no --movable",
     ),
     "device name": (
         ("render", "world.wbt", "--poses", ORBIT, "--device-name", "eye", "--out", "x"),

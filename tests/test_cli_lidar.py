@@ -74,14 +74,14 @@ def test_a_lidar_that_moves_along_its_poses(folder, monkeypatch, capsys, lidar):
         (("--lidar", "vlp16"), "give --poses with --lidar"),
         (("--lidar", "vlp16", "--poses", "walk.txt", "--camera", "kinect"), "no camera is rendered: give no --camera"),
         (("--lidar", "vlp16", "--poses", "walk.txt", "--format", "png"), "--format with --lidar must be .* got 'png'"),
-        (("--poses", "walk.txt", "--moving"), "--moving is of a lidar: give --lidar"),
+        (("--poses", "walk.txt", "--moving"), "--moving requires --lidar"),
         (
             ("--lidar", "vlp16", "--poses", "back.txt", "--moving"),
-            "by the poses' times, which must rise from",
+            "timestamps that increase from pose to pose",
         ),
         (
             ("--lidar", "vlp16", "--poses", "short.txt", "--moving"),
-            "turn of the lidar, 0.09.* has them for 0.01 s",
+            "revolution of the lidar, 0.09.* s, got 0.01 s",
         ),
         (("--lidar", "os1-128@9x9", "--poses", "walk.txt"), 'mode must be "512x10", .* got .9x9.'),
         (("--lidar", "avia:none.csv", "--poses", "walk.txt"), "none.csv: cannot be read"),
@@ -100,4 +100,4 @@ def test_a_folder_that_is_not_empty_is_left_alone(folder, monkeypatch, capsys):
     render(monkeypatch, "--lidar", "vlp16", "--poses", "walk.txt", "--quiet")
     with pytest.raises(SystemExit):
         render(monkeypatch, "--lidar", "vlp16", "--poses", "walk.txt", "--quiet")
-    assert "is there already; give a new or an empty folder" in capsys.readouterr().err
+    assert "exists already; give a new or empty folder" in capsys.readouterr().err

@@ -197,7 +197,7 @@ TYPES = {"types": type("Types", (), {"types": {}})()}
         ),
         (
             lambda p: wv.io.to_pointcloud2(named(**XYZ), frame_id="a", layout="velodyne", **TYPES),
-            'the layout "velodyne" needs the field ring, which the cloud has not',
+            'the layout "velodyne" needs the field ring, which the cloud lacks',
         ),
         (
             lambda p: wv.io.to_pointcloud2(named(**XYZ), frame_id="a", layout="hesai", **TYPES),

@@ -134,7 +134,7 @@ def test_records_of_mcap_that_are_longer_than_the_file(datasets, tmp_path):
         good.write_bytes(data[: place + 1] + struct.pack("<Q", size) + data[place + 9 :])
         for path in (good, good.parent):
             wanted = f"bag.mcap has a record of {size} bytes at byte {place + 9}, and {len(data)} in all"
-            assert refusal(read_frames, path) == f"{path}: does not read as a ROS 2 bag: {wanted}"
+            assert refusal(read_frames, path) == f"{path}: cannot be read as a ROS 2 bag: {wanted}"
     good.write_bytes(data[: place + 1] + struct.pack("<Q", length) + data[place + 9 :])
     assert len(read_frames(good.parent)) == 5
 
@@ -176,7 +176,7 @@ def test_chunks_of_mcap_have_a_bound(tmp_path):
     unpacked = struct.pack("<Q", 2**31)
     for kind, record in ((6, bytes(16) + unpacked + bytes(16)), (8, bytes(64) + unpacked)):
         path.write_bytes(data[:start] + bytes([kind]) + struct.pack("<Q", len(record)) + record + data[start:])
-        assert "bag.mcap: unpacks to more than 1 GiB, the most that is read" in refusal(read_frames, path)
+        assert "bag.mcap: unpacks to more than 1 GiB, the maximum" in refusal(read_frames, path)
 
 
 def test_long_names_in_bags_are_not_repeated(tmp_path):
@@ -240,14 +240,14 @@ def gltf(**changes):
             gltf(nodes=lambda items: [{"mesh": 0, "extensions": 3}]),
             "it is damaged, or something else (AttributeError: 'int' object has no attribute 'get')",
         ),
-        (gltf(nodes=lambda items: [{"mesh": LONG}]), "it names meshes 'aaaa"),
+        (gltf(nodes=lambda items: [{"mesh": LONG}]), "it references meshes 'aaaa"),
         (b"glTF\2\0\0\0" + struct.pack("<II", 100_020, 100_000) + b"JSON" + b"[" * 100_000, "it is nested too deeply"),
     ],
     ids=["no count", "a number for an object", "a long name", "nested"],
 )
 def test_gltf_of_other_things_than_the_specification_says(tmp_path, file, wanted):
     path = write(tmp_path / "a.glb", file)
-    assert refusal(wv.Scene.load, path).startswith(f"{path}: does not read as GLB: {wanted}")
+    assert refusal(wv.Scene.load, path).startswith(f"{path}: cannot be read as GLB: {wanted}")
 
 
 BAD_INDEX = "o box\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"
@@ -262,23 +262,23 @@ BAD_INDEX = "o box\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"
             "faces of 'part' must index its 2",
         ),
         ("a.stl", trimesh.Trimesh(np.eye(3) * 1e30, [[0, 1, 2]]).export(file_type="stl"), "vertices of 'a' must lie"),
-        ("a.obj", BAD_INDEX, "does not read as OBJ: line 5: a face must index the file's 3 vertices, got 'f 1 2 9'"),
-        ("a.obj", BAD_INDEX.replace("9", "0"), "does not read as OBJ: line 5: vertices of a face are counted from 1"),
-        ("a.obj", BAD_INDEX.replace("9", "0/1"), "does not read as OBJ: line 5: vertices of a face are counted from 1"),
+        ("a.obj", BAD_INDEX, "cannot be read as OBJ: line 5: a face must index the file's 3 vertices, got 'f 1 2 9'"),
+        ("a.obj", BAD_INDEX.replace("9", "0"), "cannot be read as OBJ: line 5: vertex indices of a face start at 1"),
+        ("a.obj", BAD_INDEX.replace("9", "0/1"), "cannot be read as OBJ: line 5: vertex indices of a face start at 1"),
         (
             "a.obj",
             BAD_INDEX.replace("9", "c"),
-            "does not read as OBJ: line 5: a face needs numbers of vertices, got 'f",
+            "cannot be read as OBJ: line 5: a face needs numbers of vertices, got 'f",
         ),
         (
             "a.obj",
             BAD_INDEX.replace("0 0 0", "0 \\\n0 x"),
-            "does not read as OBJ: line 2: a vertex needs three numbers",
+            "cannot be read as OBJ: line 2: a vertex needs three numbers",
         ),
         ("a.glb", b"", "is empty"),
-        ("a.stl", b"solid a\nfacet\nvertex 0 0 0\nvertex 1 0\nendsolid\n", "does not read as STL: "),
-        ("a.ply", b"ply\nformat ascii 1.0\nend\n", "does not read as PLY: "),
-        ("a.tar", b"no archive", "does not unpack: "),
+        ("a.stl", b"solid a\nfacet\nvertex 0 0 0\nvertex 1 0\nendsolid\n", "cannot be read as STL: "),
+        ("a.ply", b"ply\nformat ascii 1.0\nend\n", "cannot be read as PLY: "),
+        ("a.tar", b"no archive", "cannot be unpacked: "),
     ],
     ids=["glb", "far stl", "obj", "obj 0", "obj 0/1", "obj c", "obj x", "empty", "short stl", "ply", "tar"],
 )
@@ -393,7 +393,7 @@ def test_transforms_without_frames_are_named(tmp_path, content):
 
 def test_what_is_no_array_of_numpy_is_not_to_be_unpickled(tmp_path):
     path = write(tmp_path / "a.npy", png(4, 4))
-    assert refusal(read_frames, path) == f"{path}: does not read as NPY: it holds no arrays of NumPy"
+    assert refusal(read_frames, path) == f"{path}: cannot be read as NPY: it contains no NumPy arrays"
 
 
 @pytest.fixture
@@ -409,7 +409,7 @@ def poses_at_origin(count):
 def test_compressed_arrays_of_poses_have_a_bound(tmp_path, small_bound):
     np.savez_compressed(tmp_path / "poses.npz", camera_to_world=poses_at_origin(1000), others=np.zeros(10**6))
     assert refusal(read_frames, tmp_path / "poses.npz") == (
-        f"{tmp_path / 'poses.npz'}: unpacks to more than 1 GiB, the most that is read: write it with numpy.savez, "
+        f"{tmp_path / 'poses.npz'}: unpacks to more than 1 GiB, the maximum: write it with numpy.savez, "
         "without compression"
     )
     np.savez_compressed(tmp_path / "poses.npz", camera_to_world=poses_at_origin(100), others=np.zeros(10**6))
@@ -461,7 +461,7 @@ def test_archives_that_unpack_to_too_much_take_no_memory(tmp_path, monkeypatch, 
 def test_an_archive_is_no_depth_image(tmp_path):
     np.savez(tmp_path / "a.npz", depth=np.ones((2, 2)))
     path = (tmp_path / "a.npz").rename(tmp_path / "a.npy")
-    assert refusal(read_depth, path) == f"{path}: does not read as NPY: it is an archive"
+    assert refusal(read_depth, path) == f"{path}: cannot be read as NPY: it is an archive"
 
 
 def test_long_labels_are_not_repeated(tmp_path):
@@ -575,7 +575,7 @@ def test_long_names_are_not_repeated(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr("a.obj", f"o {LONG}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     path.with_name("a.zip").write_bytes(path.with_name("a.zip").read_bytes().replace(b"a.obj", b"b.obj", 1))
-    assert "does not unpack: File name in directory" in refusal(wv.Scene.load, path.with_name("a.zip"))
+    assert "cannot be unpacked: File name in directory" in refusal(wv.Scene.load, path.with_name("a.zip"))
     world = write(path.with_name("a.wbt"), f"#VRML_SIM R2023b utf8\nBox{LONG} {{ }}\n")
     assert f"{world}: skipped Boxaaa" in refusal(wv.Scene.load, world)
     with pytest.raises(FileFormatError):

@@ -123,6 +123,8 @@ def test_what_cannot_be_written_leaves_no_file(tmp_path, monkeypatch):
             patch.setattr("warpvis.scene._refit.DeformingObject.vertices", np.full((8, 3), np.nan, np.float32))
             scene.export(tmp_path / "scene.glb")
     monkeypatch.setattr("warpvis.io._gltf_writer._MAX_BYTES", 1000)
-    with pytest.raises(FileFormatError, match=r"scene.glb: binary glTF is of at most 1000 bytes, and this would be"):
+    with pytest.raises(
+        FileFormatError, match=r"scene.glb: binary glTF has at most 1000 bytes, but this file would have"
+    ):
         scene.export(tmp_path / "scene.glb")
     assert not list(tmp_path.iterdir())

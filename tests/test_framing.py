@@ -80,7 +80,7 @@ def test_render_writes_pictures_beside_and_refuses_what_is_there(tmp_path, monke
     assert len(list((tmp_path / "out" / "preview").iterdir())) == 3
     for format in ("npz", "zarr"):
         code, _, said = run_here(monkeypatch, capsys, tmp_path, *arguments, "--format", format)
-        assert code == 2 and "is there already" in said
+        assert code == 2 and "exists already" in said
     code, _, _ = run_here(monkeypatch, capsys, tmp_path, *arguments[:-1], "bare", "--no-pictures", "--format", "npz")
     assert code in (0, None) and [path.name for path in (tmp_path / "bare").iterdir()] == ["npz"]
 
@@ -112,7 +112,7 @@ def test_info_says_size_labels_memory_and_the_likely_unit(tmp_path, monkeypatch,
     trimesh.creation.box((3000, 2000, 1500)).export(tmp_path / "mm.stl")
     _, printed, _ = run_here(monkeypatch, capsys, tmp_path, "info", "mm.stl")
     assert "spans   3000 x 2000 x 1500 m, from -1500 -1000 -750 to 1500 1000 750" in printed
-    assert "are they millimetres? With --scale 0.001 it spans 3 x 2 x 1.5 m" in printed
+    assert "possibly millimeters: with --scale 0.001 it spans 3 x 2 x 1.5 m" in printed
     _, printed, _ = run_here(monkeypatch, capsys, tmp_path, "info", "mm.stl", "--scale", "0.001")
     assert "millimetres" not in printed and "MB with its trees" in printed
     _, printed, _ = run_here(monkeypatch, capsys, tmp_path, "info", "experiment_1")
@@ -152,6 +152,6 @@ def test_eyes_inside_of_an_object_are_said(tmp_path, monkeypatch, capsys):
         "1.2 0 1.5 0 0 .2",
     ]
     _, _, said = run_here(monkeypatch, capsys, tmp_path, *arguments)
-    assert "the human's eyes are inside of 'person': if that is the human, say --human-body 'person'" in said
+    assert "the human's eyes are inside of 'person': if that is the human, give --human-body 'person'" in said
     _, _, said = run_here(monkeypatch, capsys, tmp_path, *arguments, "--human-body", "person")
     assert "inside" not in said

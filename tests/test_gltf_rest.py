@@ -90,12 +90,12 @@ def test_skins_without_matrices_and_meshes_without_joints(tmp_path):
     [
         (lambda content: content["nodes"][1].update(children=[0]), "node 0 is below itself"),
         (lambda content: content["skins"][0].update(joints=[0]), "a vertex moves with joint 1 of 1"),
-        (lambda content: content["skins"][0].update(joints=[0, 9]), "it names nodes 9 of 3"),
+        (lambda content: content["skins"][0].update(joints=[0, 9]), "it references nodes 9 of 3"),
         (
             lambda content: content["skins"][0].update(inverseBindMatrices=0),
             "a skin of 2 joints needs as many",
         ),
-        (lambda content: content["nodes"][2].update(skin=3), "it names skins 3 of 1"),
+        (lambda content: content["nodes"][2].update(skin=3), "it references skins 3 of 1"),
         (
             lambda content: content["accessors"][2].update(count=2),
             "a skin needs 4 joints and weights of 3 vertices",
@@ -106,7 +106,7 @@ def test_skins_without_matrices_and_meshes_without_joints(tmp_path):
 def test_skins_that_are_refused(tmp_path, change, wanted):
     writer = skinned(SECOND, WHOLE)
     change(writer.content)
-    with pytest.raises(FileFormatError, match=f"does not read as GLB: {wanted}"):
+    with pytest.raises(FileFormatError, match=f"cannot be read as GLB: {wanted}"):
         load(tmp_path / "a.glb", writer, roots=[2])
 
 
@@ -129,7 +129,7 @@ def test_morph_targets_that_are_refused(tmp_path):
     targets = [{"POSITION": writer.accessor(np.zeros((2, 3), np.float32))}]
     writer.node(writer.primitive(ROWS, targets=targets), mesh={"weights": [1]}, name="mesh")
     with pytest.raises(
-        FileFormatError, match=r"does not read as GLB: a morph target must move 3 vertices, got \(2, 3\)"
+        FileFormatError, match=r"cannot be read as GLB: a morph target must move 3 vertices, got \(2, 3\)"
     ):
         load(tmp_path / "a.glb", writer)
 

@@ -93,7 +93,7 @@ FRAME = ("frames", 2, "transform_matrix")
         (changed(nerfstudio(), *FRAME, to=MIRROR), "poses.json: frame 2: poses must be rotations, not mirrors"),
         ({"first": {}}, 'poses.json: image ids must be whole numbers, got "first"'),
         ({"-1": {}}, 'poses.json: image ids must be whole numbers, got "-1"'),
-        ({"1": {}, "01": {}}, "poses.json: image 1 is there twice, as '1' and '01'"),
+        ({"1": {}, "01": {}}, "poses.json: image 1 occurs twice, as '1' and '01'"),
         ({"4": {"cam_K": [1]}}, "poses.json: image 4 has no cam_R_w2c and no cam_t_w2c, so no pose"),
         ({"4": [1]}, "poses.json: image 4 has no cam_R_w2c and no cam_t_w2c, so no pose"),
         (changed(bop(), "3", "cam_t_w2c", to=...), "poses.json: image 3 has no cam_t_w2c, so no pose"),

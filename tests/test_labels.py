@@ -207,7 +207,7 @@ def test_two_names_of_one_class_in_a_file_are_refused(tmp_path):
         mesh.metadata.update({"label": 40, "label_name": name})
         scene.add_geometry(mesh, node_name=name, geom_name=name)
     (tmp_path / "two.glb").write_bytes(scene.export(file_type="glb"))
-    with pytest.raises(wv.errors.FileFormatError, match=r"two.glb: calls the label 40 'road' and 'street'"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"two.glb: names the label 40 both 'road' and 'street'"):
         wv.Scene.load(tmp_path / "two.glb")
 
 

@@ -307,7 +307,7 @@ def test_frames_have_cameras_with_lenses():
 def test_calibrations_beside_images(tmp_path):
     file = tmp_path / "calibration.txt"
     file.write_text("# fx fy cx cy\n52 50 31.5 23.5 -0.3 0.1 0.001 -0.002 0.01\n")
-    with pytest.raises(FileFormatError, match="does not say the images' size, and no image is beside it"):
+    with pytest.raises(FileFormatError, match="does not define the image size, and there is no image next to it"):
         load_camera(str(file), distortion=True)
     (tmp_path / "depth.txt").write_text("# timestamp filename\n0.0 a.png\n")
     Image.new("L", (64, 48)).save(tmp_path / "a.png")
@@ -361,7 +361,7 @@ def test_bad_cameras_of_our_own_are_said(name, tmp_path):
     (tmp_path / "eye.json").write_text(json.dumps({"width": 64, "height": 48} | fields))
     with pytest.raises(CameraError, match=rf"eye\.json: .*({message})"):
         load_camera(str(tmp_path / "eye.json"), distortion=True)
-    with pytest.raises(wv.WarpvisError, match=r"eye\.json: the camera has a lens, so it is no pinhole"):
+    with pytest.raises(wv.WarpvisError, match=r"eye\.json: the camera has a lens, so it is not a pinhole"):
         load_camera(str(tmp_path / "eye.json"))
 
 

@@ -73,7 +73,7 @@ def test_a_scene_keeps_its_lights_and_its_background():
 
 def test_skies_that_are_no_cube_are_left_out_with_a_warning(tmp_path):
     odd = (*FACES[:5], Texture(np.zeros((3, 3, 3), np.uint8), "odd"))
-    with pytest.warns(UserWarning, match="the sky is left out: face 0 and its like are no squares of one size"):
+    with pytest.warns(UserWarning, match="the sky is ignored: images such as face 0 are not squares of equal size"):
         assert Background(sky=odd).image is None
     clear = (*FACES[:5], Texture(np.zeros((4, 4, 4), np.uint8)))
     assert Background(sky=clear).image.shape == (24, 4, 3)
@@ -111,7 +111,7 @@ def test_places_in_the_images_of_a_cube():
         (lambda: Background((2, np.inf, 0)), "color of a background must be three numbers of at least 0"),
         (lambda: Background(sky=FACES[:5]), "sky of a background must be six Textures or none, got 5 items"),
         (lambda: Background(sky=FACES[0]), "sky of a background must be six Textures or none"),
-        (lambda: Background(world_to_cube=((1, 0, 0),)), "world_to_cube of a background must be of three rows"),
+        (lambda: Background(world_to_cube=((1, 0, 0),)), "world_to_cube of a background must have three rows"),
         (lambda: Background(world_to_cube=((1, 0),) * 3), "each row of world_to_cube of a background must be three"),
         (lambda: setattr(wv.Scene(), "lights", ["sun"]), "lights must be Lights, got str"),
         (lambda: setattr(wv.Scene(), "background", "blue"), "background must be a Background or None, got str"),
@@ -248,7 +248,9 @@ def lit_file():
 
 def test_gltf_lights(tmp_path):
     (tmp_path / "a.glb").write_bytes(lit_file())
-    with pytest.warns(UserWarning, match=r"left out the lights of node 4 .*got 'area'.*node 5 \(it names light 9 of 4"):
+    with pytest.warns(
+        UserWarning, match=r"left out the lights of node 4 .*got 'area'.*node 5 \(it references light 9 of 4"
+    ):
         scene = wv.Scene.load(tmp_path / "a.glb", scale=10, strict=True)
     sun, spot, point = scene.lights
     assert (sun.kind, sun.color, sun.intensity, sun.color_space) == ("directional", (1, 0.5, 0), 3, "linear")

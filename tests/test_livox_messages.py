@@ -147,7 +147,7 @@ def named(**columns):
 @pytest.mark.parametrize(
     ("cloud", "options", "message"),
     [
-        (named(), {}, 'the layout "livox" needs the field time, which the cloud has not'),
+        (named(), {}, 'the layout "livox" needs the field time, which the cloud lacks'),
         (named(time=5.0), {}, "time must be from 0 to 4.29497 for the field offset_time, got 5 to 5"),
         (named(time=-1e-3), {}, "time must be from 0 to 4.29497 for the field offset_time, got -0.001 to -0.001"),
         (

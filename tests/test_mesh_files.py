@@ -148,7 +148,7 @@ def test_obj_files_as_people_write_them(tmp_path):
         ("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", r"line 1: a vertex needs three numbers, got 'v 0 0'"),
         ("v 0 0 0\n v 1 0 # short\nv 0 1 0\nf 1 2 3\n", r"line 2: a vertex needs three numbers, got 'v 1 0 # short'"),
         ("v 0 0 0\nv 1 \\\n0 0\nv 0 1\nf 1 2 3\n", r"line 4: a vertex needs three numbers, got 'v 0 1'"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 2 3\n", r"a face names vertex -4 after 3 of them"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 2 3\n", r"a face references vertex -4 after 3 vertices"),
     ],
 )
 def test_short_lines_of_obj_files_are_named(tmp_path, text, message):
@@ -255,7 +255,7 @@ def test_instances(tmp_path):
         ({"count": 10**9}, "all attributes must have one number of rows up to 100000, got [1000000000]"),
         ({"count": 2, "bufferView": None}, "all attributes must have one number of rows up to 100000, got [2, 3]"),
         ({"count": -1}, "all attributes must have one number of rows up to 100000, got [-1]"),
-        ({"type": "VEC2"}, "a place and a size are of 3 numbers, a turn is of 4, got 2"),
+        ({"type": "VEC2"}, "translation and scale must have 3 numbers, rotation 4, got 2"),
     ],
 )
 def test_instances_that_are_refused(tmp_path, change, wanted):
@@ -320,7 +320,7 @@ def test_a_missing_decoder_is_named(tmp_path, monkeypatch, package, extension):
     path = write(tmp_path, draco_file() if package == "DracoPy" else meshopt_file())
     monkeypatch.setitem(sys.modules, package, None)
     wanted = f"it is compressed by {extension}, and reading that needs {package}: pip install 'warpvis[gltf]'"
-    assert refusal(path) == f"{path}: does not read as GLB: {wanted}"
+    assert refusal(path) == f"{path}: cannot be read as GLB: {wanted}"
 
 
 def test_required_extensions_that_change_geometry_are_named(tmp_path):
@@ -338,7 +338,9 @@ def test_required_extensions_that_change_geometry_are_named(tmp_path):
         if fine:
             assert len(load(path)) == 1
         else:
-            assert refusal(path).endswith(f"does not read as GLB: it requires the extension {name}, which is not read")
+            assert refusal(path).endswith(
+                f"cannot be read as GLB: it requires the extension {name}, which is not supported"
+            )
 
 
 def test_quantized_and_sparse_positions(tmp_path):
@@ -416,14 +418,14 @@ def test_malformed_gltf_is_one_sentence(tmp_path):
     nothing.content["accessors"][0]["count"] = 10**12
     cases = {
         "node 0 is below itself": looped,
-        "an accessor of 1000000000000 elements reaches beyond": far,
+        "an accessor of 1000000000000 elements exceeds": far,
         "triangles must have three corners each, got 2": short,
         "accessor 0 has 1000000000000 elements and no data": nothing,
-        "it is of glTF 1.0, and 2 is what is read": changed(asset={"version": "1.0"}),
+        "it is glTF 1.0, but only 2 is supported": changed(asset={"version": "1.0"}),
         "it ends after 400 bytes, in the middle of a chunk": changed().bytes()[:400],
     }
     for wanted, file in cases.items():
-        assert f"does not read as GLB: {wanted}" in refusal(write(tmp_path, file))
+        assert f"cannot be read as GLB: {wanted}" in refusal(write(tmp_path, file))
 
 
 def dae(asset, *, geometries=("part",)):
@@ -469,7 +471,7 @@ def test_units_and_axes_of_collada(tmp_path, asset, wanted):
 def test_collada_that_says_nonsense(tmp_path):
     pytest.importorskip("collada")
     (tmp_path / "part.dae").write_text(dae('<unit meter="0"/>'))
-    assert refusal(tmp_path / "part.dae").endswith("does not read as DAE: the unit must be above zero, got 0 m")
+    assert refusal(tmp_path / "part.dae").endswith("cannot be read as DAE: the unit must be above zero, got 0 m")
 
 
 def test_collada_without_its_reader(tmp_path, monkeypatch):
@@ -529,17 +531,17 @@ def test_archives_that_are_refused(tmp_path, monkeypatch):
                 archive.writestr(name.replace("_", "."), data)
         return tmp_path / "x.zip"
 
-    assert "x.zip: holds no mesh file; those are " in refusal(zipped(read_me=b"x"))
-    assert "x.zip/bad.glb: does not read as GLB: " in refusal(zipped(ball_stl=stl, bad_glb=b"junk"))
-    assert "'a.stl' and 'b.glb' do not say the same axis is up" in refusal(zipped(a_stl=stl, b_glb=writer.bytes()))
-    assert "x.tar.gz: does not unpack: " in refusal(write(tmp_path, b"junk", "x.tar.gz"))
+    assert "x.zip: contains no mesh file; supported are " in refusal(zipped(read_me=b"x"))
+    assert "x.zip/bad.glb: cannot be read as GLB: " in refusal(zipped(ball_stl=stl, bad_glb=b"junk"))
+    assert "'a.stl' and 'b.glb' have different vertical axes" in refusal(zipped(a_stl=stl, b_glb=writer.bytes()))
+    assert "x.tar.gz: cannot be unpacked: " in refusal(write(tmp_path, b"junk", "x.tar.gz"))
     monkeypatch.setattr("warpvis.io._archives._MAX_BYTES", 10_000)
     for path in (
         zipped(bomb_stl=bytes(10**6)),
         write(tmp_path, tar(bytes(10**6), "bomb.stl"), "x.tar.gz"),
         write(tmp_path, gzip.compress(bytes(10**6)), "bomb.stl.gz"),
     ):
-        assert refusal(path) == f"{path}: unpacks to more than 1 GiB, the most that is read: unpack it first"
+        assert refusal(path) == f"{path}: unpacks to more than 1 GiB, the maximum: unpack it first"
 
 
 THREE = (

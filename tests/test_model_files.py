@@ -355,8 +355,8 @@ BAD = {
         {},
         r"lab.xml: is XML of <scene>, and neither MJCF, .* nor URDF, with <robot>",
     ),
-    "no XML": ("lab.xml", "<mujoco>\n<worldbody>\n</mujoco>", {}, r"lab.xml:3: does not read as XML: mismatched tag"),
-    "no text": ("lab.urdf", "\x00\x01", {}, r"lab.urdf:1: does not read as XML"),
+    "no XML": ("lab.xml", "<mujoco>\n<worldbody>\n</mujoco>", {}, r"lab.xml:3: cannot be read as XML: mismatched tag"),
+    "no text": ("lab.urdf", "\x00\x01", {}, r"lab.urdf:1: cannot be read as XML"),
     "xacro": (
         "lab.urdf",
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>',
@@ -367,12 +367,17 @@ BAD = {
     "URDF": ("lab.urdf", LINK % "<geometry><torus/></geometry>", {}, "lab.urdf: MuJoCo does not compile it: XML Error"),
     "nothing": ("lab.xml", "<mujoco/>", {}, "lab.xml: holds no triangles"),
     "no geometry": ("lab.urdf", '<robot name="r"><link name="a"/></robot>', {}, "lab.urdf: holds no triangles"),
-    "scale": ("lab.urdf", LINK % BOX, {"scale": 2}, "in metres and says which axis is up: leave out scale and file_up"),
+    "scale": (
+        "lab.urdf",
+        LINK % BOX,
+        {"scale": 2},
+        r"defines the unit \(m\) and the vertical axis; leave out scale and file_up",
+    ),
     "file_up": ("lab.urdf", LINK % BOX, {"file_up": "y"}, "leave out scale and file_up"),
     "labels": ("lab.urdf", LINK % BOX, {"labels": {"b": "human"}}, "labels for 'b' fit no object of .*, which has 'a'"),
-    "movable": ("lab.urdf", LINK % BOX, {"movable": ["b"]}, "movable 'b' fits no object of .*, which has 'a'"),
-    "nothing moves": ("lab.urdf", LINK % BOX, {"movable": True}, "nothing in it is said to move"),
-    "damaged mesh": ("lab.urdf", LINK % MESH % "bad.ply", {}, "bad.ply: does not read as PLY"),
+    "movable": ("lab.urdf", LINK % BOX, {"movable": ["b"]}, "movable 'b' matches no object of .*, which has 'a'"),
+    "nothing moves": ("lab.urdf", LINK % BOX, {"movable": True}, "it defines no moving objects"),
+    "damaged mesh": ("lab.urdf", LINK % MESH % "bad.ply", {}, "bad.ply: cannot be read as PLY"),
 }
 
 

@@ -473,7 +473,7 @@ REFUSED = {
     ),
     "worlds": (
         lambda s: wv.render(s, lidar_of(0), STRAIGHT, object_poses=Motion(np.tile(STRAIGHT, (2, 3, 5, 1)), [0, 1])),
-        "object_poses are of 3 worlds for 1 view",
+        "object_poses have 3 worlds for 1 view",
     ),
     "starts of objects": (
         lambda s: wv.render(

@@ -72,7 +72,7 @@ def test_quaternions_with_w_first(tmp_path):
 @pytest.mark.parametrize("name", ["walk.txt", "walk.csv", "walk.parquet", "transforms.json", "bag"])
 def test_formats_with_an_order_have_it(tmp_path, name):
     (tmp_path / name).mkdir() if name == "bag" else (tmp_path / name).write_text("")
-    with pytest.raises(wv.errors.FileFormatError, match=r"quaternion= is for \.npy and \.npz: other formats say"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"quaternion= is for \.npy and \.npz; other formats define"):
         read_frames(tmp_path / name, quaternion="wxyz")
 
 
@@ -249,11 +249,11 @@ BAD_FILES = [
         HEADER + "#\n1,2,3,0,0,0,1\n1,2,3,0,0,0,0\n",
         "poses.csv:4: poses must have quaternions of length 1, g",
     ),
-    ("poses.csv", HEADER + '"' + "1" * 200_000, "poses.csv:2: does not read as CSV: field larger than field limit"),
+    ("poses.csv", HEADER + '"' + "1" * 200_000, "poses.csv:2: cannot be read as CSV: field larger than field limit"),
     ("poses.csv", b"\xff\xfe", "poses.csv: is not a text file of lines 'x,y,z,qx,qy,qz,qw'"),
-    ("poses.npy", b"", "poses.npy: does not read as NPY: "),
-    ("poses.npy", b"no array", "poses.npy: does not read as NPY: "),
-    ("poses.npy", save(np.savez, a=ROWS), "poses.npy: does not read as NPY: it is an archive"),
+    ("poses.npy", b"", "poses.npy: cannot be read as NPY: "),
+    ("poses.npy", b"no array", "poses.npy: cannot be read as NPY: "),
+    ("poses.npy", save(np.savez, a=ROWS), "poses.npy: cannot be read as NPY: it is an archive"),
     ("poses.npy", save(np.save, ROWS[:, :6]), "poses.npy: the array must be numbers of shape (V, 7) or (V, 4, 4), got"),
     (
         "poses.npy",
@@ -266,7 +266,7 @@ BAD_FILES = [
         save(np.save, np.array(3.0)),
         "poses.npy: the array must be numbers of shape (V, 7) or (V, 4, 4), go",
     ),
-    ("poses.npy", save(np.save, np.array([{}])), "poses.npy: does not read as NPY: Object arrays cannot be loaded"),
+    ("poses.npy", save(np.save, np.array([{}])), "poses.npy: cannot be read as NPY: Object arrays cannot be loaded"),
     ("poses.npy", save(np.save, ROWS[:0]), "poses.npy: holds no poses"),
     (
         "poses.npy",
@@ -274,12 +274,16 @@ BAD_FILES = [
         "poses.npy: pose 0: poses must have quaternions of length 1, g",
     ),
     ("poses.npy", save(np.save, 2 * MATRICES), "poses.npy: pose 0: poses must have the last row 0 0 0 1"),
-    ("poses.npz", b"PK\x03\x04 no zip", "poses.npz: does not read as NPZ: "),
-    ("poses.npz", save(np.save, ROWS), "poses.npz: does not read as NPZ: it is one array"),
+    ("poses.npz", b"PK\x03\x04 no zip", "poses.npz: cannot be read as NPZ: "),
+    ("poses.npz", save(np.save, ROWS), "poses.npz: cannot be read as NPZ: it is one array"),
     ("poses.npz", save(np.savez, a=ROWS), "poses.npz: expected an array camera_to_world, got a"),
-    ("poses.npz", zipped("camera_to_world", b"1 2 3"), "poses.npz: does not read as NPZ: camera_to_world is no array"),
+    (
+        "poses.npz",
+        zipped("camera_to_world", b"1 2 3"),
+        "poses.npz: cannot be read as NPZ: camera_to_world is not an array",
+    ),
     ("poses.npz", save(np.savez), "poses.npz: expected an array camera_to_world, got no arrays"),
-    ("poses.npz", save(np.savez, camera_to_world=np.array([{}])), "poses.npz: does not read as NPZ: Object arrays"),
+    ("poses.npz", save(np.savez, camera_to_world=np.array([{}])), "poses.npz: cannot be read as NPZ: Object arrays"),
     (
         "poses.npz",
         save(np.savez, camera_to_world=ROWS, timestamp=[0], timestamps=[1]),
@@ -300,10 +304,10 @@ BAD_FILES = [
         save(np.savez, camera_to_world=ROWS, world_index=["a"] * 6, object_poses=unit(np.ones((2, 1, 7)))),
         "poses.npz: world_index must be an array of numbers, got dtype <U1",
     ),
-    ("poses.parquet", b"PAR1 no table PAR1", "poses.parquet: does not read as Parquet: "),
-    ("poses.parquet", b"", "poses.parquet: does not read as Parquet: "),
-    ("poses.mcap", b"no bag", "poses.mcap: does not read as a ROS 2 bag: "),
-    ("poses.db3", b"no bag", "poses.db3: does not read as a ROS 2 bag: "),
+    ("poses.parquet", b"PAR1 no table PAR1", "poses.parquet: cannot be read as Parquet: "),
+    ("poses.parquet", b"", "poses.parquet: cannot be read as Parquet: "),
+    ("poses.mcap", b"no bag", "poses.mcap: cannot be read as a ROS 2 bag: "),
+    ("poses.db3", b"no bag", "poses.db3: cannot be read as a ROS 2 bag: "),
 ]
 
 
@@ -335,7 +339,7 @@ def test_bad_arguments(tmp_path):
             "file_format must be one of tum, npy, npz, csv, parquet, nerfstudio, bop, colmap, ros, got 'e",
         ),
         ({"topic": "/tf"}, f"{tmp_path / 'poses.npy'}: topic= is for ROS 2 bags, which this is not"),
-        ({"file_format": "npz"}, f"{tmp_path / 'poses.npy'}: does not read as NPZ: it is one array"),
+        ({"file_format": "npz"}, f"{tmp_path / 'poses.npy'}: cannot be read as NPZ: it is one array"),
     ):
         with pytest.raises(wv.WarpvisError) as error:
             read_frames(tmp_path / "poses.npy", **options)

@@ -278,7 +278,7 @@ def corrupted(value, *rows):
 BAD = {
     "an object that stays": ("floor", np.zeros((8, 3)), "object 'floor' is not movable.*movable=True"),
     "no object": ("cat", VERTICES, "no object 'cat'"),
-    "too few": ("ball_0", VERTICES[1:], "as many as before, 162, got 161"),
+    "too few": ("ball_0", VERTICES[1:], "must have 162 rows, as before, got 161"),
     "flat": ("ball_0", VERTICES.ravel(), r"shape \(162, 3\), got \(486,\)"),
     "text": ("ball_0", "ball", "must be an array of numbers"),
     "NaN": ("ball_0", corrupted(np.nan, 3, 5), "must be finite: 2 are not, at 3, 5$"),
@@ -300,7 +300,7 @@ def test_bad_vertices_change_nothing(case):
 
 def test_bad_vertices_of_a_gpu(cuda):
     cases = {
-        "as many as before, 162, got 161": (wp.vec3, VERTICES[1:]),
+        "must have 162 rows, as before, got 161": (wp.vec3, VERTICES[1:]),
         "dtype wp.vec3, got float64": (wp.float64, VERTICES),
     }
     for message, (dtype, values) in cases.items():

@@ -140,11 +140,17 @@ def test_topics_and_child_frames_are_chosen(tmp_path):
     assert frames.source["topic"] == "/tf:eye_optical_frame"
     assert len(read_frames(tmp_path / "bag", topic="/pose")) == 1
     for topic, said in (
-        (None, "the bag has several topics of poses; choose one as topic=: it has /pose (geometry_msgs/msg/PoseStamp"),
+        (
+            None,
+            "the bag has several topics with poses; choose one as topic=: it has /pose (geometry_msgs/msg/PoseStamp",
+        ),
         ("/tf", "topic /tf has the child frames base, eye_optical_frame; choose one as topic='/tf:base'"),
         ("/tf:hand", "topic /tf has no child frame 'hand'; it has base, eye_optical_frame"),
         ("/pose:hand", "topic /pose has no child frame 'hand'; it has none"),
-        ("/nothing", "the bag has no topic '/nothing'; those of poses are: /pose (geometry_msgs/msg/PoseStamped), /tf"),
+        (
+            "/nothing",
+            "the bag has no topic '/nothing'; topics with poses are: /pose (geometry_msgs/msg/PoseStamped), /tf",
+        ),
     ):
         with pytest.raises(wv.errors.FileFormatError) as error:
             read_frames(tmp_path / "bag", topic=topic)
@@ -162,16 +168,16 @@ def test_stamps_of_zero_are_none(tmp_path):
 @pytest.mark.parametrize(
     ("topics", "said"),
     [
-        ({}, ": the bag has no topic of poses: it has no topics"),
+        ({}, ": the bag has no topic with poses: it has no topics"),
         (
             {"/chatter": "std_msgs/msg/String"},
-            ": the bag has no topic of poses: it has /chatter (std_msgs/msg/String)",
+            ": the bag has no topic with poses: it has /chatter (std_msgs/msg/String)",
         ),
         ({"/pose": "geometry_msgs/msg/PoseStamped"}, ": topic /pose holds no poses"),
         ({"/path": [path(0, ROWS), path(1, [])]}, ": topic /path holds no poses"),
         (
             {"/pose": [pose_stamped(0, ROWS[0]), pose_stamped(1, ROWS[1], "odom")]},
-            ": topic /pose has poses in the frames map, odom, and frames are not chained",
+            ": topic /pose has poses in the frames map, odom, and transforms are not chained",
         ),
         (
             {"/pose": [pose_stamped(0, ROWS[0]), pose_stamped(1, np.zeros(7))]},
@@ -192,7 +198,9 @@ def test_bags_without_poses(tmp_path, topics, said):
 
 def test_another_topic_is_asked_for(tmp_path):
     write_bag(tmp_path / "bag", {"/chatter": "std_msgs/msg/String"})
-    with pytest.raises(wv.errors.FileFormatError, match=r"topic /chatter is of std_msgs/msg/String, not of poses"):
+    with pytest.raises(
+        wv.errors.FileFormatError, match=r"topic /chatter has type std_msgs/msg/String, which has no poses"
+    ):
         read_frames(tmp_path / "bag", topic="/chatter")
 
 

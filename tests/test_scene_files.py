@@ -90,7 +90,7 @@ def test_some_are_movable_in_the_order_of_the_file(folder):
 
 
 def test_buffers_are_found_on_the_search_path(folder):
-    with pytest.raises(FileFormatError, match=r"boxes.gltf: does not read as GLTF"):
+    with pytest.raises(FileFormatError, match=r"boxes.gltf: cannot be read as GLTF"):
         load(folder / "boxes.gltf")
     scene = load(folder / "boxes.gltf", search_path=folder / "buffers")
     assert {item.name for item in scene} == {"ball", "wall"}
@@ -123,23 +123,23 @@ def test_protos_are_found_on_the_search_path(folder):
 
 
 BAD = {
-    "search_path": ("box.stl", {"search_path": "."}, SceneError, "geometry is all in one file: leave out search_path"),
-    "no folder": ("box.wbt", {"search_path": ["nowhere"]}, FileFormatError, "nowhere: is no folder"),
+    "search_path": ("box.stl", {"search_path": "."}, SceneError, "geometry is in a single file; leave out search_path"),
+    "no folder": ("box.wbt", {"search_path": ["nowhere"]}, FileFormatError, "nowhere: search_path must be folders"),
     "scale": ("box.wbt", {"scale": 0.1}, SceneError, "leave out scale and file_up"),
     "file_up": ("box.wbt", {"file_up": "y"}, SceneError, "leave out scale and file_up"),
     "up": ("box.stl", {"up": "x"}, wv.WarpvisError, 'up must be "z" or "y"'),
     "labels": ("box.stl", {"labels": {"cat": "human"}}, SceneError, "labels for 'cat' fit no object of .*'box'"),
-    "movable": ("box.stl", {"movable": ["cat"]}, SceneError, "movable 'cat' fits no object of .*'box'"),
-    "nothing moves": ("box.stl", {"movable": True}, SceneError, "nothing in it is said to move: name what"),
+    "movable": ("box.stl", {"movable": ["cat"]}, SceneError, "movable 'cat' matches no object of .*'box'"),
+    "nothing moves": ("box.stl", {"movable": True}, SceneError, "it defines no moving objects; name those"),
     "numbers": ("box.stl", {"movable": [0]}, SceneError, "movable must be true, false, or names of objects"),
     "suffix": ("box.xyzw", {}, FileFormatError, "no such file"),
     "folder": ("buffers", {}, FileFormatError, "buffers: is a folder"),
-    "no format": ("plain", {}, FileFormatError, "plain: a name without a suffix is no format of scenes"),
+    "no format": ("plain", {}, FileFormatError, "plain: a name without a suffix is not a scene format"),
     "format": (
         "box.docx",
         {},
         FileFormatError,
-        r"box.docx: '.docx' is no format of scenes; those are wbt, xml, urdf, and .*glb",
+        r"box.docx: '.docx' is not a scene format; supported are wbt, xml, urdf, and .*glb",
     ),
 }
 

@@ -211,7 +211,7 @@ def test_files_that_are_no_depth_images(tmp_path):
     np.save(tmp_path / "cube.npy", np.zeros((2, 3, 4)))
     expected = {
         "bad.png": "not a PNG image",
-        "bad.npy": "does not read as NPY",
+        "bad.npy": "cannot be read as NPY",
         "colour.png": "expected a grey PNG of 16 bits, as depth cameras' programs write, got mode RGB",
         "cube.npy": r"expected a depth image of shape \(H, W\), got float64 of \(2, 3, 4\)",
     }

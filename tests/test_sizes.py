@@ -212,7 +212,7 @@ BAD = {
     "negative": ({}, -ONES[0], "object_scales must be positive and finite: wrong in 2, of 'a' in world 0"),
     "NaN": ({}, ONES * np.nan, "object_scales must be positive and finite: wrong in 4"),
     "too large for single precision": ({}, ONES * 1e39, "object_scales must be positive and finite: wrong in 4"),
-    "other worlds": ({}, np.ones((3, 2, 3)), "object_scales are of 3 worlds and object_poses of 2"),
+    "other worlds": ({}, np.ones((3, 2, 3)), "object_scales have 3 worlds, but object_poses have 2"),
 }
 
 
@@ -227,5 +227,5 @@ def test_bad_scales_are_named(name):
         wv.Renderer(scene, SMALL).render(eyes(2), object_scales=scales, **poses)
     assert said in str(error.value)
     if name == "other worlds":
-        with pytest.raises(wv.errors.ArrayError, match="object_scales are of 3 worlds for 2 views; say world"):
+        with pytest.raises(wv.errors.ArrayError, match="object_scales have 3 worlds for 2 views; give world"):
             wv.Renderer(scene, SMALL).render(eyes(2), object_scales=scales)

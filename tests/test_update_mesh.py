@@ -317,8 +317,18 @@ BAD = {
     "beyond floats": ("first", [[10**400, 0, 0]], [[0, 0, 0]], "'first' must hold arrays of numbers: int too large"),
     "far away": ("second", CONE.vertices * 1e19, CONE.faces, "within 1e18 m of the origin of its frame"),
     "far away, what stays": ("floor", CONE.vertices * 1e19, CONE.faces, "within 1e18 m of the origin$"),
-    "attached": ("hat", CONE.vertices, CONE.faces, "'hat' is of one piece with 'second', so its mesh stays"),
-    "carrier": ("second", CONE.vertices, CONE.faces, "'second' is of one piece with 'hat', so its mesh stays"),
+    "attached": (
+        "hat",
+        CONE.vertices,
+        CONE.faces,
+        "'hat' is rigidly attached to 'second', so its mesh cannot be updated",
+    ),
+    "carrier": (
+        "second",
+        CONE.vertices,
+        CONE.faces,
+        "'second' is rigidly attached to 'hat', so its mesh cannot be updated",
+    ),
 }
 
 

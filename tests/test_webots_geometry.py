@@ -385,7 +385,7 @@ def test_collada_units_are_checked(tmp_path):
     pytest.importorskip("collada")
     for unit in ("0", "-1", "nan", "metre"):
         (tmp_path / f"a{unit}.dae").write_text(COLLADA.format(f'<unit meter="{unit}"/>'))
-        with pytest.raises(FileFormatError, match=r"a.*\.dae: does not read as DAE: "):
+        with pytest.raises(FileFormatError, match=r"a.*\.dae: cannot be read as DAE: "):
             tessellate(parse(f'Mesh {{ url "a{unit}.dae" }}', file=tmp_path / "lab.wbt"))
 
 

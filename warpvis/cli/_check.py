@@ -107,7 +107,7 @@ class Check(FrameOptions):
         if self.points is not None and self.objects:
             raise ArrayError("give either --points or --objects, not both")
         if self.points is None:
-            refuse_options(self, ("tolerance",), "without --points there is")
+            refuse_options(self, ("tolerance",), "without --points, give")
         if self.out is not None:
             require_place(self.out, [".json"] if self.points is None else [".json", ".npy"])
         if self.picture is not None:

@@ -95,7 +95,7 @@ class ImageOptions(FrameOptions):
             WarpvisError: If its name or parameters are invalid, or there are sensor options without a sensor.
         """
         if self.sensor is None:
-            refuse_options(self, ("sensor_seed", "sensor_vary"), "without --sensor there is")
+            refuse_options(self, ("sensor_seed", "sensor_vary"), "without --sensor, give")
             return None
         from warpvis.sensors import Randomized, sensor_by_name
 
@@ -160,7 +160,7 @@ class Render(ImageOptions):
         if self.lidar is not None:
             self._render_clouds(self.lidar)
         elif self.moving:
-            raise PoseError("--moving is of a lidar: give --lidar")
+            raise PoseError("--moving requires --lidar")
         elif self.poses is not None or self.frame:
             refuse_options(
                 self, ("device_name", "version_exact"), "with --poses or --frame no device is rendered: give"
@@ -168,7 +168,7 @@ class Render(ImageOptions):
             self._render_poses(self.poses)
         elif not is_world(self.file):
             raise PoseError(
-                f"give --poses, a file of the camera's poses, or --frame: {self.file} is no Webots world with cameras"
+                f"give --poses, a file of camera poses, or --frame: {self.file} is not a Webots world with cameras"
             )
         else:
             scene = ("labels", "label_names", "up", "scale", "file_up", "exclude", "objects", "movable")
@@ -250,10 +250,10 @@ class Render(ImageOptions):
         kind(make_plan(scene, camera, frames, kind, **chosen))
         folder = self.out / kind.name
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise FileFormatError(f"{folder}: is there already; give a new or an empty folder")
+            raise FileFormatError(f"{folder}: exists already; give a new or empty folder")
         for picture in (self.out / PREVIEWS, self.out / SHEET):
             if self.pictures and picture.exists():
-                raise FileFormatError(f"{picture}: is there already, of another run; give a new or an empty folder")
+                raise FileFormatError(f"{picture}: exists already, from another run; give a new or empty folder")
 
 
 _FRAMES = (
@@ -304,7 +304,9 @@ class Batch(ImageOptions):
 
         find_format(self.format)
         if self.engine == "ray":
-            lost = "the Ray cluster, or its node on this machine, was lost; what is whole stays, and --resume goes on"
+            lost = (
+                "the Ray cluster, or its node on this machine, was lost; complete shards are kept; --resume continues"
+            )
             run_apart(self.render, f"{self.out}: {lost}")
         else:
             self.render()
@@ -335,13 +337,13 @@ class Batch(ImageOptions):
                 **chosen,
             )
         except KeyboardInterrupt:
-            print(f"warpvis: interrupted; the same command with --resume goes on with {self.out}", file=sys.stderr)
+            print(f"warpvis: interrupted; the same command with --resume continues {self.out}", file=sys.stderr)
             raise
         print_summary(summary, self.format, quiet=self.quiet)
         there = summary.frames - summary.rendered_frames
         if self.resume and there and not self.quiet:
-            trusted = "their checksums are right" if self.repair else "their sizes are right, and --repair reads them"
-            print(f"{there} of them were there: {trusted}")
+            trusted = "their checksums are correct" if self.repair else "their sizes are correct; --repair reads them"
+            print(f"{there} of them existed: {trusted}")
         self.end(empty=summary.empty_frames == summary.frames)
 
 
@@ -363,16 +365,16 @@ class Verify:
         for problem in report.problems:
             print(problem)
         print(
-            f"{report.out}: {'complete and sound' if report.ok else pluralize(len(report.problems), 'problem')}: "
+            f"{report.out}: {'complete and intact' if report.ok else pluralize(len(report.problems), 'problem')}: "
             f"{report.whole_shards} of {pluralize(report.shards, 'shard')} ({report.format}, "
             f"{pluralize(report.frames, 'frame')}), "
             f"{pluralize(report.files, 'file')}, {report.bytes / 1e9:.3f} GB"
         )
         records = ", ".join(report.damaged)
         if report.damaged and report.repaired:
-            print(f"removed {records}: the batch's command with --resume makes again what is damaged")
+            print(f"removed {records}: the batch command with --resume renders the damaged shards again")
         elif report.damaged:
-            print(f"damaged: what is of {records}; the batch's command with --resume --repair makes it again")
+            print(f"damaged shards: {records}; the batch command with --resume --repair renders them again")
         if not report.ok:
             sys.exit(1)
 

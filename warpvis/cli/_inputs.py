@@ -106,9 +106,9 @@ class SceneOptions:
 
         experiment = find_experiment(file)
         if experiment is not None:
-            refuse_options(self, scene_options, f"{experiment.name} is no file, so it takes")
+            refuse_options(self, scene_options, f"{experiment.name} is not a file, so it takes")
             if movable:
-                raise SceneError(f"nothing of {experiment.name} is movable, so it takes no --movable")
+                raise SceneError(f"{experiment.name} has no movable objects, so it takes no --movable")
             return experiment.build(device)
         return Scene.load(
             file,
@@ -176,7 +176,7 @@ class ViewpointOptions(SceneOptions):
         given = None if self.camera is None else load_camera(self.camera, distortion=self.distortion)
         own = None if frames is None else frames.camera
         if self.replace_camera and (given is None or own is None):
-            raise CameraError("--replace-camera is for a pose file that says its camera, and another one as --camera")
+            raise CameraError("--replace-camera requires a pose file that defines a camera, and another --camera")
         if frames is None or own is None or self.replace_camera:
             return (self.device_camera() or load_camera("kinect")) if given is None else given
         return require_calibrated(frames.choose_camera(given))
@@ -219,8 +219,8 @@ class ViewpointOptions(SceneOptions):
                 raise PoseError(f"{option} must be one pose, and {text} holds {len(frames)}")
             return frames.camera_to_world[0]
         raise PoseError(
-            f"{option} must be 6 numbers, where the eyes are and what they look at, 'x y z tx ty tz' (metres), "
-            f"a pose of 7, 'x y z qx qy qz qw', or a file of one pose, got {text!r}"
+            f"{option} must be 6 numbers, eye and target, 'x y z tx ty tz' [m], a pose of 7, 'x y z qx qy qz qw', "
+            f"or a file of one pose, got {text!r}"
         )
 
 
@@ -257,9 +257,8 @@ class FrameOptions(ViewpointOptions):
             raise SceneError("--movable has no effect without poses of objects: give --worlds")
         if placed and placed != len(scene.movable):
             raise PoseError(
-                f"the frames have poses of {pluralize(placed, 'object')}, and the scene has {len(scene.movable)} that "
-                "are movable; "
-                "--movable names them"
+                f"the frames have poses of {pluralize(placed, 'object')}, but the scene has {len(scene.movable)} "
+                "that are movable; name them with --movable"
             )
         camera = self.choose_camera(frames)
         return scene, camera, replace(frames, camera=None) if self.replace_camera else frames
@@ -271,12 +270,12 @@ class FrameOptions(ViewpointOptions):
         if (poses is None) != self.frame:
             raise PoseError("give either --poses or --frame, one pose from which all of the scene is seen")
         if poses is None or looks_like_spec(poses):
-            refuse_options(self, ("convention", "file_format", "topic"), "poses that are made need")
+            refuse_options(self, ("convention", "file_format", "topic"), "generated poses take")
             if self.worlds is None:
-                refuse_options(self, ("quaternion",), "poses that are made need")
+                refuse_options(self, ("quaternion",), "generated poses take")
             return None
         if self.worlds is None and not self.orders(poses):
-            why = f"poses that are in {poses}, whose format says what their order is, need"
+            why = f"poses in {poses}, whose format defines the order, take"
             refuse_options(self, ("quaternion",), why)
         return self.read_poses(poses)
 
@@ -343,11 +342,13 @@ def check_viewpoints(command: ViewpointOptions, texts: Sequence[str]) -> None:
     """
     counts = [len(_numbers(text)) for text in texts]
     if all(counts):
-        refuse_options(command, ("file_format", "topic"), "poses that are given as numbers take")
+        refuse_options(command, ("file_format", "topic"), "poses given as numbers take")
     if all(count == 6 for count in counts):
-        refuse_options(command, ("convention",), "poses that are given by what they look at take")
+        refuse_options(command, ("convention",), "poses given by eye and target take")
     if not any(count == 7 or (not count and command.orders(text)) for count, text in zip(counts, texts, strict=True)):
-        refuse_options(command, ("quaternion",), "poses by what they look at, and of formats with an order, take")
+        refuse_options(
+            command, ("quaternion",), "poses given by eye and target, or in formats that define the order, take"
+        )
 
 
 def _numbers(text: str) -> list[float]:

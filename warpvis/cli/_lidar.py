@@ -108,16 +108,16 @@ def render_clouds(command: FrameOptions, job: CloudJob) -> bool:
     if looks_like_spec(job.poses):
         raise PoseError(
             f"--poses with --lidar must be a file of the lidar's poses, x forward, y left, z up, got {job.poses!r}, "
-            "which makes poses of cameras"
+            "which generates camera poses"
         )
     lidar = find_lidar(job.lidar)
     for name in job.formats:
         check_choice(name, "--format with --lidar", FORMATS, FileFormatError)
         if (job.out / name).exists() and any((job.out / name).iterdir()):
-            raise FileFormatError(f"{job.out / name}: is there already; give a new or an empty folder")
+            raise FileFormatError(f"{job.out / name}: exists already; give a new or empty folder")
     scene, _, frames = command.load(job.file, job.poses, device=job.device)
     if frames.camera is not None:
-        raise PoseError(f"{job.poses} holds a camera and its poses, and a lidar's are x forward, y left, z up")
+        raise PoseError(f"{job.poses} contains a camera's poses, but a lidar's are x forward, y left, z up")
     turns = len(_turns(frames, lidar)) if job.moving else len(frames)
     began, points = time.perf_counter(), 0
     for place, cloud in enumerate(_clouds(job, scene, frames, lidar, turns)):
@@ -138,12 +138,12 @@ def _turns(frames: Frames, lidar: Rays | Livox) -> Frames:
 
     rays = lidar if isinstance(lidar, Rays) else lidar.frame(0)
     if rays.times is None:
-        raise CameraError(f"--moving needs a lidar whose rays have times, and {type(rays).__name__} have none")
+        raise CameraError(f"--moving requires a lidar whose rays have times, and {type(rays).__name__} have none")
     if not (np.diff(frames.timestamps) > 0).all():
-        raise PoseError("--moving goes by the poses' times, which must rise from pose to pose")
+        raise PoseError("--moving requires timestamps that increase from pose to pose")
     lasts, known = float(rays.times.max()), float(frames.timestamps[-1] - frames.timestamps[0])
     if known < lasts:
-        raise PoseError(f"--moving needs poses for a turn of the lidar, {lasts:.6g} s, and has them for {known:.6g} s")
+        raise PoseError(f"--moving requires poses for a revolution of the lidar, {lasts:.6g} s, got {known:.6g} s")
     return frames[: int(np.searchsorted(frames.timestamps, frames.timestamps[-1] - lasts, side="right"))]
 
 

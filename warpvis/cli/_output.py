@@ -27,11 +27,11 @@ def make_folder(path: Path) -> None:
     """
     there = next((place for place in (path, *path.parents) if place.exists()), path)
     if there.is_file():
-        raise FileFormatError(f"{there}: is a file; a folder is wanted")
+        raise FileFormatError(f"{there}: must be a folder, but is a file")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be made a folder: {error.strerror}") from None
+        raise FileFormatError(f"{path}: cannot be created: {error.strerror}") from None
 
 
 def require_place(path: Path, suffixes: Sequence[str]) -> None:

@@ -110,7 +110,7 @@ class Perspective(ViewpointOptions):
             return experiment.build(self.device), *experiment.agents()
         for option, text in (("--robot", self.robot), ("--human", self.human)):
             if text is None:
-                raise PoseError(f"{option} must say where the eyes are and what they look at, 'x y z tx ty tz'")
+                raise PoseError(f"{option} must be given as eye and target, 'x y z tx ty tz'")
         assert self.robot is not None and self.human is not None
         camera = self.choose_camera()
         check_viewpoints(self, (self.robot, self.human))
@@ -124,7 +124,7 @@ class Perspective(ViewpointOptions):
     def _refuse_options(self, name: str) -> None:
         """Reject options that an experiment defines itself: agents, labels and units."""
         own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
-        refuse_options(self, own, f"{name} comes with its robot and its person, so it takes")
+        refuse_options(self, own, f"{name} defines its robot and its person, so it takes")
 
 
 def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:
@@ -143,7 +143,7 @@ def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:
     if around:
         listed = " ".join(repr(name) for name in around)
         warnings.warn(
-            f"the {agent.name}'s eyes are inside of {listed}: if that is the {agent.name}, say {option} {listed}",
+            f"the {agent.name}'s eyes are inside of {listed}: if that is the {agent.name}, give {option} {listed}",
             stacklevel=2,
         )
 
@@ -168,7 +168,7 @@ def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None
 def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | None, max_distance: float) -> str:
     """Return the candidates as a table, and what the robot has to do."""
     if not found:
-        return "The person sees none of the objects, and can mean none of them."
+        return "The person sees no objects, so there are no candidates."
     rows = []
     for item in found:
         assert item.robot_fraction is not None  # the robot was passed to `candidates`
@@ -180,7 +180,7 @@ def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | No
         return "\n".join([*lines, "The robot sees all of them."])
     lines.append(f"The robot must move to see {', '.join(missed)}.")
     if proposal is None:
-        lines.append(f"No place within {max_distance:g} m that has room for it shows any of that.")
+        lines.append(f"No free place within {max_distance:g} m shows any of them.")
     else:
         place = " ".join(f"{number:.3f}" for number in proposal.pose)
         shares = ", ".join(f"{name} {format_fraction(share)}" for name, share in proposal.fractions.items())

@@ -48,7 +48,7 @@ class SensorFit:
         camera = load_camera(self.camera, distortion=False)
         if not isinstance(camera, Camera):
             raise CameraError(
-                f"--camera must be a pinhole's, as rectified depth images have, got {type(camera).__name__}"
+                f"--camera must be a pinhole camera, as for rectified depth images, got {type(camera).__name__}"
             )
         files = find_depth_images(self.folder)
         images = [read_depth(file, unit=self.unit) for file in files]
@@ -60,4 +60,4 @@ class SensorFit:
             from warpvis.viz import save_sensor_fit
 
             save_sensor_fit(found, self.out)
-            print(f"\n{self.out}: errors and what was found of them")
+            print(f"\n{self.out}: errors and fitted parameters")

@@ -110,7 +110,7 @@ class View(ViewpointOptions):
         experiment = find_experiment(self.file)
         if experiment is not None:
             own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
-            refuse_options(self, own, f"{experiment.name} comes with its robot and its person, so it takes")
+            refuse_options(self, own, f"{experiment.name} defines its robot and its person, so it takes")
             scene = experiment.build()
             return ViewerState(scene, experiment.agents(), frames=self._frames(scene), **names)
         if self.file.suffix.lower() == ".xml" and not given_options(self, _NOT_OF_MODELS):

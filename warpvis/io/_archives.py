@@ -43,7 +43,7 @@ def check_unpacked(path: Path, size: int, fix: str = "unpack it first") -> None:
         FileFormatError: If `size`, in bytes, exceeds the limit; `fix` is the remedy in the message.
     """
     if size > _MAX_BYTES:
-        raise FileFormatError(f"{path}: unpacks to more than 1 GiB, the most that is read: {fix}")
+        raise FileFormatError(f"{path}: unpacks to more than 1 GiB, the maximum: {fix}")
 
 
 def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
@@ -68,7 +68,7 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
     except FileFormatError:
         raise
     except Exception as error:  # each library raises its own exceptions
-        raise FileFormatError(f"{path}: does not unpack: {describe_exception(error)}") from None
+        raise FileFormatError(f"{path}: cannot be unpacked: {describe_exception(error)}") from None
     return found
 
 

@@ -47,7 +47,7 @@ def check_cloud(cloud: object) -> NDArray[np.void]:
         ArrayError: If it is not one, or a field is not a number.
     """
     if not isinstance(cloud, np.ndarray) or cloud.dtype.names is None:
-        raise ArrayError("a cloud must be a NumPy array with named fields, as warpvis.sensors.point_clouds makes them")
+        raise ArrayError("a cloud must be a NumPy array with named fields, as returned by warpvis.sensors.point_clouds")
     names = cloud.dtype.names
     if not {"x", "y", "z"} <= set(names) or cloud.ndim not in (1, 2):
         raise ArrayError(f"a cloud must have fields x, y and z, and one or two dimensions, got {', '.join(names)}")
@@ -86,7 +86,7 @@ def _field(cloud: NDArray[np.void], name: str, layout: CloudLayout | None) -> An
         return 0
     source = {"t": "time", "reflectivity": "intensity"}.get(name, name)
     if source not in names:
-        raise ArrayError(f'the layout "{layout}" needs the field {source}, which the cloud has not')
+        raise ArrayError(f'the layout "{layout}" needs the field {source}, which the cloud lacks')
     values = cloud[source]
     if layout == "ouster" and name in _SCALES:
         return _scaled(values, name, source)
@@ -101,7 +101,7 @@ def as_livox_points(cloud: NDArray[np.void]) -> NDArray[np.void]:
     """
     names = cloud.dtype.names or ()
     if "time" not in names:
-        raise ArrayError('the layout "livox" needs the field time, which the cloud has not')
+        raise ArrayError('the layout "livox" needs the field time, which the cloud lacks')
     flat = cloud.reshape(-1)
     flat = flat[np.isfinite(flat["x"]) & np.isfinite(flat["y"]) & np.isfinite(flat["z"])]
     flat = flat[np.argsort(flat["time"], kind="stable")]

@@ -70,7 +70,7 @@ def save_clouds(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileFormatError(f"{folder}: cannot be made: {error.strerror}") from None
+        raise FileFormatError(f"{folder}: cannot be created: {error.strerror}") from None
     written: list[Path] = []
     for cloud in clouds if isinstance(clouds, Iterator) else as_items(clouds, "clouds"):
         written.append(folder / f"{number + len(written):06d}{suffix}")

@@ -30,7 +30,7 @@ def read_array(path: Path) -> NDArray[np.generic]:
     loaded = _load_numpy(path, "NPY")
     if isinstance(loaded, NpzFile):
         loaded.close()
-        raise FileFormatError(f"{path}: does not read as NPY: it is an archive")
+        raise FileFormatError(f"{path}: cannot be read as NPY: it is an archive")
     return loaded
 
 
@@ -48,7 +48,7 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
     """
     loaded = _load_numpy(path, "NPZ")
     if not isinstance(loaded, NpzFile):
-        raise FileFormatError(f"{path}: does not read as NPZ: it is one array")
+        raise FileFormatError(f"{path}: cannot be read as NPZ: it is one array")
     with loaded:
         names = list(loaded)
         members = loaded.zip.infolist() if loaded.zip is not None else []
@@ -58,10 +58,10 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
         try:
             arrays = {name: loaded[name] for name in wanted if name in names}
         except Exception as error:  # damaged archives may raise any exception
-            raise FileFormatError(f"{path}: does not read as NPZ: {describe_exception(error)}") from None
+            raise FileFormatError(f"{path}: cannot be read as NPZ: {describe_exception(error)}") from None
     other = [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]
     if other:
-        raise FileFormatError(f"{path}: does not read as NPZ: {other[0]} is no array")
+        raise FileFormatError(f"{path}: cannot be read as NPZ: {other[0]} is not an array")
     if needed not in arrays:
         raise FileFormatError(f"{path}: expected an array {needed}, got {truncate(', '.join(names)) or 'no arrays'}")
     return arrays
@@ -74,8 +74,8 @@ def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
     except Exception as error:  # damaged archives may raise any exception
         pickled = str(error).startswith("This file contains pickled")  # NumPy's message for any unknown file type
-        reason = "it holds no arrays of NumPy" if pickled else describe_exception(error)
-        raise FileFormatError(f"{path}: does not read as {kind}: {reason}") from None
+        reason = "it contains no NumPy arrays" if pickled else describe_exception(error)
+        raise FileFormatError(f"{path}: cannot be read as {kind}: {reason}") from None
 
 
 def as_numbers(value: Json, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
@@ -110,7 +110,7 @@ def shorten(value: Json) -> str:
     try:
         text = json.dumps(value)
     except (ValueError, RecursionError):
-        return "what cannot be shown"
+        return "a value that cannot be shown"
     return text if len(text) <= _LONGEST_SHOWN else text[:_LONGEST_SHOWN] + "..."
 
 

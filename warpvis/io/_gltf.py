@@ -56,7 +56,7 @@ def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
     data = GltfData(file, find)
     unread = [name for name in data.names("extensionsRequired") if name not in _READ and not _HARMLESS.match(name)]
     if unread:
-        raise ValueError(f"it requires the extension {unread[0]}, which is not read")
+        raise ValueError(f"it requires the extension {unread[0]}, which is not supported")
     found, shapes = FileMeshes(up="y"), _Shapes(data, GltfMaterials(name, data, locate))
     places = []
     for index, node, placement in nodes_in_order(data):
@@ -189,14 +189,14 @@ def _draco_triangles(
     positions = _draco_rows(mesh, packed, "POSITION")
     faces = getattr(mesh, "faces", None)
     if faces is None:
-        raise ValueError(f"{DRACO}: the triangles are not there")
+        raise ValueError(f"{DRACO}: the triangles are missing")
     return _points(data.scaled(positions, place)), np.asarray(faces, dtype=np.int64).reshape(-1, 3)
 
 
 def _draco_rows(mesh: Any, packed: dict[str, Any], name: str) -> NDArray[np.generic]:
     found = [item["data"] for item in mesh.attributes if item["unique_id"] == packed["attributes"].get(name)]
     if not found:
-        raise ValueError(f"{DRACO}: {name} is not there")
+        raise ValueError(f"{DRACO}: {name} is missing")
     return np.asarray(found[0])
 
 

@@ -53,12 +53,12 @@ class GltfData:
             text, self._chunk = _chunks(file)
         content = json.loads(text.decode("utf-8-sig"))
         if not isinstance(content, dict):
-            raise ValueError("it holds no JSON object")
+            raise ValueError("it contains no JSON object")
         self._content: dict[str, Json] = content
         asset = content.get("asset")
         version = str(asset.get("version", "2.0")) if isinstance(asset, dict) else "2.0"
         if version.split(".")[0] != "2":
-            raise ValueError(f"it is of glTF {version}, and 2 is what is read")
+            raise ValueError(f"it is glTF {version}, but only 2 is supported")
         self._buffers: dict[int, bytes] = {}
 
     def names(self, key: str) -> list[str]:
@@ -69,7 +69,7 @@ class GltfData:
         """Return a list of the JSON; an empty one if not given."""
         found = self._content.get(key, [])
         if not isinstance(found, list):
-            raise ValueError(f"{key} is no list")
+            raise ValueError(f"{key} must be a list")
         return found
 
     def one(self, key: str, index: Json) -> dict[str, Any]:
@@ -80,9 +80,9 @@ class GltfData:
         """
         items = self.all(key)
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(items):
-            raise ValueError(f"it names {key} {index!r} of {len(items)}")
+            raise ValueError(f"it references {key} {index!r} of {len(items)}")
         if not isinstance(items[index], dict):
-            raise ValueError(f"{key} {index} is no object")
+            raise ValueError(f"{key} {index} must be an object")
         return items[index]
 
     def get(self, key: str, otherwise: Json = None) -> Json:
@@ -140,7 +140,7 @@ class GltfData:
         data = np.frombuffer(self._buffer(item["buffer"]), dtype=np.uint8)
         start, length = _whole(item.get("byteOffset", 0), "byteOffset"), _whole(item["byteLength"], "byteLength")
         if start + length > len(data):
-            raise ValueError(f"a buffer view reaches to byte {start + length} of a buffer of {len(data)}")
+            raise ValueError(f"a buffer view ends at byte {start + length} of a buffer of {len(data)}")
         return data[start : start + length]
 
     def _buffer(self, index: Json) -> bytes:
@@ -163,9 +163,9 @@ class GltfData:
         stride = _whole(item.get("byteStride", size), "byteStride")
         first = _whole(start, "byteOffset")
         if stride < size:
-            raise ValueError(f"elements of {size} bytes stand {stride} bytes apart")
+            raise ValueError(f"elements of {size} bytes have a stride of {stride} bytes")
         if count and first + (count - 1) * stride + size > len(data):
-            raise ValueError(f"an accessor of {count} elements reaches beyond its buffer view of {len(data)} bytes")
+            raise ValueError(f"an accessor of {count} elements exceeds its buffer view of {len(data)} bytes")
         if not count:
             return np.zeros((0, width), dtype)
         return np.ndarray((count, width), dtype, data.data, first, (stride, dtype.itemsize))
@@ -241,7 +241,7 @@ def _chunks(file: bytes) -> tuple[bytes, bytes | None]:
     chunks: dict[bytes, bytes] = {}
     place = _HEADER
     if int.from_bytes(file[4:8], "little") != 2:
-        raise ValueError(f"it is of glTF {int.from_bytes(file[4:8], 'little')}, and 2 is what is read")
+        raise ValueError(f"it is glTF {int.from_bytes(file[4:8], 'little')}, but only 2 is supported")
     while place + _CHUNK_HEADER <= len(file):
         length, kind = int.from_bytes(file[place : place + 4], "little"), file[place + 4 : place + 8]
         place += _CHUNK_HEADER

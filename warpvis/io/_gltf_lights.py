@@ -31,7 +31,7 @@ def gltf_light(root: Any, node: dict[str, Any], placement: NDArray[np.float64]) 
         return None
     known, number = root[LIGHTS]["lights"], packed["light"]
     if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(known):
-        raise ValueError(f"it names light {number!r} of {len(known)}")
+        raise ValueError(f"it references light {number!r} of {len(known)}")
     said = known[number]
     kind = said.get("type")
     if kind not in _KINDS:

@@ -127,7 +127,7 @@ def _read_or_warn(
         found = read(*given)
         found.check_fits(vertices, 0, name)
     except Exception as error:  # malformed files may raise any exception
-        warn_user(f"{file}: left out the colours of {name} ({truncate(describe_exception(error))})", UserWarning)
+        warn_user(f"{file}: left out the colors of {name} ({truncate(describe_exception(error))})", UserWarning)
         return None
     return found
 

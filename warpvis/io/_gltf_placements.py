@@ -42,7 +42,7 @@ def nodes_in_order(data: GltfData) -> Iterator[tuple[int, dict[str, Any], NDArra
         if depth > len(data.all("nodes")):
             raise ValueError(f"node {index} is below itself")
         if count >= _MAX_NODES:
-            raise ValueError(f"its nodes stand in more than {_MAX_NODES} places")
+            raise ValueError(f"its nodes have more than {_MAX_NODES} placements")
         hides = (node.get("extensions") or {}).get("KHR_node_visibility") or {}
         if hides.get("visible", True) is False:
             continue
@@ -66,7 +66,7 @@ def node_matrix(node: dict[str, Any]) -> NDArray[np.float64]:
         turn = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64).reshape(4)
         move = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64).reshape(3)
         if not np.linalg.norm(turn) > 0:
-            raise ValueError("a node's rotation is of length 0")
+            raise ValueError("a node's rotation has length 0")
         matrix = poses_to_matrices(np.concatenate([move, turn]))
         matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64).reshape(3)
     if not np.isfinite(matrix).all():
@@ -89,9 +89,9 @@ def instance_matrices(data: GltfData, packed: dict[str, Any]) -> NDArray[np.floa
     )
     for rows, row in zip((move, turn, scale), rest.values(), strict=True):
         if rows.shape[1] != len(row):
-            raise ValueError(f"{INSTANCES}: a place and a size are of 3 numbers, a turn is of 4, got {rows.shape[1]}")
+            raise ValueError(f"{INSTANCES}: translation and scale must have 3 numbers, rotation 4, got {rows.shape[1]}")
     if not (np.linalg.norm(turn, axis=1) > 0).all():
-        raise ValueError("an instance's rotation is of length 0")
+        raise ValueError("an instance's rotation has length 0")
     matrices = poses_to_matrices(np.concatenate([move, turn], axis=1))
     matrices[:, :3, :3] *= scale[:, None]
     if not np.isfinite(matrices).all():

@@ -120,7 +120,7 @@ def _chunks(text: bytes, buffer: _Buffer) -> list[bytes]:
     text += b" " * (-len(text) % 4)
     length = 12 + 8 + len(text) + 8 + buffer.length
     if length > _MAX_BYTES:
-        raise ValueError(f"binary glTF is of at most {_MAX_BYTES} bytes, and this would be {length}")
+        raise ValueError(f"binary glTF has at most {_MAX_BYTES} bytes, but this file would have {length}")
     head = b"glTF" + _word(2) + _word(length)
     return [head, _word(len(text)) + b"JSON", text, _word(buffer.length) + b"BIN\0", *buffer.chunks]
 

@@ -50,7 +50,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     """
     kind = _kind(path.name)
     if search_path and kind != "gltf":
-        raise SceneError(f"{path}: its geometry is all in one file: leave out search_path")
+        raise SceneError(f"{path}: its geometry is in a single file; leave out search_path")
     if is_archive(path.name):
         loaded = _load_archive(path)
     else:
@@ -95,7 +95,7 @@ def _classes(path: Path, meshes: Sequence[FileMesh]) -> LabelRules:
     for mesh in meshes:
         number, name = mesh.extras.get("label"), mesh.extras.get("label_name")
         if is_whole(number) and isinstance(name, str) and names.setdefault(number, name) != name:
-            raise FileFormatError(f"{path}: calls the label {number} {names[number]!r} and {name!r}")
+            raise FileFormatError(f"{path}: names the label {number} both {names[number]!r} and {name!r}")
     ground = {int(Label.GROUND): True}
     for mesh in meshes:
         number, flag = _number(mesh.extras.get("label")), mesh.extras.get("ground")
@@ -132,7 +132,7 @@ def _require_reader(name: str, suffix: str, kind: str) -> None:
         raise FileFormatError(f"{name}: reading .{kind} needs {needed}")
     known = ", ".join(sorted({*_GLTF, *trimesh.available_formats(), "tar"}))
     given = repr(suffix) if suffix else "a name without a suffix"
-    raise FileFormatError(f"{name}: {given} is no format of scenes; those are wbt, xml, urdf, and {known}")
+    raise FileFormatError(f"{name}: {given} is not a scene format; supported are wbt, xml, urdf, and {known}")
 
 
 def _load_archive(path: Path) -> FileMeshes:
@@ -148,7 +148,7 @@ def _load_archive(path: Path) -> FileMeshes:
     members = [name for name in files if _kind(name) in readable and not _is_litter(name)]
     if not members:
         known = ", ".join(sorted(readable))
-        raise FileFormatError(f"{path}: holds no mesh file; those are {known}")
+        raise FileFormatError(f"{path}: contains no mesh file; supported are {known}")
     whole, axes = FileMeshes(), {}
     # Deferred appearances keep these alive until first use.
     others = {name: file for name, file in files.items() if name not in members}
@@ -169,7 +169,7 @@ def _load_archive(path: Path) -> FileMeshes:
         axes[loaded.up] = member
     if len(axes) > 1:
         some = " and ".join(map(repr, list(axes.values())[:2]))
-        raise FileFormatError(f"{path}: {some} do not say the same axis is up: unpack it and load them one by one")
+        raise FileFormatError(f"{path}: {some} have different vertical axes; unpack it and load them separately")
     whole.up = next(iter(axes))
     return whole
 
@@ -200,7 +200,7 @@ def _finder(path: Path, search_path: Sequence[Path]) -> Find:
                 continue
             require_content(found, "a buffer of glTF", name=f"{path}: {name}", images=False)
             return found
-        where = "neither beside it nor on the search path" if search_path else "not beside it"
+        where = "neither next to it nor on the search path" if search_path else "not next to it"
         raise FileNotFoundError(f"{name} is {where}")
 
     return find
@@ -249,7 +249,7 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
     except FileFormatError:
         raise
     except Exception as error:  # third-party readers may raise any exception
-        raise FileFormatError(f"{name}: does not read as {kind.upper()}: {describe_exception(error)}") from None
+        raise FileFormatError(f"{name}: cannot be read as {kind.upper()}: {describe_exception(error)}") from None
 
 
 class _Textures:

@@ -36,7 +36,7 @@ def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
     zero = _ZERO.search(joined)
     if zero:
         line, content = _line(text, joined, zero)
-        raise ValueError(f"line {line}: vertices of a face are counted from 1, got {content!r}")
+        raise ValueError(f"line {line}: vertex indices of a face start at 1, got {content!r}")
     short = _SHORT_VERTEX.search(joined)
     if short:
         raise ValueError("line {}: a vertex needs three numbers, got {!r}".format(*_line(text, joined, short)))
@@ -126,7 +126,7 @@ def _corner(corner: bytes, counts: dict[bytes, int]) -> bytes:
         if index.startswith(b"-"):
             absolute = count + int(index) + 1
             if absolute < 1:
-                raise ValueError(f"a face names vertex {int(index)} after {count} of them")
+                raise ValueError(f"a face references vertex {int(index)} after {count} vertices")
             index = b"%d" % absolute
         parts.append(index)
     return b"/".join(parts)

@@ -78,9 +78,12 @@ class ObjMaterials:
             base = None if given is None else given.get()
             if unknown:
                 some = ", ".join(map(repr, map(truncate, unknown[:5])))
-                warn_user(f"{where}: no MTL file has the material {some}{missed}: white stands in", UserWarning)
+                warn_user(f"{where}: no MTL file defines the material {some}{missed}; using white", UserWarning)
             if len(names) > 1 and rows is None:
-                warn_user(f"{where}: {mesh!r} has one material, for its faces are not those of the file", UserWarning)
+                warn_user(
+                    f"{where}: using one material for {mesh!r}, since its faces differ from those of the file",
+                    UserWarning,
+                )
             uv, colors = (None, None) if base is None else (base.uv, base.vertex_colors)
             return Appearance(tuple(map(self._material, names)), rows, uv, colors)
 

@@ -91,4 +91,4 @@ def _read_ply(path: Path) -> NDArray[np.float64]:
         loaded = trimesh.load(io.BytesIO(straighten_ply(path.read_bytes())), file_type="ply", process=False)
         return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh's readers may raise any exception
-        raise FileFormatError(f"{path}: does not read as PLY: {describe_exception(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read as PLY: {describe_exception(error)}") from None

@@ -40,7 +40,7 @@ def read_parts(
         raise FileFormatError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
     missing = next((folder for folder in where if not folder.is_dir()), None)
     if missing is not None:
-        raise FileFormatError(f"{missing}: is no folder, and the search path is of folders")
+        raise FileFormatError(f"{missing}: search_path must be folders, and this is not one")
     kind = path.suffix.lower()
     require_content(path, "a Webots world" if kind in _WEBOTS else "a model" if kind in _MUJOCO else "a mesh")
     if kind in _WEBOTS:

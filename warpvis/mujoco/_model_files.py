@@ -107,7 +107,7 @@ def _parse(path: Path) -> ElementTree.Element:
     try:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
-        raise FileFormatError(f"{path}:{error.position[0]}: does not read as XML: {error}") from None
+        raise FileFormatError(f"{path}:{error.position[0]}: cannot be read as XML: {error}") from None
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     if any(str(element.tag).startswith(_XACRO) for element in root.iter()):
@@ -178,7 +178,7 @@ def _parse_part(path: Path) -> ElementTree.Element:
     try:
         return ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
-        raise FileFormatError(f"{path}:{error.position[0]}: does not read as XML: {error}") from None
+        raise FileFormatError(f"{path}:{error.position[0]}: cannot be read as XML: {error}") from None
 
 
 def _folders(root: ElementTree.Element) -> list[str]:

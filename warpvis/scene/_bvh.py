@@ -165,8 +165,8 @@ def check_leaves(leaf_count: int, lanes: int) -> None:
     most = MAX_PLACES // lanes
     if leaf_count > most:
         raise SceneError(
-            f"a scene has at most {most} leaves of {lanes} triangles, some of which have fewer, got {leaf_count}; "
-            "let objects share meshes, or make meshes coarser"
+            f"a scene has at most {most} leaves of up to {lanes} triangles, got {leaf_count}; share meshes "
+            "between objects, or simplify them"
         )
 
 

@@ -32,7 +32,9 @@ class SceneChanges(SceneTrees):
             SceneError: If the scene has no object with this name.
         """
         if not isinstance(name, str) or name not in self._index:
-            raise SceneError(f"the scene has no object {name!r}; it has {', '.join(map(repr, self._index)) or 'none'}")
+            raise SceneError(
+                f"the scene has no object {name!r}; it has {', '.join(map(repr, self._index)) or 'no objects'}"
+            )
         return self._index[name]
 
     def update_vertices(self, name: str, vertices: ArrayInput) -> None:
@@ -64,9 +66,11 @@ class SceneChanges(SceneTrees):
         index = self.index(name)
         item = self._objects[index]
         if not item.movable:
-            raise SceneError(f"object {name!r} is not movable, so its vertices stay; add it with movable=True")
+            raise SceneError(
+                f"object {name!r} is not movable, so its vertices cannot be updated; add it with movable=True"
+            )
         if item.points is None:  # nothing can be attached to an object that already deforms
-            self._require_alone(index, "vertices stay")
+            self._require_alone(index, "vertices cannot be updated")
         given = parse_vertices(vertices, item, self.device)
         with self._lock:
             item = self._objects[index]
@@ -111,7 +115,7 @@ class SceneChanges(SceneTrees):
 
         index = self.index(name)
         closed = check_flag(closed, "closed", SceneError)
-        self._require_alone(index, "mesh stays")
+        self._require_alone(index, "mesh cannot be updated")
         self._exchange(index, with_mesh(self._objects[index], vertices, faces, self.device), closed=closed)
 
     def replace_objects(self, objects: Sequence[SceneObject]) -> None:
@@ -139,4 +143,4 @@ class SceneChanges(SceneTrees):
             others = [self._objects[item.carrier].name]
         if others:
             some = ", ".join(map(repr, others))
-            raise SceneError(f"object {item.name!r} is of one piece with {some}, so its {what}; do not attach them")
+            raise SceneError(f"object {item.name!r} is rigidly attached to {some}, so its {what}; do not attach them")

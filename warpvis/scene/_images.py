@@ -49,7 +49,7 @@ def _white(error: Exception, name: str) -> NDArray[np.uint8]:
     """Warn of an image that cannot be read, and return `WHITE`."""
     why = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else _reason(error)
     warn_user(
-        f"{name}: cannot be read as an image ({why}): white stands in, so the material's own colour shows",
+        f"{name}: cannot be read as an image ({why}); using white, so that the material's base color shows",
         UserWarning,
     )
     return WHITE.copy()

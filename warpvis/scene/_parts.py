@@ -124,7 +124,7 @@ class FileParts:
             raise SceneError(f"{left_out}; nothing is left" if left_out else f"{self.path}: holds no triangles")
         if self.settled and (scale != 1 or file_up is not None):
             raise SceneError(
-                f"{self.path}: such a file is in metres and says which axis is up: leave out scale and file_up"
+                f"{self.path}: the format defines the unit (m) and the vertical axis; leave out scale and file_up"
             )
         factors = check_scale(scale, str(self.path))
         upright = self._upright(scene_up, file_up)
@@ -165,7 +165,7 @@ def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
         movable = [movable]
     if movable is True:
         if not any(part.movable for part in file.parts):
-            raise SceneError(f"{file.path}: nothing in it is said to move: name what is movable")
+            raise SceneError(f"{file.path}: it defines no moving objects; name those that are movable")
         return list(file.parts)
     wanted = [] if movable is False or movable is None else as_items(movable, "movable", SceneError)
     if not all(isinstance(pattern, str) for pattern in wanted):
@@ -173,7 +173,7 @@ def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
     unused = [pattern for pattern in wanted if not any(part.fits(pattern) for part in file.parts)]
     if unused:
         some = ", ".join(repr(part.name) for part in file.parts[:10])
-        raise SceneError(f"movable {unused[0]!r} fits no object of {file.path}, which has {some}")
+        raise SceneError(f"movable {unused[0]!r} matches no object of {file.path}, which has {some}")
     return [replace(part, movable=any(map(part.fits, wanted)), attach_to=None) for part in file.parts]
 
 

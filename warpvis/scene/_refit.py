@@ -77,7 +77,7 @@ def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -
     except ArrayError as error:
         raise SceneError(str(error)) from None
     if len(result) != count:
-        raise SceneError(f"vertices of {name!r} must be as many as before, {count}, got {len(result)}")
+        raise SceneError(f"vertices of {name!r} must have {count} rows, as before, got {len(result)}")
     return result
 
 

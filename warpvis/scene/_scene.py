@@ -271,12 +271,18 @@ class Scene(SceneExports):
         index = self.index(attach_to)
         item = self._objects[index]
         if item.pose is None:
-            why = "which moves with another one" if item.movable else "which stays; add it with movable=True"
+            why = (
+                "which is itself attached to another object"
+                if item.movable
+                else "which is static; add it with movable=True"
+            )
             raise SceneError(f"{name!r} cannot be attached to {attach_to!r}, {why}")
         if isinstance(mesh, Solid) or item.solid is not None or item.points is not None:
             alone = f"{name!r} is a solid" if isinstance(mesh, Solid) else f"{attach_to!r} is a solid"
             alone = alone if item.points is None else f"{attach_to!r} is deforming"
-            raise SceneError(f"{name!r} cannot be attached to {attach_to!r}: {alone}, and moves alone")
+            raise SceneError(
+                f"{name!r} cannot be attached to {attach_to!r}: {alone}, and only rigid meshes can be attached"
+            )
         place = poses_to_matrices(item.pose)
         inside = (placed - place[:3, 3]) @ place[:3, :3]
         return {"mesh_vertices": inside.astype(np.float32), "carrier": index}

@@ -134,7 +134,9 @@ def _set_columns(
     first = int(struct.movable_first_id.numpy()[0])
     ends = first + np.cumsum(slots)
     if ends[-1] >= 2**31:
-        raise SceneError(f"all objects together must have fewer than 2^31 triangles, got {ends[-1]}, leaves filled up")
+        raise SceneError(
+            f"all objects together must have fewer than 2^31 triangles, counting unused leaf slots, got {ends[-1]}"
+        )
     for name, values in (
         ("movable_root", roots),
         ("movable_leaf", leaves),

@@ -173,7 +173,9 @@ def build_scene_bvh(
     static_slots = int(slots[0]) if static else 0
     ends = static_slots + np.cumsum(slots[tree_of])
     if len(ends) and ends[-1] >= 2**31:
-        raise SceneError(f"all objects together must have fewer than 2^31 triangles, got {ends[-1]}, leaves filled up")
+        raise SceneError(
+            f"all objects together must have fewer than 2^31 triangles, counting unused leaf slots, got {ends[-1]}"
+        )
     struct.static_root = 0 if static else -1
     struct.static_object = wp.array(static, dtype=wp.int32, device=device)
     struct.movable_count, struct.drawn_count = len(plan.movable), len(one_object)

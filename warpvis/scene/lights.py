@@ -197,7 +197,7 @@ class Background:
         put("sky", sky)
         rows = self.world_to_cube
         if not isinstance(rows, list | tuple | np.ndarray) or len(rows) != 3:
-            raise SceneError("world_to_cube of a background must be of three rows")
+            raise SceneError("world_to_cube of a background must have three rows")
         put("world_to_cube", tuple(check_vector(row, "each row of world_to_cube of a background") for row in rows))
 
     @property
@@ -210,7 +210,9 @@ class Background:
             return None
         faces = [face.image for face in self.sky]
         if len({face.shape[:2] for face in faces}) > 1 or faces[0].shape[0] != faces[0].shape[1]:
-            warn_user(f"the sky is left out: {self.sky[0].name} and its like are no squares of one size", UserWarning)
+            warn_user(
+                f"the sky is ignored: images such as {self.sky[0].name} are not squares of equal size", UserWarning
+            )
             return None
         if len({face.shape[2] for face in faces}) > 1:
             faces = [face[..., :3] for face in faces]

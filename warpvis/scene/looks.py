@@ -112,7 +112,7 @@ def _from_visual(
         found = Appearance(materials, **arrays)
         found.check_fits(*counts, name)
     except (WarpvisError, TypeError, ValueError, AttributeError) as error:  # other libraries may raise these
-        warn_user(f"the colours of {name!r} are left out: {describe_exception(error)}", UserWarning)
+        warn_user(f"the colors of {name!r} are ignored: {describe_exception(error)}", UserWarning)
         return None
     return found
 

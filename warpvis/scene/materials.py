@@ -190,7 +190,7 @@ class Appearance:
             raise SceneError(f"{name} must be whole numbers of shape (m,), got {rows.dtype} {rows.shape}")
         if len(rows) and not (rows.min() >= 0 and rows.max() < len(self.materials)):
             raise SceneError(
-                f"{name} must index the materials, which are {len(self.materials)}, got {rows.min()} to {rows.max()}"
+                f"{name} must be material indices from 0 to {len(self.materials) - 1}, got {rows.min()} to {rows.max()}"
             )
         return rows.astype(np.int32)
 
@@ -222,7 +222,7 @@ class Appearance:
 
 
 AppearanceLike = Appearance | Material | ArrayLike
-"""An appearance, a material, or a colour in sRGB: three or four numbers from 0 to 1."""
+"""An appearance, a material, or a color in sRGB: three or four numbers from 0 to 1."""
 
 
 def as_appearance(given: AppearanceLike, name: str) -> Appearance:
@@ -282,7 +282,7 @@ def _check_colors(rows: np.ndarray, name: str) -> NDArray[np.uint8 | np.float32]
         opaque = np.full((len(rows), 1), 255, dtype=np.uint8)
     else:
         if not ((rows >= 0) & (rows <= 1)).all():
-            raise SceneError(f"{name} of floats must be from 0 to 1; of 0 to 255, give uint8")
+            raise SceneError(f"{name} of floats must be from 0 to 1; use uint8 for 0 to 255")
         rows, opaque = rows.astype(np.float32), np.ones((len(rows), 1), dtype=np.float32)
     return rows.copy() if rows.shape[1] == 4 else np.concatenate([rows, opaque], axis=1)
 

@@ -66,7 +66,7 @@ def parse_worlds(
     elif count not in (1, views):
         given = "object_scales" if repeated > 1 else "object_poses"
         raise ArrayError(
-            f"{given} are of {pluralize(count, 'world')} for {pluralize(views, 'view')}; say world_index= of each view"
+            f"{given} have {pluralize(count, 'world')} for {pluralize(views, 'view')}; give world_index= for each view"
         )
     exclude = (exclude,) if isinstance(exclude, str) else exclude
     if exclude is not None and not _is_empty(exclude):
@@ -160,7 +160,7 @@ def _sizes(scene: Scene, scales: wp.array, worlds: int) -> wp.array:
     from warpvis.kernels.sizes import scale_sizes
 
     if scales.shape[0] not in (1, worlds):
-        raise ArrayError(f"object_scales are of {scales.shape[0]} worlds and object_poses of {worlds}")
+        raise ArrayError(f"object_scales have {scales.shape[0]} worlds, but object_poses have {worlds}")
     sizes = wp.empty((worlds, scales.shape[1]), dtype=wp.vec4, device=scene.device)
     launch(scale_sizes, sizes.shape, [scene.movable_sizes(), scales, sizes], scene.device)
     return sizes
@@ -256,5 +256,5 @@ def _index(scene: Scene, item: str | int) -> int:
     if isinstance(item, str):
         return scene.index(item)
     if not 0 <= item < len(scene):
-        raise ArrayError(f"exclude must name objects from 0 to {len(scene) - 1}, got {item}")
+        raise ArrayError(f"exclude must be indices of objects from 0 to {len(scene) - 1}, got {item}")
     return int(item)

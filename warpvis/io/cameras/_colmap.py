@@ -101,7 +101,7 @@ class _Row(NamedTuple):
 def _make(path: Path, row: _Row) -> Camera:
     _, place, model, size, parameters = row
     if model not in _MODELS:
-        raise NoPinholeError(f"{place}: camera model {model} is no pinhole")
+        raise NoPinholeError(f"{place}: camera model {model} is not a pinhole")
     intrinsics, count = _MODELS[model]
     if len(parameters) != count:
         raise FileFormatError(f"{place}: {model} has {count} parameters, got {len(parameters)}")
@@ -154,7 +154,7 @@ class _Bytes:
         try:
             values = struct.unpack_from(f"<{layout}", self._data, self._place)
         except struct.error:
-            raise FileFormatError(f"{self._path}: is cut off, or no file of COLMAP's") from None
+            raise FileFormatError(f"{self._path}: is truncated, or not a COLMAP file") from None
         self._place += struct.calcsize(f"<{layout}")
         return values
 
@@ -164,7 +164,7 @@ class _Bytes:
     def text(self) -> str:
         end = self._data.find(b"\0", self._place)
         if end < 0:
-            raise FileFormatError(f"{self._path}: is cut off, or no file of COLMAP's")
+            raise FileFormatError(f"{self._path}: is truncated, or not a COLMAP file")
         text, self._place = self._data[self._place : end].decode(errors="replace"), end + 1
         return text
 
@@ -176,7 +176,7 @@ def _binary_rows(path: Path) -> Iterator[_Row]:
         index, model, width, height = (int(value) for value in data.take("iiQQ"))
         name, place = COLMAP_NUMBERS.get(model, ""), f"{path}: camera {index}"
         if not name:
-            raise NoPinholeError(f"{place}: camera model number {model} is no pinhole")
+            raise NoPinholeError(f"{place}: camera model number {model} is not a pinhole")
         yield _Row(index, place, name, (width, height), list(data.take(f"{colmap_count(name)}d")))
 
 

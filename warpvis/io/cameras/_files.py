@@ -92,7 +92,7 @@ def _read(path: Path, name: str) -> Camera | None:
     if kind in (".yaml", ".yml"):
         return yaml_camera(path, name)
     if name:
-        raise FileFormatError(f"{path}: a name after a colon, {name!r}, is for cameras of YAML files")
+        raise FileFormatError(f"{path}: a camera name after a colon is only for YAML files, got {name!r}")
     if path.name in ("cameras.txt", "cameras.bin"):
         return colmap_camera(path)
     if path.name == TUM_FILE:
@@ -139,7 +139,7 @@ def _camera_from_fields(fields: Json, path: Path) -> Camera:
         raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
     known = _FROM_K if "K" in fields else _FROM_FOV
     if "lens" in fields:
-        raise NoPinholeError(f"{path}: the camera has a lens, so it is no pinhole")
+        raise NoPinholeError(f"{path}: the camera has a lens, so it is not a pinhole")
     unknown, missing = sorted(fields.keys() - known), sorted({"width", "height"} - fields.keys())
     if unknown or missing:
         problem = f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}"

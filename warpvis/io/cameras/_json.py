@@ -87,7 +87,7 @@ def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[
     except CameraError as error:
         raise FileFormatError(f"{path}: {describe_exception(error)}") from None
     if model not in NERF_PINHOLES:
-        raise NoPinholeError(f"{path}: camera_model {shorten(model)} is no pinhole")
+        raise NoPinholeError(f"{path}: camera_model {shorten(model)} is not a pinhole")
     numbers = _nerfstudio_numbers(path, fields, frames)
     if numbers is None:
         return None
@@ -103,8 +103,8 @@ def _nerfstudio_numbers(
     if size is None:
         if any(fields.get(name) is not None for name in ("fl_x", "fl_y", *_NERF_ANGLES)):
             warn_user(
-                f"{path}: says a field of view, but not the images' size, and there is no picture beside it: the poses "
-                "come without a camera",
+                f"{path}: defines a field of view but not the image size, and there is no picture next to it: the "
+                "frames have no camera",
                 IntrinsicsWarning,
             )
         return None

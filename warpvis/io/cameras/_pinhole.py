@@ -50,8 +50,8 @@ def make_pinhole(
         raise FileFormatError(f"{place}: {describe_exception(error)}") from None
     if any(distortion):
         warn_user(
-            f"{place}: the lens has distortion, which is not rendered: images are those of the pinhole, as of pictures "
-            "that were undistorted",
+            f"{place}: the lens has distortion, which is not rendered: images are those of a pinhole, like "
+            "undistorted pictures",
             IntrinsicsWarning,
         )
     return camera
@@ -75,8 +75,8 @@ def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:
     if other is None:
         return cameras[0] if cameras else None
     warn_user(
-        f"{place}: its images have different cameras, of {describe_pixels(cameras[0])} and of {describe_pixels(other)} "
-        "among them; frames have one, so give it",
+        f"{place}: its images have different cameras, such as {describe_pixels(cameras[0])} and "
+        f"{describe_pixels(other)}; frames have only one, so give it explicitly",
         IntrinsicsWarning,
     )
     return None
@@ -91,7 +91,7 @@ def camera_of_poses(read: Callable[[], CalibratedCamera | None]) -> CalibratedCa
     try:
         return read()
     except NoPinholeError as error:
-        warn_user(f"{error}: the poses come without a camera", IntrinsicsWarning)
+        warn_user(f"{error}: the frames have no camera", IntrinsicsWarning)
         return None
 
 

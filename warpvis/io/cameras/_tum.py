@@ -60,4 +60,6 @@ def _size(path: Path) -> tuple[int, int]:
         size = image_size(path.parent, images[:1])
         if size is not None:
             return size
-    raise FileFormatError(f"{path}: does not say the images' size, and no image is beside it that {_IMAGES[0]} names")
+    raise FileFormatError(
+        f"{path}: does not define the image size, and there is no image next to it that {_IMAGES[0]} lists"
+    )

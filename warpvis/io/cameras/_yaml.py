@@ -176,7 +176,7 @@ def _matrix(path: Path, data: Mapping[str, Any], name: str, count: int) -> list[
 def _kalibr_camera(place: str, entry: Mapping[str, Any]) -> Camera:
     model = entry.get("camera_model", "pinhole")
     if model != "pinhole":
-        raise FileFormatError(f"{place}: camera_model {shorten(model)} is no pinhole")
+        raise FileFormatError(f"{place}: camera_model {shorten(model)} is not a pinhole")
     size = as_numbers(entry.get("resolution"), (2,), f"{place}: resolution").tolist()
     intrinsics = as_numbers(entry.get("intrinsics"), (4,), f"{place}: intrinsics").tolist()
     lens = _floats(entry.get("distortion_coeffs"))

@@ -55,6 +55,6 @@ def _keys_by_id(path: Path, data: dict[str, Json]) -> dict[int, str]:
         if not (key.isascii() and key.isdigit() and len(key) < 16):
             raise FileFormatError(f"{path}: image ids must be whole numbers, got {shorten(key)}")
         if int(key) in keys:
-            raise FileFormatError(f"{path}: image {int(key)} is there twice, as {keys[int(key)]!r} and {key!r}")
+            raise FileFormatError(f"{path}: image {int(key)} occurs twice, as {keys[int(key)]!r} and {key!r}")
         keys[int(key)] = key
     return keys

@@ -112,7 +112,7 @@ def read_frames(
     if not os.path.exists(path):
         raise FileFormatError(f"{path}: no such file")
     if quaternion != "xyzw" and not leaves_order_open(path, file_format):
-        raise FileFormatError(f"{path}: quaternion= is for .npy and .npz: other formats say what their order is")
+        raise FileFormatError(f"{path}: quaternion= is for .npy and .npz; other formats define the order")
     if path.is_dir() and file_format != "ros" and not (path / "metadata.yaml").is_file():
         path = _file_in(path)
     require_content(path, "a file of poses", images=False)

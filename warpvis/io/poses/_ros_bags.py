@@ -84,7 +84,7 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
             f"{path}: ROS 2 bags are read with rosbags, which is missing: pip install 'warpvis[ros]'"
         ) from None
     if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise FileFormatError(f"{path}: is a folder without metadata.yaml, so no ROS 2 bag; give a pose file")
+        raise FileFormatError(f"{path}: is a folder without metadata.yaml, so it is not a ROS 2 bag; give a pose file")
     name, _, child = (topic or "").partition(":")
     try:
         check_mcap(path)
@@ -107,7 +107,7 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
     except Exception as error:  # damaged bags may raise any exception
-        raise FileFormatError(f"{path}: does not read as a ROS 2 bag: {describe_exception(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read as a ROS 2 bag: {describe_exception(error)}") from None
     return _as_poses(
         path, name, child, poses, [_Eye(info.header.frame_id, partial(_camera, info, distortion)) for info in found]
     )
@@ -118,14 +118,16 @@ def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
     known = truncate(", ".join(f"{name} ({types[name]})" for name in readable), _LONGEST_LIST) or "none"
     if not topic:
         if len(readable) != 1:
-            what = "several topics of poses; choose one as topic=" if readable else "no topic of poses"
+            what = "several topics with poses; choose one as topic=" if readable else "no topic with poses"
             raise FileFormatError(f"{path}: the bag has {what}: it has {known if readable else _all(types)}")
         return readable[0]
     if topic not in types:
-        raise FileFormatError(f"{path}: the bag has no topic {topic!r}; those of poses are: {known}")
+        raise FileFormatError(f"{path}: the bag has no topic {topic!r}; topics with poses are: {known}")
     if topic not in readable:
         kind = truncate(types[topic])
-        raise FileFormatError(f"{path}: topic {topic} is of {kind}, not of poses; those of poses are: {known}")
+        raise FileFormatError(
+            f"{path}: topic {topic} has type {kind}, which has no poses; topics with poses are: {known}"
+        )
     return topic
 
 
@@ -153,7 +155,7 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras
     parents = sorted({pose.parent for pose in poses})
     if len(parents) > 1:
         known = truncate(", ".join(parents), _LONGEST_LIST)
-        raise FileFormatError(f"{place} has poses in the frames {known}, and frames are not chained")
+        raise FileFormatError(f"{place} has poses in the frames {known}, and transforms are not chained")
     rows = [_row(pose.position, pose.orientation) for pose in poses]
     times = np.array([pose.stamp.sec + 1e-9 * pose.stamp.nanosec for pose in poses])
     return FilePoses(
@@ -173,7 +175,7 @@ def _choose_camera(path: Path, eyes: Sequence[_Eye], child: str) -> CalibratedCa
     try:
         return one_camera([eye.make() for eye in chosen], str(path))
     except (CameraError, MessageError) as error:
-        warn_user(f"{path}: its CameraInfo makes no camera: {error}", IntrinsicsWarning)
+        warn_user(f"{path}: its CameraInfo is not a valid camera: {error}", IntrinsicsWarning)
         return None
 
 

@@ -61,7 +61,7 @@ def read_csv(path: Path) -> FilePoses:
                 rows.append([_parse_number(words[column], place) for column in columns.values()])
                 numbers.append(reader.line_num)
     except csv.Error as error:
-        raise FileFormatError(f"{path}:{reader.line_num}: does not read as CSV: {error}") from None
+        raise FileFormatError(f"{path}:{reader.line_num}: cannot be read as CSV: {error}") from None
     if not columns:
         raise FileFormatError(f"{path}: holds no line of column names x, y, z, qx, qy, qz, qw")
     table = np.array(rows, dtype=np.float64).reshape(-1, len(columns))
@@ -95,7 +95,7 @@ def read_parquet(path: Path) -> FilePoses:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
     except Exception as error:  # damaged files may raise any exception
-        raise FileFormatError(f"{path}: does not read as Parquet: {describe_exception(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read as Parquet: {describe_exception(error)}") from None
     return _as_poses(np.stack(arrays, axis=1), list(columns), lambda index: f"{path}: row {index}")
 
 

@@ -137,7 +137,7 @@ def _read_npy(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or 'it is not an NPY file'}") from None
     except Exception as error:  # damaged files may raise any exception
-        raise FileFormatError(f"{path}: does not read as NPY: {describe_exception(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read as NPY: {describe_exception(error)}") from None
     if not isinstance(loaded, np.ndarray) or loaded.ndim != 2 or loaded.shape[1] != 2 or loaded.dtype.kind != "f":
         got = f"{loaded.dtype} of {loaded.shape}" if isinstance(loaded, np.ndarray) else "an archive"
         raise FileFormatError(f"{path}: must contain azimuth and elevation, floats of shape (samples, 2), got {got}")

@@ -264,7 +264,7 @@ def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArra
                 faces = keep_winding(np.asarray(mesh.faces, dtype=np.int64), placement[:3, :3])
                 parts.append((str(name), (vertices @ linear.T, faces)))
     except Exception as error:  # trimesh's readers may raise any exception
-        raise FileFormatError(f"{path}: does not read as {kind.upper()}: {describe_exception(error)}") from None
+        raise FileFormatError(f"{path}: cannot be read as {kind.upper()}: {describe_exception(error)}") from None
     if not parts:
         raise FileFormatError(f"{path}: holds no triangles")
     if not all(np.isfinite(vertices).all() for _, (vertices, _) in parts):
