@@ -14,6 +14,7 @@ from pathlib import Path
 
 import docs_preludes as preludes
 import pytest
+from renamed import RENAMED_NAMES, RENAMED_OPTIONS
 
 import warpvis as wv
 from warpvis.cli import main
@@ -155,29 +156,23 @@ def test_the_top_is_explained():
 
 
 def test_old_names_are_gone():
-    """The changelog's table of names: the new ones are there, the old ones are not, and no page uses them."""
-    table = re.search(r"\| old name \| new name \|\n\|[-| ]+\|\n(.*?)\n\n", CHANGES.read_text(), re.DOTALL)[1]
-    rows = [re.findall(r"`(wv(?:\.\w+)+)`", line) for line in table.splitlines()]
-    assert len(rows) > 30
-    words = {word for page in PAGES for word in code_words(page)}
-    for row in rows:
-        old, new = row
+    """Renamed names exist under their new names only, and no page uses the old ones."""
+    words = {word for page in [*PAGES, CHANGES] for word in code_words(page)}
+    for old, new in RENAMED_NAMES.items():
         find(new.replace("wv", "warpvis", 1))
         with pytest.raises((AttributeError, ImportError)):
             find(old.replace("wv", "warpvis", 1))
         assert not any(re.search(rf"\b{re.escape(old)}\b", word) for word in words), old
 
 
-def test_old_options_are_gone():
-    """The changelog's table of options: functions have the new ones, and the old ones no more."""
-    table = re.search(r"\| option \| is called \| of \|\n\|[-| ]+\|\n(.*?)\n\n", CHANGES.read_text(), re.DOTALL)[1]
-    rows = [re.findall(r"`([\w.]+)`", line) for line in table.splitlines()]
-    assert len(rows) > 5
-    for old, new, *functions in rows:
-        for function in functions:
-            thing = find(f"warpvis.{function}")
-            parameters = inspect.signature(thing).parameters
-            assert new in parameters and old not in parameters, f"{function}: {', '.join(parameters)}"
+@pytest.mark.parametrize("options", RENAMED_OPTIONS, ids=lambda options: options[1])
+def test_old_options_are_gone(options):
+    """Functions take renamed options by their new names only."""
+    old, new, *functions = options
+    for function in functions:
+        thing = find(f"warpvis.{function}")
+        parameters = inspect.signature(thing).parameters
+        assert new in parameters and old not in parameters, f"{function}: {', '.join(parameters)}"
 
 
 def test_the_map_shows_the_layers_that_the_linter_holds():
