@@ -19,7 +19,7 @@ class FatteningModel:
 
 
 @wp.struct
-class SeenSurfaces:
+class Surfaces:
     """Images of the visible surfaces; normals and segmentation may be empty."""
 
     depth: wp.array3d[float]
@@ -57,9 +57,9 @@ def fatten_surfaces(
     window: Window,
     # In:
     model: FatteningModel,
-    seen: SeenSurfaces,
+    surfaces: Surfaces,
     nearest: wp.array3d[float],
-    places: wp.array[wp.vec2i],
+    offsets: wp.array[wp.vec2i],
     # Out:
     depth_out: wp.array3d[float],
     normals_out: wp.array3d[wp.vec3],
@@ -67,28 +67,28 @@ def fatten_surfaces(
 ):
     """Write the surface of the closest pixel in the window that is in front of a pixel's own, or the pixel's own.
 
-    `nearest` is the output of `find_nearest_in_rows`; `places` contains column and row offsets by increasing distance.
+    `nearest` is the output of `find_nearest_in_rows`; `offsets` contains column and row offsets by increasing distance.
     Normals and segmentation may be None.
     """
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    height, width = seen.depth.shape[1], seen.depth.shape[2]
-    depth = seen.depth[view, y, x]
+    height, width = surfaces.depth.shape[1], surfaces.depth.shape[2]
+    depth = surfaces.depth[view, y, x]
     nearest_depth = float(wp.inf)
     for row in range(wp.max(y - model.reach, 0), wp.min(y + model.reach + 1, height)):
         nearest_depth = wp.min(nearest_depth, nearest[view, row, x])
     from_row, from_column = int(y), int(x)
     if is_before(model, nearest_depth, depth):
-        for number in range(places.shape[0]):
-            column, row = x + places[number][0], y + places[number][1]
+        for number in range(offsets.shape[0]):
+            column, row = x + offsets[number][0], y + offsets[number][1]
             if row >= 0 and column >= 0 and row < height and column < width:
-                if is_before(model, seen.depth[view, row, column], depth):
+                if is_before(model, surfaces.depth[view, row, column], depth):
                     from_row = row
                     from_column = column
                     break
-    depth_out[view, y, x] = seen.depth[view, from_row, from_column]
+    depth_out[view, y, x] = surfaces.depth[view, from_row, from_column]
     if normals_out:
-        normals_out[view, y, x] = seen.normals[view, from_row, from_column]
+        normals_out[view, y, x] = surfaces.normals[view, from_row, from_column]
     if segmentation_out:
-        segmentation_out[view, y, x] = seen.segmentation[view, from_row, from_column]
+        segmentation_out[view, y, x] = surfaces.segmentation[view, from_row, from_column]

@@ -64,7 +64,7 @@ def measure_silhouettes_rays(
     # In:
     canvas: Canvas,
     worlds: Worlds,
-    seen: Comparison,
+    comparison: Comparison,
     threads: int,
     # Out:
     counts_out: wp.array3d[wp.int32],
@@ -114,5 +114,5 @@ def measure_silhouettes_rays(
         found = count_silhouette(found, x, y)
         if is_in_image:
             length = float(wp.length(ray))
-            found = count_pixel(found, target, seen, y, x, depth, length, hidden_by_out, masks_out)
+            found = count_pixel(found, target, comparison, y, x, depth, length, hidden_by_out, masks_out)
     add_found(counts_out, view, slot, found)

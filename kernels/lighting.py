@@ -14,7 +14,7 @@ from warpvis.kernels.shading import (
     factors_of,
     frame_of,
     material_of,
-    seen_triangle,
+    scaled_triangle,
     surface_color,
     to_bytes,
     weights,
@@ -139,17 +139,17 @@ def in_space(color: wp.vec3, is_linear: bool, target_linear: bool) -> wp.vec3:
 
 @wp.func
 def smooth_normal(
-    looks: DeviceMaterials, worlds: Worlds, view: int, index: int, face: int, point: wp.vec3, flat: wp.vec3
+    appearance: DeviceMaterials, worlds: Worlds, view: int, index: int, face: int, point: wp.vec3, flat: wp.vec3
 ) -> wp.vec3:
     """Return the object's interpolated vertex normal, on the visible side; `flat` if it has no vertex normals."""
-    rows = looks.object_rows[index, 4]
+    rows = appearance.object_rows[index, 4]
     if face < 0 or rows < 0:
         return flat
-    frame, factors = frame_of(looks, worlds, view, index), factors_of(looks, worlds, view, index)
-    triangle = seen_triangle(looks, looks.object_rows[index, 0] + face, factors)
+    frame, factors = frame_of(appearance, worlds, view, index), factors_of(appearance, worlds, view, index)
+    triangle = scaled_triangle(appearance, appearance.object_rows[index, 0] + face, factors)
     w = weights(triangle, wp.transform_point(wp.transform_inverse(frame), point))
     row = rows + face
-    mixed = w[0] * looks.normals[row, 0] + w[1] * looks.normals[row, 1] + w[2] * looks.normals[row, 2]
+    mixed = w[0] * appearance.normals[row, 0] + w[1] * appearance.normals[row, 1] + w[2] * appearance.normals[row, 2]
     normal = wp.transform_vector(frame, wp.cw_div(mixed, factors))
     length = wp.length(normal)
     if length <= 1.0e-6:
@@ -163,7 +163,7 @@ def smooth_normal(
 @wp.kernel
 def shade_lit_colors(
     # Scene:
-    looks: DeviceMaterials,
+    appearance: DeviceMaterials,
     lights: Lights,
     # Cameras:
     footprint: Footprint,
@@ -183,13 +183,13 @@ def shade_lit_colors(
     view += window.first_view
     y += window.first_row
     index = segmentation_in[view, y, x]
-    color = 1.0 * looks.background
+    color = 1.0 * appearance.background
     if index >= 0:
         camera, face = camera_to_world[view], faces_in[view, y, x]
         point, flat = points_in[view, y, x], normals_in[view, y, x]
-        normal = smooth_normal(looks, worlds, view, index, face, point, flat)
-        surface = surface_color(looks, footprint, camera, worlds, view, point, index, face)
-        material = looks.materials[material_of(looks, index, face)]
+        normal = smooth_normal(appearance, worlds, view, index, face, point, flat)
+        surface = surface_color(appearance, footprint, camera, worlds, view, point, index, face)
+        material = appearance.materials[material_of(appearance, index, face)]
         base, texel = rgb(surface.color), rgb(surface.texel)
         # The fixed-function pipeline lights the untextured surface, clamps the result and multiplies by the texture.
         if lights.is_linear or surface.is_linear:

@@ -10,7 +10,16 @@ import warp as wp
 from warpvis.kernels.images import Images
 from warpvis.kernels.motions import Frame, Motion, frame_at, frame_of, sensor_at, time_of
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.rays import CUDA_REGISTERS, FARTHEST, RayRange, Seen, measure, meet_instances, meet_object, no_hit
+from warpvis.kernels.rays import (
+    CUDA_REGISTERS,
+    FARTHEST,
+    RayHit,
+    RayRange,
+    measure,
+    meet_instances,
+    meet_object,
+    no_hit,
+)
 from warpvis.kernels.solids import normal_of_solid, to_shape
 from warpvis.kernels.triangle_scene import (
     CameraFrame,
@@ -56,46 +65,46 @@ def trace_ray_at(
     time: wp.float64,
     ray: wp.vec3d,
     cull_backfaces: bool,
-) -> Seen:
+) -> RayHit:
     """Cast a ray of the sensor frame at a time; otherwise like `warpvis.kernels.rays.trace_ray`."""
-    seen = no_hit()
-    seen.direction = wp.quat_rotate(in_world.rotation, ray)
+    hit = no_hit()
+    hit.direction = wp.quat_rotate(in_world.rotation, ray)
 
     world = world_of(worlds, view)
     if world < 0:
-        return seen
-    seen.depth = float(FARTHEST)
+        return hit
+    hit.depth = float(FARTHEST)
     for movable in range(-1, scene.movable_count):  # -1: static geometry
         frame = in_world
         if movable >= 0:
             frame = seen_from_frame(in_world, frame_at(objects, world, movable, time))
-        seen = meet_object(scene, worlds, world, view, movable, frame, ray, camera.clip, cull_backfaces, seen)
-    seen = meet_instances(scene, worlds, view, in_world, ray, camera.clip, cull_backfaces, seen)
+        hit = meet_object(scene, worlds, world, view, movable, frame, ray, camera.clip, cull_backfaces, hit)
+    hit = meet_instances(scene, worlds, view, in_world, ray, camera.clip, cull_backfaces, hit)
     hit_frame = in_world
-    if seen.face >= 0 and seen.movable >= 0:
-        hit_frame = seen_from_frame(in_world, object_frame(scene, objects, world, seen.movable, time))
-    return measure(scene, worlds, world, hit_frame, camera, ray, seen)
+    if hit.face >= 0 and hit.movable >= 0:
+        hit_frame = seen_from_frame(in_world, object_frame(scene, objects, world, hit.movable, time))
+    return measure(scene, worlds, world, hit_frame, camera, ray, hit)
 
 
 @wp.func
 def normal_of_hit(
-    scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, objects: Motion, view: int, time: wp.float64, seen: Seen
+    scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, objects: Motion, view: int, time: wp.float64, hit: RayHit
 ) -> wp.vec3:
     """Return the unit normal in the world frame at the hit of a ray from `origin`."""
     world = world_of(worlds, view)
-    factors = factors_of(scene, worlds, world, seen.movable)
-    if seen.movable < 0:
-        return wp.vec3(normal_of(scene.mesh, seen.face, factors, seen.direction))
-    frame = object_frame(scene, objects, world, seen.movable, time)
+    factors = factors_of(scene, worlds, world, hit.movable)
+    if hit.movable < 0:
+        return wp.vec3(normal_of(scene.mesh, hit.face, factors, hit.direction))
+    frame = object_frame(scene, objects, world, hit.movable, time)
     normal = wp.vec3d()
-    if seen.round:
-        kind, size = scene.movable_solid[seen.movable], size_of(scene, worlds, world, seen.movable)
-        point = origin + wp.float64(seen.depth) * seen.direction - frame.origin
+    if hit.round:
+        kind, size = scene.movable_solid[hit.movable], size_of(scene, worlds, world, hit.movable)
+        point = origin + wp.float64(hit.depth) * hit.direction - frame.origin
         shape_point = to_shape(wp.quat_rotate_inv(frame.rotation, point), size)
-        normal = normal_of_solid(kind, size, seen.face, shape_point)
+        normal = normal_of_solid(kind, size, hit.face, shape_point)
     else:
-        direction = wp.quat_rotate_inv(frame.rotation, seen.direction)
-        normal = normal_of(scene.movable_mesh[seen.movable], seen.face, factors, direction)
+        direction = wp.quat_rotate_inv(frame.rotation, hit.direction)
+        normal = normal_of(scene.movable_mesh[hit.movable], hit.face, factors, direction)
     return wp.vec3(wp.quat_rotate(frame.rotation, normal))
 
 
@@ -133,22 +142,22 @@ def cast_at_moving_objects(
     if origins_in:
         eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
     ray = rays_in[y, x]
-    seen = no_hit()
+    hit = no_hit()
     if ray[2] == ray[2]:
-        seen = trace_ray_at(scene, camera, eye, worlds, objects, view, time, ray, cull_backfaces)
+        hit = trace_ray_at(scene, camera, eye, worlds, objects, view, time, ray, cull_backfaces)
 
     point = wp.vec3(wp.nan, wp.nan, wp.nan)
     normal = wp.vec3(wp.nan, wp.nan, wp.nan)
     index = int(-1)
     label = wp.uint8(0)
-    if seen.face >= 0:
-        point = wp.vec3(eye.origin + wp.float64(seen.depth) * seen.direction)
-        index = object_of(scene, seen.movable, seen.face)
+    if hit.face >= 0:
+        point = wp.vec3(eye.origin + wp.float64(hit.depth) * hit.direction)
+        index = object_of(scene, hit.movable, hit.face)
         label = scene.object_label[index]
         if images_out.normals:
-            normal = normal_of_hit(scene, eye.origin, worlds, objects, view, time, seen)
+            normal = normal_of_hit(scene, eye.origin, worlds, objects, view, time, hit)
     if images_out.depth:
-        images_out.depth[view, y, x] = seen.depth
+        images_out.depth[view, y, x] = hit.depth
     if images_out.points:
         images_out.points[view, y, x] = point
     if images_out.normals:
@@ -158,4 +167,4 @@ def cast_at_moving_objects(
     if images_out.segmentation:
         images_out.segmentation[view, y, x] = index
     if images_out.faces:
-        images_out.faces[view, y, x] = face_of(scene, seen.movable, seen.face)
+        images_out.faces[view, y, x] = face_of(scene, hit.movable, hit.face)

@@ -48,10 +48,10 @@ def cast_moving_rays(
     if origins_in:
         eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
     ray = rays_in[y, x]
-    seen = no_hit()
+    hit = no_hit()
     if ray[2] == ray[2]:
-        seen = trace_ray(scene, camera, eye, worlds, view, ray, cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
+        hit = trace_ray(scene, camera, eye, worlds, view, ray, cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, hit, view, y, x, images_out)
 
 
 @wp.kernel

@@ -67,12 +67,12 @@ def cast_parallel_rays(
     if pixels_in:
         pixel = pixels_in[view, y, x]
     eye = camera_frame(camera_to_world[view])
-    seen = no_hit()
+    hit = no_hit()
     if pixel[0] >= 0.0 and pixel[0] < camera.width and pixel[1] >= 0.0 and pixel[1] < camera.height:
         eye = camera_frame(eye_at(camera, camera_to_world[view], pixel))
         ahead = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-        seen = trace_ray(scene, pinhole_range(camera), eye, worlds, view, ahead, cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
+        hit = trace_ray(scene, pinhole_range(camera), eye, worlds, view, ahead, cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, hit, view, y, x, images_out)
 
 
 @wp.kernel

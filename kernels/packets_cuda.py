@@ -80,7 +80,7 @@ if (world >= 0 && world < world_count) {
     object_poses = (const float*)worlds.object_poses.data + first * POSE_WORDS;
     if (RESIZED) object_sizes = (const float*)worlds.object_sizes.data + first * SOLID_WORDS;
 }
-// Where nothing is movable, there is one world.
+// Without movable objects there is one world.
 if (scene.movable_count == 0) object_poses = (const float*)scene.instance_pose.data;
 const Scene all = {
     {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root, 0,
@@ -117,8 +117,9 @@ const bool cull_backfaces = false;
 {WORLD}
 {VIEW}
 if (!object_poses) return;
-const bool there = object < scene.drawn_count;
-ObjectPass::find(Packets::camera_of(shape), all.movables, all.found, there ? object : scene.drawn_count - 1, there);
+const bool is_object = object < scene.drawn_count;
+ObjectPass::find(Packets::camera_of(shape), all.movables, all.found, is_object ? object : scene.drawn_count - 1,
+                 is_object);
 """
 
 

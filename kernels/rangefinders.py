@@ -54,8 +54,8 @@ class SensorRays:
     direction: wp.array[wp.vec3d]
     fields: wp.array[wp.int32]  # bits of the fields to write
     column: wp.array[wp.int32]  # of the ray's first number
-    least: wp.array[wp.float64]  # numbers are clamped to [least, most]
-    most: wp.array[wp.float64]
+    low: wp.array[wp.float64]  # numbers are clamped to [low, high]
+    high: wp.array[wp.float64]
 
 
 @wp.struct
@@ -220,49 +220,49 @@ def span_of_round(kind: int, o: wp.vec3d, d: wp.vec3d, half: wp.float64) -> Span
 
 @wp.func
 def no_hit() -> RayHit:
-    met = RayHit()
-    met.distance = wp.float64(-1.0)
-    return met
+    hit = RayHit()
+    hit.distance = wp.float64(-1.0)
+    return hit
 
 
 @wp.func
 def surface_of(span: Span) -> RayHit:
     """Return the first boundary of an interval that is not behind the ray's origin."""
-    met = no_hit()
+    hit = no_hit()
     if span.enter <= span.leave and span.leave >= wp.float64(0.0):
-        met.distance = span.leave
-        met.normal = span.leave_normal
+        hit.distance = span.leave
+        hit.normal = span.leave_normal
         if span.enter >= wp.float64(0.0):
-            met.distance = span.enter
-            met.normal = span.enter_normal
-    return met
+            hit.distance = span.enter
+            hit.normal = span.enter_normal
+    return hit
 
 
 @wp.func
 def meet_plane(o: wp.vec3d, d: wp.vec3d, size: wp.vec3d) -> RayHit:
     """Intersect a ray with a rectangle, seen from above, that is infinite along axes whose half size is 0."""
-    met = no_hit()
+    hit = no_hit()
     if d[2] > -FLAT or o[2] < wp.float64(0.0):
-        return met
+        return hit
     point = o - o[2] / d[2] * d
     if size[0] > wp.float64(0.0) and wp.abs(point[0]) > size[0]:
-        return met
+        return hit
     if size[1] > wp.float64(0.0) and wp.abs(point[1]) > size[1]:
-        return met
-    met.distance = -o[2] / d[2]
-    met.normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-    return met
+        return hit
+    hit.distance = -o[2] / d[2]
+    hit.normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+    return hit
 
 
 @wp.func
 def meet_mesh(mesh: wp.uint64, o: wp.vec3d, d: wp.vec3d, farthest: wp.float64) -> RayHit:
-    met = no_hit()
-    hit = wp.mesh_query_ray(mesh, wp.vec3(o), wp.vec3(d), float(farthest))
-    if hit.result:
-        a, b, c = corner(mesh, hit.face, 0) - o, corner(mesh, hit.face, 1) - o, corner(mesh, hit.face, 2) - o
-        met.distance = wp.max(plane_depth(a, b, c, d, d), wp.float64(0.0))
-        met.normal = wp.normalize(wp.cross(b - a, c - a))
-    return met
+    hit = no_hit()
+    query = wp.mesh_query_ray(mesh, wp.vec3(o), wp.vec3(d), float(farthest))
+    if query.result:
+        a, b, c = corner(mesh, query.face, 0) - o, corner(mesh, query.face, 1) - o, corner(mesh, query.face, 2) - o
+        hit.distance = wp.max(plane_depth(a, b, c, d, d), wp.float64(0.0))
+        hit.normal = wp.normalize(wp.cross(b - a, c - a))
+    return hit
 
 
 @wp.func
@@ -276,9 +276,9 @@ def meet_geom(kind: int, size: wp.vec4, mesh: wp.uint64, ray: Ray, farthest: wp.
     if kind == BOX:
         return surface_of(span_of_box(ray.origin, ray.direction, half))
     o, d = to_shape(ray.origin, size), to_shape(ray.direction, size)
-    met = surface_of(span_of_round(kind, o, d, wp.float64(size[3])))
-    met.normal = wp.normalize(to_shape(met.normal, size))
-    return met
+    hit = surface_of(span_of_round(kind, o, d, wp.float64(size[3])))
+    hit.normal = wp.normalize(to_shape(hit.normal, size))
+    return hit
 
 
 @wp.func
@@ -308,10 +308,10 @@ def nearest_geom(
                 local_ray = Ray()
                 local_ray.origin = rotate_inverse(rotation, -toward)
                 local_ray.direction = rotate_inverse(rotation, ray.direction)
-                met = meet_geom(geoms.kind[index], geoms.size[index], geoms.mesh[index], local_ray, nearest.distance)
-                if met.distance >= wp.float64(0.0) and met.distance < nearest.distance:
-                    nearest.distance = met.distance
-                    nearest.normal = rotate(rotation, met.normal)
+                hit = meet_geom(geoms.kind[index], geoms.size[index], geoms.mesh[index], local_ray, nearest.distance)
+                if hit.distance >= wp.float64(0.0) and hit.distance < nearest.distance:
+                    nearest.distance = hit.distance
+                    nearest.normal = rotate(rotation, hit.normal)
     if nearest.distance == FARTHEST:
         return no_hit()
     return nearest
@@ -356,28 +356,28 @@ def read_rangefinders(
     ray = Ray()
     ray.origin = frame.position + rotate(frame.rotation, rays.origin[index])
     ray.direction = rotate(frame.rotation, rays.direction[index])
-    met = nearest_geom(geoms, geom_xpos, geom_xmat, world, rays.body[index], ray)
+    hit = nearest_geom(geoms, geom_xpos, geom_xmat, world, rays.body[index], ray)
 
-    is_hit = wp.where(met.distance >= wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
+    is_hit = wp.where(hit.distance >= wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
     fields, column = rays.fields[index], int(rays.column[index])
-    low, high = rays.least[index], rays.most[index]
+    low, high = rays.low[index], rays.high[index]
     if fields & DISTANCE:
-        readings_out[world, column] = float(wp.clamp(met.distance, low, high))
+        readings_out[world, column] = float(wp.clamp(hit.distance, low, high))
         column += 1
     for field in range(1, 5):
         if fields & (1 << field):
-            value = met.normal
+            value = hit.normal
             if (1 << field) == DIRECTION:
                 value = ray.direction * is_hit
             elif (1 << field) == ORIGIN:
                 value = ray.origin
             elif (1 << field) == POINT:
-                value = (ray.origin + met.distance * ray.direction) * is_hit
+                value = (ray.origin + hit.distance * ray.direction) * is_hit
             for axis in range(3):
                 readings_out[world, column + axis] = float(wp.clamp(value[axis], low, high))
             column += 3
     if fields & DEPTH:
-        depth = met.distance
+        depth = hit.distance
         if site < 0:
-            depth = depth_of(frame, ray, met.distance)
+            depth = depth_of(frame, ray, hit.distance)
         readings_out[world, column] = float(wp.clamp(depth, low, high))

@@ -42,7 +42,7 @@ def cast_ray_table(
     if origins_in:
         eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
     ray = rays_in[wp.min(view, rays_in.shape[0] - 1), y, x]
-    seen = no_hit()
+    hit = no_hit()
     if ray[2] == ray[2]:
-        seen = trace_ray(scene, camera, eye, worlds, view, ray, cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
+        hit = trace_ray(scene, camera, eye, worlds, view, ray, cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, hit, view, y, x, images_out)

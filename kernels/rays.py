@@ -62,7 +62,7 @@ class RayRange:
 
 
 @wp.struct
-class Seen:
+class RayHit:
     """The hit of a ray: depth, and the triangle if depth is between near and far, -1 otherwise."""
 
     depth: float
@@ -84,12 +84,12 @@ def pinhole_range(camera: PinholeCamera) -> RayRange:
 
 
 @wp.func
-def no_hit() -> Seen:
-    seen = Seen()
-    seen.depth = wp.inf
-    seen.face = -1
-    seen.movable = -1
-    return seen
+def no_hit() -> RayHit:
+    hit = RayHit()
+    hit.depth = wp.inf
+    hit.face = -1
+    hit.movable = -1
+    return hit
 
 
 @wp.func
@@ -102,9 +102,9 @@ def nearest_instance(
     clip: float,
     max_t: float,
     cull: bool,
-) -> Seen:
+) -> RayHit:
     """Return the nearest hit among static objects with a shared mesh, up to `max_t` along the ray."""
-    seen = no_hit()
+    hit = no_hit()
     nearest = float(max_t)
     towards = wp.quat_rotate(in_world.rotation, ray)
     inverse, origin = inverses_of(towards), wp.vec3(in_world.origin)
@@ -116,14 +116,14 @@ def nearest_instance(
         if not is_excluded(worlds, view, scene.movable_object[movable]):
             frame = seen_from(in_world, steps[instance].pose)
             direction, eye = wp.vec3(wp.quat_rotate(frame.rotation, ray)), wp.vec3(frame.origin)
-            hit = first_hit(scene, worlds, view, movable, eye, direction, clip, nearest, cull)
-            if hit.result and hit.t < nearest:
-                seen.face = hit.face
-                seen.movable = movable
-                nearest = hit.t
+            mesh_hit = first_hit(scene, worlds, view, movable, eye, direction, clip, nearest, cull)
+            if mesh_hit.result and mesh_hit.t < nearest:
+                hit.face = mesh_hit.face
+                hit.movable = movable
+                nearest = mesh_hit.t
         step = next_instance(steps, step + 1, origin, inverse, nearest)
-    seen.depth = nearest
-    return seen
+    hit.depth = nearest
+    return hit
 
 
 @wp.func
@@ -137,9 +137,9 @@ def meet_object(
     ray: wp.vec3d,
     clip: float,
     cull: bool,
-    seen: Seen,
-) -> Seen:
-    """Return the hit of a movable object, or of static geometry (-1), if it is nearer than `seen`; else `seen`.
+    nearest: RayHit,
+) -> RayHit:
+    """Return the hit of a movable object, or of static geometry (-1), if it is nearer than `nearest`; else `nearest`.
 
     `frame` is the camera in the object's frame. Depth is the ray parameter as returned by the mesh query.
     """
@@ -151,17 +151,17 @@ def meet_object(
         shown = index < 0 or not is_excluded(worlds, view, index)
         size = size_of(scene, worlds, world, movable)
         is_round = shown and shows_solid(scene.movable_solid[movable], size, frame.origin)
-    met = SolidHit()
+    solid = SolidHit()
     if is_round:
-        met = solid_hit(scene.movable_solid[movable], size, frame, ray)
+        solid = solid_hit(scene.movable_solid[movable], size, frame, ray)
         # A solid that the near plane cuts is represented by its triangles, as it is for a camera inside.
-        is_round = not met.w * wp.float64(clip) > wp.float64(1.0)
+        is_round = not solid.w * wp.float64(clip) > wp.float64(1.0)
     if is_round:
-        if met.w * wp.float64(seen.depth) > wp.float64(1.0):
-            seen.face = met.part
-            seen.movable = movable
-            seen.round = True
-            seen.depth = float(wp.float64(1.0) / met.w)
+        if solid.w * wp.float64(nearest.depth) > wp.float64(1.0):
+            nearest.face = solid.part
+            nearest.movable = movable
+            nearest.round = True
+            nearest.depth = float(wp.float64(1.0) / solid.w)
     elif shown:
         along = wp.quat_rotate(frame.rotation, ray)
         direction = wp.vec3(along)
@@ -169,13 +169,13 @@ def meet_object(
         if worlds.object_sizes and movable >= 0:  # dividing by the factors leads to the frame of unscaled triangles
             factors = factors_of(scene, worlds, world, movable)
             direction, eye = wp.vec3(wp.cw_div(along, factors)), wp.vec3(wp.cw_div(frame.origin, factors))
-        hit = first_hit(scene, worlds, view, movable, eye, direction, clip, seen.depth, cull)
-        if hit.result and hit.t < seen.depth:
-            seen.face = hit.face
-            seen.movable = movable
-            seen.round = False
-            seen.depth = hit.t
-    return seen
+        mesh_hit = first_hit(scene, worlds, view, movable, eye, direction, clip, nearest.depth, cull)
+        if mesh_hit.result and mesh_hit.t < nearest.depth:
+            nearest.face = mesh_hit.face
+            nearest.movable = movable
+            nearest.round = False
+            nearest.depth = mesh_hit.t
+    return nearest
 
 
 @wp.func
@@ -187,17 +187,17 @@ def meet_instances(
     ray: wp.vec3d,
     clip: float,
     cull: bool,
-    seen: Seen,
-) -> Seen:
-    """Return the nearest hit of static objects with a shared mesh if it is nearer than `seen`; else `seen`."""
+    nearest: RayHit,
+) -> RayHit:
+    """Return the nearest hit of static objects with a shared mesh if it is nearer than `nearest`; else `nearest`."""
     if scene.instance_count > 0:
-        met = nearest_instance(scene, worlds, view, in_world, ray, clip, seen.depth, cull)
-        if met.face >= 0:
-            seen.face = met.face
-            seen.movable = met.movable
-            seen.round = False
-            seen.depth = met.depth
-    return seen
+        candidate = nearest_instance(scene, worlds, view, in_world, ray, clip, nearest.depth, cull)
+        if candidate.face >= 0:
+            nearest.face = candidate.face
+            nearest.movable = candidate.movable
+            nearest.round = False
+            nearest.depth = candidate.depth
+    return nearest
 
 
 @wp.func
@@ -208,31 +208,31 @@ def measure(
     frame: CameraFrame,
     camera: RayRange,
     ray: wp.vec3d,
-    seen: Seen,
-) -> Seen:
+    hit: RayHit,
+) -> RayHit:
     """Return a hit with exact depth; hits outside of the camera's range become misses.
 
     `frame` is the camera in the frame of the hit object.
     """
-    if seen.face < 0:
-        seen.depth = wp.inf
-        return seen
-    if not seen.round:
-        mesh = mesh_of(scene, seen.movable)
-        factors = factors_of(scene, worlds, world, seen.movable)
-        a = stretched_corner(mesh, seen.face, 0, factors) - frame.origin
-        b = stretched_corner(mesh, seen.face, 1, factors) - frame.origin
-        c = stretched_corner(mesh, seen.face, 2, factors) - frame.origin
+    if hit.face < 0:
+        hit.depth = wp.inf
+        return hit
+    if not hit.round:
+        mesh = mesh_of(scene, hit.movable)
+        factors = factors_of(scene, worlds, world, hit.movable)
+        a = stretched_corner(mesh, hit.face, 0, factors) - frame.origin
+        b = stretched_corner(mesh, hit.face, 1, factors) - frame.origin
+        c = stretched_corner(mesh, hit.face, 2, factors) - frame.origin
         local_direction = wp.quat_rotate(frame.rotation, ray)
         forward = wp.where(camera.is_planar, forward_axis(frame.rotation), local_direction)
-        seen.depth = wp.max(float(plane_depth(a, b, c, local_direction, forward)), camera.clip)
-    if seen.depth < camera.near:
-        seen.depth = -wp.inf
-        seen.face = -1
-    elif seen.depth > camera.far:
-        seen.depth = wp.inf
-        seen.face = -1
-    return seen
+        hit.depth = wp.max(float(plane_depth(a, b, c, local_direction, forward)), camera.clip)
+    if hit.depth < camera.near:
+        hit.depth = -wp.inf
+        hit.face = -1
+    elif hit.depth > camera.far:
+        hit.depth = wp.inf
+        hit.face = -1
+    return hit
 
 
 @wp.func
@@ -244,55 +244,55 @@ def trace_ray(
     view: int,
     ray: wp.vec3d,
     cull_backfaces: bool,
-) -> Seen:
+) -> RayHit:
     """Cast one ray of the camera frame: with z = 1 for planar depth, of unit length for range."""
-    seen = no_hit()
-    seen.direction = wp.quat_rotate(in_world.rotation, ray)
+    hit = no_hit()
+    hit.direction = wp.quat_rotate(in_world.rotation, ray)
 
     world = int(0)
     if scene.movable_count > 0:
         world = world_of(worlds, view)
         if world < 0:
-            return seen
+            return hit
     # Query the whole range: hits beyond `far` are removed below, by exact depth.
-    seen.depth = float(FARTHEST)
+    hit.depth = float(FARTHEST)
     for movable in range(-1, scene.movable_count):  # -1: static geometry
         frame = in_world
         if movable >= 0:
             frame = seen_from(in_world, worlds.object_poses[world, movable])
-        seen = meet_object(scene, worlds, world, view, movable, frame, ray, camera.clip, cull_backfaces, seen)
-    seen = meet_instances(scene, worlds, view, in_world, ray, camera.clip, cull_backfaces, seen)
+        hit = meet_object(scene, worlds, world, view, movable, frame, ray, camera.clip, cull_backfaces, hit)
+    hit = meet_instances(scene, worlds, view, in_world, ray, camera.clip, cull_backfaces, hit)
     hit_frame = in_world
-    if seen.face >= 0 and seen.movable >= 0:
-        hit_frame = seen_from(in_world, pose_in(scene, worlds, world, seen.movable))
-    return measure(scene, worlds, world, hit_frame, camera, ray, seen)
+    if hit.face >= 0 and hit.movable >= 0:
+        hit_frame = seen_from(in_world, pose_in(scene, worlds, world, hit.movable))
+    return measure(scene, worlds, world, hit_frame, camera, ray, hit)
 
 
 @wp.func
-def solid_normal(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
+def solid_normal(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, hit: RayHit) -> wp.vec3:
     """Return the unit normal, in the world frame, of the true surface at a hit."""
     world = world_of(worlds, view)
-    pose = worlds.object_poses[world, seen.movable]
-    kind, size = scene.movable_solid[seen.movable], size_of(scene, worlds, world, seen.movable)
-    point = origin + wp.float64(seen.depth) * seen.direction - pose_origin(pose)
+    pose = worlds.object_poses[world, hit.movable]
+    kind, size = scene.movable_solid[hit.movable], size_of(scene, worlds, world, hit.movable)
+    point = origin + wp.float64(hit.depth) * hit.direction - pose_origin(pose)
     shape_point = to_shape(wp.quat_rotate_inv(pose_rotation(pose), point), size)
-    return wp.vec3(wp.quat_rotate(pose_rotation(pose), normal_of_solid(kind, size, seen.face, shape_point)))
+    return wp.vec3(wp.quat_rotate(pose_rotation(pose), normal_of_solid(kind, size, hit.face, shape_point)))
 
 
 @wp.func
-def normal_in_world(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, seen: Seen) -> wp.vec3:
-    if seen.face < 0:
+def normal_in_world(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, hit: RayHit) -> wp.vec3:
+    if hit.face < 0:
         return wp.vec3(wp.nan, wp.nan, wp.nan)
-    if seen.movable < 0:
-        factors = factors_of(scene, worlds, 0, seen.movable)
-        return wp.vec3(normal_of(scene.mesh, seen.face, factors, seen.direction))
-    if seen.round:
-        return solid_normal(scene, origin, worlds, view, seen)
+    if hit.movable < 0:
+        factors = factors_of(scene, worlds, 0, hit.movable)
+        return wp.vec3(normal_of(scene.mesh, hit.face, factors, hit.direction))
+    if hit.round:
+        return solid_normal(scene, origin, worlds, view, hit)
     world = world_of(worlds, view)
-    rotation = pose_rotation(pose_in(scene, worlds, world, seen.movable))
-    direction = wp.quat_rotate_inv(rotation, seen.direction)
-    factors = factors_of(scene, worlds, world, seen.movable)
-    normal = normal_of(scene.movable_mesh[seen.movable], seen.face, factors, direction)
+    rotation = pose_rotation(pose_in(scene, worlds, world, hit.movable))
+    direction = wp.quat_rotate_inv(rotation, hit.direction)
+    factors = factors_of(scene, worlds, world, hit.movable)
+    normal = normal_of(scene.movable_mesh[hit.movable], hit.face, factors, direction)
     return wp.vec3(wp.quat_rotate(rotation, normal))
 
 
@@ -302,7 +302,7 @@ def write_images(
     origin: wp.vec3d,
     worlds: Worlds,
     world_view: int,
-    seen: Seen,
+    hit: RayHit,
     view: int,
     y: int,
     x: int,
@@ -313,26 +313,26 @@ def write_images(
     `origin` is the ray's origin, and `world_view` the view index that `trace_ray` used to find the world.
     """
     if images_out.depth:
-        images_out.depth[view, y, x] = seen.depth
+        images_out.depth[view, y, x] = hit.depth
     if images_out.points:
         point = wp.vec3(wp.nan, wp.nan, wp.nan)
-        if seen.face >= 0:
-            point = wp.vec3(origin + wp.float64(seen.depth) * seen.direction)
+        if hit.face >= 0:
+            point = wp.vec3(origin + wp.float64(hit.depth) * hit.direction)
         images_out.points[view, y, x] = point
     if images_out.normals:
-        images_out.normals[view, y, x] = normal_in_world(scene, origin, worlds, world_view, seen)
+        images_out.normals[view, y, x] = normal_in_world(scene, origin, worlds, world_view, hit)
     if images_out.labels or images_out.segmentation:
         index = int(-1)
         label = wp.uint8(0)
-        if seen.face >= 0:
-            index = object_of(scene, seen.movable, seen.face)
+        if hit.face >= 0:
+            index = object_of(scene, hit.movable, hit.face)
             label = scene.object_label[index]
         if images_out.labels:
             images_out.labels[view, y, x] = label
         if images_out.segmentation:
             images_out.segmentation[view, y, x] = index
     if images_out.faces:
-        images_out.faces[view, y, x] = face_of(scene, seen.movable, seen.face)
+        images_out.faces[view, y, x] = face_of(scene, hit.movable, hit.face)
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -355,8 +355,8 @@ def cast_rays(
     y += window.first_row
 
     eye = camera_frame(camera_to_world[view])
-    seen = trace_ray(scene, pinhole_range(camera), eye, worlds, view, pixel_ray(camera, y, x), cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, seen, view, y, x, images_out)
+    hit = trace_ray(scene, pinhole_range(camera), eye, worlds, view, pixel_ray(camera, y, x), cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, hit, view, y, x, images_out)
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -381,7 +381,7 @@ def cast_rays_at(
 
     pixel = pixels_in[view, row, point]
     eye = camera_frame(camera_to_world[view])
-    seen = no_hit()
+    hit = no_hit()
     if pixel[0] >= 0.0 and pixel[0] < camera.width and pixel[1] >= 0.0 and pixel[1] < camera.height:
-        seen = trace_ray(scene, pinhole_range(camera), eye, worlds, view, image_ray(camera, pixel), cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, seen, view, row, point, images_out)
+        hit = trace_ray(scene, pinhole_range(camera), eye, worlds, view, image_ray(camera, pixel), cull_backfaces)
+    write_images(scene, eye.origin, worlds, view, hit, view, row, point, images_out)

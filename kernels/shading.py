@@ -65,7 +65,7 @@ class Footprint:
 
 
 @wp.struct
-class SeenTriangle:
+class SurfaceTriangle:
     """The visible triangle of a pixel, in its object's frame."""
 
     a: wp.vec3
@@ -75,7 +75,7 @@ class SeenTriangle:
 
 
 @wp.func
-def weights(triangle: SeenTriangle, point: wp.vec3) -> wp.vec3:
+def weights(triangle: SurfaceTriangle, point: wp.vec3) -> wp.vec3:
     """Return the barycentric coordinates of a point in a triangle's plane."""
     offset = point - triangle.a
     size = wp.dot(triangle.normal, triangle.normal)
@@ -87,16 +87,16 @@ def weights(triangle: SeenTriangle, point: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def seen_triangle(looks: DeviceMaterials, row: int, factors: wp.vec3) -> SeenTriangle:
+def scaled_triangle(appearance: DeviceMaterials, row: int, factors: wp.vec3) -> SurfaceTriangle:
     """Return the scaled triangle of a row, or a degenerate triangle for row -1."""
-    seen = SeenTriangle()
+    triangle = SurfaceTriangle()
     if row < 0:
-        return seen
-    seen.a = wp.cw_mul(looks.corners[row, 0], factors)
-    seen.ab = wp.cw_mul(looks.corners[row, 1], factors) - seen.a
-    seen.ac = wp.cw_mul(looks.corners[row, 2], factors) - seen.a
-    seen.normal = wp.cross(seen.ab, seen.ac)
-    return seen
+        return triangle
+    triangle.a = wp.cw_mul(appearance.corners[row, 0], factors)
+    triangle.ab = wp.cw_mul(appearance.corners[row, 1], factors) - triangle.a
+    triangle.ac = wp.cw_mul(appearance.corners[row, 2], factors) - triangle.a
+    triangle.normal = wp.cross(triangle.ab, triangle.ac)
+    return triangle
 
 
 @wp.func
@@ -133,7 +133,12 @@ def cube_side(direction: wp.vec3) -> int:
 
 @wp.func
 def texture_coordinates(
-    looks: DeviceMaterials, material: DeviceMaterial, uv_row: int, triangle: SeenTriangle, point: wp.vec3, side: int
+    appearance: DeviceMaterials,
+    material: DeviceMaterial,
+    uv_row: int,
+    triangle: SurfaceTriangle,
+    point: wp.vec3,
+    side: int,
 ) -> wp.vec3:
     """Return the texture coordinates of a point of the object's frame, and the cube's side (-1 for no cube)."""
     if material.projection == PROJECTION_CUBE:
@@ -144,7 +149,7 @@ def texture_coordinates(
         uv = wp.vec2(0.0, 0.0)
         if uv_row >= 0:
             w = weights(triangle, point)
-            uv = w[0] * looks.uv[uv_row, 0] + w[1] * looks.uv[uv_row, 1] + w[2] * looks.uv[uv_row, 2]
+            uv = w[0] * appearance.uv[uv_row, 0] + w[1] * appearance.uv[uv_row, 1] + w[2] * appearance.uv[uv_row, 2]
     return wp.vec3(uv[0] * material.repeat[0], uv[1] * material.repeat[1], -1.0)
 
 
@@ -168,19 +173,19 @@ def to_bytes(color: wp.vec3) -> wp.vec3ub:
 
 @wp.func
 def textured(
-    looks: DeviceMaterials,
+    appearance: DeviceMaterials,
     material: DeviceMaterial,
     footprint: Footprint,
     camera: wp.transform,
     frame: wp.transform,
     uv_row: int,
-    triangle: SeenTriangle,
+    triangle: SurfaceTriangle,
     has_plane: bool,
-    seen: wp.vec3,
+    hit_point: wp.vec3,
 ) -> wp.vec4:
     """Return the texture's color at a hit point of the world, filtered over the pixel's footprint."""
-    texture = looks.textures[material.texture]
-    point = wp.transform_point(wp.transform_inverse(frame), seen)
+    texture = appearance.textures[material.texture]
+    point = wp.transform_point(wp.transform_inverse(frame), hit_point)
     eye = wp.transform_point(wp.transform_inverse(frame), wp.transform_get_translation(camera))
     rotation = wp.quat_inverse(wp.transform_get_rotation(frame)) * wp.transform_get_rotation(camera)
     forward = wp.quat_rotate(rotation, wp.vec3(0.0, 0.0, 1.0))
@@ -204,37 +209,37 @@ def textured(
     across = point + neighbor_offset(ray, right * footprint.size[0], depth, normal)
     below = point + neighbor_offset(ray, down * footprint.size[1], depth, normal)
     return sample(
-        looks.texels,
+        appearance.texels,
         texture,
-        texture_coordinates(looks, material, uv_row, triangle, point, side),
-        texture_coordinates(looks, material, uv_row, triangle, across, side),
-        texture_coordinates(looks, material, uv_row, triangle, below, side),
+        texture_coordinates(appearance, material, uv_row, triangle, point, side),
+        texture_coordinates(appearance, material, uv_row, triangle, across, side),
+        texture_coordinates(appearance, material, uv_row, triangle, below, side),
         material.is_linear,
     )
 
 
 @wp.func
-def material_of(looks: DeviceMaterials, index: int, face: int) -> int:
+def material_of(appearance: DeviceMaterials, index: int, face: int) -> int:
     """Return the material of an object's triangle, or the object's default material for face -1."""
-    rows = looks.object_rows[index, 3]
+    rows = appearance.object_rows[index, 3]
     if face < 0 or rows < 0:
-        return looks.object_material[index]
-    return looks.face_material[rows + face]
+        return appearance.object_material[index]
+    return appearance.face_material[rows + face]
 
 
 @wp.func
-def frame_of(looks: DeviceMaterials, worlds: Worlds, view: int, index: int) -> wp.transform:
+def frame_of(appearance: DeviceMaterials, worlds: Worlds, view: int, index: int) -> wp.transform:
     """Return the transform from an object's frame to the world of a view."""
-    column = looks.object_column[index]
+    column = appearance.object_column[index]
     if column < 0:
-        return looks.object_pose[index]
-    return worlds.object_poses[world_of(worlds, view), column] * looks.object_pose[index]
+        return appearance.object_pose[index]
+    return worlds.object_poses[world_of(worlds, view), column] * appearance.object_pose[index]
 
 
 @wp.func
-def factors_of(looks: DeviceMaterials, worlds: Worlds, view: int, index: int) -> wp.vec3:
+def factors_of(appearance: DeviceMaterials, worlds: Worlds, view: int, index: int) -> wp.vec3:
     """Return the scale factors of an object's mesh along the axes of its frame."""
-    column = looks.object_column[index]
+    column = appearance.object_column[index]
     if column < 0 or not worlds.object_sizes:
         return wp.vec3(1.0, 1.0, 1.0)
     size = worlds.object_sizes[world_of(worlds, view), column]
@@ -252,39 +257,43 @@ class SurfaceColor:
 
 @wp.func
 def surface_color(
-    looks: DeviceMaterials,
+    appearance: DeviceMaterials,
     footprint: Footprint,
     camera: wp.transform,
     worlds: Worlds,
     view: int,
-    seen: wp.vec3,
+    hit_point: wp.vec3,
     index: int,
     face: int,
 ) -> SurfaceColor:
     """Return the color of an object's surface at a point of the world."""
-    frame, factors = frame_of(looks, worlds, view, index), factors_of(looks, worlds, view, index)
+    frame, factors = frame_of(appearance, worlds, view, index), factors_of(appearance, worlds, view, index)
     corner_row, uv_row, color_row = int(-1), int(-1), int(-1)
     if face >= 0:
-        if looks.object_rows[index, 0] >= 0:
-            corner_row = looks.object_rows[index, 0] + face
-        if looks.object_rows[index, 1] >= 0:
-            uv_row = looks.object_rows[index, 1] + face
-        if looks.object_rows[index, 2] >= 0:
-            color_row = looks.object_rows[index, 2] + face
-    material = looks.materials[material_of(looks, index, face)]
-    triangle = seen_triangle(looks, corner_row, factors)
+        if appearance.object_rows[index, 0] >= 0:
+            corner_row = appearance.object_rows[index, 0] + face
+        if appearance.object_rows[index, 1] >= 0:
+            uv_row = appearance.object_rows[index, 1] + face
+        if appearance.object_rows[index, 2] >= 0:
+            color_row = appearance.object_rows[index, 2] + face
+    material = appearance.materials[material_of(appearance, index, face)]
+    triangle = scaled_triangle(appearance, corner_row, factors)
     found = SurfaceColor()
     found.color = 1.0 * material.color
     found.texel = wp.vec4(1.0, 1.0, 1.0, 1.0)
     found.is_linear = material.is_linear
     if color_row >= 0:
-        w = weights(triangle, wp.transform_point(wp.transform_inverse(frame), seen))
+        w = weights(triangle, wp.transform_point(wp.transform_inverse(frame), hit_point))
         found.color = wp.cw_mul(
             material.color,
-            w[0] * looks.colors[color_row, 0] + w[1] * looks.colors[color_row, 1] + w[2] * looks.colors[color_row, 2],
+            w[0] * appearance.colors[color_row, 0]
+            + w[1] * appearance.colors[color_row, 1]
+            + w[2] * appearance.colors[color_row, 2],
         )
     if material.texture >= 0 and (uv_row >= 0 or material.projection != PROJECTION_UV):
-        found.texel = textured(looks, material, footprint, camera, frame, uv_row, triangle, corner_row >= 0, seen)
+        found.texel = textured(
+            appearance, material, footprint, camera, frame, uv_row, triangle, corner_row >= 0, hit_point
+        )
     return found
 
 
@@ -300,7 +309,7 @@ def screen_color(surface: SurfaceColor) -> wp.vec3:
 @wp.kernel
 def shade_base_colors(
     # Scene:
-    looks: DeviceMaterials,
+    appearance: DeviceMaterials,
     # Cameras:
     footprint: Footprint,
     camera_to_world: wp.array[wp.transform],
@@ -318,8 +327,10 @@ def shade_base_colors(
     view += window.first_view
     y += window.first_row
     index = segmentation_in[view, y, x]
-    color = 1.0 * looks.background
+    color = 1.0 * appearance.background
     if index >= 0:
-        face, seen = faces_in[view, y, x], points_in[view, y, x]
-        color = screen_color(surface_color(looks, footprint, camera_to_world[view], worlds, view, seen, index, face))
+        face, hit_point = faces_in[view, y, x], points_in[view, y, x]
+        color = screen_color(
+            surface_color(appearance, footprint, camera_to_world[view], worlds, view, hit_point, index, face)
+        )
     albedo_out[view, y, x] = to_bytes(color)

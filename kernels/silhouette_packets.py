@@ -35,8 +35,9 @@ shape.far = __builtin_inff();
 shape.poses = (const float*)camera_to_world.data;
 const SilhouetteJob asked = {chosen.index.shape[0], chosen.index.data, scene.object_count,
                              {canvas.x0, canvas.y0, canvas.x1, canvas.y1}, canvas.seen_only != 0,
-                             camera.near, camera.far, seen.segmentation.data, seen.depth.data, seen.delta,
-                             (char*)counts.data, counts.strides[0], counts.strides[1], hidden_by.data, masks.data};
+                             camera.near, camera.far, comparison.segmentation.data, comparison.depth.data,
+                             comparison.delta, (char*)counts.data, counts.strides[0], counts.strides[1],
+                             hidden_by.data, masks.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
     SilhouetteMemory::carve(measured, asked, scene.drawn_count, scene.levels);
@@ -60,7 +61,7 @@ def measure_units(
     job: SilhouetteJob,
     canvas: Canvas,
     worlds: Worlds,
-    seen: Comparison,
+    comparison: Comparison,
     counts: wp.array3d[wp.int32],
     hidden_by: wp.array3d[wp.int32],
     masks: wp.array4d[wp.uint8],
@@ -79,7 +80,7 @@ def measure_silhouettes_packets(
     # In:
     canvas: Canvas,
     worlds: Worlds,
-    seen: Comparison,
+    comparison: Comparison,
     # Out:
     counts_out: wp.array3d[wp.int32],
     hidden_by_out: wp.array3d[wp.int32],
@@ -88,5 +89,5 @@ def measure_silhouettes_packets(
     """Count pixels as in `measure_silhouettes`. Workers launch it with the same arguments; see `cast_packets`."""
     _ = wp.tid()
     measure_units(
-        scene, chosen, camera, camera_to_world, job, canvas, worlds, seen, counts_out, hidden_by_out, masks_out
+        scene, chosen, camera, camera_to_world, job, canvas, worlds, comparison, counts_out, hidden_by_out, masks_out
     )

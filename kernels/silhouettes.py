@@ -230,7 +230,7 @@ class Target:
 def count_pixel(
     found: Found,
     target: Target,
-    seen: Comparison,
+    comparison: Comparison,
     y: int,
     x: int,
     depth: float,
@@ -244,11 +244,11 @@ def count_pixel(
     """
     more = found
     more.image += 1
-    shown = seen.segmentation[target.view, y, x]
+    shown = comparison.segmentation[target.view, y, x]
     is_visible = shown == target.index
-    if not is_visible and seen.depth:
-        behind = (depth - seen.depth[target.view, y, x]) * length
-        is_visible = behind <= seen.delta
+    if not is_visible and comparison.depth:
+        behind = (depth - comparison.depth[target.view, y, x]) * length
+        is_visible = behind <= comparison.delta
     if depth < target.near:
         more.too_near += 1
         is_visible = False
@@ -303,7 +303,7 @@ def measure_silhouettes(
     # In:
     canvas: Canvas,
     worlds: Worlds,
-    seen: Comparison,
+    comparison: Comparison,
     threads: int,
     # Out:
     counts_out: wp.array3d[wp.int32],
@@ -354,7 +354,7 @@ def measure_silhouettes(
         found = count_silhouette(found, x, y)
         if is_in_image:
             length = float(wp.length(ray))
-            found = count_pixel(found, target, seen, y, x, z, length, hidden_by_out, masks_out)
+            found = count_pixel(found, target, comparison, y, x, z, length, hidden_by_out, masks_out)
     add_found(counts_out, view, slot, found)
 
 

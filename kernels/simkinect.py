@@ -23,7 +23,7 @@ NEAR_MEAN = wp.constant(0.8)
 """Largest deviation from the window's mean, in levels, at which a disparity at the window's center is near it."""
 NEAR_MEAN_SCALE = wp.constant(1.152)
 """The same elsewhere, times the squared distance from the center: 0.1 px by weights of 1 / (1.2^2 r^2)."""
-STEPS_AT_ONE = wp.constant(35130.0)
+STEPS_AT_UNIT = wp.constant(35130.0)
 """Disparity in steps at a depth of one unit."""
 
 
@@ -150,9 +150,9 @@ def fill_from_dots(
     reason = int(REASON_EMPTY)
     if level > 0:
         units = wp.rint(model.disparity_scale / (float(level) / LEVELS) * model.units)
-        steps = wp.rint(STEPS_AT_ONE / units + model.sigma * normals[view, y, x] + 0.5)
+        steps = wp.rint(STEPS_AT_UNIT / units + model.sigma * normals[view, y, x] + 0.5)
         # Depth is infinite below the first step of disparity.
-        depth = limit_depth(camera.near, camera.far, wp.where(steps > 0.0, STEPS_AT_ONE / steps / model.units, wp.inf))
+        depth = limit_depth(camera.near, camera.far, wp.where(steps > 0.0, STEPS_AT_UNIT / steps / model.units, wp.inf))
         reason = range_reason(depth)
     elif wp.isfinite(true_depth[view, y, x]):
         depth = wp.nan

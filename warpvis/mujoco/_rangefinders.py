@@ -211,8 +211,8 @@ def _sensor_rays(model: mujoco.MjModel, sensors: NDArray[np.integer]) -> dict[st
             "column": column + size * np.arange(count),
         }
         limits = {
-            "least": -cutoff if clips == _REAL else -np.inf,
-            "most": cutoff if clips in (_REAL, _POSITIVE) else np.inf,
+            "low": -cutoff if clips == _REAL else -np.inf,
+            "high": cutoff if clips in (_REAL, _POSITIVE) else np.inf,
         }
         part = {name: np.full(count, value, dtype=np.int32) for name, value in whole.items()}
         part |= {name: np.full(count, value, dtype=np.float64) for name, value in limits.items()}

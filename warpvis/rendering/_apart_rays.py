@@ -19,7 +19,7 @@ from warpvis.rendering._ray_bundles import PreparedRays, in_rows, prepare_rays, 
 
 if TYPE_CHECKING:
     from warpvis.core.ray_camera import RayCamera
-    from warpvis.kernels.apart_packets import ApartRays
+    from warpvis.kernels.ray_origin_packets import ApartRays
     from warpvis.kernels.worlds import Worlds
     from warpvis.scene import Scene
 
@@ -60,7 +60,7 @@ def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
 
 def prepare_apart(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> PreparedApartRays:
     """Prepare rays of the camera frame, shape (H, W, 3), as `prepare_rays` does, and their origins, shape (H, W, 3)."""
-    from warpvis.kernels.apart_packets import ApartRays
+    from warpvis.kernels.ray_origin_packets import ApartRays
 
     prepared = prepare_rays(rays)
     given, starts = prepared.struct, origins.reshape(-1, 3)
@@ -97,7 +97,7 @@ def prepare_apart(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> Pr
         "row_p": row_p,
         "row_q": row_q,
         "range": _ranges(exact, passing, place >= 0),
-        "most": (most * (1 + _ROUNDED)).astype(np.float32),
+        "maxima": (most * (1 + _ROUNDED)).astype(np.float32),
     }
     for name, array in arrays.items():
         setattr(struct, name, wp.array(array, dtype=wp.float32, device="cpu"))

@@ -58,11 +58,11 @@ class CpuApartPacketsCaster(CpuTablePacketsCaster):
         return self._apart.rays
 
     def _make_space(self, scene: BvhScene, views: int, workers: int) -> Workspace:
-        from warpvis.kernels.apart_packets import ApartCall, cast_apart_packets
+        from warpvis.kernels.ray_origin_packets import RayOriginCall, cast_ray_origin_packets
 
-        call = ApartCall()
-        call.rays, call.apart = self._rays.struct, self._apart.struct
-        return Workspace(scene, cast_apart_packets, (call, ApartCall), self._make_job(views), workers)
+        call = RayOriginCall()
+        call.rays, call.origins = self._rays.struct, self._apart.struct
+        return Workspace(scene, cast_ray_origin_packets, (call, RayOriginCall), self._make_job(views), workers)
 
     def _make_job(self, views: int) -> TableJob:
         job = super()._make_job(views)

@@ -22,10 +22,10 @@ def fatten(exposure: Exposure, *, reach: int, scale: float, step: float) -> Expo
         scale: Focal length times baseline [px m].
         step: Minimum difference of disparity between different surfaces [px].
     """
-    from warpvis.kernels.fattening import FatteningModel, SeenSurfaces, fatten_surfaces, find_nearest_in_rows
+    from warpvis.kernels.fattening import FatteningModel, Surfaces, fatten_surfaces, find_nearest_in_rows
 
     shape, device = exposure.true_depth.shape, exposure.scene.device
-    model, seen = FatteningModel(), SeenSurfaces()
+    model, seen = FatteningModel(), Surfaces()
     model.disparity_scale, model.step, model.reach = scale, step, reach
     fattened: dict[str, wp.array] = {}
     for name, image in (

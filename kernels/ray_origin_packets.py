@@ -28,33 +28,33 @@ class ApartRays:
     row_q: wp.array[float]
     range: wp.array2d[float]  # (tiles, words)
     eye: wp.array2d[wp.float64]  # (bundles, 3), in the frame of the bundle's face
-    most: wp.array2d[float]  # (bundles, 3): maximum p, q, and distance from the eye to the origin of a ray
+    maxima: wp.array2d[float]  # (bundles, 3): maximum p, q, and distance from the eye to the origin of a ray
 
 
 @wp.struct
-class ApartCall:
+class RayOriginCall:
     """The arguments of a launch; see `kernels.packets.PacketCall`."""
 
     scene: BvhScene
     job: TableJob
     rays: RayBundles
-    apart: ApartRays
+    origins: ApartRays
     poses: wp.array[wp.transform]
     worlds: Worlds
 
 
 _CAST = """
 const auto& rays = calls.data->rays;
-const auto& apart = calls.data->apart;
+const auto& origins = calls.data->origins;
 const RayTree tree = {rays.group_bounds.data, rays.tile_bounds.data, rays.packet_bounds.data, rays.u.data, rays.v.data,
                       rays.rest_u.data, rays.rest_v.data, rays.row_u.data, rays.row_v.data, rays.scale.data,
                       rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.clip_inv_z,
-                      {apart.p.data, apart.q.data, apart.begin.data, apart.clip_inv_z.data, apart.row_p.data,
-                       apart.row_q.data, apart.range.data, 0.0f, 0.0f, 0.0f}};
+                      {origins.p.data, origins.q.data, origins.begin.data, origins.clip_inv_z.data, origins.row_p.data,
+                       origins.row_q.data, origins.range.data, 0.0f, 0.0f, 0.0f}};
 const TableJob shape = {job.views, job.height, job.width, rays.bundle.shape[0], (const Bundle*)rays.bundle.data,
                         job.bundle_far.data, rays.focal, job.near, job.far, job.clip_inv_z, job.clip_reach,
                         job.cull_backfaces != 0, (const float*)poses.data, tree, rays.without_ray.data,
-                        rays.without_ray.shape[0], rays.max_groups, apart.eye.data, apart.most.data};
+                        rays.without_ray.shape[0], rays.max_groups, origins.eye.data, origins.maxima.data};
 if (!job.scratch.data) {
     Arena measured = Arena::at(nullptr);
     TableMemory::carve(measured, shape, scene.drawn_count, scene.levels);
@@ -67,21 +67,21 @@ const TableMemory memory = TableMemory::carve(arena, shape, scene.drawn_count, s
 TablePackets::run(drawn, shape, out, memory, job.counter.data);
 """
 
-_OTHERS = {"cpu/table_rays.h": "cpu/apart_rays.h", "cpu/ray_drawing.h": "cpu/apart_drawing.h"}
-APART_HEADERS = tuple(_OTHERS.get(name, name) for name in TABLE_HEADERS)
+_REPLACED_HEADERS = {"cpu/table_rays.h": "cpu/apart_rays.h", "cpu/ray_drawing.h": "cpu/apart_drawing.h"}
+RAY_ORIGIN_HEADERS = tuple(_REPLACED_HEADERS.get(name, name) for name in TABLE_HEADERS)
 
 
-@wp.func_native(read_native(*APART_HEADERS, "cpu/table.h") + CALL + SCENE + NATIVE_IMAGES + _CAST)
-def cast_apart_bundles(
-    calls: wp.array[ApartCall],
+@wp.func_native(read_native(*RAY_ORIGIN_HEADERS, "cpu/table.h") + CALL + SCENE + NATIVE_IMAGES + _CAST)
+def cast_ray_origin_bundles(
+    calls: wp.array[RayOriginCall],
     images_out: wp.array[Images],
 ): ...
 
 
 @wp.kernel
-def cast_apart_packets(
+def cast_ray_origin_packets(
     # In:
-    calls: wp.array[ApartCall],
+    calls: wp.array[RayOriginCall],
     # Out:
     images_out: wp.array[Images],
 ):
@@ -91,4 +91,4 @@ def cast_apart_packets(
     units of work.
     """
     _ = wp.tid()
-    cast_apart_bundles(calls, images_out)
+    cast_ray_origin_bundles(calls, images_out)
