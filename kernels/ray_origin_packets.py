@@ -14,10 +14,10 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.struct
-class ApartRays:
+class RayOrigins:
     """Intersections of the rays of `RayBundles` with the plane of their bundle's eye, and their origins.
 
-    See ``ApartRays`` of ``ray_tree.h``.
+    See ``RayOrigins`` of ``ray_tree.h``.
     """
 
     p: wp.array[float]
@@ -38,7 +38,7 @@ class RayOriginCall:
     scene: BvhScene
     job: TableJob
     rays: RayBundles
-    origins: ApartRays
+    origins: RayOrigins
     poses: wp.array[wp.transform]
     worlds: Worlds
 

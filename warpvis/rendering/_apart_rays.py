@@ -19,7 +19,7 @@ from warpvis.rendering._ray_bundles import PreparedRays, in_rows, prepare_rays, 
 
 if TYPE_CHECKING:
     from warpvis.core.ray_camera import RayCamera
-    from warpvis.kernels.ray_origin_packets import ApartRays
+    from warpvis.kernels.ray_origin_packets import RayOrigins
     from warpvis.kernels.worlds import Worlds
     from warpvis.scene import Scene
 
@@ -34,7 +34,7 @@ class PreparedApartRays:
     """Rays of a table with distinct origins, prepared for packets."""
 
     rays: PreparedRays
-    struct: ApartRays
+    struct: RayOrigins
     begin: NDArray[np.float64]
     """Greatest z of a ray origin in each bundle [m]."""
 
@@ -60,7 +60,7 @@ def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
 
 def prepare_apart(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> PreparedApartRays:
     """Prepare rays of the camera frame, shape (H, W, 3), as `prepare_rays` does, and their origins, shape (H, W, 3)."""
-    from warpvis.kernels.ray_origin_packets import ApartRays
+    from warpvis.kernels.ray_origin_packets import RayOrigins
 
     prepared = prepare_rays(rays)
     given, starts = prepared.struct, origins.reshape(-1, 3)
@@ -83,7 +83,7 @@ def prepare_apart(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> Pr
             most[number, k] = np.abs(passing[k, slots]).max()
         most[number, 2] = np.linalg.norm(at.T - eyes[number], axis=1).max()
         last[number] = begin[slots].max()
-    struct = ApartRays()
+    struct = RayOrigins()
     rounded = passing.astype(np.float32)
     tiles = rounded.reshape(2, -1, CPU_LANES, CPU_LANES)
     row_p, row_q = in_rows(tiles, _columns(given))
@@ -112,7 +112,7 @@ def _columns(given: object) -> NDArray[np.int64]:
 
 
 def _ranges(exact: list[NDArray], passing: NDArray, there: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return each tile's ranges of p, q and u q - v p: three centers, then three half widths, as in ``ApartRays``."""
+    """Return each tile's ranges of p, q and u q - v p: three centers, then three half widths, as in ``RayOrigins``."""
     (u, v), (p, q) = exact, passing
     values = np.stack([p, q, u * q - v * p]).reshape(3, -1, _GROUP)
     there = there.reshape(-1, _GROUP)

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Counterpart of ray_drawing.h for rays with distinct origins (`ApartRays`).
+// Counterpart of ray_drawing.h for rays with distinct origins (`RayOrigins`).
 //
 // A ray (p, q, 0) + z (u, v, 1) has Plücker coordinates with direction d = (u, v, 1) and moment m = (-q, p, u q - v p)
 // about the eye. The edge function of an edge from a to b is their side product (a x b) . d + (a - b) . m: its sign
@@ -69,9 +69,9 @@ struct ApartLeaf : RayLeaf {
         inexact = Lanes::bits(t.inexact | (camera.blur * (width + height) * change > 6e-6f * t.min_inv_z * t.area));
         beside = Lanes::bits(t.beside);
     }
-    inline void set_tile(const ApartRays& apart, int tile) {
+    inline void set_tile(const RayOrigins& apart, int tile) {
         const Triangles& t = triangles;
-        const float* range = apart.range + tile * ApartRays::RANGE_WORDS;
+        const float* range = apart.range + tile * RayOrigins::RANGE_WORDS;
         const Ints endless = t.place[0] <= Lanes::all(-1e30f);
         const Floats most = endless ? Lanes::all(0.0f) : t.max_inv_z, least = endless ? Lanes::all(0.0f) : t.min_inv_z;
         const Floats middle = 0.5f * (most + least), half = 0.50001f * (most - least);
@@ -226,7 +226,7 @@ struct RayDrawing {
     // Packets in which the triangle's plane may be nearer than the farthest surface rasterized so far.
     static inline Ints not_hidden(const Camera& camera, const Image& image, ApartLeaf& leaf, int k, int first,
                                   const float* bounds) {
-        const ApartRays& apart = image.tree->apart;
+        const RayOrigins& apart = image.tree->apart;
         PacketPlanes planes;
         planes.set(camera, leaf.plane(camera, k), bounds);
         const float aside = __builtin_fabsf(planes.u) * apart.most_p + __builtin_fabsf(planes.v) * apart.most_q;

@@ -38,7 +38,7 @@ struct RayFit {
 };
 // Intersections of rays with the plane of the eye, z = 0, if rays have distinct origins: a ray is (p, q, 0) + z (u, v,
 // 1), with p and q scaled like x and y, and begins at its own z, which is at least 0.
-struct ApartRays {
+struct RayOrigins {
     const float *p, *q;  // [packet][lane]
     const float* begin;  // [packet][lane]: z at which a ray begins
     const float* clip_inv_z;  // [packet][lane]: 1 / begin
@@ -67,7 +67,7 @@ struct RayTree {
     const int* corner;  // [tile]: first pixel, if a tile is a tile of the image and its packets are the blocks; else -1
     const RayFit* fit;  // [tile]
     float clip_inv_z;  // in terms of depth: nearer surfaces are clipped
-    ApartRays apart;  // if RAY_ORIGINS
+    RayOrigins apart;  // if RAY_ORIGINS
 
     // Load 4 x 4 rays from rows of `width` rays.
     static inline Floats window(const float* first, int width) {

@@ -153,7 +153,7 @@ struct Setup {
 
     // Find triangles of which rays may see another side than the eye does, or nearly so: 1 - N . (p, q, 0), the
     // denominator of 1 / z (apart_drawing.h), is not always above 0.5.
-    static inline Ints set_beside(const ApartRays& apart, const Points& normal, Floats volume, Floats least,
+    static inline Ints set_beside(const RayOrigins& apart, const Points& normal, Floats volume, Floats least,
                                   Triangles& out) {
         const Floats aside = Lanes::abs(normal.x) * apart.most_p + Lanes::abs(normal.y) * apart.most_q;
         return out.beside = 2.0f * aside + least >= Lanes::abs(volume);
@@ -166,7 +166,7 @@ struct Setup {
         }
     }
     // Rounding error bound of the product of a side and a ray's moment about the eye.
-    static inline float moment_doubt(const Camera& camera, const ApartRays& apart) {
+    static inline float moment_doubt(const Camera& camera, const RayOrigins& apart) {
         return camera.edge_doubt * (4.0f * (apart.most_p + apart.most_q));
     }
 

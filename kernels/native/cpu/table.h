@@ -36,7 +36,7 @@ struct TableJob {
     int without_rays;
     int max_groups;  // of any bundle
     const double* eye;  // [bundle]: its position in the bundle's frame; null if it is the camera's
-    const float* apart;  // [bundle]: most_p, most_q and reach of its `ApartRays`
+    const float* apart;  // [bundle]: most_p, most_q and reach of its `RayOrigins`
 
     // The bundle as a job of a pinhole camera.
     inline Job job_of(int index) const {
@@ -71,10 +71,10 @@ struct TableJob {
         part.fit += tile;
         if (part.scale) part.scale += ray;
         if (RAY_ORIGINS) {
-            ApartRays& own = part.apart;
+            RayOrigins& own = part.apart;
             own.p += ray, own.q += ray, own.begin += ray, own.clip_inv_z += ray;
             own.row_p += ray, own.row_q += ray;
-            own.range += tile * ApartRays::RANGE_WORDS;
+            own.range += tile * RayOrigins::RANGE_WORDS;
             own.most_p = apart[3 * index], own.most_q = apart[3 * index + 1], own.reach = apart[3 * index + 2];
         }
         return part;
