@@ -31,7 +31,7 @@ class DeviceMaterial:
 
 @wp.struct
 class DeviceMaterials:
-    """The appearance of all objects of a scene; see `warpvis.scene._looks`."""
+    """The appearance of all objects of a scene; see `warpvis.scene._device_materials`."""
 
     object_material: wp.array[wp.int32]
     """(object): its default material."""

@@ -13,7 +13,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import CameraError
 from warpvis.rendering import OrthographicCamera
 from warpvis.scene import solids
-from warpvis.scene._looks import mip_levels
+from warpvis.scene._device_materials import mip_levels
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.sensors import Motion, Rays
 

@@ -77,10 +77,10 @@ def test_vertices_of_trimesh_keep_their_colours():
 
 
 def test_a_visual_is_read_when_it_is_asked_for(monkeypatch):
-    from warpvis.scene import looks
+    from warpvis.scene import appearances
 
     read = []
-    monkeypatch.setattr(looks, "_from_visual", lambda *arguments: read.append(arguments))
+    monkeypatch.setattr(appearances, "_from_visual", lambda *arguments: read.append(arguments))
     scene = added(painted())
     wv.render(scene, wv.Camera.from_fov(8, 6, hfov=1.0), np.array([0.0, 0, 3, 1, 0, 0, 0]))
     assert not read

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.lights import Light
-from warpvis.scene.looks import Look
 
 
 class FileMesh(NamedTuple):
@@ -29,7 +29,7 @@ class FileMesh(NamedTuple):
     """Mesh to file, ``x y z qx qy qz qw``; None if its vertices are in the file's frame."""
     shares_movable: bool = True
     """Whether movable objects share its vertices, too, with `row` as their initial pose; if false, only static ones."""
-    look: Look | None = None
+    appearance: LazyAppearance | None = None
     """Its appearance, if defined in the file."""
 
 

@@ -112,11 +112,11 @@ class _Shapes:
             return None
         vertices = morphed(data, vertices, primitive.get("targets"), node.get("weights", mesh.get("weights")))
         rows = partial(_attribute, data, primitive)
-        look = self._materials.look(primitive, rows, len(vertices), f"mesh {node['mesh']}")
+        appearance = self._materials.appearance(primitive, rows, len(vertices), f"mesh {node['mesh']}")
         if not _is_skinned(node, primitive):
-            return Shape(vertices, faces, look)
+            return Shape(vertices, faces, appearance)
         joints = joint_matrices(data, node["skin"], node_matrix)
-        return Shape(skinned(vertices, primitive["attributes"], rows, joints), faces, look)
+        return Shape(skinned(vertices, primitive["attributes"], rows, joints), faces, appearance)
 
 
 def _is_skinned(node: dict[str, Any], primitive: dict[str, Any]) -> bool:

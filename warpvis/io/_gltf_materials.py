@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.io._gltf_data import GltfData, uri_bytes, uri_name
-from warpvis.scene.looks import Look
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap
 
 Locate = Callable[[str], Path | bytes | None]
@@ -42,18 +42,22 @@ class GltfMaterials:
         self._file, self._data, self._locate = file, data, locate
         self._known: dict[int, Material] = {}
         self._textures: dict[int, Texture] = {}
-        self._plain: dict[int, Look] = {}
+        self._plain: dict[int, LazyAppearance] = {}
 
-    def look(self, primitive: dict[str, Any], attribute: Attribute, vertices: int, name: str) -> Look | None:
+    def appearance(
+        self, primitive: dict[str, Any], attribute: Attribute, vertices: int, name: str
+    ) -> LazyAppearance | None:
         """Return the deferred appearance of a primitive; None if it defines none."""
         if primitive.get("material") is None and "COLOR_0" not in primitive["attributes"]:
             return None
         said = self._numbers_alone(primitive)
         if said is None:
-            return Look(partial(_read_or_warn, self._file, name, vertices, self._appearance, primitive, attribute))
+            return LazyAppearance(
+                partial(_read_or_warn, self._file, name, vertices, self._appearance, primitive, attribute)
+            )
         index = primitive["material"]
         if index not in self._plain:
-            self._plain[index] = Look(partial(_read_or_warn, self._file, name, vertices, _plain, said))
+            self._plain[index] = LazyAppearance(partial(_read_or_warn, self._file, name, vertices, _plain, said))
         return self._plain[index]
 
     def _numbers_alone(self, primitive: dict[str, Any]) -> dict[str, Any] | None:

@@ -18,7 +18,7 @@ from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.io._file_meshes import FileMesh
 from warpvis.io._gltf_data import GltfData
 from warpvis.scene import keep_winding
-from warpvis.scene.looks import Look
+from warpvis.scene.appearances import LazyAppearance
 
 INSTANCES = "EXT_mesh_gpu_instancing"
 
@@ -140,15 +140,17 @@ def split(matrices: NDArray[np.float64]) -> Split:
 class Shape:
     """A mesh of a file, stored once per size."""
 
-    def __init__(self, vertices: NDArray[np.float64], faces: NDArray[np.integer], look: Look | None = None) -> None:
-        self.vertices, self.faces, self.look = vertices, faces, look
+    def __init__(
+        self, vertices: NDArray[np.float64], faces: NDArray[np.integer], appearance: LazyAppearance | None = None
+    ) -> None:
+        self.vertices, self.faces, self.appearance = vertices, faces, appearance
         self._scaled: dict[bytes, tuple[NDArray[np.float64], NDArray[np.integer]]] = {}
 
     def placed(self, name: str, placement: NDArray[np.float64], extras: dict[str, Any]) -> FileMesh:
         """Return the mesh in the file's frame."""
         with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
             corners = self.vertices @ placement[:3, :3].T + placement[:3, 3]
-        return FileMesh(name, corners, keep_winding(self.faces, placement[:3, :3]), extras, look=self.look)
+        return FileMesh(name, corners, keep_winding(self.faces, placement[:3, :3]), extras, appearance=self.appearance)
 
     def shared(
         self, names: list[str], placements: NDArray[np.float64], parts: Split, extras: dict[str, Any], *, movable: bool
@@ -168,7 +170,7 @@ class Shape:
                 yield self.placed(name, matrix, extras)
                 continue
             vertices, faces = self._of_size(size.tobytes(), factors)
-            yield FileMesh(name, vertices, faces, extras, row, movable, self.look)
+            yield FileMesh(name, vertices, faces, extras, row, movable, self.appearance)
 
     def _of_size(self, key: bytes, factors: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
         """Return the scaled mesh."""

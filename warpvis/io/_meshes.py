@@ -30,8 +30,8 @@ from warpvis.io._obj_materials import ObjMaterials
 from warpvis.io._ply import straighten_ply
 from warpvis.io._threemf import unit_and_names
 from warpvis.scene import Axis, FileParts, Part, keep_winding
+from warpvis.scene.appearances import choose_appearance
 from warpvis.scene.collada import unit_and_axis, without_skins
-from warpvis.scene.looks import look_of
 
 _GLTF = ("glb", "gltf")
 _NAMELESS = ("geometry_0", "geometry")
@@ -67,7 +67,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
             mesh.extras.get("label", Label.OBSTACLE),
             mesh.row,
             has_frame=mesh.shares_movable,
-            appearance=mesh.look,
+            appearance=mesh.appearance,
         )
         for name, mesh in zip(names, loaded.meshes, strict=True)
     ]
@@ -295,7 +295,10 @@ def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     except Exception:  # trimesh's exceptions do not name the line
         require_obj_elements(file)
         raise
-    found.meshes = [mesh._replace(look=materials.look(mesh.name, mesh.look, len(mesh.faces))) for mesh in found.meshes]
+    found.meshes = [
+        mesh._replace(appearance=materials.appearance(mesh.name, mesh.appearance, len(mesh.faces)))
+        for mesh in found.meshes
+    ]
     found.notes += notes
     order = obj_order(text)
     found.meshes.sort(key=lambda mesh: order.get(mesh.name, -1))
@@ -321,8 +324,12 @@ def _load_by_trimesh(file: bytes, kind: str, **options: Any) -> FileMeshes:
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
         with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
             corners = vertices @ placement[:3, :3].T + placement[:3, 3]
-        look = look_of(None, mesh, name or kind.upper(), (len(vertices), len(mesh.faces)), color_space="srgb")
-        found.meshes.append(FileMesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}, look=look))
+        appearance = choose_appearance(
+            None, mesh, name or kind.upper(), (len(vertices), len(mesh.faces)), color_space="srgb"
+        )
+        found.meshes.append(
+            FileMesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}, appearance=appearance)
+        )
     return found
 
 

@@ -18,7 +18,7 @@ from warpvis.core.checks import truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.io._gltf_materials import Locate
 from warpvis.io._obj import obj_splits
-from warpvis.scene.looks import Look
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance, Material, Texture, Wrap
 
 _DIRECTIVE = {
@@ -57,7 +57,7 @@ class ObjMaterials:
             self._read_library(_decoded(match[1]), locate)
         self._collect_runs(text)
 
-    def look(self, mesh: str, given: Look | None, faces: int) -> Look | None:
+    def appearance(self, mesh: str, given: LazyAppearance | None, faces: int) -> LazyAppearance | None:
         """Return the deferred appearance of an object.
 
         Args:
@@ -87,7 +87,7 @@ class ObjMaterials:
             uv, colors = (None, None) if base is None else (base.uv, base.vertex_colors)
             return Appearance(tuple(map(self._material, names)), rows, uv, colors)
 
-        return Look(make)
+        return LazyAppearance(make)
 
     def _read_library(self, words: str, locate: Locate) -> None:
         """Read the MTL files of a line: one file whose name may contain spaces, or else several."""

@@ -17,8 +17,8 @@ from warpvis.mujoco._normals import corner_normals, has_normals, round_normals, 
 from warpvis.mujoco._shapes import shape_data, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.colors import linear_color
-from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.scene.solids import Solid
 
@@ -44,18 +44,18 @@ _SRGB = int(mujoco.mjtColorSpace.mjCOLORSPACE_SRGB)
 _MESHES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
 
 
-class GeomLooks:
+class GeomAppearances:
     """Appearances of a model's geoms, made on demand; geoms with equal appearances share one object."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         """Copy the model's materials: later appearances use their current values. Images of textures are read later."""
         self._model = model
         self._materials = SimpleNamespace(**{name: np.array(getattr(model, name)) for name in _MATERIAL_FIELDS})
-        self._known: dict[tuple[Any, ...], Look] = {}
+        self._known: dict[tuple[Any, ...], LazyAppearance] = {}
         self._texture = cache(partial(_texture, model))
         self._stored = cache(partial(stored_normals, model))
 
-    def of(self, geom: int, shape: Mesh | Solid) -> Look:
+    def of(self, geom: int, shape: Mesh | Solid) -> LazyAppearance:
         """Return the appearance of a geom or site with its current color, material and size.
 
         Args:
@@ -80,9 +80,9 @@ class GeomLooks:
             return partial(_normals_of, laid, self._stored(laid.data))
         return partial(_normals_of, laid, None)
 
-    def _kept(self, key: tuple[Any, ...], make: Callable[[], Appearance]) -> Look:
+    def _kept(self, key: tuple[Any, ...], make: Callable[[], Appearance]) -> LazyAppearance:
         if key not in self._known:
-            self._known[key] = Look(make)
+            self._known[key] = LazyAppearance(make)
         return self._known[key]
 
     def _make(self, rgba: Color, material: int, laid: _Laid | None) -> Appearance:

@@ -18,7 +18,7 @@ from warpvis.core.checks import as_items, is_whole
 from warpvis.core.labels import Label
 from warpvis.errors import SceneError
 from warpvis.mujoco import _tessellation as tessellation
-from warpvis.mujoco._appearances import GeomLooks
+from warpvis.mujoco._appearances import GeomAppearances
 from warpvis.mujoco._shapes import shape_bodies, shape_count, shape_data, shape_places, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.scene import Part, solids
@@ -66,7 +66,7 @@ def geom_parts(
     poses = initial_poses(model) if poses is None else poses
     bodies = shape_bodies(model)
     first_of: dict[int, str] = {}  # the part of a piece that carries the pose
-    looks = GeomLooks(model)
+    appearances = GeomAppearances(model)
     parts = []
     for geom, shape in _meshes(model, geoms, tolerance):
         name, by_itself, piece = names[geom], isinstance(shape, Solid), int(pieces[geom])
@@ -79,7 +79,7 @@ def geom_parts(
             movable=piece != FIXED or by_itself,
             attach_to=None if first == name else first,
             aliases=(model.body(bodies[geom]).name,),
-            appearance=looks.of(geom, shape),
+            appearance=appearances.of(geom, shape),
         )
         parts.append((geom, part))
     return parts

@@ -22,7 +22,7 @@ from warpvis.mujoco._lights import model_background, model_lights
 from warpvis.mujoco._shapes import object_names
 from warpvis.mujoco._urdf import CompiledRobot, compile_urdf
 from warpvis.scene import FileParts, Part
-from warpvis.scene.looks import Look
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance
 
 _INCLUDES = ("include", "model")
@@ -58,7 +58,7 @@ def read_model(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # MuJoCo's warnings concern dynamics
-            model, groups, looks, left_out, warned = _compile(path, root, folders, strict=strict)
+            model, groups, appearances, left_out, warned = _compile(path, root, folders, strict=strict)
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise
@@ -69,13 +69,15 @@ def read_model(
     message = f"{path}: left out {'; '.join(left_out)}" if left_out else ""
     if strict and message:
         raise FileFormatError(message)
-    parts = _parts(model, groups, looks, robot=root.tag == "robot")
+    parts = _parts(model, groups, appearances, robot=root.tag == "robot")
     sentences = (message, *warned) if message else tuple(warned)
     lights, background = model_lights(model), model_background(model)
     return FileParts(path, parts, up="z", settled=True, warnings=sentences, lights=lights, background=background)
 
 
-def _parts(model: mujoco.MjModel, groups: Sequence[int], looks: Mapping[int, Look], *, robot: bool) -> list[Part]:
+def _parts(
+    model: mujoco.MjModel, groups: Sequence[int], appearances: Mapping[int, LazyAppearance], *, robot: bool
+) -> list[Part]:
     names = object_names(model)
     labels = [default_label(model, geom, name) for geom, name in enumerate(names)]
     if robot:
@@ -84,18 +86,21 @@ def _parts(model: mujoco.MjModel, groups: Sequence[int], looks: Mapping[int, Loo
     parts = geom_parts(model, shown_geoms(model, groups), names, labels)
     # Static round shapes are triangles here; the scene of a MujocoScene makes them movable so that they are exact.
     parts = [(geom, replace(part, movable=bool(moves[geom]))) for geom, part in parts]
-    return [replace(part, appearance=_lit_look(looks[geom], part)) if geom in looks else part for geom, part in parts]
+    return [
+        replace(part, appearance=_lit_appearance(appearances[geom], part)) if geom in appearances else part
+        for geom, part in parts
+    ]
 
 
-def _lit_look(look: Look, part: Part) -> Look:
+def _lit_appearance(appearance: LazyAppearance, part: Part) -> LazyAppearance:
     """Return an appearance of a part's mesh with the part's normals."""
 
     def make() -> Appearance | None:
-        found, lit = look.get(), part.appearance
-        lit = lit.get() if isinstance(lit, Look) else lit
+        found, lit = appearance.get(), part.appearance
+        lit = lit.get() if isinstance(lit, LazyAppearance) else lit
         return None if found is None or lit is None else replace(found, normals=lit.normals)
 
-    return Look(make)
+    return LazyAppearance(make)
 
 
 def _parse(path: Path) -> ElementTree.Element:

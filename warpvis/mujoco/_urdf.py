@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from warpvis.core.checks import truncate
 from warpvis.core.file_content import is_file
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.mujoco._robot_looks import joined_look
+from warpvis.mujoco._robot_appearances import join_appearances
 from warpvis.scene import Scene
-from warpvis.scene.looks import Look
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance
 
 VISUAL_GROUP = 1
@@ -50,7 +50,7 @@ class _Mesh(NamedTuple):
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.int32]
-    look: Look | None
+    appearance: LazyAppearance | None
 
 
 class CompiledRobot(NamedTuple):
@@ -59,7 +59,7 @@ class CompiledRobot(NamedTuple):
     model: mujoco.MjModel
     groups: tuple[int, ...]
     """The groups of its geoms."""
-    looks: dict[int, Look]
+    appearances: dict[int, LazyAppearance]
     """Appearances that mesh files give geoms without a color of their own; coordinates are of corners of faces."""
     left_out: list[str]
     """Meshes that are left out, as parts of a sentence."""
@@ -120,10 +120,10 @@ def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[P
         if geom.name in uncolored:
             geom.name = uncolored[geom.name]
             mesh = meshes.get(geom.meshname)
-            own += [(geom, mesh)] if mesh is not None and mesh.look is not None else []
+            own += [(geom, mesh)] if mesh is not None and mesh.appearance is not None else []
     model = spec.compile()
-    looks = {geom.id: _compiled_look(model, geom.id, mesh) for geom, mesh in own}
-    return CompiledRobot(model, groups, looks, found.left_out(), found.warnings)
+    appearances = {geom.id: _compiled_appearance(model, geom.id, mesh) for geom, mesh in own}
+    return CompiledRobot(model, groups, appearances, found.left_out(), found.warnings)
 
 
 @dataclass
@@ -198,15 +198,15 @@ def _set_color(element: ElementTree.Element, colored: Container[str | None]) -> 
     return True
 
 
-def _compiled_look(model: mujoco.MjModel, geom: int, mesh: _Mesh) -> Look:
+def _compiled_appearance(model: mujoco.MjModel, geom: int, mesh: _Mesh) -> LazyAppearance:
     """Return a mesh's look for the faces that MuJoCo compiled, whose corners it orders anew where they are mirrored."""
     number = int(model.geom_dataid[geom])
     first = int(model.mesh_faceadr[number])
     compiled = model.mesh_face[first : first + len(mesh.faces)].copy()
 
     def make() -> Appearance | None:
-        assert mesh.look is not None
-        found = mesh.look.get()
+        assert mesh.appearance is not None
+        found = mesh.appearance.get()
         if found is None or found.uv is None:
             return found
         order = (compiled[:, :, None] == mesh.faces[:, None, :]).argmax(axis=2)
@@ -214,7 +214,7 @@ def _compiled_look(model: mujoco.MjModel, geom: int, mesh: _Mesh) -> Look:
         assert uv is not None
         return replace(found, uv=np.take_along_axis(uv, order[:, :, None], axis=1))
 
-    return Look(make)
+    return LazyAppearance(make)
 
 
 def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None:
@@ -257,9 +257,9 @@ def _read_mesh(path: Path, warned: list[str], *, strict: bool) -> _Mesh | None:
             warned += [str(item.message) for item in caught]
     sizes = np.cumsum([0, *(len(item.vertices) for item in scene)])
     faces = np.concatenate([item.faces + first for item, first in zip(scene, sizes, strict=False)])
-    vertices, look = np.concatenate([item.vertices for item in scene]), joined_look(list(scene))
-    if look is None:
+    vertices, appearance = np.concatenate([item.vertices for item in scene]), join_appearances(list(scene))
+    if appearance is None:
         vertices, places = np.unique(vertices, axis=0, return_inverse=True)
         faces = places.reshape(-1)[faces]
     few = max(0, _MIN_VERTICES - len(vertices))
-    return _Mesh(np.concatenate([vertices, vertices[:1].repeat(few, axis=0)]), faces.astype(np.int32), look)
+    return _Mesh(np.concatenate([vertices, vertices[:1].repeat(few, axis=0)]), faces.astype(np.int32), appearance)

@@ -85,7 +85,7 @@ class ShadingCaster:
         names = (*_NEEDED, "normals") if lit else _NEEDED
         *seen, colors = as_images([*(made[name] for name in names), image])
         assert colors is not None  # only requested images are shaded
-        of_scene = [scene.looks(scene.background), *([scene.light_looks(scene.lights)] if lit else [])]
+        of_scene = [scene.device_materials(scene.background), *([scene.device_lights(scene.lights)] if lit else [])]
         footprint = self._footprint()
         launch_images(
             lighting.shade_lit_colors if lit else shading.shade_base_colors,

@@ -30,7 +30,9 @@ class MeshOnDevice(SceneObject):
         for name in ("name", "label", "pose"):
             object.__setattr__(self, name, getattr(item, name))
         object.__setattr__(self, "mesh", mesh)
-        object.__setattr__(self, "look", None if item.look is None else item.look.of_another_mesh())
+        object.__setattr__(
+            self, "lazy_appearance", None if item.lazy_appearance is None else item.lazy_appearance.for_any_mesh()
+        )
 
     def __getattr__(self, name: str) -> NDArray[np.float32]:
         """Copy the attribute to the host, and cache it."""
@@ -54,7 +56,7 @@ class MeshOnDevice(SceneObject):
             (self.mesh_vertices, self.faces),
             self.pose,
             None,
-            self.look,
+            self.lazy_appearance,
         )
 
     @property
@@ -88,12 +90,14 @@ def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None,
     if np.abs(corners).max() > FARTHEST:
         raise SceneError(_too_far(item))
     rounded = np.ascontiguousarray(corners, dtype=np.float32)
-    look = item.look
-    if look is not None and (len(rounded) != len(item.vertices) or not np.array_equal(triangles, item.faces)):
-        look = look.of_another_mesh()
+    lazy_appearance = item.lazy_appearance
+    if lazy_appearance is not None and (
+        len(rounded) != len(item.vertices) or not np.array_equal(triangles, item.faces)
+    ):
+        lazy_appearance = lazy_appearance.for_any_mesh()
     if item.pose is None:
-        return SceneObject(name, item.label, rounded, triangles, look=look)
-    return SceneObject.placed(name, item.label, (rounded, triangles), item.pose, look=look)
+        return SceneObject(name, item.label, rounded, triangles, lazy_appearance=lazy_appearance)
+    return SceneObject.placed(name, item.label, (rounded, triangles), item.pose, lazy_appearance=lazy_appearance)
 
 
 def build_mesh_tree(item: SceneObject, closed: bool, device: wp.Device) -> Bvh:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.types import MeshLike
 from warpvis.errors import SceneError
 from warpvis.scene._shared_mesh import SharedMesh, placed_at
-from warpvis.scene.looks import Look
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance
 from warpvis.scene.solids import Solid
 
@@ -44,7 +44,7 @@ class SceneObject:
     origin: NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
     """Pose with which a static or attached object was added, object to world, ``x y z qx qy qz qw``: the frame of its
     normals, and of textures without coordinates. None for the identity."""
-    look: Look | None = field(default=None, repr=False, compare=False)
+    lazy_appearance: LazyAppearance | None = field(default=None, repr=False, compare=False)
     """Holds or creates its `appearance`."""
 
     @classmethod
@@ -55,12 +55,12 @@ class SceneObject:
         mesh: tuple[NDArray[np.float32], NDArray[np.int32]],
         place: NDArray[np.float32],
         solid: Solid | None = None,
-        look: Look | None = None,
+        lazy_appearance: LazyAppearance | None = None,
     ) -> SceneObject:
         """Create a movable object from a mesh in its frame. `vertices` are computed on access."""
         item = object.__new__(cls)
         item.__dict__.update(name=name, label=label, faces=mesh[1], mesh_vertices=mesh[0], pose=place, solid=solid)
-        item.__dict__.update(look=look)
+        item.__dict__.update(lazy_appearance=lazy_appearance)
         return item
 
     @classmethod
@@ -70,11 +70,13 @@ class SceneObject:
         label: int,
         shared: SharedMesh,
         row: NDArray[np.float64] | None,
-        look: Look | None = None,
+        lazy_appearance: LazyAppearance | None = None,
     ) -> SceneObject:
         """Create a static object from a shared mesh and a pose. `vertices` are computed on access."""
         item = object.__new__(cls)
-        item.__dict__.update(name=name, label=label, faces=shared.faces, shared=shared, row=row, look=look)
+        item.__dict__.update(
+            name=name, label=label, faces=shared.faces, shared=shared, row=row, lazy_appearance=lazy_appearance
+        )
         return item
 
     def __getattr__(self, name: str) -> NDArray[np.float32]:
@@ -101,7 +103,7 @@ class SceneObject:
 
         Textures are decoded on first access.
         """
-        return None if self.look is None else self.look.get()
+        return None if self.lazy_appearance is None else self.lazy_appearance.get()
 
     @property
     def place(self) -> NDArray[np.floating]:
@@ -134,7 +136,15 @@ def as_it_is(item: SceneObject) -> SceneObject:
     """Return a snapshot of the object with its current vertices, which do not deform any more."""
     if item.points is None:
         return item
-    return SceneObject(item.name, item.label, item.vertices, item.faces, item.mesh_vertices, item.pose, look=item.look)
+    return SceneObject(
+        item.name,
+        item.label,
+        item.vertices,
+        item.faces,
+        item.mesh_vertices,
+        item.pose,
+        lazy_appearance=item.lazy_appearance,
+    )
 
 
 def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bool = False) -> SceneObject:
@@ -148,7 +158,9 @@ def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance:
     shared = item.shared_mesh
     if is_instance and shared is not None:
         place = item.place.astype(np.float32)
-        return SceneObject.placed(item.name, item.label, (shared.rounded, shared.faces), place, look=item.look)
+        return SceneObject.placed(
+            item.name, item.label, (shared.rounded, shared.faces), place, lazy_appearance=item.lazy_appearance
+        )
     if item.pose is None:
         return replace(item, mesh_vertices=item.vertices, pose=_IDENTITY)
     return item

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.scene._object import SceneObject
 from warpvis.scene._shared_mesh import SharedMesh
-from warpvis.scene.looks import Look
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.solids import Solid
 
 
@@ -32,7 +32,7 @@ class Instances:
     movable: bool
     solid: Solid | None = None
     """Round solid that rays hit instead of the triangles, if they are movable."""
-    look: Look | None = field(default=None, repr=False)
+    lazy_appearance: LazyAppearance | None = field(default=None, repr=False)
     """The appearance they share."""
 
     @property
@@ -45,9 +45,9 @@ class Instances:
         place = index - self.first
         name, row = self.names[place], self.rows[place]
         if not self.movable:
-            return SceneObject.staying(name, self.label, self.mesh, row, self.look)
+            return SceneObject.staying(name, self.label, self.mesh, row, self.lazy_appearance)
         arrays = self.mesh.rounded, self.mesh.faces
-        return SceneObject.placed(name, self.label, arrays, row.astype(np.float32), self.solid, self.look)
+        return SceneObject.placed(name, self.label, arrays, row.astype(np.float32), self.solid, self.lazy_appearance)
 
     def poses(self, first: int, count: int) -> NDArray[np.float32]:
         """Return the poses of `count` objects from the scene index `first`, in single precision."""

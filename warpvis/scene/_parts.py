@@ -22,8 +22,8 @@ from warpvis.core.types import MeshLike, PoseLike
 from warpvis.errors import SceneError
 from warpvis.scene._object import check_scale
 from warpvis.scene._shared_mesh import placed_at
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.lights import Background, Light
-from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance
 from warpvis.scene.solids import Solid
 
@@ -58,7 +58,7 @@ class Part:
     movable part then has its vertices in the file's frame, and no pose."""
     aliases: tuple[str, ...] = ()
     """Other names that patterns match: that of its body."""
-    appearance: Appearance | Look | None = None
+    appearance: Appearance | LazyAppearance | None = None
     """Its appearance, if defined in the file."""
 
     def arguments(self) -> dict[str, Any]:

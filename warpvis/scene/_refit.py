@@ -36,7 +36,7 @@ class DeformingObject(SceneObject):
 
     def __init__(self, item: SceneObject, device: wp.Device) -> None:
         """Create a copy of `item`, and allocate its vertices on the device."""
-        for name in ("name", "label", "faces", "pose", "look"):
+        for name in ("name", "label", "faces", "pose", "lazy_appearance"):
             object.__setattr__(self, name, getattr(item, name))
         object.__setattr__(self, "_points", wp.empty(len(item.vertices), dtype=wp.vec3, device=device))
 

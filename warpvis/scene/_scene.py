@@ -35,7 +35,7 @@ from warpvis.scene._meshes import SharedMeshes, instance_names
 from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_scale
 from warpvis.scene._object_list import Instances, ObjectList
 from warpvis.scene._parts import joined
-from warpvis.scene.looks import Look, look_of
+from warpvis.scene.appearances import LazyAppearance, choose_appearance
 from warpvis.scene.materials import AppearanceLike
 from warpvis.scene.solids import Solid
 
@@ -147,7 +147,7 @@ class Scene(SceneExports):
         scale: float | ArrayLike = 1.0,
         movable: bool = False,
         attach_to: str | None = None,
-        appearance: AppearanceLike | Look | None = None,
+        appearance: AppearanceLike | LazyAppearance | None = None,
     ) -> int:
         """Add an object.
 
@@ -188,20 +188,28 @@ class Scene(SceneExports):
         check_quaternion(quaternion)
         row = None if pose is None else read_pose(pose, quaternion, name=f"pose of {name!r}")
         number = self._label_names.number(label)
-        look = look_of(appearance, mesh, name, (len(shared.vertices), len(shared.faces)))
+        lazy_appearance = choose_appearance(appearance, mesh, name, (len(shared.vertices), len(shared.faces)))
         stays = attach_to is None and not movable
         if stays and shared.uses:
             shared.check_reach((_IDENTITY if row is None else row)[None], name)
-            item = SceneObject.staying(name, number, shared, row, look)
+            item = SceneObject.staying(name, number, shared, row, lazy_appearance)
         elif attach_to is not None or not movable:
             placed = shared.placed(row, name)
             frame = {} if attach_to is None else self._attach(attach_to, mesh, name, placed)
-            item = SceneObject(name, number, placed.astype(np.float32), shared.faces, origin=row, look=look, **frame)
+            item = SceneObject(
+                name,
+                number,
+                placed.astype(np.float32),
+                shared.faces,
+                origin=row,
+                lazy_appearance=lazy_appearance,
+                **frame,
+            )
         else:
             pose = (_IDENTITY if row is None else row).astype(np.float32)
             shared.check_reach(pose[None], name)
             solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
-            item = SceneObject.placed(name, number, (shared.rounded, shared.faces), pose, solid, look)
+            item = SceneObject.placed(name, number, (shared.rounded, shared.faces), pose, solid, lazy_appearance)
         shared.uses += stays
         self._objects.append(item)
         self._index[name] = index
@@ -219,7 +227,7 @@ class Scene(SceneExports):
         quaternion: QuaternionOrder = "xyzw",
         scale: float | ArrayLike = 1.0,
         movable: bool = True,
-        appearance: AppearanceLike | Look | None = None,
+        appearance: AppearanceLike | LazyAppearance | None = None,
     ) -> range:
         """Add many objects with the same mesh, which share its memory and its tree.
 
@@ -252,10 +260,12 @@ class Scene(SceneExports):
         shared = self._meshes.get(mesh, factors, what)
         shared.check_reach(rows, what)
         number = self._label_names.number(label)
-        look = look_of(appearance, mesh, what, (len(shared.vertices), len(shared.faces)))
+        lazy_appearance = choose_appearance(appearance, mesh, what, (len(shared.vertices), len(shared.faces)))
         solid = mesh.scaled(factors) if isinstance(mesh, Solid) and movable else None
         shared.uses += 0 if movable else len(rows)
-        self._objects.add_instances(Instances(indices.start, chosen, number, shared, rows, movable, solid, look))
+        self._objects.add_instances(
+            Instances(indices.start, chosen, number, shared, rows, movable, solid, lazy_appearance)
+        )
         self._index.update(zip(chosen, indices, strict=True))
         self._movable += indices if movable else []
         self._forget()

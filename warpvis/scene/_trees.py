@@ -42,8 +42,8 @@ class SceneTrees:
         self._triangles: Triangles | None = None
         self._bvh: SceneBvh | None = None
         self._wants_faces = False
-        self._looks: tuple[DeviceMaterials, bool] | None = None
-        self._light_looks: tuple[tuple[Light, ...], Lights] | None = None
+        self._device_materials: tuple[DeviceMaterials, bool] | None = None
+        self._device_lights: tuple[tuple[Light, ...], Lights] | None = None
         self._sizes: wp.array | None = None
         self._poses: wp.array | None = None
 
@@ -95,25 +95,25 @@ class SceneTrees:
                 )
             return self._bvh
 
-    def looks(self, background: Background | None) -> DeviceMaterials:
+    def device_materials(self, background: Background | None) -> DeviceMaterials:
         """Return the device materials of the objects, created on first use after a change."""
-        from warpvis.scene._looks import pack_looks, set_background
+        from warpvis.scene._device_materials import pack_materials, set_background
 
         objects, movable = self.objects, self.movable
         with self._lock:
-            if self._looks is None or self._looks[1]:
-                self._looks = pack_looks(objects, movable, self.device)
-            set_background(self._looks[0], background)
-            return self._looks[0]
+            if self._device_materials is None or self._device_materials[1]:
+                self._device_materials = pack_materials(objects, movable, self.device)
+            set_background(self._device_materials[0], background)
+            return self._device_materials[0]
 
-    def light_looks(self, lights: tuple[Light, ...]) -> Lights:
+    def device_lights(self, lights: tuple[Light, ...]) -> Lights:
         """Return the lights on the device, created on first use after they were changed."""
-        from warpvis.scene._looks import pack_lights
+        from warpvis.scene._device_materials import pack_lights
 
         with self._lock:
-            if self._light_looks is None or self._light_looks[0] != lights:
-                self._light_looks = lights, pack_lights(lights, self.device)
-            return self._light_looks[1]
+            if self._device_lights is None or self._device_lights[0] != lights:
+                self._device_lights = lights, pack_lights(lights, self.device)
+            return self._device_lights[1]
 
     def object_labels(self) -> wp.array:
         """Return the objects' labels on the scene's device, shape ``(objects,)`` uint8."""
@@ -183,7 +183,9 @@ class SceneTrees:
 
     def _forget(self) -> None:
         """Drop all data derived from the objects, since they have changed."""
-        self._tuple = self._columns = self._triangles = self._bvh = self._sizes = self._poses = self._looks = None
+        self._tuple = self._columns = self._triangles = self._bvh = self._sizes = self._poses = (
+            self._device_materials
+        ) = None
 
     def require_objects(self) -> ObjectList:
         """Return the objects; raise a `SceneError` if the scene is empty."""

@@ -216,7 +216,7 @@ class Appearance:
         """Return normals of each corner of the mesh's faces, shape ``(m, 3, 3)``; None if it has none."""
         return self.normals if self.normals is None or self.normals.ndim == 3 else self.normals[faces]
 
-    def of_another_mesh(self) -> Appearance:
+    def for_any_mesh(self) -> Appearance:
         """Return the part that is valid for any mesh: its first material."""
         return Appearance((self.materials[0],))
 

@@ -93,4 +93,4 @@ def _movable(item: SceneObject) -> SceneObject:
     middle = (low + high) / 2
     pose = np.array([*middle, 0, 0, 0, 1], dtype=np.float32)
     inside = (item.vertices - pose[:3]).astype(np.float32)
-    return SceneObject.placed(item.name, item.label, (inside, item.faces), pose, look=item.look)
+    return SceneObject.placed(item.name, item.label, (inside, item.faces), pose, lazy_appearance=item.lazy_appearance)

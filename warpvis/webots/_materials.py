@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.errors import WarpvisError
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.colors import linear_color
-from warpvis.scene.looks import Look
 from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap
 from warpvis.webots._nodes import Node
 from warpvis.webots.shapes._coordinates import texture_coordinates
@@ -61,14 +61,14 @@ class Surface(NamedTuple):
             return None
 
 
-def joined_look(surfaces: Sequence[Surface], find: Find) -> Look | None:
+def join_appearances(surfaces: Sequence[Surface], find: Find) -> LazyAppearance | None:
     """Return the lazily loaded appearance of an object that consists of several shapes; None if no shape has any.
 
     Args:
         surfaces: The shapes, in the order of the object's triangles.
         find: Finds the files of their images.
     """
-    return Look(partial(_joined, surfaces, find)) if any(item.appearance for item in surfaces) else None
+    return LazyAppearance(partial(_joined, surfaces, find)) if any(item.appearance for item in surfaces) else None
 
 
 def _joined(surfaces: Sequence[Surface], find: Find) -> Appearance | None:
@@ -139,18 +139,18 @@ def _transformed(uv: NDArray[np.float32], change: Node) -> NDArray[np.float32]:
     return (((uv + move + center) @ rotation.T) * scale - center).astype(np.float32)
 
 
-def _pbr(look: Node, texture: Texture | None) -> Material:
-    strength = max(0.0, look.number("emissiveIntensity", 1.0))
-    alpha = 1 - _unit(look.number("transparency", 0.0))
+def _pbr(node: Node, texture: Texture | None) -> Material:
+    strength = max(0.0, node.number("emissiveIntensity", 1.0))
+    alpha = 1 - _unit(node.number("transparency", 0.0))
     return Material(
-        look.text("name", "") or look.name or "",
-        (*_color(look, "baseColor", (1.0, 1.0, 1.0)), alpha),
+        node.text("name", "") or node.name or "",
+        (*_color(node, "baseColor", (1.0, 1.0, 1.0)), alpha),
         "linear",
         texture,
         "blend" if alpha < 1 else "opaque",
-        metallic=_unit(look.number("metalness", 1.0)),
-        roughness=_unit(look.number("roughness", 0.0)),
-        emission=tuple((strength * np.clip(look.vector("emissiveColor", (0.0, 0.0, 0.0)), 0.0, 1.0)).tolist()),
+        metallic=_unit(node.number("metalness", 1.0)),
+        roughness=_unit(node.number("roughness", 0.0)),
+        emission=tuple((strength * np.clip(node.vector("emissiveColor", (0.0, 0.0, 0.0)), 0.0, 1.0)).tolist()),
     )
 
 

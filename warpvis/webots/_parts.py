@@ -19,7 +19,7 @@ from warpvis.core.labels import Label
 from warpvis.scene import Part
 from warpvis.webots._extents import Extent
 from warpvis.webots._grammar import World
-from warpvis.webots._materials import Find, Surface, joined_look
+from warpvis.webots._materials import Find, Surface, join_appearances
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._transforms import Transform
 from warpvis.webots.shapes._polygons import Triangles, join
@@ -166,7 +166,7 @@ def make_parts(solids: Iterable[Solid], find: Find) -> tuple[list[Part], dict[So
             continue
         for wanted, label, numbers in _objects_of(solid):
             parts = [solid.parts[number] for number in numbers]
-            appearance = joined_look([solid.surfaces[number] for number in numbers], find)
+            appearance = join_appearances([solid.surfaces[number] for number in numbers], find)
             made.append(Part(taken.take(wanted), join(parts), label, appearance=appearance))
             names.setdefault(solid, []).append(made[-1].name)
     return made, names

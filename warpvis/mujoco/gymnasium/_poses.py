@@ -25,7 +25,7 @@ _ALL_GROUPS = range(6)
 
 # What a scene's shapes are made of, which all environments share.
 _SHAPES = ("geom_type", "geom_dataid", "geom_size", "geom_bodyid", "hfield_size", "hfield_data", "mesh_vert")
-_LOOKS = ("geom_rgba", "geom_matid", "mat_rgba")
+_APPEARANCE_FIELDS = ("geom_rgba", "geom_matid", "mat_rgba")
 _OTHER_SHAPES = (
     "the environment has changed shapes of its model (sizes, meshes, height fields), which all environments of a "
     "VectorDepthObservation share; wrap each in a DepthObservation instead"
@@ -132,7 +132,7 @@ class _Seen:
         if digest not in (None, self.digest):
             raise SceneError(_OTHER_SHAPES)
         self._shapes = [Watched(getattr(model, name)) for name in _SHAPES]
-        self._looks = [Watched(getattr(model, name)) for name in _LOOKS]
+        self._watched_appearance = [Watched(getattr(model, name)) for name in _APPEARANCE_FIELDS]
         self._shown = self._read_shown()
 
     def shown(self) -> NDArray[np.float32]:
@@ -143,8 +143,8 @@ class _Seen:
         """
         if any(watched.changed() for watched in self._shapes):
             raise SceneError(_OTHER_SHAPES)
-        if any(watched.changed() for watched in self._looks):
-            for watched in self._looks:
+        if any(watched.changed() for watched in self._watched_appearance):
+            for watched in self._watched_appearance:
                 watched.accept()
             self._shown = self._read_shown()
         return self._shown

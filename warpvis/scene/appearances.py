@@ -22,7 +22,7 @@ _UNSAID = (102, 102, 102, 255)
 """trimesh's default for colors that a SimpleMaterial does not define."""
 
 
-class Look:
+class LazyAppearance:
     """An appearance, or a function that creates it on first use."""
 
     def __init__(
@@ -43,27 +43,27 @@ class Look:
                 self._found, self._make = self._make(), None
             return self._found
 
-    def of_another_mesh(self) -> Look:
+    def for_any_mesh(self) -> LazyAppearance:
         """Return the part that is valid for any mesh."""
-        return self if self._fits_any_mesh else Look(self._first_material, fits_any_mesh=True)
+        return self if self._fits_any_mesh else LazyAppearance(self._first_material, fits_any_mesh=True)
 
     def _first_material(self) -> Appearance | None:
         found = self.get()
-        return None if found is None else found.of_another_mesh()
+        return None if found is None else found.for_any_mesh()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle as the appearance itself."""
-        return Look, (None, self.get())
+        return LazyAppearance, (None, self.get())
 
 
-def look_of(
-    given: AppearanceLike | Look | None,
+def choose_appearance(
+    given: AppearanceLike | LazyAppearance | None,
     mesh: object,
     name: str,
     counts: tuple[int, int],
     *,
     color_space: ColorSpace | None = None,
-) -> Look | None:
+) -> LazyAppearance | None:
     """Return the appearance given to `Scene.add`, or else that of the mesh.
 
     Args:
@@ -76,17 +76,17 @@ def look_of(
     Raises:
         SceneError: If `given` is not an appearance, or does not fit the mesh.
     """
-    if isinstance(given, Look):
+    if isinstance(given, LazyAppearance):
         return given
     if given is not None:
         found = as_appearance(given, name)
         found.check_fits(*counts, name)
-        return Look(None, found)
+        return LazyAppearance(None, found)
     visual = getattr(mesh, "visual", None)
     parts = None if visual is None else _parts_of(visual)
     if parts is None:
         return None
-    return Look(lambda: _from_visual(parts, name, counts, color_space))
+    return LazyAppearance(lambda: _from_visual(parts, name, counts, color_space))
 
 
 def _parts_of(visual: Any) -> dict[str, Any] | None:

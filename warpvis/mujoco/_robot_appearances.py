@@ -11,31 +11,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.scene import SceneObject
-from warpvis.scene.looks import Look
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance, Material
 
 _GRAY = Material(base_color=(0.5, 0.5, 0.5, 1.0))
 """Of what has no color, as MuJoCo has it."""
 
 
-def joined_look(items: Sequence[SceneObject]) -> Look | None:
+def join_appearances(items: Sequence[SceneObject]) -> LazyAppearance | None:
     """Return the look of objects whose vertices and faces are joined in their order; None if none has any."""
-    return Look(partial(_joined, items)) if any(item.look is not None for item in items) else None
+    return LazyAppearance(partial(_joined, items)) if any(item.lazy_appearance is not None for item in items) else None
 
 
 def _joined(items: Sequence[SceneObject]) -> Appearance | None:
     found = [item.appearance for item in items]
     if not any(found):
         return None
-    looks = [look or Appearance((_GRAY,)) for look in found]
-    firsts = np.cumsum([0, *(len(look.materials) for look in looks)])
+    appearances = [appearance or Appearance((_GRAY,)) for appearance in found]
+    firsts = np.cumsum([0, *(len(appearance.materials) for appearance in appearances)])
     rows = [
-        np.zeros(len(item.faces), dtype=np.int32) if look.face_materials is None else look.face_materials
-        for item, look in zip(items, looks, strict=True)
+        np.zeros(len(item.faces), dtype=np.int32) if appearance.face_materials is None else appearance.face_materials
+        for item, appearance in zip(items, appearances, strict=True)
     ]
     uv = None
-    if any(look.uv is not None for look in looks):
-        corners = [look.corner_uv(item.faces) for item, look in zip(items, looks, strict=True)]
+    if any(appearance.uv is not None for appearance in appearances):
+        corners = [appearance.corner_uv(item.faces) for item, appearance in zip(items, appearances, strict=True)]
         uv = np.concatenate(
             [
                 np.zeros((len(item.faces), 3, 2), dtype=np.float32) if part is None else part
@@ -43,11 +43,11 @@ def _joined(items: Sequence[SceneObject]) -> Appearance | None:
             ]
         )
     return Appearance(
-        tuple(material for look in looks for material in look.materials),
+        tuple(material for appearance in appearances for material in appearance.materials),
         np.concatenate([row + first for row, first in zip(rows, firsts, strict=False)]).astype(np.int32),
         uv,
-        _colors([look.vertex_colors for look in looks], [len(item.vertices) for item in items]),
-        _colors([look.face_colors for look in looks], [len(item.faces) for item in items]),
+        _colors([appearance.vertex_colors for appearance in appearances], [len(item.vertices) for item in items]),
+        _colors([appearance.face_colors for appearance in appearances], [len(item.faces) for item in items]),
     )
 
 

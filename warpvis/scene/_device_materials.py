@@ -30,7 +30,7 @@ _LIGHT_KINDS = ("ambient", "directional", "point", "spot", "headlight")
 """In the order of `kernels.lighting`."""
 
 
-def pack_looks(
+def pack_materials(
     objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device
 ) -> tuple[DeviceMaterials, bool]:
     """Copy the appearances of all objects to a device, and decode the images of textures.
@@ -76,58 +76,60 @@ class _Packing:
         from warpvis.kernels.shading import DeviceMaterial, DeviceMaterials
         from warpvis.kernels.textures import DeviceTexture
 
-        looks, device = DeviceMaterials(), self._device
-        looks.object_material = wp.array(self._first, dtype=wp.int32, device=device)
-        looks.object_column = wp.array(self._column, dtype=wp.int32, device=device)
-        looks.object_pose = wp.array(self._pose, dtype=wp.transform, device=device)
-        looks.object_rows = wp.array(self._object_rows, dtype=wp.int32, device=device)
-        looks.corners = wp.array(self._joined("corners", (3, 3)), dtype=wp.vec3, device=device)
-        looks.uv = wp.array(self._joined("uv", (3, 2)), dtype=wp.vec2, device=device)
-        looks.colors = wp.array(self._joined("colors", (3, 4)), dtype=wp.vec4, device=device)
-        looks.normals = wp.array(self._joined("normals", (3, 3)), dtype=wp.vec3, device=device)
+        scene_materials, device = DeviceMaterials(), self._device
+        scene_materials.object_material = wp.array(self._first, dtype=wp.int32, device=device)
+        scene_materials.object_column = wp.array(self._column, dtype=wp.int32, device=device)
+        scene_materials.object_pose = wp.array(self._pose, dtype=wp.transform, device=device)
+        scene_materials.object_rows = wp.array(self._object_rows, dtype=wp.int32, device=device)
+        scene_materials.corners = wp.array(self._joined("corners", (3, 3)), dtype=wp.vec3, device=device)
+        scene_materials.uv = wp.array(self._joined("uv", (3, 2)), dtype=wp.vec2, device=device)
+        scene_materials.colors = wp.array(self._joined("colors", (3, 4)), dtype=wp.vec4, device=device)
+        scene_materials.normals = wp.array(self._joined("normals", (3, 3)), dtype=wp.vec3, device=device)
         rows = self._joined("face_material", (), np.int32)
-        looks.face_material = wp.array(rows, dtype=wp.int32, device=device)
-        looks.materials = wp.array(self._materials, dtype=DeviceMaterial, device=device)
-        looks.textures = wp.array(self._textures, dtype=DeviceTexture, device=device)
+        scene_materials.face_material = wp.array(rows, dtype=wp.int32, device=device)
+        scene_materials.materials = wp.array(self._materials, dtype=DeviceMaterial, device=device)
+        scene_materials.textures = wp.array(self._textures, dtype=DeviceTexture, device=device)
         texels = np.concatenate([np.zeros(0, dtype=np.uint32), *self._texels])
-        looks.texels = wp.array(texels, dtype=wp.uint32, device=device)
-        return looks
+        scene_materials.texels = wp.array(texels, dtype=wp.uint32, device=device)
+        return scene_materials
 
     def _joined(self, name: str, shape: tuple[int, ...], dtype: Any = np.float32) -> np.ndarray:
         return np.concatenate([np.zeros((0, *shape), dtype=dtype), *self._rows[name]])
 
     def _add(self, index: int, item: SceneObject, objects: Sequence[SceneObject]) -> None:
-        look = item.appearance or _PLAIN
+        appearance = item.appearance or _PLAIN
         carrier = index if item.carrier is None else item.carrier
         self._column[index] = self._columns.get(carrier, -1)
-        numbers = [self._material(material, item, objects) for material in look.materials]
+        numbers = [self._material(material, item, objects) for material in appearance.materials]
         self._first[index] = numbers[0]
         if item.shared_mesh is not None:
             self._pose[index] = item.place
-        elif _has_own_frame(item, look):
+        elif _has_own_frame(item, appearance):
             self._pose[index] = _pose_in_carrier(item, objects)
-        if look.face_materials is not None and len(set(numbers)) > 1:
-            rows = np.array(numbers, dtype=np.int32)[look.face_materials]
-            self._object_rows[index, 3] = self._share("face_material", rows, (look.face_materials, tuple(numbers)))
-        elif look.face_materials is not None and len(look.face_materials):
-            self._first[index] = numbers[int(look.face_materials[0])]
-        is_colored = look.vertex_colors is not None or look.face_colors is not None
-        is_textured = any(material.texture for material in look.materials)
-        if item.solid is not None or not (is_colored or is_textured or look.normals is not None):
+        if appearance.face_materials is not None and len(set(numbers)) > 1:
+            rows = np.array(numbers, dtype=np.int32)[appearance.face_materials]
+            self._object_rows[index, 3] = self._share(
+                "face_material", rows, (appearance.face_materials, tuple(numbers))
+            )
+        elif appearance.face_materials is not None and len(appearance.face_materials):
+            self._first[index] = numbers[int(appearance.face_materials[0])]
+        is_colored = appearance.vertex_colors is not None or appearance.face_colors is not None
+        is_textured = any(material.texture for material in appearance.materials)
+        if item.solid is not None or not (is_colored or is_textured or appearance.normals is not None):
             return
         self.deforms |= item.points is not None
         vertices, faces = _frame_mesh(item)
-        if _has_own_frame(item, look):
+        if _has_own_frame(item, appearance):
             vertices = _in_frame(vertices, _pose_in_carrier(item, objects))
         self._object_rows[index, 0] = self._share("corners", vertices[faces], (item.shared_mesh or vertices, faces))
-        uv = look.corner_uv(faces)
+        uv = appearance.corner_uv(faces)
         if uv is not None:
-            self._object_rows[index, 1] = self._share("uv", uv, (look.uv, faces))
-        normals = look.corner_normals(faces)
+            self._object_rows[index, 1] = self._share("uv", uv, (appearance.uv, faces))
+        normals = appearance.corner_normals(faces)
         if normals is not None:
-            self._object_rows[index, 4] = self._share("normals", normals, (look.normals, faces))
+            self._object_rows[index, 4] = self._share("normals", normals, (appearance.normals, faces))
         if is_colored:
-            self._object_rows[index, 2] = self._share("colors", _corner_colors(look, faces), (look, faces))
+            self._object_rows[index, 2] = self._share("colors", _corner_colors(appearance, faces), (appearance, faces))
 
     def _share(self, name: str, rows: np.ndarray, made_of: tuple[Any, ...]) -> int:
         """Append rows unless `_known` has them already, and return the index of the first."""
@@ -145,17 +147,17 @@ class _Packing:
         scale = _cube_scale(material, item, objects)
         key = (id(material), scale)
         if key not in self._known:
-            look = DeviceMaterial()
-            look.color = wp.vec4(*material.base_color)
-            look.is_linear = material.color_space == "linear"
-            look.projection = get_args(Projection).index(material.projection)
-            look.texture = -1 if material.texture is None else self._texture(material.texture, look.projection == 2)
-            look.specular, look.shininess = wp.vec3(*material.specular), material.shininess
-            look.emission = wp.vec3(*material.emission)
-            look.repeat, look.scale = wp.vec2(*material.texture_repeat), wp.vec3(*scale)
+            record = DeviceMaterial()
+            record.color = wp.vec4(*material.base_color)
+            record.is_linear = material.color_space == "linear"
+            record.projection = get_args(Projection).index(material.projection)
+            record.texture = -1 if material.texture is None else self._texture(material.texture, record.projection == 2)
+            record.specular, record.shininess = wp.vec3(*material.specular), material.shininess
+            record.emission = wp.vec3(*material.emission)
+            record.repeat, record.scale = wp.vec2(*material.texture_repeat), wp.vec3(*scale)
             self._known[key] = len(self._materials)
             self._alive.append(material)
-            self._materials.append(look)
+            self._materials.append(record)
         return self._known[key]
 
     def _texture(self, texture: Texture, is_cube: bool) -> int:
@@ -164,15 +166,15 @@ class _Packing:
         key = ("texture", id(texture), is_cube)
         if key not in self._known:
             levels = mip_levels(texture.image, _SIDES if is_cube else 1)
-            look = DeviceTexture()
-            look.first, look.levels = self._texel_count, len(levels)
-            look.height, look.width = levels[0].shape[:2]
-            look.wrap_u, look.wrap_v = (get_args(Wrap).index(mode) for mode in (texture.wrap_u, texture.wrap_v))
-            look.filter = get_args(Filter).index(texture.filter)
-            look.is_linear = texture.color_space == "linear"
+            record = DeviceTexture()
+            record.first, record.levels = self._texel_count, len(levels)
+            record.height, record.width = levels[0].shape[:2]
+            record.wrap_u, record.wrap_v = (get_args(Wrap).index(mode) for mode in (texture.wrap_u, texture.wrap_v))
+            record.filter = get_args(Filter).index(texture.filter)
+            record.is_linear = texture.color_space == "linear"
             self._known[key] = len(self._textures)
             self._alive.append(texture)
-            self._textures.append(look)
+            self._textures.append(record)
             self._texels += [level.reshape(-1, 4).copy().view("<u4").ravel() for level in levels]
             self._texel_count += sum(level.shape[0] * level.shape[1] for level in levels)
         return self._known[key]
@@ -212,9 +214,9 @@ def _frame_mesh(item: SceneObject) -> tuple[NDArray[np.float32], NDArray[np.int3
     return vertices, item.faces
 
 
-def _has_own_frame(item: SceneObject, look: Appearance) -> bool:
+def _has_own_frame(item: SceneObject, appearance: Appearance) -> bool:
     """Return whether shading uses the frame that an object was added in, and its vertices are in another frame."""
-    by_frame = look.normals is not None or any(material.projection != "uv" for material in look.materials)
+    by_frame = appearance.normals is not None or any(material.projection != "uv" for material in appearance.materials)
     return item.origin is not None and by_frame
 
 
@@ -236,13 +238,13 @@ def _in_frame(vertices: NDArray[np.float32], origin: NDArray[np.float64] | None)
     return ((vertices - matrix[:3, 3]) @ matrix[:3, :3]).astype(np.float32)
 
 
-def _corner_colors(look: Appearance, faces: NDArray[np.int32]) -> NDArray[np.float32]:
+def _corner_colors(appearance: Appearance, faces: NDArray[np.int32]) -> NDArray[np.float32]:
     """Return the colors of each corner of each face, from 0 to 1, shape ``(m, 3, 4)``."""
-    if look.vertex_colors is not None:
-        rows = look.vertex_colors[faces]
+    if appearance.vertex_colors is not None:
+        rows = appearance.vertex_colors[faces]
     else:
-        assert look.face_colors is not None  # called only if there are colors
-        rows = np.repeat(look.face_colors[:, None], 3, axis=1)
+        assert appearance.face_colors is not None  # called only if there are colors
+        rows = np.repeat(appearance.face_colors[:, None], 3, axis=1)
     return (rows.astype(np.float32) / np.float32(255 if rows.dtype == np.uint8 else 1)).astype(np.float32)
 
 
@@ -265,25 +267,25 @@ def pack_lights(lights: Sequence[Light], device: wp.Device) -> Lights:
     packed, is_linear = Lights(), any(light.color_space == "linear" for light in lights)
     rows = []
     for light in lights:
-        look = DeviceLight()
-        look.kind, look.falloff = _LIGHT_KINDS.index(light.kind), get_args(Falloff).index(light.falloff)
+        record = DeviceLight()
+        record.kind, record.falloff = _LIGHT_KINDS.index(light.kind), get_args(Falloff).index(light.falloff)
         for name in ("position", "direction", "attenuation"):
-            setattr(look, name, wp.vec3(*getattr(light, name)))
+            setattr(record, name, wp.vec3(*getattr(light, name)))
         specular = light.color if light.specular is None else light.specular
         for name, color in (("color", light.color), ("ambient", light.ambient), ("specular", specular)):
             values = linear_color(color) if is_linear and light.color_space == "srgb" else color
-            setattr(look, name, wp.vec3(*(light.intensity * value for value in values)))
-        look.reach = min(light.reach, _ENDLESS)
-        look.inner_angle, look.outer_angle, look.exponent = light.inner_angle, light.outer_angle, light.exponent
-        rows.append(look)
+            setattr(record, name, wp.vec3(*(light.intensity * value for value in values)))
+        record.reach = min(light.reach, _ENDLESS)
+        record.inner_angle, record.outer_angle, record.exponent = light.inner_angle, light.outer_angle, light.exponent
+        rows.append(record)
     packed.all = wp.array(rows, dtype=DeviceLight, device=device)
     packed.is_linear = is_linear
     return packed
 
 
-def set_background(looks: DeviceMaterials, background: Background | None) -> None:
+def set_background(scene_materials: DeviceMaterials, background: Background | None) -> None:
     """Set the color of pixels that see no object; a sky is black."""
     color: tuple[float, ...] = (0.0, 0.0, 0.0)
     if background is not None and not background.sky:
         color = background.color if background.color_space == "srgb" else screen_color(background.color)
-    looks.background = wp.vec3(*color)
+    scene_materials.background = wp.vec3(*color)
