@@ -8,9 +8,12 @@ it are made from the kernel's own, so that a field that one side lacks is an err
 
 from __future__ import annotations
 
+import hashlib
 import os
+import shutil
 import struct
 import subprocess
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from native_build import cache_folder
 
 from warpvis import Camera, Scene
 from warpvis.core.ray_camera import RayCamera
@@ -38,6 +42,9 @@ _FLAGS = ["-std=c++17", "-g1", "-Wall", "-Wextra", "-fno-omit-frame-pointer", "-
 _CHECKED = ["-O0", "-ffp-contract=off", "-ftrivial-auto-var-init=pattern", "--coverage"]
 _CHECKED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Wno-unused-function"]
 _UNCHECKED = ["-O2", "-DEMULATOR_ASAN"]
+MAX_PROGRAMS = 10
+"""How many programs the cache holds: those of the newest sources, and of a few versions before."""
+
 _SHARED = "__shared__ WarpMemory memory;"
 _ABSENT, _GIVEN, _IMAGE = range(3)
 
@@ -79,31 +86,29 @@ class Emulator:
     """An executable that holds some variants."""
 
     def __init__(self, folder: Path, variants: tuple[Variant, ...], compiler: str) -> None:
-        """Compile it in a folder."""
+        """Compile the program, unless a program of the same sources and options is cached.
+
+        Args:
+            folder: An empty folder, for the line counts of this program's runs.
+            variants: The variants that the program holds.
+            compiler: The C++ compiler.
+        """
         self.variants = variants
         self._compiler, self._folder = compiler, folder
-        self.program = folder / "cuda_emulator"
         functions = [_native_function(variant) for variant in variants]
         arguments = functions[0].input_types
         assert all(function.input_types.keys() == arguments.keys() for function in functions)
         self.arguments = {name: kind for name, kind in arguments.items() if name not in _PLACE}
-        (folder / "cuda_launch.h").write_text(_launch_header(self.arguments, variants))
-        sources = [NATIVE / "cuda_main.cpp", NATIVE / "cuda_warp.cpp"]
+        sources = {path.name: path.read_text() for path in sorted(NATIVE.glob("cuda_*"))}
+        sources["cuda_launch.h"] = _launch_header(self.arguments, variants)
         for variant, function in zip(variants, functions, strict=True):
-            sources.append(folder / f"{variant.name}.cpp")
-            sources[-1].write_text(_variant_source(variant, function))
-
-        def compile_one(source: Path) -> str:
-            target = folder / f"{source.stem}.o"
-            options = _UNCHECKED if source.name == "cuda_warp.cpp" else _CHECKED
-            options = [*options, "-Werror"] if REQUIRED else options
-            paths = [f"-I{NATIVE}", f"-I{folder}", "-c", str(source), "-o", str(target)]
-            _run([compiler, *_FLAGS, *options, *paths], folder)
-            return str(target)
-
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            objects = list(pool.map(compile_one, sources))
-        _run([compiler, *_CHECKED, *objects, "-o", str(self.program)], folder)
+            sources[f"{variant.name}.cpp"] = _variant_source(variant, function)
+        built = _build(sources, compiler)
+        self.program = built / "cuda_emulator"
+        for notes in built.glob("*.gcno"):
+            (folder / notes.name).symlink_to(notes)
+        # The runtime of --coverage writes counts to this folder instead of the folder of the object.
+        self._environment = {**os.environ, "GCOV_PREFIX": str(folder), "GCOV_PREFIX_STRIP": "99"}
 
     def launch(self, variant: Variant, size: tuple[int, int, int], arguments: dict[str, Any]) -> None:
         """Run a launch of so many views, rows and columns of packets, and write the images among its arguments."""
@@ -111,7 +116,7 @@ class Emulator:
         parts = [struct.pack("4i", self.variants.index(variant), *size)]
         for name, kind in self.arguments.items():
             _write(parts, images, kind, arguments[name], is_image=name == "images")
-        result = subprocess.run([self.program], input=b"".join(parts), capture_output=True)
+        result = subprocess.run([self.program], input=b"".join(parts), capture_output=True, env=self._environment)
         if result.returncode:
             raise AssertionError(result.stderr.decode()[-4000:])
         at = 0
@@ -137,6 +142,44 @@ class Emulator:
                     counts[key] = counts.get(key, 0) + ran
         assert len(counts) > 400
         return counts
+
+
+def _build(sources: dict[str, str], compiler: str) -> Path:
+    """Return the folder of the program of these sources, which is compiled if the cache does not hold it."""
+    paths = [NATIVE, HEADERS]
+    options = [*_FLAGS, *_CHECKED, *_UNCHECKED, str(REQUIRED), *map(str, paths)]
+    version = _run([compiler, "--version"], NATIVE)
+    digest = hashlib.sha256("\0".join([compiler, version, *options]).encode())
+    for name, text in sorted(sources.items()):
+        digest.update(f"\0{name}\0{text}".encode())
+    target = cache_folder() / f"cuda_emulator-{digest.hexdigest()[:16]}"
+    if target.is_dir():
+        os.utime(target)
+        return target
+    target.parent.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix=f"{target.name}.", dir=target.parent))
+    for name, text in sources.items():
+        (folder / name).write_text(text)
+
+    def compile_one(name: str) -> str:
+        options = _UNCHECKED if name == "cuda_warp.cpp" else _CHECKED
+        options = [*options, "-Werror"] if REQUIRED else options
+        _run([compiler, *_FLAGS, *options, "-c", name, "-o", f"{Path(name).stem}.o"], folder)
+        return f"{Path(name).stem}.o"
+
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        objects = list(pool.map(compile_one, [name for name in sources if name.endswith(".cpp")]))
+    _run([compiler, *_CHECKED, *objects, "-o", "cuda_emulator"], folder)
+    for name in objects:
+        (folder / name).unlink()
+    try:
+        folder.rename(target)
+    except OSError:  # another process was faster
+        shutil.rmtree(folder)
+    programs = sorted(target.parent.glob("cuda_emulator-*"), key=lambda path: path.stat().st_mtime)
+    for old in programs[:-MAX_PROGRAMS]:
+        shutil.rmtree(old, ignore_errors=True)
+    return target
 
 
 def _trees(scene: Scene, images: list[wp.array | None]) -> Any:
