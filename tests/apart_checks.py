@@ -7,11 +7,12 @@
 
 import numpy as np
 import trimesh
-from test_ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
-from test_worlds import ALL, random_poses
 
 import warpvis as wv
 from warpvis.sensors import Rays
+
+from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
+from support.worlds import ALL, random_poses
 
 STRAIGHT = [0, 0, 0, 0, 0, 0, 1.0]
 

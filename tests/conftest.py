@@ -9,9 +9,15 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 import warp as wp
+
+# Failed assertions of shared modules print their values, as those of test modules do.
+_HELPERS = [path.stem for path in Path(__file__).parent.glob("*.py") if not path.stem.startswith(("test_", "conftest"))]
+pytest.register_assert_rewrite("support", *_HELPERS)
+
 from browser_pages import why_no_chromium
 from native_build import find_clang, find_compiler
 

@@ -145,7 +145,7 @@ def main() -> None:
     given = parser.parse_args()
     import resource
 
-    from test_garbage import cases, files_for_cases
+    from support.garbage import cases, files_for_cases
 
     limit = int(given.gigabytes * 1e9)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

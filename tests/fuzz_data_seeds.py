@@ -56,7 +56,8 @@ def _read_poses(name: str, **options: object) -> Callable[[Path], None]:
 
 def poses(root: Path) -> Iterator[Item]:
     from pose_samples import MATRICES, ROWS, TIMES, bop, nerfstudio
-    from test_camera_files import NERF, colmap_binary, colmap_text
+
+    from support.camera_files import NERF, colmap_binary, colmap_text
 
     rows = "".join(
         " ".join(f"{value:.9g}" for value in (time, *row)) + "\n" for time, row in zip(TIMES, ROWS, strict=True)
@@ -111,7 +112,7 @@ def _parquet(rows: np.ndarray) -> bytes | None:
 
 def bags(root: Path) -> Iterator[Item]:
     try:
-        from test_ros_bags import KINDS, write_bag
+        from support.ros_bags import KINDS, write_bag
     except ImportError:
         return
     for storage in ("mcap", "sqlite3"):
@@ -128,7 +129,8 @@ def _read_camera(name: str) -> Callable[[Path], None]:
 
 def cameras(root: Path) -> Iterator[Item]:
     from pose_samples import bop, nerfstudio
-    from test_camera_files import KALIBR, NERF, ROS_YAML, colmap_binary, colmap_text
+
+    from support.camera_files import KALIBR, NERF, ROS_YAML, colmap_binary, colmap_text
 
     own = {"width": 64, "height": 48, "near": 0.1, "far": 5.0}
     matrix = [[60, 0, 31.3], [0, 58, 25.1], [0, 0, 1]]
@@ -179,7 +181,7 @@ _OPENCV_XML = """<?xml version="1.0"?>
 
 def lenses(root: Path) -> Iterator[Item]:
     """Cameras with lenses: a few rays of each are cast, too."""
-    from test_camera_files import KALIBR, NERF, ROS_YAML, colmap_text
+    from support.camera_files import KALIBR, NERF, ROS_YAML, colmap_text
 
     def reader(name: str) -> Callable[[Path], None]:
         def read(folder: Path) -> None:
@@ -229,7 +231,7 @@ def sensors(root: Path) -> Iterator[Item]:
 
 def scanners(root: Path) -> Iterator[Item]:
     """What lidars are made of: metadata, calibrations, samples."""
-    from test_lidars import old_ouster_metadata, ouster_metadata
+    from support.lidars import old_ouster_metadata, ouster_metadata
 
     lidars = wv.sensors.lidars
     for metadata in (ouster_metadata(), old_ouster_metadata()):

@@ -72,9 +72,9 @@ def _see_world(name: str, *search_path: str) -> Callable[[Path], None]:
 
 
 def meshes(root: Path) -> Iterator[Item]:
-    from test_appearance_files import MTL, OBJ as COLOURED, png as picture
-    from test_damaged_files import ply
-    from test_mesh_files import OBJ, SOLIDS, dae, threemf
+    from support.appearance_files import MTL, OBJ as COLOURED, png as picture
+    from support.damaged_files import ply
+    from support.mesh_files import OBJ, SOLIDS, dae, threemf
 
     mtl = "newmtl red\nKd 1 0 0\nmap_Kd red.png\n"
     box = trimesh.exchange.obj.export_obj(_BOX)
@@ -107,10 +107,10 @@ def meshes(root: Path) -> Iterator[Item]:
 
 
 def gltf(root: Path) -> Iterator[Item]:
-    from test_appearance_files import triangle
-    from test_gltf_rest import FIRST, WHOLE, skinned
-    from test_lights import lit_file
-    from test_mesh_files import car, draco_file, meshopt_file
+    from support.appearance_files import triangle
+    from support.gltf_rest import FIRST, WHOLE, skinned
+    from support.lights import lit_file
+    from support.mesh_files import car, draco_file, meshopt_file
 
     scene = trimesh.Scene([_BOX, _BALL])
     plain = scene.export(file_type="gltf")
@@ -178,7 +178,8 @@ def _varied():
 def labels(root: Path) -> Iterator[Item]:
     """Files of classes and of what they are labels of; as classes of one's own are in a glTF file."""
     from gltf_files import GltfWriter
-    from test_labels import TEXTS
+
+    from support.labels import TEXTS
 
     writer = GltfWriter()
     for name, label in (("road_0", "human"), ("car_0", 252), ("thing", "road")):
@@ -194,7 +195,7 @@ def _labelled(name: str) -> Callable[[Path], None]:
 
 
 def archives(root: Path) -> Iterator[Item]:
-    from test_mesh_files import OBJ
+    from support.mesh_files import OBJ
 
     stl = _BOX.export(file_type="stl")
     files = {"in/box.stl": stl, "in/a.obj": OBJ.encode(), "read.me": b"no mesh"}
@@ -260,10 +261,11 @@ Robot { controller "<none>" children [ Camera { width 64 height 48 fieldOfView 0
 
 
 def worlds(root: Path) -> Iterator[Item]:
-    from test_garbage import WORLD
-    from test_lights import WORLD as LIT
-    from test_webots_grammar import SMALL
-    from test_webots_textures import ROUND, SHAPES
+    from arguments_shared import WORLD
+
+    from support.lights import WORLD as LIT
+    from support.webots_grammar import SMALL
+    from support.webots_textures import ROUND, SHAPES
 
     old = _WORLD.replace("R2023b", "R2021b").replace('EXTERNPROTO "New.proto"\nEXTERNPROTO "Old.proto"\n', "")
     old = old.replace("New { steps 3 translation 0 0 1 }", "")
@@ -285,8 +287,9 @@ def worlds(root: Path) -> Iterator[Item]:
 
 def models(root: Path) -> Iterator[Item]:
     from mujoco_models import SHAPES
-    from test_lights import MODEL
-    from test_model_files import ROBOT
+
+    from support.lights import MODEL
+    from support.model_files import ROBOT
 
     stl, obj = _BOX.export(file_type="stl"), trimesh.exchange.obj.export_obj(_BOX)
     files = {

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import reference_shading
 import trimesh
-from test_worlds import random_poses
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
@@ -16,6 +15,8 @@ from warpvis.scene import solids
 from warpvis.scene._device_materials import mip_levels
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.sensors import Motion, Rays
+
+from support.worlds import random_poses
 
 CAMERA = wv.Camera.from_fov(36, 28, hfov=0.9)
 POSE = wv.look_at((2.2, -2.6, 1.8), (0.0, 0.2, 0.1))

@@ -17,13 +17,14 @@ from apart_checks import (
     same_ranges,
     spread_out,
 )
-from test_ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
-from test_solids import build as build_solids
-from test_worlds import ALL, assert_bits_equal, random_poses
 
 import warpvis as wv
 from warpvis.rendering import casters
 from warpvis.sensors import Rays
+
+from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
+from support.solids import build as build_solids
+from support.worlds import ALL, assert_bits_equal, random_poses
 
 
 @pytest.fixture

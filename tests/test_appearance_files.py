@@ -3,8 +3,6 @@
 """What files say of colour: glTF, OBJ with MTL, PLY, COLLADA and MuJoCo's models."""
 
 import gc
-import io
-import warnings
 import zipfile
 
 import mujoco
@@ -18,36 +16,7 @@ import warpvis as wv
 from warpvis.io._gltf_data import GltfData
 from warpvis.io._obj_materials import mtl_material, read_mtl
 
-IMAGE = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
-ROWS, FACES = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
-UV = np.float32([[0, 0], [1, 0.25], [0, 2]])
-
-
-def png():
-    file = io.BytesIO()
-    Image.fromarray(IMAGE).save(file, "PNG")
-    return file.getvalue()
-
-
-def load(path, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        return wv.Scene.load(path, **options)
-
-
-def triangle(info=None, **material):
-    """A triangle with a texture; its index and what else its place says are `info`."""
-    writer = GltfWriter()
-    made = writer.primitive(ROWS, FACES, material=0)
-    made["attributes"]["TEXCOORD_0"] = writer.accessor(UV)
-    made["attributes"]["TEXCOORD_1"] = writer.accessor(np.uint8([[0, 0], [255, 51], [0, 255]]), normalized=True)
-    writer.node(made, name="t")
-    rough = {"baseColorFactor": [1, 0.5, 0.25, 0.5]} | ({"baseColorTexture": info} if info else {})
-    writer.content["images"] = [{"bufferView": writer.view(png()), "mimeType": "image/png"}, {"uri": "my%20tex.png"}]
-    writer.content["samplers"] = [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}, {}]
-    writer.content["textures"] = [{"source": 0, "sampler": 0}, {"source": 1, "sampler": 1}]
-    writer.content["materials"] = [{"name": "m", "pbrMetallicRoughness": rough, **material}]
-    return writer
+from support.appearance_files import FACES, IMAGE, MTL, OBJ, ROWS, UV, load, png, triangle
 
 
 def appearance(tmp_path, writer):
@@ -174,32 +143,6 @@ def test_gltf_without_textures_leaves_no_bytes_of_the_file_in_memory(tmp_path):
     gc.collect()
     assert not [one for one in gc.get_objects() if isinstance(one, GltfData)]
     assert item.appearance.materials[0].base_color == (1, 0.5, 0.25, 0.5)
-
-
-OBJ = "\n".join(
-    ["mtllib m.mtl"]
-    + [f"v {number} {number * number % 7} 0" for number in range(1, 13)]
-    + ["vt 0 0\nvt 1 0\nvt 0 3"]
-    + ["o triangles\nusemtl red\nf 1/1 2/2 3/3\nf 2/1 3/2 4/3\nusemtl blue\nf 3/1 4/1 5/2"]
-    + ["o quads\nf 1 2 3 4\nusemtl red\nf 5 6 7 8"]
-    + ["o mixed\nf 1 2 3 4 5\nusemtl green\nf 5 6 7"]
-    + ["o polygons\nusemtl red\nf 1 2 3 4 5\nusemtl blue\nf 5 6 7 8 9"]
-    + ["o unlike\nusemtl red\nf 1/1 2/1 3/1 4/1\nusemtl blue\nf 5 6 7 8\n"]
-)
-MTL = """
-newmtl red
-Kd 1 0 0
-d 0.5
-Ns 10
-Ks .1 .2 .3
-newmtl blue
-Kd 0 0 1
-map_Kd -clamp on -s 2 3 1 -o 1 my tex.png
-newmtl green
-Kd 0 1
-Tr 0.25
-Ns many
-"""
 
 
 def test_obj_faces_have_the_materials_of_their_lines(tmp_path):

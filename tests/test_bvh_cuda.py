@@ -11,7 +11,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import test_bvh
 import warp as wp
 from build_checks import Checks
 
@@ -22,8 +21,9 @@ from warpvis.scene import _bvh_cuda, _joined_trees
 from warpvis.scene._bvh import Bvh
 
 import reference
+from support import bvh as bvh_checks
 
-CASES = test_bvh.CASES
+CASES = bvh_checks.CASES
 MAX_LEVELS = 8
 
 
@@ -44,8 +44,8 @@ def areas(tree: Bvh) -> tuple[float, float]:
 def test_the_tree_holds_all_triangles_and_its_bounds_hold_what_is_below(name, device):
     given = CASES[name]()
     tree = build(given, device)
-    test_bvh.test_every_triangle_is_there_once_and_unchanged((given, tree))
-    test_bvh.test_boxes_and_cones_hold_what_is_below((given, tree))
+    bvh_checks.assert_every_triangle_is_there_once(given, tree)
+    bvh_checks.assert_boxes_and_cones_hold(given, tree)
     assert tree.depth <= MAX_LEVELS
     if len(given.faces) >= 1000:
         assert len(given.faces) / tree.leaf_count >= 0.65 * tree.lanes
@@ -63,7 +63,7 @@ def test_the_tree_is_as_good_as_the_hosts(name, device):
 def test_the_tree_is_the_same_in_every_run(device):
     given = CASES["blobs_77k"]()
     first, other = build(given, device), build(given, device)
-    for name in test_bvh.ARRAYS:
+    for name in bvh_checks.ARRAYS:
         assert getattr(first, name).numpy().tobytes() == getattr(other, name).numpy().tobytes()
 
 
@@ -84,7 +84,7 @@ def test_the_binary_tree_has_room_for_leaves_that_are_all_but_empty(monkeypatch)
     monkeypatch.setattr(
         _bvh_cuda._Splitter, "_new_binary", lambda self, nodes: room(self, small.pop() if small else nodes)
     )
-    test_bvh.assert_equal(build(given), expected)
+    bvh_checks.assert_equal(build(given), expected)
 
 
 def test_the_host_asks_for_levels_only_where_they_may_be_the_last(monkeypatch):
@@ -108,7 +108,7 @@ def test_more_triangles_than_a_tree_holds_are_refused():
 
 def exponents():
     """Triangles of all sizes that single precision has: their binary tree would be deeper than any may be."""
-    return test_bvh.soup(
+    return bvh_checks.soup(
         2.0 ** np.linspace(-60, 59, 3000)[:, None, None] * [[1, -0.1, -0.1], [1, 0.1, -0.1], [1, 0, 0.1]]
     )
 
@@ -118,7 +118,7 @@ def exponents():
     [
         (CASES["16"], False),
         (CASES["soup"], False),
-        (lambda: test_bvh.soup(np.repeat(test_bvh.random_triangles(1), 700, axis=0)), True),
+        (lambda: bvh_checks.soup(np.repeat(bvh_checks.random_triangles(1), 700, axis=0)), True),
         (exponents, True),
     ],
     ids=["one leaf", "soup", "identical", "exponents"],

@@ -13,9 +13,10 @@ from command_line import run_inside
 from PIL import Image
 
 import warpvis as wv
-from warpvis.cli import main
 from warpvis.cli.demo import format_states, format_table, run_experiment
 from warpvis.scenes import EXPERIMENTS
+
+from support.cli import run_here
 
 
 def run_cli(*arguments, cwd):
@@ -123,19 +124,6 @@ def lab(tmp_path_factory):
     np.savetxt(folder / "points.csv", points, delimiter=",", header="x,y,z", comments="")
     np.save(folder / "points.npy", points)
     return folder
-
-
-def run_here(monkeypatch, capsys, folder, *arguments):
-    """Exit code, and what was printed, of a command that runs in this process."""
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", ["warpvis", *map(str, arguments)])
-    code = 0
-    try:
-        main()
-    except SystemExit as stop:
-        code = stop.code
-    printed = capsys.readouterr()
-    return code, printed.out, printed.err
 
 
 ROBOT, HUMAN = "-1.77 0 0.7 0 0 0.39", "1.2, -0.45, 1.6, 0.5, 0.6, 0.1"

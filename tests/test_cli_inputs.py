@@ -7,9 +7,10 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from test_cli import run_here
 
 import warpvis as wv
+
+from support.cli import run_here
 
 URDF = """<robot name="cart"><link name="cart"><visual><geometry><mesh filename="package://far/box.stl"/></geometry>
 </visual></link></robot>"""

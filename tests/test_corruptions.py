@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import reference_corruptions
 from scipy import stats
-from test_kinect_noise import AHEAD, CAMERA, POSES, images, make_scene, wall
 
 import warpvis as wv
 from warpvis.rendering import DepthSensor
 from warpvis.sensors import Corruptions, NguyenNoise, Reason, StereoDepth
+
+from support.kinect_noise import AHEAD, CAMERA, POSES, images, make_scene, wall
 
 OUTPUTS = ("depth", "reasons", "true_depth")
 FULL = Corruptions(added=0.02, multiplied=0.03, dropout=0.05, rectangles=(1, 4), sides=(3, 20))

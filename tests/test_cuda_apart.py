@@ -18,14 +18,15 @@ from apart_checks import (
 )
 from cuda_emulator import Emulator, Variant, emulated_renderer
 from native_build import find_compiler
-from test_ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
-from test_worlds import ALL
 
 import warpvis as wv
 from warpvis.rendering._cuda_table import MAX_ASIDE
 from warpvis.rendering._ray_eyes import group_rows
 from warpvis.rendering._ray_packets import prepare_packets
 from warpvis.sensors import Rays, lidars
+
+from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
+from support.worlds import ALL
 
 SQUARES = Variant(16, True, False, ray_table=True, origins=True)
 POINTS = Variant(32, True, False, ray_table=True, points=256, origins=True)

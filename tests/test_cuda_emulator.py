@@ -10,21 +10,11 @@ from collections import Counter
 
 import numpy as np
 import pytest
-import test_attached
-import test_faces as test_faces_of
-import test_instances
-import test_near_plane
-import test_sizes
-import test_solids
-import test_table_packets
 import trimesh
 import warp as wp
 from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
 from native_build import find_compiler
-from test_exact_pixels import FAMILIES, wrong_pixels
-from test_ray_patterns import sphere_of_rays
-from test_worlds import ALL, MESHES, STILL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
 
 import warpvis as wv
 from warpvis import sensors
@@ -32,6 +22,18 @@ from warpvis.scene import solids
 from warpvis.scene.worlds import parse_worlds
 
 from compare import assert_matches_reference
+from support import (
+    attached as attached_scenes,
+    instances as instance_scenes,
+    near_plane as near_plane_scenes,
+    sizes as sized_scenes,
+    solids as solid_scenes,
+    table_packets as ray_tables,
+    triangle_faces as face_scenes,
+)
+from support.exact_pixels import FAMILIES, wrong_pixels
+from support.ray_patterns import sphere_of_rays
+from support.worlds import ALL, MESHES, STILL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
 
 pytestmark = pytest.mark.cxx
 
@@ -50,7 +52,7 @@ TABLES += (Variant(16, True, True, resized=True, ray_table=True),)
 CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 
 
-few_share = test_instances.shared  # a fixture
+few_share = instance_scenes.shared  # a fixture
 
 
 @pytest.fixture(scope="module")
@@ -115,59 +117,59 @@ def test_what_moves(emulator, side, cull_backfaces):
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_instances_that_stay(emulator, few_share, cull_backfaces):
-    scene, poses = test_instances.build(), eyes(2)
-    assert test_instances.instances_of(scene) == test_instances.COUNT
+    scene, poses = instance_scenes.build(), eyes(2)
+    assert instance_scenes.instances_of(scene) == instance_scenes.COUNT
     views = render(emulator, scene, poses, cull_backfaces=cull_backfaces)
-    twin = test_instances.twin(scene)
+    twin = instance_scenes.twin(scene)
     assert_matches_reference(views, twin, CAMERA, poses, cull_backfaces=cull_backfaces)
 
 
 @pytest.mark.parametrize("scaled", [False, True])
 def test_instances_among_what_moves(emulator, few_share, scaled):
     """In worlds, one of which is not there; of other sizes, which what stays has not."""
-    scene, poses, rows = test_instances.build(movable=2), eyes(3), random_poses(np.random.default_rng(2), 2, 2)
-    twin = test_instances.twin(scene)
+    scene, poses, rows = instance_scenes.build(movable=2), eyes(3), random_poses(np.random.default_rng(2), 2, 2)
+    twin = instance_scenes.twin(scene)
     given = {"object_poses": rows, "world_index": np.array([1, 0, 1]), "exclude": ["early_2", "late_3"]}
     given |= {"object_scales": np.full((2, 2, 3), 1.5, dtype=np.float32)} if scaled else {}
     options = {"outputs": ALL, "near_plane": "clip"}
     variant = RESIZED if scaled else CLIPS
     views = emulated_renderer(emulator, variant, scene, CAMERA, **options).render(poses, **given)
-    test_instances.assert_alike(views, wv.render(twin, CAMERA, poses, **options, **given))
+    instance_scenes.assert_alike(views, wv.render(twin, CAMERA, poses, **options, **given))
     if not scaled:
         renderer = emulated_renderer(emulator, Variant(16, True, True), scene, CAMERA, outputs=ALL)
-        test_instances.assert_missing_world_is_empty(renderer, rows)
+        instance_scenes.assert_missing_world_is_empty(renderer, rows)
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_a_near_plane_that_cuts(emulator, cull_backfaces):
     """Through boxes and balls, from outside of them and from inside."""
-    scene, poses, camera = test_near_plane.scene("cpu"), test_near_plane.poses(), test_near_plane.CAMERA
+    scene, poses, camera = near_plane_scenes.scene("cpu"), near_plane_scenes.poses(), near_plane_scenes.CAMERA
     options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": "clip"}
     views = emulated_renderer(emulator, CLIPS, scene, camera, **options).render(poses)
-    test_near_plane.assert_cut(views, scene, poses, cull_backfaces)
+    near_plane_scenes.assert_cut(views, scene, poses, cull_backfaces)
 
 
-@pytest.mark.parametrize("kind", test_near_plane.SOLIDS)
+@pytest.mark.parametrize("kind", near_plane_scenes.SOLIDS)
 def test_a_near_plane_that_cuts_solids(emulator, kind):
     def render(made, pose, cull_backfaces):
         options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": "clip"}
-        return emulated_renderer(emulator, CLIPS, made, test_near_plane.CAMERA, **options).render(pose)
+        return emulated_renderer(emulator, CLIPS, made, near_plane_scenes.CAMERA, **options).render(pose)
 
-    test_near_plane.assert_solid_is_cut(kind, "cpu", render)
+    near_plane_scenes.assert_solid_is_cut(kind, "cpu", render)
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_objects_of_other_sizes(emulator, cull_backfaces):
     """As if built so; and of the sizes that they were built with, to the last bit as without any."""
-    rng, count = np.random.default_rng(0), len(test_sizes.SHAPES)
-    rows, scales = random_poses(rng, 2, count), test_sizes.random_scales(rng, 2, count)
-    scene = test_sizes.build("cpu", rows[0])
+    rng, count = np.random.default_rng(0), len(sized_scenes.SHAPES)
+    rows, scales = random_poses(rng, 2, count), sized_scenes.random_scales(rng, 2, count)
+    scene = sized_scenes.build("cpu", rows[0])
     options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": "clip"}
     renderer, plain = (emulated_renderer(emulator, kind, scene, CAMERA, **options) for kind in (RESIZED, CLIPS))
     views = renderer.render(eyes(2), object_poses=rows, object_scales=scales)
     checks = {"cull_backfaces": cull_backfaces, "near_plane": "clip"}
     for view in range(2):
-        twin, one = test_sizes.build("cpu", rows[view], scales[view]), slice(view, view + 1)
+        twin, one = sized_scenes.build("cpu", rows[view], scales[view]), slice(view, view + 1)
         assert_matches_reference(view_of(views, view), twin, CAMERA, eyes(2)[one], **checks)
     same = renderer.render(eyes(2), object_poses=rows, object_scales=np.ones((count, 3)))
     assert_bits_equal(same, plain.render(eyes(2), object_poses=rows))
@@ -175,20 +177,20 @@ def test_objects_of_other_sizes(emulator, cull_backfaces):
 
 @pytest.mark.parametrize("kind", [1, 3, 4])
 def test_objects_of_other_sizes_from_inside_and_cut_open(emulator, kind):
-    shapes, row, scales = [test_sizes.SHAPES[kind]], [test_sizes.TURNED], [(1.5, 0.8, 1.2)]
-    scene, twin = (test_sizes.build("cpu", row, some, shapes=shapes) for some in (None, scales))
+    shapes, row, scales = [sized_scenes.SHAPES[kind]], [sized_scenes.TURNED], [(1.5, 0.8, 1.2)]
+    scene, twin = (sized_scenes.build("cpu", row, some, shapes=shapes) for some in (None, scales))
     options = {"outputs": ALL, "near_plane": "clip"}
     resized, built = (
-        emulated_renderer(emulator, variant, one, test_near_plane.CAMERA, **options)
+        emulated_renderer(emulator, variant, one, near_plane_scenes.CAMERA, **options)
         for variant, one in ((RESIZED, scene), (CLIPS, twin))
     )
-    test_sizes.assert_alike(resized.render(test_sizes.NEAR, object_scales=scales), built.render(test_sizes.NEAR))
+    sized_scenes.assert_alike(resized.render(sized_scenes.NEAR, object_scales=scales), built.render(sized_scenes.NEAR))
 
 
-@pytest.mark.parametrize(("kind", "factor", "x"), test_sizes.SURROUNDED)
+@pytest.mark.parametrize(("kind", "factor", "x"), sized_scenes.SURROUNDED)
 def test_from_inside_of_what_has_grown_or_shrunk(emulator, kind, factor, x):
-    scales, pose = test_sizes.surrounded(factor, x)
-    scene = test_sizes.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], shapes=[test_sizes.SHAPES[kind]])
+    scales, pose = sized_scenes.surrounded(factor, x)
+    scene = sized_scenes.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], shapes=[sized_scenes.SHAPES[kind]])
     renderer = emulated_renderer(emulator, RESIZED, scene, CAMERA, outputs=ALL, near_plane="clip")
     views = renderer.render(pose, object_scales=scales)
     assert (views.segmentation.numpy() == 1).mean() > 0.9
@@ -235,10 +237,10 @@ def test_images_that_are_no_multiple_of_packets(emulator, size):
 
 
 @pytest.mark.parametrize("side", [*(pytest.param(side, marks=pytest.mark.slow) for side in SIDES[:-1]), SIDES[-1]])
-@pytest.mark.parametrize("name", test_solids.SHAPES)
+@pytest.mark.parametrize("name", solid_scenes.SHAPES)
 def test_solids_of_every_kind(emulator, name, side):
     """From the side, from above, from inside, and so near that the other way of computing a root is taken."""
-    scene = test_solids.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], names=[name])
+    scene = solid_scenes.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], names=[name])
     reach = scene.objects[1].solid.extent
     places = [(1.4, -0.5, 2.3), (0.2, 0.1, 3.6), (0.3, 1.6, 0.8), (reach[0] + 1e-3, 0, 2), (0.01, 0.02, 2.01)]
     targets = [(0, 0, 2), (0, 0, 2), (0, 0, 2), (0, 1, 2), (1, 0.1, 2.4)]
@@ -248,7 +250,7 @@ def test_solids_of_every_kind(emulator, name, side):
     assert (views.segmentation.numpy() == 1).any(axis=(1, 2)).all()
     assert_matches_reference(views, scene, camera, poses[:4])
     # From inside, it is the triangles that are seen.
-    twin = test_solids.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], names=[name])
+    twin = solid_scenes.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], names=[name])
     twin.update_vertices(name, twin[name].mesh_vertices)
     inside = [render(emulator, one, poses[4:], side=side, camera=camera) for one in (scene, twin)]
     assert_bits_equal(*inside)
@@ -258,10 +260,10 @@ def test_solids_of_every_kind(emulator, name, side):
 def test_solids_among_meshes(emulator):
     """More of them than are set up at a time, cutting into each other, some around the camera."""
     rng = np.random.default_rng(0)
-    names = [*test_solids.SHAPES, *test_solids.SHAPES]
+    names = [*solid_scenes.SHAPES, *solid_scenes.SHAPES]
     scene = wv.Scene()
     for index, (name, pose) in enumerate(zip(names, random_poses(rng, 16), strict=True)):
-        shape, scale = test_solids.SHAPES[name]
+        shape, scale = solid_scenes.SHAPES[name]
         scene.add(shape, name=f"{name}_{index}", scale=scale, pose=pose, movable=True)
     for pose in random_poses(rng, 3):
         scene.add(MESHES[0], pose=pose, movable=True)
@@ -273,7 +275,7 @@ def test_solids_among_meshes(emulator):
 @pytest.mark.parametrize("gone", [(), ("lamp",), ("table", "ball")])
 def test_what_is_attached_to_something(emulator, gone):
     table, ball = random_poses(np.random.default_rng(2), 2)
-    scene, twin = (test_attached.build("cpu", table, ball, attached=flag) for flag in (True, False))
+    scene, twin = (attached_scenes.build("cpu", table, ball, attached=flag) for flag in (True, False))
     views = render(emulator, scene, eyes(2), exclude=list(gone))
     shown = wv.Scene()
     for item in twin.objects:
@@ -494,12 +496,12 @@ def test_rays_of_a_table_in_the_room(table_emulator):
     """Of depth alone in small packets, and of all in large ones."""
     scene, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     for name in ("lidar", "planar, wide"):
-        camera = test_table_packets.PATTERNS[name]
+        camera = ray_tables.PATTERNS[name]
         depth, views = (
             emulated_renderer(table_emulator, variant, scene, camera, outputs=outputs).render(pose)
             for variant, outputs in zip(TABLES, (("depth",), ALL), strict=False)
         )
-        test_table_packets.assert_views_match(views, scene, camera, [pose])
+        ray_tables.assert_views_match(views, scene, camera, [pose])
         shown = np.isfinite(views.depth.numpy())
         np.testing.assert_allclose(depth.depth.numpy()[shown], views.depth.numpy()[shown], rtol=2e-6)
 
@@ -507,13 +509,13 @@ def test_rays_of_a_table_in_the_room(table_emulator):
 def test_rays_of_a_table_and_what_moves(table_emulator):
     """Meshes and solids, of other sizes than they were built."""
     rng = np.random.default_rng(0)
-    shapes = [test_sizes.SHAPES[kind] for kind in (0, 1, 3, 4)]
-    rows, scales = random_poses(rng, 4, spread=2.0), test_sizes.random_scales(rng, 1, 4)[0]
-    scene, twin = (test_sizes.build("cpu", rows, some, shapes=shapes) for some in (None, scales))
-    camera = test_table_packets.Table(test_table_packets.PATTERNS["gaps"].table, near=0.5, far=4.0)
+    shapes = [sized_scenes.SHAPES[kind] for kind in (0, 1, 3, 4)]
+    rows, scales = random_poses(rng, 4, spread=2.0), sized_scenes.random_scales(rng, 1, 4)[0]
+    scene, twin = (sized_scenes.build("cpu", rows, some, shapes=shapes) for some in (None, scales))
+    camera = ray_tables.Table(ray_tables.PATTERNS["gaps"].table, near=0.5, far=4.0)
     poses = random_poses(rng, 2, spread=0.3)
     views = emulated_renderer(table_emulator, TABLES[2], scene, camera, outputs=ALL).render(poses, object_scales=scales)
-    test_table_packets.assert_views_match(views, twin, camera, poses)
+    ray_tables.assert_views_match(views, twin, camera, poses)
     assert len(np.unique(views.segmentation.numpy())) >= 4
 
 
@@ -524,19 +526,19 @@ UNREACHED: dict[str, str] = {}
 def test_faces(emulator, table_emulator, few_share):
     """The triangles of the objects' own meshes: of what stays, of instances, of what moves, and none of solids."""
     for moving in (False, True):
-        scene, given = test_faces_of.build(moving=moving)
-        worlds = test_faces_of.worlds_of(scene)
+        scene, given = face_scenes.build(moving=moving)
+        worlds = face_scenes.worlds_of(scene)
         options = {"object_poses": worlds} if moving else {}
         poses = eyes(2)
-        views = render(emulator, scene, poses, outputs=test_faces_of.FACES, **options)
-        assert len(test_faces_of.assert_faces_hold(views, scene, given, worlds)) > 10
+        views = render(emulator, scene, poses, outputs=face_scenes.FACES, **options)
+        assert len(face_scenes.assert_faces_hold(views, scene, given, worlds)) > 10
         assert_bits_equal(views, render(emulator, scene, poses, outputs=ALL, **options))
         alone = render(emulator, scene, poses, outputs=("faces",), **options)
         np.testing.assert_array_equal(alone.faces.numpy(), views.faces.numpy())
     camera = sensors.Rays(sphere_of_rays(400))
     options["object_scales"] = np.ones((len(scene.movable), 3), dtype=np.float32)
-    renderer = emulated_renderer(table_emulator, TABLES[2], scene, camera, outputs=test_faces_of.FACES)
-    test_faces_of.assert_faces_hold(renderer.render(poses, **options), scene, given, worlds)
+    renderer = emulated_renderer(table_emulator, TABLES[2], scene, camera, outputs=face_scenes.FACES)
+    face_scenes.assert_faces_hold(renderer.render(poses, **options), scene, given, worlds)
 
 
 def test_every_line_runs(emulator, table_emulator, request):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from test_worlds import random_poses
 
 import warpvis as wv
 from warpvis import scenes
@@ -17,6 +16,7 @@ from warpvis.rendering._cuda_packets import CudaPacketsCaster, packet_side
 from warpvis.scene.worlds import parse_worlds
 
 from compare import assert_matches_reference
+from support.worlds import random_poses
 
 ALL = ("depth", "points", "normals", "labels", "segmentation")
 

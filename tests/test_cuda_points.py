@@ -6,19 +6,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
-import test_faces as test_faces_of
-import test_instances
-import test_near_plane
-import test_sizes
-import test_solids
-import test_table_packets
 import trimesh
 import warp as wp
 from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
 from native_build import find_compiler
 from reference_point_order import OUTSIDE_CELLS, cells_of, count_points, hilbert_curve, measure_blocks, sort_points
-from test_worlds import ALL, assert_bits_equal, build, eyes, random_poses, view_of
 
 import warpvis as wv
 from warpvis.rendering import _cuda_points
@@ -26,6 +19,15 @@ from warpvis.rendering._cuda_points import guess_columns, list_points, packet_co
 
 import reference
 from compare import wrong_depth
+from support import (
+    instances as instance_scenes,
+    near_plane as near_plane_scenes,
+    sizes as sized_scenes,
+    solids as solid_scenes,
+    table_packets as ray_tables,
+    triangle_faces as face_scenes,
+)
+from support.worlds import ALL, assert_bits_equal, build, eyes, random_poses, view_of
 
 CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 SIZE = (CAMERA.width, CAMERA.height)
@@ -176,13 +178,13 @@ def test_worlds_and_exclusion(emulator):
     views = renderer_of(emulator, scene).render_at(eyes(3), pixels, **given)
     expected = wv.Renderer(scene, CAMERA, outputs=ALL, caster="rays").render_at(eyes(3), pixels, **given)
     assert len(np.unique(views.segmentation.numpy())) > 3
-    test_instances.assert_alike(views, expected)
+    instance_scenes.assert_alike(views, expected)
 
 
 @pytest.mark.cxx
 def test_true_surfaces(emulator):
     """From outside and inside."""
-    scene = test_solids.build("cpu", random_poses(np.random.default_rng(5), len(test_solids.SHAPES)))
+    scene = solid_scenes.build("cpu", random_poses(np.random.default_rng(5), len(solid_scenes.SHAPES)))
     pixels = scattered(1200, views=2, seed=1)
     views = renderer_of(emulator, scene).render_at(eyes(2), pixels)
     assert_points_match(views, scene, CAMERA, eyes(2), pixels)
@@ -191,9 +193,9 @@ def test_true_surfaces(emulator):
 @pytest.mark.cxx
 def test_solids_beside_the_camera(emulator):
     """They may be anywhere in its image, and in any block, but not in one that a packet does not have."""
-    rng, shapes = np.random.default_rng(0), [test_sizes.SHAPES[kind] for kind in (0, 1, 3, 4)]
-    rows, scales = random_poses(rng, 4, spread=2.0), test_sizes.random_scales(rng, 1, 4)[0]
-    scene, poses = test_sizes.build("cpu", rows, scales, shapes=shapes), random_poses(rng, 6, spread=0.3)
+    rng, shapes = np.random.default_rng(0), [sized_scenes.SHAPES[kind] for kind in (0, 1, 3, 4)]
+    rows, scales = random_poses(rng, 4, spread=2.0), sized_scenes.random_scales(rng, 1, 4)[0]
+    scene, poses = sized_scenes.build("cpu", rows, scales, shapes=shapes), random_poses(rng, 6, spread=0.3)
     pixels = scattered(600, views=6)
     views = renderer_of(emulator, scene, camera=CAMERA).render_at(poses, pixels)
     assert_points_match(views, scene, CAMERA, poses, pixels)
@@ -202,21 +204,21 @@ def test_solids_beside_the_camera(emulator):
 @pytest.mark.cxx
 def test_objects_of_other_sizes(emulator):
     rng = np.random.default_rng(3)
-    rows = random_poses(rng, 2, len(test_sizes.SHAPES))
-    scales = test_sizes.random_scales(rng, 2, len(test_sizes.SHAPES))
+    rows = random_poses(rng, 2, len(sized_scenes.SHAPES))
+    scales = sized_scenes.random_scales(rng, 2, len(sized_scenes.SHAPES))
     pixels = scattered(400, views=2)
-    scene = test_sizes.build("cpu", rows[0])
+    scene = sized_scenes.build("cpu", rows[0])
     views = renderer_of(emulator, scene, variant=RESIZED, near_plane="clip").render_at(
         eyes(2), pixels, object_poses=rows, object_scales=scales
     )
     for view in range(2):
-        twin, one = test_sizes.build("cpu", rows[view], scales[view]), slice(view, view + 1)
+        twin, one = sized_scenes.build("cpu", rows[view], scales[view]), slice(view, view + 1)
         assert_points_match(view_of(views, view), twin, CAMERA, eyes(2)[one], pixels[one])
 
 
 @pytest.mark.cxx
 def test_a_near_plane_that_cuts(emulator):
-    scene, poses, camera = test_near_plane.scene("cpu"), test_near_plane.poses(), test_near_plane.CAMERA
+    scene, poses, camera = near_plane_scenes.scene("cpu"), near_plane_scenes.poses(), near_plane_scenes.CAMERA
     pixels = np.tile(centers(camera), (len(poses), 1, 1))
     options = {"near_plane": "clip", "outputs": ("depth",)}
     depth = renderer_of(emulator, scene, variant=CLIPS, camera=camera, **options).render_at(poses, pixels).depth.numpy()
@@ -253,9 +255,9 @@ def test_principal_points_outside_of_the_image_and_wide_images(emulator):
 def test_rays_of_a_table_as_points(table_emulator, name):
     """In no order, or in rows that are taken as if they were in none."""
     scene, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
-    camera = test_table_packets.PATTERNS[name]
+    camera = ray_tables.PATTERNS[name]
     views = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render(pose)
-    test_table_packets.assert_views_match(views, scene, camera, [pose])
+    ray_tables.assert_views_match(views, scene, camera, [pose])
     depth = emulated_renderer(table_emulator, RAYS_DEPTH, scene, camera, outputs=("depth",)).render(pose).depth.numpy()
     shown = np.isfinite(views.depth.numpy())
     np.testing.assert_allclose(depth[shown], views.depth.numpy()[shown], rtol=2e-6)
@@ -264,9 +266,9 @@ def test_rays_of_a_table_as_points(table_emulator, name):
 @pytest.mark.cxx
 def test_rays_in_no_order_and_small_triangles(table_emulator):
     preset = wv.scenes.PRESETS["blobs_77k"]
-    scene, camera = preset.build("cpu"), test_table_packets.PATTERNS["no order"]
+    scene, camera = preset.build("cpu"), ray_tables.PATTERNS["no order"]
     views = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render(preset.poses(1))
-    test_table_packets.assert_views_match(views, scene, camera, preset.poses(1))
+    ray_tables.assert_views_match(views, scene, camera, preset.poses(1))
 
 
 @pytest.mark.cxx
@@ -277,7 +279,7 @@ def test_rays_in_no_order_through_corners_of_a_mesh(table_emulator):
     corners = np.concatenate([ball.vertices, ball.vertices[ball.edges_unique].mean(axis=1)]).astype(np.float32)
     targets = np.random.default_rng(0).permutation(corners.astype(np.float64))
     lengths = np.linalg.norm(targets, axis=1)
-    camera = test_table_packets.Table((targets / lengths[:, None])[None])
+    camera = ray_tables.Table((targets / lengths[:, None])[None])
     depth = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render([0, 0, 0, 0, 0, 0, 1.0]).depth
     np.testing.assert_allclose(depth.numpy()[0, 0], lengths, atol=2e-6)
 
@@ -286,22 +288,22 @@ def test_rays_in_no_order_through_corners_of_a_mesh(table_emulator):
 def test_rays_in_no_order_and_what_moves(table_emulator):
     """Meshes and solids, of other sizes than they were built."""
     rng = np.random.default_rng(0)
-    shapes = [test_sizes.SHAPES[kind] for kind in (0, 1, 3, 4)]
-    rows, scales = random_poses(rng, 4, spread=2.0), test_sizes.random_scales(rng, 1, 4)[0]
-    scene, twin = (test_sizes.build("cpu", rows, some, shapes=shapes) for some in (None, scales))
-    camera = test_table_packets.Table(test_table_packets.PATTERNS["no order"].table, near=0.5, far=4.0)
+    shapes = [sized_scenes.SHAPES[kind] for kind in (0, 1, 3, 4)]
+    rows, scales = random_poses(rng, 4, spread=2.0), sized_scenes.random_scales(rng, 1, 4)[0]
+    scene, twin = (sized_scenes.build("cpu", rows, some, shapes=shapes) for some in (None, scales))
+    camera = ray_tables.Table(ray_tables.PATTERNS["no order"].table, near=0.5, far=4.0)
     poses = random_poses(rng, 2, spread=0.3)
     views = emulated_renderer(table_emulator, RAYS_MOVE, scene, camera, outputs=ALL).render(poses, object_scales=scales)
-    test_table_packets.assert_views_match(views, twin, camera, poses)
+    ray_tables.assert_views_match(views, twin, camera, poses)
     assert len(np.unique(views.segmentation.numpy())) >= 4
 
 
 @pytest.mark.cxx
 def test_faces(emulator):
-    scene, given = test_faces_of.build()
-    worlds, pixels = test_faces_of.worlds_of(scene, 1), scattered(700)
-    views = renderer_of(emulator, scene, outputs=test_faces_of.FACES).render_at(eyes(1), pixels, object_poses=worlds)
-    assert len(test_faces_of.assert_faces_hold(views, scene, given, worlds)) > 5
+    scene, given = face_scenes.build()
+    worlds, pixels = face_scenes.worlds_of(scene, 1), scattered(700)
+    views = renderer_of(emulator, scene, outputs=face_scenes.FACES).render_at(eyes(1), pixels, object_poses=worlds)
+    assert len(face_scenes.assert_faces_hold(views, scene, given, worlds)) > 5
 
 
 def test_every_line_of_points_runs(emulator, table_emulator, request):
@@ -388,7 +390,7 @@ def test_lanes_that_find_points_do_not_go_apart(cuda):
     pixels = centers(camera)
     pixels[..., 0] -= camera.fx * 0.075 / np.maximum(np.where(np.isfinite(depth), depth, np.inf), camera.near)
     packets, rays = (wv.Renderer(scene, camera, outputs=ALL, caster=caster) for caster in ("packets", "rays"))
-    test_instances.assert_alike(packets.render_at(pose, pixels), rays.render_at(pose, pixels))
+    instance_scenes.assert_alike(packets.render_at(pose, pixels), rays.render_at(pose, pixels))
 
 
 @pytest.mark.parametrize(("name", "in_rows"), CUDA_CASES)
@@ -404,7 +406,7 @@ def test_points_on_a_gpu(name, in_rows, cuda):
     packets = wv.Renderer(scene, camera, outputs=ALL)
     assert takes_packets(pixels.shape[1])
     views = packets.render_at(poses, pixels)
-    test_instances.assert_alike(views, wv.Renderer(scene, camera, outputs=ALL, caster="rays").render_at(poses, pixels))
+    instance_scenes.assert_alike(views, wv.Renderer(scene, camera, outputs=ALL, caster="rays").render_at(poses, pixels))
     order = np.random.default_rng(1).permutation(pixels.shape[1])
     again = packets.render_at(poses, pixels[:, order])
     for output in ALL:

@@ -24,6 +24,8 @@ import warpvis as wv
 from warpvis.errors import FileFormatError
 from warpvis.io import load_camera, read_depth, read_frames, read_points
 
+from support.damaged_files import ply
+
 LONG = "a" * 5000
 
 
@@ -124,7 +126,7 @@ def test_bags_of_datasets_are_refused_in_one_line(datasets, name):
 def test_records_of_mcap_that_are_longer_than_the_file(datasets, tmp_path):
     """rosbags asks for so much memory as they say: gigabytes that a short file does not hold."""
     pytest.importorskip("rosbags")
-    from test_ros_bags import KINDS, write_bag
+    from support.ros_bags import KINDS, write_bag
 
     good = write_bag(tmp_path / "bag", {"/camera": KINDS["PoseStamped"][0]})
     data = good.read_bytes()
@@ -142,7 +144,7 @@ def test_records_of_mcap_that_are_longer_than_the_file(datasets, tmp_path):
 def test_a_chunk_of_mcap_that_is_longer_than_the_file(tmp_path):
     """The summary at the end says again how long chunks are."""
     pytest.importorskip("rosbags")
-    from test_ros_bags import KINDS, write_bag
+    from support.ros_bags import KINDS, write_bag
 
     path = write_bag(tmp_path / "bag", {"/camera": KINDS["PoseStamped"][0]})
     data, place = bytearray(path.read_bytes()), 8
@@ -168,7 +170,7 @@ def test_a_chunk_of_mcap_that_is_longer_than_the_file(tmp_path):
 def test_chunks_of_mcap_have_a_bound(tmp_path):
     """By the length unpacked that a chunk gives, and that its index gives."""
     pytest.importorskip("rosbags")
-    from test_ros_bags import KINDS, write_bag
+    from support.ros_bags import KINDS, write_bag
 
     path = write_bag(tmp_path / "bag", {"/camera": KINDS["PoseStamped"][0]})
     data = path.read_bytes()
@@ -181,7 +183,7 @@ def test_chunks_of_mcap_have_a_bound(tmp_path):
 
 def test_long_names_in_bags_are_not_repeated(tmp_path):
     pytest.importorskip("rosbags")
-    from test_ros_bags import ROWS, pose_stamped, write_bag
+    from support.ros_bags import ROWS, pose_stamped, write_bag
 
     poses = [pose_stamped(k, ROWS[k], frame=letter * 3000) for k, letter in enumerate("ab")]
     path = write_bag(tmp_path / "bag", {"/" + LONG: poses})
@@ -214,7 +216,7 @@ def test_long_names_of_another_job_are_not_repeated(datasets):
 
 def test_a_lens_of_any_number_of_digits(tmp_path):
     pytest.importorskip("ruamel.yaml")
-    from test_camera_files import KALIBR
+    from support.camera_files import KALIBR
 
     text = KALIBR.replace("distortion_coeffs: [0.0,", f"distortion_coeffs: [{'9' * 400},")
     with pytest.warns(wv.errors.IntrinsicsWarning, match="the lens has distortion"):
@@ -479,17 +481,6 @@ def test_ply_of_a_mac_of_old(tmp_path):
         path = write(tmp_path / "a.ply", (head + end).replace(b"\n", b"\r") + body)
         assert wv.Scene.load(path).triangle_count == 12
         assert len(read_points(path)) == 8
-
-
-def ply(order, faces, *, more="", after="", tail=b""):
-    """A binary PLY file of faces of any number of corners, and of what else a face has: a colour, a list of numbers."""
-    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [2, 2, 0]], order + "f4")
-    kind = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
-    head = f"ply\nformat {kind} 1.0\ncomment of a test\nelement vertex 6\n"
-    head += "".join(f"property float {axis}\n" for axis in "xyz") + f"element face {len(faces)}\n"
-    head += f"property list uchar uint vertex_indices\n{more}{after}end_header\n"
-    body = b"".join(bytes([len(face)]) + np.array(face, order + "u4").tobytes() + tail for face in faces)
-    return head.encode() + corners.tobytes() + body
 
 
 @pytest.mark.parametrize("order", ["<", ">"])

@@ -19,16 +19,8 @@ from warpvis.core.poses import poses_to_matrices
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
 
-from exact_pixels import EDGE, Check, look_again
+from exact_pixels import EDGE, Check
 from exact_scenes import FAMILIES
-
-
-def wrong_pixels(case, depth, most=50):
-    """What an image on the CPU shows that is not there, away from edges: at most so many pixels are looked at."""
-    matrices = poses_to_matrices(case.poses.astype(np.float32))
-    found = Check("cpu", "packets", 1)._compare(case, matrices, depth)[:most]
-    wrong = [look_again(case, matrices[view], x, y, float(depth.numpy()[view, y, x]), "") for view, y, x in found]
-    return [pixel for pixel in wrong if pixel.edge > EDGE]
 
 
 @pytest.mark.parametrize("family", FAMILIES)

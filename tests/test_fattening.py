@@ -11,12 +11,13 @@ import reference_fattening
 import warp as wp
 from gpu_code import gpu_code
 from scipy import ndimage
-from test_stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, images, make_scene, wall_scene
 
 import warpvis as wv
 from warpvis.kernels.fattening import FatteningModel, find_nearest_in_rows
 from warpvis.kernels.pinhole import Window
 from warpvis.sensors import Reason, StereoDepth
+
+from support.stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, images, make_scene, wall_scene
 
 PLAIN = StereoDepth(0.06, shadow=False, band=False)
 SCALE = CAMERA.fx * 0.06

@@ -5,7 +5,6 @@
 import numpy as np
 import trimesh
 import warp as wp
-from test_worlds import random_poses
 
 import warpvis as wv
 from warpvis.kernels.packets_cuda import FoundObjects, sort_into_tiles
@@ -13,6 +12,7 @@ from warpvis.rendering._found_objects import find_objects
 from warpvis.scene.worlds import parse_worlds
 
 import reference
+from support.worlds import random_poses
 
 
 def test_objects_are_sorted_into_tiles():

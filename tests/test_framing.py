@@ -11,12 +11,13 @@ import pytest
 import trimesh
 from PIL import Image
 from pose_samples import unit
-from test_cli import run_here
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
 from warpvis.pose_generators import framing
 from warpvis.viz import depth_colors, save_contact_sheet, save_preview
+
+from support.cli import run_here
 
 LENS = wv.Camera(200, 100, fx=150.0, fy=140.0, cx=60.0, cy=70.0)
 

@@ -2,24 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever a public function is given for a parameter, it takes it or says what is wrong with it: a `WarpvisError`."""
 
-import importlib
-import inspect
 import math
-import types
 
 import numpy as np
 import pytest
-import trimesh
 import warp as wp
-from arguments_data import data_cases
-from arguments_depth import depth_sensor_cases
-from arguments_lidars import lidar_cases
-from arguments_shared import CAMERA, POSE, WORLD, scene
-from arguments_tools import tools_cases
-from arguments_top import top_cases
 from fuzz_calls import call_once
 
 import warpvis as wv
+
+from support.garbage import cases, files_for_cases, public_callables
 
 BAD = {
     "None": None,
@@ -108,58 +100,6 @@ DRAWN = {
 FEW = ("None", "a word", "NaN", "minus one", "an object", "an array")
 
 
-def cases(folder):
-    """Valid arguments of all that is public and can be called."""
-    tables = [make(folder) for make in (top_cases, data_cases, tools_cases, lidar_cases, depth_sensor_cases)]
-    return {name: case for table in tables for name, case in table.items()}
-
-
-def files_for_cases(folder):
-    """Write the files that valid arguments name, and return their folder."""
-    (folder / "out").mkdir()
-    (folder / "lab.wbt").write_text(WORLD)
-    (folder / "walk.txt").write_text("0 0 0 0 0 0 0 1\n")
-    (folder / "box.xml").write_text('<mujoco><worldbody><geom name="ball" size="0.1"/></worldbody></mujoco>')
-    (folder / "points.txt").write_text("1 2 3\n")
-    np.save(folder / "mid360.npy", np.zeros((4, 2), dtype=np.float32))
-    trimesh.creation.box().export(folder / "box.ply")
-    wv.render_batch(scene(), CAMERA, wv.Frames.from_poses([POSE]), folder / "set", threads=1)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def table(tmp_path_factory):
-    folder = files_for_cases(tmp_path_factory.mktemp("files"))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder / "out")  # a path that is but a word must not leave a file in the checkout
-        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path: None)  # drawn it is; that suffices
-        yield cases(folder)
-
-
-def public_callables():
-    """Names of the public functions and classes with parameters, and of their methods: ``Scene.add``."""
-    modules = [importlib.import_module("warpvis.mujoco.gymnasium")]
-    modules += [getattr(wv, name) for name in wv.__all__ if isinstance(getattr(wv, name), types.ModuleType)]
-    found = {}
-    for module in [wv, *modules]:
-        for name in getattr(module, "__all__", ()):
-            item = getattr(module, name)
-            if inspect.isclass(item) and not issubclass(item, Exception | Warning):
-                methods = {key: getattr(item, key) for key in vars(item) if not key.startswith("_")}
-                if "EnumType" not in type(item).__name__:
-                    found[name] = item
-                for key, method in methods.items():
-                    if callable(method) and not inspect.isclass(method):
-                        found[f"{name}.{key}"] = method
-            elif inspect.isfunction(item):
-                found[name] = item
-    return {
-        name: item
-        for name, item in found.items()
-        if {"self", "cls"} | set(inspect.signature(item).parameters) > {"self", "cls"}
-    }
-
-
 # Our own modules' ways in, of what was checked before.
 OURS = {
     "ViewerState.colors",
@@ -203,6 +143,15 @@ OURS = {
     "VectorDepthObservation.reset",
     "VectorDepthObservation.step",
 }
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    folder = files_for_cases(tmp_path_factory.mktemp("files"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder / "out")  # a path that is but a word must not leave a file in the checkout
+        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path: None)  # drawn it is; that suffices
+        yield cases(folder)
 
 
 def test_all_that_is_public_is_here(table):

@@ -4,15 +4,16 @@
 
 import numpy as np
 import pytest
-import test_instances
 import trimesh
 from gltf_files import GltfWriter
-from test_many_objects import calls_of
 
 import warpvis as wv
 from warpvis.errors import FileFormatError
 from warpvis.io import _gltf
 from warpvis.scene import _drawn
+
+from support import instances as instance_scenes
+from support.many_objects import calls_of
 
 PART = trimesh.creation.icosphere(subdivisions=1)  # an egg, beside its origin
 PART.vertices = PART.vertices * (0.2, 0.3, 0.5) + (0.1, 0.2, 0)
@@ -21,7 +22,7 @@ CAMERA = wv.Camera.from_fov(80, 60, hfov=1.0)
 POSES = np.array([wv.look_at(eye, (0, 0, 0)) for eye in ((6, 1, 2), (-4, 5, -3))], dtype=np.float32)
 SHEARED = {"matrix": [1, 0, 0, 0, 0.5, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}
 
-few_share = test_instances.shared  # a fixture
+few_share = instance_scenes.shared  # a fixture
 
 
 def rotation(quaternion):

@@ -9,12 +9,9 @@ import pytest
 from gltf_files import GltfWriter
 
 import warpvis as wv
-from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import FileFormatError
 
-ROWS = np.float32([[0, 0, 0], [1, 0, 0], [0, 2, 0]])
-QUARTER = [0, 0, 0.5**0.5, 0.5**0.5]
-"""A quarter turn about z."""
+from support.gltf_rest import FIRST, ROWS, SECOND, WHOLE, skinned
 
 
 def load(path, writer, **options):
@@ -22,37 +19,6 @@ def load(path, writer, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         return wv.Scene.load(path, up="y")
-
-
-def matrix(turn=(0, 0, 0, 1), move=(0, 0, 0)):
-    return poses_to_matrices(np.array([*move, *turn], dtype=np.float64))
-
-
-def skinned(joints, weights, *, inverse=True, kind=np.uint8, **more):
-    """A triangle of two joints: one at the origin, one above it at (0, 2, 0) that is turned by a quarter."""
-    writer = GltfWriter()
-    at = {"POSITION": writer.accessor(ROWS)}
-    at["JOINTS_0"] = writer.accessor(kind(joints))
-    at["WEIGHTS_0"] = writer.accessor(weights, normalized=weights.dtype != np.float32)
-    for name, rows in more.items():
-        at[name] = writer.accessor(rows)
-    lower = writer.node(name="lower", translation=[0, 0, 5], children=[1])
-    upper = writer.node(name="upper", translation=[0, 2, 0], rotation=QUARTER)
-    skin = {"joints": [lower, upper]}
-    if inverse:
-        bind = np.stack([np.linalg.inv(matrix()), np.linalg.inv(matrix(move=(0, 2, 0)))])
-        skin["inverseBindMatrices"] = len(writer.content["accessors"])
-        view = writer.view(np.float32(bind.swapaxes(1, 2)).tobytes())
-        item = {"bufferView": view, "componentType": 5126, "count": len(bind), "type": "MAT4"}
-        writer.content["accessors"].append(item)
-    writer.content["skins"] = [skin]
-    # Where the node of a skinned mesh is does not count (3.7.3.3).
-    writer.node({"attributes": at}, name="arm", skin=0, translation=[100, 0, 0])
-    return writer
-
-
-WHOLE = np.float32([[1, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]])
-FIRST, SECOND = np.zeros((3, 4)), np.array([[1, 0, 0, 0]] * 3)
 
 
 @pytest.mark.parametrize("weights", [WHOLE, np.uint8(255 * WHOLE), np.uint16(65535 * WHOLE), 3 * WHOLE])

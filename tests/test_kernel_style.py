@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.call_graph import CallGraph, Name
 
 import reference
+from support.call_graph import CallGraph, Name
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "scripts"))

@@ -13,11 +13,12 @@ import reference_redwood
 import reference_simkinect
 import trimesh
 from scipy import ndimage
-from test_kinect_noise import AHEAD, CAMERA, POSES, images, make_scene, wall
 
 import warpvis as wv
 from warpvis.sensors import Reason, RedwoodNoise, SimKinect, sensor_from_fields, sensor_to_fields
 from warpvis.sensors.depth._simkinect import make_pattern
+
+from support.kinect_noise import AHEAD, CAMERA, POSES, images, make_scene, wall
 
 OUTPUTS = ("depth", "reasons", "true_depth")
 TABLE = reference_redwood.make_table()

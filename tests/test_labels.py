@@ -14,7 +14,6 @@ import pytest
 import trimesh
 import warp as wp
 from color_blindness import nearest_pair
-from test_cli import run_here
 
 import warpvis as wv
 from warpvis.core.label_rules import LabelRules
@@ -25,6 +24,8 @@ from warpvis.viz._states import GREYS, STATE_COLORS, Shown
 from warpvis.webots import load_webots
 
 import reference
+from support.cli import run_here
+from support.labels import TEXTS
 
 CAMERA = wv.Camera.from_fov(64, 48, hfov=1.2)
 ABOVE = wv.look_at((0.01, 0, 4), (0, 0, 0))
@@ -356,25 +357,6 @@ def test_measured_objects_have_any_class():
     depth = np.full((1, 48, 64), 1.0, np.float32)
     labels = wv.classify(depth, CAMERA, np.array([0, 0, 0, 0, 0, 0, 1.0]), spheres=spheres, up="z").numpy()
     assert set(np.unique(labels)) == {wv.Label.OBSTACLE, 40}
-
-
-RULES = {"label_names": {"40": "road"}, "labels": {"road_*": "road", "*": 7, "car_0": "252"}, "ground_labels": ["road"]}
-TEXTS = {
-    "rules.json": json.dumps(RULES),
-    "rules.toml": """ground_labels = ["road"]
-[label_names]
-40 = "road"
-[labels]
-"road_*" = "road"
-"*" = 7
-car_0 = "252"
-""",
-    "rules.yaml": """label_names:
-  40: road
-labels: {"road_*": road, "*": 7, car_0: 252}
-ground_labels: [road]
-""",
-}
 
 
 @pytest.fixture(scope="module")

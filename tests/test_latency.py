@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import reference_latency
 import warp as wp
-from test_kinect_noise import CAMERA, POSES, make_scene
 
 import warpvis as wv
 from warpvis.sensors import Corruptions, Latency
+
+from support.kinect_noise import CAMERA, POSES, make_scene
 
 DELAYED = ("depth", "points", "reasons")
 OUTPUTS = (*DELAYED, "true_depth", "labels")

@@ -12,8 +12,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from test_solids import build as build_solids
-from test_worlds import ALL, random_poses
 
 import warpvis as wv
 from warpvis.errors import CameraError, IntrinsicsWarning
@@ -21,17 +19,13 @@ from warpvis.sensors import LensCamera, lenses
 
 import reference
 from compare import assert_view_matches, hair
+from support.lens_camera import FISHEYE, PINHOLE, PLUMB_BOB, RATIONAL, SMALL, STRAIGHT, WIDE
+from support.solids import build as build_solids
+from support.worlds import ALL, random_poses
 
 K = np.array([[52.0, 0, 31.5], [0, 50, 23.5], [0, 0, 1]])
-PLUMB_BOB = (-0.3, 0.1, 0.001, -0.002, 0.01)
-RATIONAL = (0.3, 0.1, 0.001, -0.002, 0.01, 0.5, 0.05, 0.001)
-FISHEYE = (0.01, 0.002, -0.003, 0.0004)
-SMALL = lenses.OpenCVPinhole(52, 50, 32, 24, PLUMB_BOB)
-WIDE = lenses.KannalaBrandt(11, 11, 32, 24, FISHEYE)
 KALIBR = {"camera_model": "pinhole", "intrinsics": [52, 50, 31.5, 23.5], "resolution": [64, 48]}
 NERF = {"fl_x": 52.0, "fl_y": 50.0, "cx": 32.0, "cy": 24.0, "w": 64, "h": 48}
-PINHOLE = wv.Camera(64, 48, 52, 50, 32, 24)
-STRAIGHT = np.array([0, 0, 0, 0, 0, 0, 1.0])
 
 
 def info(model="plumb_bob", d=PLUMB_BOB, **others):

@@ -12,13 +12,14 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from PIL import Image
-from test_lens_camera import FISHEYE, PLUMB_BOB, RATIONAL, SMALL, STRAIGHT, WIDE
 
 import warpvis as wv
 from warpvis.cli import main
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
 from warpvis.io import load_camera
 from warpvis.sensors import LensCamera, lenses
+
+from support.lens_camera import FISHEYE, PLUMB_BOB, RATIONAL, SMALL, STRAIGHT, WIDE
 
 TILTED = (*RATIONAL, 0.001, 0, 0, 0, 0.01, 0.02)
 CAMERAS = {

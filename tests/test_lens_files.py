@@ -7,12 +7,13 @@ import warnings
 import numpy as np
 import pytest
 from pose_samples import nerfstudio
-from test_camera_files import KALIBR, NERF, ROS_YAML, colmap_binary, colmap_text, put
 
 import warpvis as wv
 from warpvis.errors import FileFormatError, IntrinsicsWarning
 from warpvis.io import load_camera
 from warpvis.sensors import LensCamera, lenses
+
+from support.camera_files import KALIBR, NERF, ROS_YAML, colmap_binary, colmap_text, put
 
 F = (60.0, 58.0, 31.3, 25.1)
 K = np.array([[60.0, 0, 30.8], [0, 58, 24.6], [0, 0, 1]])

@@ -8,8 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from test_lens_camera import PINHOLE, PLUMB_BOB, SMALL, STRAIGHT, WIDE
-from test_object_visibility import COUNTS, cameras, desk
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
@@ -19,6 +17,8 @@ from warpvis.sensors import LensCamera, lenses
 from warpvis.visibility import BOP_DELTA, object_visibility
 
 import reference
+from support.lens_camera import PINHOLE, PLUMB_BOB, SMALL, STRAIGHT, WIDE
+from support.object_visibility import COUNTS, cameras, desk
 
 CAMERAS = {
     "z": LensCamera(SMALL, 64, 48, near=0.6, far=3.2),

@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 import trimesh
-from test_voxels import BOUNDS, BOX_BACK, BOX_FRONT, POSES, assert_matches_twin, at, build, same
 
 import warpvis as wv
 from warpvis import Label
 from warpvis.errors import PoseError
 from warpvis.maps import Voxel, _lens_voxels, plan_visibility, voxel_map, voxel_map_from_scene
 from warpvis.sensors import LensCamera, lenses
+
+from support.voxels import BOUNDS, BOX_BACK, BOX_FRONT, POSES, assert_matches_twin, at, build, same
 
 BARREL = lenses.OpenCVPinhole(132, 130, 81, 58, (-0.25, 0.05, 0.003, -0.002))
 FISHEYE = lenses.KannalaBrandt(50, 50, 80, 60, (0.02, 0, 0, 0))

@@ -11,6 +11,8 @@ import pytest
 import warpvis as wv
 from warpvis.sensors import lidars
 
+from support.lidars import old_ouster_metadata, ouster_metadata
+
 SPINNING = {
     "vlp16": lidars.vlp16,
     "vlp32c": lidars.vlp32c,
@@ -179,37 +181,6 @@ def test_points_of_the_hdl64e_are_its_drivers():
     expected = velodyne_points(row, 5.0, 2 * math.pi * 10 * rays.times[-1, 40])
     np.testing.assert_allclose(point, expected, atol=1e-12)
     assert abs(np.linalg.norm(rays.origins[-1, 40]) - math.hypot(vertical / 1000, 0.026)) < 1e-12
-
-
-def ouster_metadata(**changes):
-    """Metadata of an OS1-64 as `SensorInfo.from_default` writes it, shortened."""
-    known = json.loads(
-        '{"lidar_data_format": {"columns_per_frame": 1024, "column_window": [0, 1023], "pixels_per_column": 64},'
-        '"lidar_intrinsics": {"lidar_to_sensor_transform": [-1,0,0,0, 0,-1,0,0, 0,0,1,36.18, 0,0,0,1]},'
-        '"config_params": {"lidar_mode": "1024x10"}, "sensor_info": {"prod_line": "OS-1-64"}}'
-    )
-    altitude, azimuth = lidars._ouster._nominal("OS1-64").altitude, [3.164, 1.055, -1.055, -3.164] * 16
-    known["beam_intrinsics"] = {
-        "beam_altitude_angles": np.degrees(altitude).tolist(),
-        "beam_azimuth_angles": azimuth,
-        "beam_to_lidar_transform": [1, 0, 0, 15.806, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
-    }
-    for name, values in changes.items():
-        known[name] = {**known[name], **values}
-    return known
-
-
-def old_ouster_metadata():
-    """The same as firmware before 2.4 writes it."""
-    new = ouster_metadata()
-    beams, lidar = new["beam_intrinsics"], new["lidar_intrinsics"]
-    return {
-        **{name: beams[name] for name in ("beam_altitude_angles", "beam_azimuth_angles")},
-        **lidar,
-        "data_format": new["lidar_data_format"],
-        "lidar_mode": "1024x10",
-        "prod_line": "OS-1-64",
-    }
 
 
 def put(path, fields):

@@ -14,6 +14,8 @@ import warpvis as wv
 from warpvis.rendering._found_objects import MANY_OBJECTS
 from warpvis.scene import solids
 
+from support.many_objects import calls_of
+
 CAMERA = wv.Camera.from_fov(64, 48, hfov=1.0)
 POSE = wv.look_at((0, -4, 2), (0, 0, 0)).astype(np.float32)[None]
 HALF = np.sqrt(0.5)
@@ -25,22 +27,6 @@ def grid(count):
     x, y = np.indices((side, side)).reshape(2, -1)[:, :count] - side / 2
     turned = np.tile([0, 0, HALF, HALF], (count, 1))
     return np.concatenate([np.stack([x, y, 0 * x], -1), turned], axis=1)
-
-
-def calls_of(function, run):
-    """How often Python calls a function of that name in a run."""
-    count = 0
-
-    def look(frame, event, _):
-        nonlocal count
-        count += event == "call" and frame.f_code.co_name == function
-
-    sys.setprofile(look)
-    try:
-        run()
-    finally:
-        sys.setprofile(None)
-    return count
 
 
 @pytest.mark.parametrize("kind", ["trimesh", "arrays"])

@@ -11,9 +11,6 @@ import reference_motion as twins
 import trimesh
 import warp as wp
 from pose_samples import unit
-from test_ray_patterns import few_origins, sphere_of_rays
-from test_solids import build as build_solids
-from test_worlds import ALL, assert_bits_equal, build, random_poses
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
@@ -25,6 +22,9 @@ from warpvis.sensors import LensCamera, Motion, Rays, RollingShutter, deskew, le
 
 import reference
 from compare import assert_view_matches, hair, wrong_depth
+from support.ray_patterns import few_origins, sphere_of_rays
+from support.solids import build as build_solids
+from support.worlds import ALL, assert_bits_equal, build, random_poses
 
 STRAIGHT = np.array([0, 0, 0, 0, 0, 0, 1.0])
 CAMERA = wv.Camera.from_fov(64, 48, hfov=1.1, near=0.1, far=20.0)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from test_mujoco_following import task
 
 import warpvis as wv
 from warpvis.kernels import mujoco as kernels
@@ -18,6 +17,7 @@ from warpvis.mujoco import BatchRenderer, BatchViews, Kinematics, Renderer, Worl
 from warpvis.mujoco._cameras import camera_with_fovy
 
 import reference
+from support.mujoco_following import task
 
 HEIGHT, WIDTH = 36, 48
 

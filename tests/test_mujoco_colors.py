@@ -9,11 +9,12 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
-from test_coinciding import FLUSH, HEAD, TWICE, eye_of, model_of, renderer_of
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
 from warpvis.mujoco import BatchRenderer, geom_poses, scene_from_mujoco
+
+from support.coinciding import FLUSH, HEAD, TWICE, eye_of, model_of, renderer_of
 
 SIZE = {"height": 60, "width": 80}
 OUTPUTS = ("albedo", "color", "segmentation")

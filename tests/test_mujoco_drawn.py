@@ -10,12 +10,13 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from test_mujoco_renderer import assert_same_images, images
 
 import warpvis as wv
 from warpvis.mujoco import BatchRenderer, Renderer, WorldPoses, geom_poses, scene_from_mujoco
 from warpvis.mujoco._options import asks_for_more
 from warpvis.mujoco._visuals import Visuals
+
+from support.mujoco_renderer import assert_same_images, images
 
 HEIGHT, WIDTH = 120, 160
 OBJ, FLAG = mujoco.mjtObj, mujoco.mjtVisFlag

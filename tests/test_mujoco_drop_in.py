@@ -10,14 +10,14 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from test_mujoco_following import task
-from test_mujoco_renderer import assert_same_images, images
 
 import warpvis as wv
 from warpvis import mujoco as ours
 from warpvis.mujoco import Renderer
 
-HEIGHT, WIDTH = 60, 80
+from support.mujoco_drop_in import HEIGHT, WIDTH
+from support.mujoco_following import task
+from support.mujoco_renderer import assert_same_images, images
 
 
 def ready(camera="front", **options):

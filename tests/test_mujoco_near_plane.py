@@ -5,10 +5,11 @@
 import mujoco
 import numpy as np
 import pytest
-from test_mujoco_renderer import images
 
 from warpvis.errors import ArrayError
 from warpvis.mujoco import BatchRenderer, Renderer
+
+from support.mujoco_renderer import images
 
 # The near plane is at 2 cm; nothing but the walls of the housing is nearer. Its glass ends 1 cm before the lens, its
 # hood sticks out beyond the near plane.

@@ -18,6 +18,8 @@ from mujoco_models import ROBOTS, robot_model, shapes_model
 import warpvis as wv
 from warpvis.mujoco import BatchRenderer, Kinematics, Renderer, WorldPoses, camera_poses, geom_poses
 
+from support.mujoco_renderer import assert_same_images, free_camera, geoms_only, images
+
 GEOM, UNKNOWN = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_UNKNOWN)
 BALL = """<mujoco><statistic extent="2"/><visual><map znear=".01" zfar="50"/></visual><worldbody>
   <body name="ball"><freejoint/><geom name="ball" size=".2"/></body>
@@ -41,51 +43,6 @@ def ball_data(x=0.0, y=0.0):
 def mujoco_images(model, data, camera, height, width, option):
     with mujoco.Renderer(model, height, width) as renderer:
         return images(renderer, data, camera, option)
-
-
-def images(renderer, data, camera, option=None):
-    """Depth and segmentation, by the calls that `mujoco.Renderer` and ours have in common."""
-    renderer.update_scene(data, camera, option)
-    renderer.enable_depth_rendering()
-    depth = renderer.render()
-    renderer.disable_depth_rendering()
-    renderer.enable_segmentation_rendering()
-    segmentation = renderer.render()
-    renderer.disable_segmentation_rendering()
-    return depth, segmentation
-
-
-def away_from_silhouettes(depth, reach=2, step=0.03):
-    padded = np.pad(depth, reach, mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1, 2 * reach + 1))
-    return np.ptp(windows, axis=(2, 3)) < step * depth + step
-
-
-def assert_same_images(ours, theirs, tolerance):
-    """Section 6 of the design: away from silhouettes, and within the tolerance of round shapes."""
-    (depth, segmentation), (expected, expected_segmentation) = ours, theirs
-    assert (depth.dtype, depth.shape) == (expected.dtype, expected.shape)
-    assert (segmentation.dtype, segmentation.shape) == (expected_segmentation.dtype, expected_segmentation.shape)
-    seen, same = expected_segmentation[..., 0] >= 0, (segmentation == expected_segmentation).all(axis=-1)
-    inside = away_from_silhouettes(expected) & away_from_silhouettes(depth)
-    assert same.mean() >= 0.995 and same[inside].mean() >= 0.999 - 0.005 * (inside & seen).mean()
-    assert np.array_equal(depth[same & ~seen], expected[same & ~seen])  # the far value, to the last digit
-    if (compared := inside & seen & same).any():
-        error = np.abs(depth - expected)[compared]
-        assert np.median(error) < 1e-4 + tolerance
-        assert np.quantile(error, 0.99) < 2e-3 + tolerance
-
-
-def geoms_only():
-    option = mujoco.MjvOption()
-    option.sitegroup[:] = 0
-    return option
-
-
-def free_camera():
-    camera = mujoco.MjvCamera()
-    camera.azimuth, camera.elevation, camera.distance, camera.lookat[:] = 60, -35, 2.5, (0.1, 0.2, 0.3)
-    return camera
 
 
 def tracking_camera():

@@ -34,6 +34,7 @@ from warpvis.scene import solids
 from warpvis.scene.closed import provably_closed
 
 import reference
+from support.mujoco_scene import rendered
 
 
 def from_xml(body, head=""):
@@ -258,17 +259,9 @@ def test_another_device_has_the_same_scene(device):
     assert len(geoms.geom_ids) == len(scene)
 
 
-def rendered(geoms, data):
-    """Depth and segmentation of a small image."""
-    eye, model = wv.Camera.from_fov(32, 24, hfov=1), data.model
-    renderer = wv.Renderer(geoms.scene, eye, outputs=("depth", "segmentation"))
-    views = renderer.render(camera_poses(data, model, [model.camera("front").id]), object_poses=geom_poses(data, geoms))
-    return views.depth.numpy().tobytes() + views.segmentation.numpy().tobytes()
-
-
 ANOTHER_PROCESS = """
 import pickle, sys
-from test_mujoco_scene import rendered
+from support.mujoco_scene import rendered
 from mujoco_models import shapes_model
 sys.stdout.buffer.write(rendered(pickle.load(sys.stdin.buffer), shapes_model()[1]))
 """

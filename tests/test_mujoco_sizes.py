@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from test_coinciding import FLUSH, TWICE, model_of, twice
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
@@ -19,6 +18,7 @@ from warpvis.kernels import mujoco as kernels
 from warpvis.mujoco import BatchRenderer, WorldPoses, camera_poses, geom_poses, scene_from_mujoco
 
 import reference
+from support.coinciding import FLUSH, TWICE, model_of, twice
 
 ALL = ("depth", "points", "normals", "labels", "segmentation")
 HEIGHT, WIDTH = 36, 48

@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from test_lights import picture
 
 import warpvis as wv
+
+from support.lights import picture
 
 SHAPES = """<mujoco><visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/>
 <quality offsamples="0" numslices="64" numstacks="32" numquads="8"/></visual>

@@ -6,54 +6,28 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from pose_samples import unit
 
 import warpvis as wv
 from warpvis.visibility import BOP_DELTA, _objects as module, object_visibility
 
 import reference
+from support.object_visibility import COUNTS, cameras, desk
 
 SMALL = wv.Camera.from_fov(64, 48, hfov=1.0)
-COUNTS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
 FIELDS = (*COUNTS, "fraction", "status", "occluder", "visible_box", "silhouette_box")
-
-
-def desk(device="cpu"):
-    """A floor, a wall, things that stay and things that move, of one piece and round ones."""
-    scene = wv.Scene(device=device)
-    scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
-    scene.add(trimesh.creation.box((0.05, 1.5, 0.8)), name="wall", pose=(1.0, 0.6, 0.4, 0, 0, 0, 1))
-    scene.add(
-        trimesh.creation.icosphere(subdivisions=2, radius=0.3),
-        name="ball",
-        label="object",
-        pose=(1.6, 0, 0.3, 0, 0, 0, 1),
-    )
-    scene.add(trimesh.creation.torus(0.3, 0.1, 16, 8), name="ring", pose=(0.6, -0.4, 0.5, 0.5, 0.5, 0.5, 0.5))
-    scene.add(
-        trimesh.creation.box((0.2, 0.3, 0.4)), name="cart", movable=True, pose=unit((0.3, 0.7, 0.2, 0, 0, 0.38, 0.92))
-    )
-    scene.add(trimesh.creation.box((0.1, 0.1, 0.6)), name="mast", attach_to="cart", pose=(0.3, 0.7, 0.7, 0, 0, 0, 1))
-    scene.add(
-        wv.scene.solids.capsule(0.15, 0.4), name="arm", movable=True, pose=unit((0.9, 0.1, 0.6, 0.3, 0.1, 0, 0.95))
-    )
-    scene.add(trimesh.creation.box((0.02, 0.3, 0.3)), name="sheet", pose=(1.29, 0, 0.3, 0, 0, 0, 1))
-    return scene
-
-
-def cameras():
-    places = [
-        ((-2, 0, 1.0), (1, 0, 0.3)),
-        ((0.3, -2.5, 0.4), (0.8, 0, 0.4)),
-        ((-0.4, 0.2, 0.5), (0.9, 0.6, 0.4)),
-        ((3, 2, 2), (1, 0, 0)),
-    ]
-    return np.array([wv.look_at(eye, target) for eye, target in places], dtype=np.float32)
 
 
 def expected_of(scene, camera, pose, index, canvas, delta, min_pixels=1):
     masks = reference.measure_silhouettes(scene, camera, pose, index, canvas=canvas, delta=delta)
     return masks, reference.judge_silhouettes(masks, canvas, min_pixels)
+
+
+@pytest.fixture(scope="module")
+def target():
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="cube", movable=True)
+    scene.add(trimesh.creation.box((1, 1, 0.1)), name="screen", movable=True, pose=(9, 9, -9, 0, 0, 0, 1))
+    return scene
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
@@ -93,14 +67,6 @@ def test_delta_lets_what_is_just_behind_count(device):
     assert exact.fraction.numpy()[0, 0] == 0 and exact.status.numpy()[0, 0] == wv.Visibility.OCCLUDED
     assert exact.occluder.numpy()[0, 0] == 1
     assert bop.fraction.numpy()[0, 0] == 1 and bop.occluder.numpy()[0, 0] == -1
-
-
-@pytest.fixture(scope="module")
-def target():
-    scene = wv.Scene()
-    scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="cube", movable=True)
-    scene.add(trimesh.creation.box((1, 1, 0.1)), name="screen", movable=True, pose=(9, 9, -9, 0, 0, 0, 1))
-    return scene
 
 
 @pytest.mark.parametrize(

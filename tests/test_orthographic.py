@@ -10,12 +10,6 @@ import pytest
 import trimesh
 from mujoco_models import shapes_model
 from pose_samples import unit
-from test_coinciding import FLUSH, eye_of, model_of
-from test_mujoco_drop_in import HEIGHT, WIDTH
-from test_mujoco_following import task
-from test_mujoco_renderer import assert_same_images, free_camera, geoms_only, images
-from test_solids import build as build_solids
-from test_worlds import ALL, random_poses
 
 import warpvis as wv
 from warpvis.mujoco import BatchRenderer, Renderer, camera_from_mujoco, geom_poses, scene_from_mujoco
@@ -24,6 +18,12 @@ from warpvis.rendering import OrthographicCamera
 
 import reference
 from compare import assert_view_matches, hair
+from support.coinciding import FLUSH, eye_of, model_of
+from support.mujoco_drop_in import HEIGHT, WIDTH
+from support.mujoco_following import task
+from support.mujoco_renderer import assert_same_images, free_camera, geoms_only, images
+from support.solids import build as build_solids
+from support.worlds import ALL, random_poses
 
 PLAN = OrthographicCamera(16, 11, fx=8.0, fy=6.0, cx=7.3, cy=5.1, near=0.8, far=3.0)
 

@@ -20,8 +20,8 @@ from warpvis.scenes import terrain
 
 import reference
 from compare import assert_matches_reference, wrong_depth
+from support.packets import ALL
 
-ALL = ("depth", "points", "normals", "labels", "segmentation")
 SMALL = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
 LEVEL = (0, 0, 0, 0.5, -0.5, 0.5, -0.5)  # at the origin, looking along -x
 

@@ -7,8 +7,6 @@ import pytest
 import trimesh
 from pose_samples import unit
 from reference_panorama import wide_rays
-from test_solids import build as build_solids
-from test_worlds import ALL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
 
 import warpvis as wv
 from warpvis import scenes
@@ -16,6 +14,8 @@ from warpvis.rendering import WideCamera, _panorama, render_wide
 
 import reference
 from compare import assert_view_matches, hair
+from support.solids import build as build_solids
+from support.worlds import ALL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
 
 AROUND = 2 * np.pi
 STRAIGHT = np.array([[0, 0, 0, 0, 0, 0, 1]])

@@ -12,12 +12,13 @@ import weakref
 
 import numpy as np
 import pytest
-from test_worlds import ALL, assert_bits_equal
 
 import warpvis as wv
 from warpvis.core.ray_camera import Kept
 from warpvis.rendering import _cpu_table
 from warpvis.sensors import LensCamera, Rays, lenses
+
+from support.worlds import ALL, assert_bits_equal
 
 POSE = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from test_garbage import public_callables
 
 import warpvis as wv
 from warpvis import viz
 from warpvis.core.poses import poses_to_matrices, to_xyzw
+
+from support.garbage import public_callables
 
 CAMERA = wv.Camera.from_fov(16, 12, hfov=1.2, near=0.1, far=20.0)
 POSES = np.array([wv.look_at((-2, 0.3, 0.8), (0.5, 0, 0.2)), wv.look_at((0.3, 2, 1.0), (0, 0, 0.2), up=(0.3, 0, 1))])

@@ -8,43 +8,17 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from test_solids import build as build_solids
-from test_worlds import ALL, assert_bits_equal, build, random_poses
 
 import warpvis as wv
 from warpvis.errors import CameraError
 from warpvis.sensors import LensCamera, Rays, lenses
 
-import reference
-from compare import assert_view_matches, hair
+from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
+from support.solids import build as build_solids
+from support.worlds import ALL, assert_bits_equal, build, random_poses
 
 STRAIGHT = np.array([0, 0, 0, 0, 0, 0, 1.0])
 FROM_BODY = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0.0]])  # OpenCV's axes of x forward, y left, z up
-
-
-def sphere_of_rays(count, seed=0):
-    directions = np.random.default_rng(seed).normal(size=(count, 3))
-    return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
-
-
-def few_origins(count, spread=0.03, seed=1):
-    """Of few places, as the twin casts rays of one place together."""
-    rng = np.random.default_rng(seed)
-    return rng.uniform(-spread, spread, (8, 3))[rng.integers(8, size=count)]
-
-
-def assert_matches_reference(views, scene, poses, pattern, **options):
-    """Save where a ray 1e-6 beside sees something else."""
-    options |= {"near": pattern.near, "far": pattern.far}
-    for view, pose in enumerate(poses):
-        expected = reference.cast_ray_table(scene, pattern.rays, pose, origins=pattern.origins, **options)
-
-        def depth_beside(x, y, pose=pose):
-            start = None if pattern.origins is None else pattern.origins[y, x] + 0 * hair(1, 3)
-            rays = pattern.rays[y, x] + hair(1e-6, 3)
-            return reference.cast_ray_table(scene, rays, pose, origins=start, **options).depth
-
-        assert_view_matches(views, view, expected, depth_beside)
 
 
 def test_inside_a_box(device):

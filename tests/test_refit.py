@@ -16,10 +16,8 @@ from warpvis.scene.closed import provably_closed
 
 import reference
 from compare import assert_matches_reference
+from support.refit import ALL, BALL, SMALL, assert_seen, eyes
 
-ALL = ("depth", "points", "normals", "labels", "segmentation")
-SMALL = wv.Camera.from_fov(64, 48, hfov=0.994837, near=0.05, far=100.0)
-BALL = trimesh.creation.icosphere(subdivisions=2, radius=0.4)
 VERTICES = np.asarray(BALL.vertices, dtype=np.float32)
 BOX = trimesh.creation.box((0.4, 0.3, 0.5))
 POSE = unit((0.2, -0.3, 0.6, 0.3, 0.1, 0.2, 0.9))
@@ -47,12 +45,6 @@ DEFORMATIONS = {
 }
 
 
-def eyes(count):
-    angles = 2 * np.pi * np.arange(count) / count + 0.3
-    places = [(2.6 * np.cos(a), 2.6 * np.sin(a), 1.2) for a in angles]
-    return np.array([wv.look_at(place, (0, 0, 0.5)) for place in places]).astype(np.float32)
-
-
 def build(device, *balls, poses=(POSE, OTHER, THIRD), movable=True):
     """A floor, balls of these vertices, and a box."""
     scene = wv.Scene(device=device)
@@ -62,14 +54,6 @@ def build(device, *balls, poses=(POSE, OTHER, THIRD), movable=True):
         scene.add(mesh, name=f"ball_{index}", label="object", pose=poses[index], movable=movable)
     scene.add(BOX, name="box", pose=unit((-0.9, -0.6, 0.3, 0, 0, 0.2, 1)), movable=movable)
     return scene
-
-
-def assert_seen(scene, twin, caster, poses=None, **options):
-    """The scene shows what its twin of static objects does."""
-    poses = eyes(2) if poses is None else poses
-    views = wv.render(scene, SMALL, poses, outputs=ALL, caster=caster, **options)
-    assert_matches_reference(views, twin, SMALL, poses, cull_backfaces=options.get("cull_backfaces", False))
-    return views
 
 
 def assert_refitted(scene, name):

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from test_packets import ALL
-from test_worlds import assert_bits_equal, eyes, random_poses
 
 import warpvis as wv
 from warpvis import scenes
@@ -16,6 +14,8 @@ from warpvis.scene import solids
 
 import reference
 from compare import wrong_depth
+from support.packets import ALL
+from support.worlds import assert_bits_equal, eyes, random_poses
 
 # No square pixels, and a principal point that single precision does not have.
 CAMERA = wv.Camera(96, 72, 80.3, 77.9, 47.3, 35.1, near=0.3, far=6.0)

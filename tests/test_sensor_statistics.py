@@ -15,7 +15,6 @@ import trimesh
 from reference_stereo import noise_correlation
 from scipy import ndimage, stats
 from sensor_laws import scores, see_dots, spacing_of, steps_of
-from test_kinect_noise import AHEAD, POSES, make_scene, wall
 
 import warpvis as wv
 from warpvis.sensors import (
@@ -28,6 +27,8 @@ from warpvis.sensors import (
     StereoDepth,
     TimeOfFlight,
 )
+
+from support.kinect_noise import AHEAD, POSES, make_scene, wall
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 from browser_pages import DESKTOP, PHONE, chromium, drawn_points, opened, screenshot
-from test_docs import ROOT
-from test_examples import EXAMPLES
 
+ROOT = Path(__file__).parent.parent
+EXAMPLES = ROOT / "examples"
 DOCS = ROOT / "docs"
 SITE = DOCS / "_build" / "html"
 PAGES = (

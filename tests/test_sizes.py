@@ -4,56 +4,17 @@
 
 import numpy as np
 import pytest
-import test_attached
-import test_near_plane
 import trimesh
 import warp as wp
-from pose_samples import unit
-from test_worlds import ALL, MESHES, SMALL, assert_bits_equal, assert_views_match_twins, eyes, random_poses
 
 import warpvis as wv
-from warpvis.scene import solids
 from warpvis.scene.worlds import parse_worlds, part_of
 
 import reference
 from compare import assert_matches_reference, wrong_depth
-
-SHAPES = (
-    solids.sphere(0.4),
-    solids.ellipsoid((0.6, 0.2, 0.4)),
-    solids.capsule(0.2, 0.5),
-    solids.cylinder(0.3, 0.5),
-    *MESHES[:3],
-)
-
-
-TURNED = unit((0, 0, 2, 0.1, 0.2, 0.3, 0.9))
-# From inside of what is there, and so near that a near plane cuts it.
-NEAR = np.array(
-    [wv.look_at((0.02, 0.01, 2.05), (1, 0.3, 2.2)), wv.look_at((0.75, 0.1, 2.1), (0, 0, 2))], dtype=np.float32
-)
-
-
-def build(device, poses, scales=None, *, shapes=SHAPES):
-    """A floor that stays, and movable objects."""
-    scene = wv.Scene(device=device)
-    scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
-    for index, shape in enumerate(shapes):
-        scale = (1, 1, 1) if scales is None else scales[index]
-        label = ("object", "human", "robot", "obstacle")[index % 4]
-        scene.add(shape, name=f"object_{index}", label=label, pose=poses[index], scale=scale, movable=True)
-    return scene
-
-
-def assert_alike(views, expected):
-    """Depth as close as depth has to be, and the same objects there."""
-    wrong = wrong_depth(views.depth.numpy(), expected.depth.numpy().astype(np.float64))
-    assert wrong.mean() <= 1e-4
-    np.testing.assert_array_equal(views.segmentation.numpy()[~wrong], expected.segmentation.numpy()[~wrong])
-
-
-def random_scales(rng, *shape):
-    return np.exp(rng.uniform(-0.9, 0.7, (*shape, 3)))
+from support import attached as attached_scenes, near_plane as near_plane_scenes
+from support.sizes import NEAR, SHAPES, SURROUNDED, TURNED, assert_alike, build, random_scales, surrounded
+from support.worlds import ALL, MESHES, SMALL, assert_bits_equal, assert_views_match_twins, eyes, random_poses
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
@@ -93,21 +54,11 @@ def test_from_inside_and_cut_open(device, caster, kind, near_plane):
     """Where triangles stand for a solid, they are stretched as it is; a capsule's ends are then half ellipsoids."""
     shapes, row, scales = [SHAPES[kind]], [TURNED], [(1.5, 0.8, 1.2)]
     scene, twin = build(device, row, shapes=shapes), build(device, row, scales, shapes=shapes)
-    camera = test_near_plane.CAMERA if near_plane == "clip" else SMALL
+    camera = near_plane_scenes.CAMERA if near_plane == "clip" else SMALL
     for cull_backfaces in (False, True):
         options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": near_plane, "caster": caster}
         views = wv.render(scene, camera, NEAR, object_scales=scales, **options)
         assert_alike(views, wv.render(twin, camera, NEAR, **options))
-
-
-# Kinds of closed shapes, factors, and places inside of what they make of them: of what has grown, such as is outside of
-# it as it was made; of what has shrunk, such as is outside of it when the place is divided once more than it has to be.
-SURROUNDED = ((0, 3.0, 0.6), (4, 3.0, 0.6), (0, 0.5, 0.15), (4, 0.5, 0.11))
-
-
-def surrounded(factor, x):
-    """Factors of one object, and a camera beside its middle that looks through that."""
-    return [(factor,) * 3], wv.look_at((x, 0.01, 2), (-1, 0.1, 2.05))[None].astype(np.float32)
 
 
 @pytest.mark.parametrize("near_plane", ["occlude", "clip"])
@@ -123,7 +74,7 @@ def test_from_inside_of_what_has_grown_or_shrunk(device, caster, kind, factor, x
 
 def test_what_is_attached_is_stretched_with_it(device, caster):
     table, ball = random_poses(np.random.default_rng(2), 2)
-    scene = test_attached.build(device, table, ball, attached=True)
+    scene = attached_scenes.build(device, table, ball, attached=True)
     factors = np.array([(0.7, 1.4, 1.2), (1, 1, 1)])
     views = wv.render(scene, SMALL, eyes(2), outputs=ALL, caster=caster, object_scales=factors)
     twin = wv.Scene()

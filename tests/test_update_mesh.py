@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from test_refit import ALL, BALL, SMALL, assert_seen, eyes
-from test_worlds import assert_bits_equal
 
 import warpvis as wv
 from warpvis.errors import SceneError
@@ -21,6 +19,8 @@ from warpvis.scene._spliced import splice_bvh
 from warpvis.scene.geometry import build_scene_bvh
 
 import reference
+from support.refit import ALL, BALL, SMALL, assert_seen, eyes
+from support.worlds import assert_bits_equal
 
 BOX, CONE = trimesh.creation.box((0.5, 0.4, 0.3)), trimesh.creation.cone(radius=0.3, height=0.5)
 POSES = np.array([[-0.6, 0.1, 0.4, 0, 0, 0.6, 0.8], [0.7, -0.2, 0.5, 0.6, 0, 0, 0.8]])

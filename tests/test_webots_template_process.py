@@ -13,12 +13,13 @@ import threading
 import time
 
 import pytest
-from test_webots_protos import Project
 
 from warpvis.errors import FileFormatError
 from warpvis.webots import load_webots
 from warpvis.webots.protos import _expansion as expansion, _template_engine as engines, _templates as templates
 from warpvis.webots.protos._expansion import Protos
+
+from support.webots_protos import Project
 
 needs_engines = pytest.mark.skipif(
     importlib.util.find_spec("quickjs") is None or importlib.util.find_spec("lupa") is None, reason="no engines"

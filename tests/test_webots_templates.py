@@ -9,12 +9,13 @@ import time
 
 import numpy as np
 import pytest
-from test_webots_protos import Project
 
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Version
 from warpvis.webots.protos import _templates as templates
 from warpvis.webots.protos._expansion import Protos
+
+from support.webots_protos import Project
 
 needs_javascript = pytest.mark.skipif(importlib.util.find_spec("quickjs") is None, reason="no quickjs-ng")
 needs_lua = pytest.mark.skipif(importlib.util.find_spec("lupa") is None, reason="no lupa")

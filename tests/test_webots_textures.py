@@ -5,22 +5,9 @@
 import numpy as np
 import pytest
 from PIL import Image
-from test_appearance_files import IMAGE, load
 
-SHAPES = """#VRML_SIM %s utf8
-WorldInfo { %s }
-Solid { name "old" children [
-  Shape { appearance Appearance { material Material { diffuseColor 1 0 0 transparency 0.5 }
-            texture ImageTexture { url [ "tex.png" ] repeatS FALSE filtering 0 } } geometry Plane { size 4 2 } }
-  Shape { appearance PBRAppearance { baseColor 0 1 0 metalness 0 } geometry Plane {} } ] }
-Solid { name "moved" children [ Shape { appearance DEF P PBRAppearance { baseColorMap ImageTexture { url "tex.png" }
-  textureTransform TextureTransform { center 0.5 0.25 rotation 1.5707963267948966 scale 2 4 translation 0.125 0 } }
-  geometry Plane {} } ] }
-Solid { name "box" children [ Shape { appearance PBRAppearance { baseColorMap ImageTexture { url "tex.png" } }
-  geometry Box { size 1 2 3 } } ] }
-Solid { name "missing" children [ Shape { appearance PBRAppearance { baseColorMap ImageTexture { url "no.png" } }
-  geometry Plane {} } ] }
-"""
+from support.appearance_files import IMAGE, load
+from support.webots_textures import ROUND, SHAPES
 
 
 def by_place(scene, name):
@@ -69,19 +56,6 @@ def test_webots_textures(tmp_path, version, info):
             np.testing.assert_allclose(uv, 0.5 + np.array(sides[side](*upright(place.tolist()))), atol=1e-6)
     with pytest.warns(UserWarning, match=r"no\.png: cannot be read as an image \(no such file\)"):
         assert scene["missing"].appearance.materials[0].texture.image.shape == (1, 1, 3)
-
-
-ROUND = """#VRML_SIM R2023b utf8
-WorldInfo {}
-%s
-Solid { name "set" children [ Shape { appearance DEF P PBRAppearance { baseColorMap ImageTexture { url "tex.png" } }
-  geometry IndexedFaceSet { coord Coordinate { point [ 0 0 0, 1 0 0, 1 1 0, 0 1 0, 2 0 1 ] }
-    coordIndex [ 0 1 2 3 -1 1 4 2 -1 1 1 2 -1 ] texCoord TextureCoordinate { point [ 0 0, 1 0, 1 1, 0 1, 5 6 ] }
-    texCoordIndex [ 0 1 2 3 -1 4 1 0 -1 0 1 2 -1 ] } } ] }
-Solid { name "torn" children [ Shape { appearance USE P geometry IndexedFaceSet {
-  coord Coordinate { point [ 0 0 0, 1 0 0, 1 1 0 ] } coordIndex [ 0 1 2 -1 ]
-  texCoord TextureCoordinate { point [ 0 0 ] } } } ] }
-"""
 
 
 def test_webots_textures_of_round_shapes_and_face_sets(tmp_path):
