@@ -42,9 +42,9 @@ def load_item_native(vertices: wp.uint64, faces: wp.uint64, triangle: int, items
         + """
         const Splitter::Range whole = {begin, end, link, depth,
                                        slot < 0 ? Aabb::of_centers((const v8*)items, begin, end) : ((v8*)boxes)[slot]};
-        v8 centres[2];
-        Splitter::split_all((v8*)items, (Split*)splits, whole, max_splits, centres);
-        for (int side = 0; max_splits == 1 && side < 2; ++side) ((v8*)part_boxes)[first_part + side] = centres[side];
+        v8 centers[2];
+        Splitter::split_all((v8*)items, (Split*)splits, whole, max_splits, centers);
+        for (int side = 0; max_splits == 1 && side < 2; ++side) ((v8*)part_boxes)[first_part + side] = centers[side];
         """
     )
 )

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that C++ and Python share: made of native/shared/constants.h by scripts/generate_constants.py."""
+"""Constants shared by C++ and Python, generated from native/shared/constants.h by scripts/generate_constants.py."""
 
 # Kinds of solids, whose analytic surface is intersected: `warpvis.scene.solids.SolidKind`.
 SOLID_NONE = 0

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Write kernels/constants.py, the numbers that Python shares with C++, from kernels/native/shared/constants.h."""
+"""Generate kernels/constants.py, the constants shared by Python and C++, from kernels/native/shared/constants.h."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ MODULE = ROOT / "kernels" / "constants.py"
 
 _HEAD = '''# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that C++ and Python share: made of native/shared/constants.h by scripts/generate_constants.py."""
+"""Constants shared by C++ and Python, generated from native/shared/constants.h by scripts/generate_constants.py."""
 '''
 _ENUM = re.compile(r"((?:// [^\n]*\n)+)enum (\w+) \{\n(.*?)\};", re.DOTALL)
 _MEMBER = re.compile(r"    (\w+) = (\d+(?: << \d+)?),(?:  // (.*))?")
@@ -19,7 +19,7 @@ _FLOAT = re.compile(r"((?:// [^\n]*\n)+)constexpr float (\w+) = ([\d.e+-]+)f;")
 
 
 def generate(header: str) -> str:
-    """The module's text for a header's."""
+    """Return the text of the module for the text of the header."""
     parts = [_HEAD]
     for comment, name, body in _ENUM.findall(header):
         lines = [as_python(comment)]
@@ -35,7 +35,7 @@ def generate(header: str) -> str:
 
 
 def as_python(comment: str) -> str:
-    """Lines of a C++ comment as lines of a Python comment."""
+    """Convert the lines of a C++ comment to a Python comment."""
     return "\n".join(line.replace("//", "#", 1) for line in comment.strip().splitlines())
 
 
