@@ -163,13 +163,14 @@ def test_more_triangles_than_arrays_hold_are_refused(monkeypatch):
         _bvh.check_size(238_609_295, 16, None)
     _bvh.check_size(238_609_294, 16, None)
     monkeypatch.setattr(_bvh, "MAX_PLACES", 3000)
-    with pytest.raises(SceneError, match=r"at most 187 leaves of 16 triangles, .* got \d+; let objects share meshes"):
+    message = r"at most 187 leaves of up to 16 triangles, got \d+; share meshes between objects"
+    with pytest.raises(SceneError, match=message):
         CASES["soup"]().build()
     monkeypatch.setattr(_bvh, "MAX_PLACES", 11 * 16)
     scene = wv.Scene()
     for size in (1, 2):
         scene.add((random_triangles(65 * size).reshape(-1, 3), np.arange(195 * size).reshape(-1, 3)), movable=True)
-    with pytest.raises(SceneError, match="at most 11 leaves of 16 triangles"):
+    with pytest.raises(SceneError, match="at most 11 leaves of up to 16 triangles"):
         scene.bvh()
 
 
