@@ -156,13 +156,16 @@ def test_angles():
         (lambda: FieldOfView(1, 1.5, 1), "up of a field must be from 0 to below 1.484 radians (85 degrees), got 1.5"),
         (lambda: FieldOfView(1, 1, -1), "down of a field must be from 0 to below 1.484 radians (85 degrees), got -1"),
         (lambda: FieldOfView(1, 0, 0), "up and down of a field must not both be 0"),
-        (lambda: FieldOfView(1, 0.5, 0.5, resolution=1e9), "resolution 1000000000.0 makes images of "),
+        (
+            lambda: FieldOfView(1, 0.5, 0.5, resolution=1e9),
+            "resolution must give images of at most 524288 px per side, got 1000000000.0 px/rad",
+        ),
         (
             lambda: FieldOfView(1, 1, 1, resolution=0),
             "resolution must be a positive number of pixels per radian, got 0",
         ),
         (lambda: FieldOfView(1, 1, 1, near=2, far=1), "the depth range needs 0 <= near < far, got near=2.0, far=1.0"),
-        (lambda: Agent.human("", POSE), "an agent's name must be a word or more, got ''"),
+        (lambda: Agent.human("", POSE), "name of an agent must be a non-empty string, got ''"),
         (lambda: Agent("robot", 3, POSE), "camera of 'robot' must be a warpvis.Camera, a warpvis.sensors.Lens"),
         (
             lambda: Agent("robot", wv.Camera.kinect(), POSE, attention=1.0),

@@ -192,7 +192,7 @@ def test_the_device_brings_its_camera(tmp_path):
     assert sensor == wv.sensors.realsense_d435(64, 48)
     run(tmp_path / "out", camera=None, sensor=sensor, outputs=("reasons",))
     assert wv.open_dataset(tmp_path / "out").camera == sensor.camera()
-    with pytest.raises(CameraError, match="this sensor has no camera of its own"):
+    with pytest.raises(CameraError, match="the sensor has no native_camera"):
         run(tmp_path / "other", camera=None, sensor=STEREO)
 
 
@@ -214,7 +214,7 @@ def test_unknown_sensors_are_named(name, said):
 def test_what_is_refused(tmp_path):
     lens = wv.Camera.from_opencv(np.array([[300.0, 0, 16], [0, 300, 12], [0, 0, 1]]), (-0.2, 0.05, 0, 0), 32, 24)
     for change, said in (
-        ({"outputs": ("depth", "reasons")}, "outputs must be without reasons where there is no sensor"),
+        ({"outputs": ("depth", "reasons")}, "outputs must not contain reasons without a sensor"),
         ({"sensor": "d435"}, "sensor must be a model of"),
         ({"sensor": STEREO, "seed": -1}, "seed must be"),
         ({"sensor": STEREO, "camera": lens}, "pinhole"),

@@ -186,7 +186,7 @@ def test_room_is_where_no_point_of_a_surface_is(device):
         ({"max_distance": -0.1}, "max_distance must be a number of metres from 0 up, got -0.1"),
         ({"max_distance": np.nan}, "max_distance must be a number of metres from 0 up, got nan"),
         ({"objects": ["ball"]}, "the scene has no object 'ball'; it has 'floor', 'table', 'pillar', 'sill'"),
-        ({"objects": []}, "objects must be one or more different ones of the scene's, got []"),
+        ({"objects": []}, "objects must be one or more distinct objects of the scene, got []"),
         ({"exclude": [7]}, "exclude must be indices of objects from 0 to 3, got 7"),
     ],
 )

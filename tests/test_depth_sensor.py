@@ -285,10 +285,14 @@ LENS = wv.Camera.from_opencv(CAMERA.to_K(), [0.1, 0, 0, 0], 45, 30)
             "ArrayError",
             "frame must be whole numbers, one for each of 4 views",
         ),
-        (lambda scene: noisy(scene, frame=[0, 1, -2, 0]), "ArrayError", "frame must be from 0 up and below 2.*-2"),
+        (lambda scene: noisy(scene, frame=[0, 1, -2, 0]), "ArrayError", "frame must be from 0 to 2\\^32 - 1, got -2"),
         (lambda scene: noisy(scene, view_index=[0.0, 1, 2, 3]), "ArrayError", "view_index must be whole numbers"),
         (lambda scene: noisy(scene, view_index=2), "ArrayError", "view_index must be whole numbers"),
-        (lambda scene: noisy(scene, view_index=[0, 1, 2, 2**32]), "ArrayError", "view_index must be from 0 up"),
+        (
+            lambda scene: noisy(scene, view_index=[0, 1, 2, 2**32]),
+            "ArrayError",
+            "view_index must be from 0 to 2\\^32 - 1",
+        ),
         (
             lambda scene: wv.Renderer(scene, CAMERA, sensor=Noisy()).render_at(POSES, np.ones((4, 2, 2))),
             "CameraError",
@@ -299,7 +303,7 @@ LENS = wv.Camera.from_opencv(CAMERA.to_K(), [0.1, 0, 0, 0], 45, 30)
                 scene, CAMERA, wv.sensors.Motion.from_twist(POSES, (0, 0, 1), (0, 0, 0)), frame=0, sensor=Noisy()
             ),
             "CameraError",
-            "not yet of a Motion",
+            "sensor must be None for a Motion",
         ),
     ],
 )

@@ -74,5 +74,5 @@ def test_what_nothing_can_be_filled_with_is_named(fill):
 
 
 def test_a_camera_that_sees_any_distance_has_no_far():
-    with pytest.raises(wv.WarpvisError, match='fill="far" needs a camera whose far is finite, got inf'):
+    with pytest.raises(wv.WarpvisError, match='the camera\'s far must be finite for fill="far", got inf'):
         wv.Renderer(scene(), wv.Camera.from_fov(8, 6, hfov=1.0), fill="far")

@@ -457,11 +457,11 @@ REFUSED = {
     ),
     "packets": (
         lambda s: wv.render(s, RollingShutter(CAMERA, 0.1), MOVES, caster="packets"),
-        'packets are cast from one place: what moves needs caster="rays" or "auto"',
+        'caster must be "rays" or "auto" for a Motion, got "packets"',
     ),
     "parallel rays": (
         lambda s: wv.render(s, wv.rendering.OrthographicCamera.from_extent(8, 6, across=2.0), MOVES),
-        "a Motion is of cameras and Rays",
+        "camera must be a pinhole, a lens or Rays for a Motion, got OrthographicCamera",
     ),
     "shape": (
         lambda s: wv.render(s, lidar_of(0.0), Motion(np.tile(STRAIGHT, (2, 3, 5, 1)), [0, 1])),
@@ -479,11 +479,11 @@ REFUSED = {
         lambda s: wv.render(
             s, lidar_of(0), STRAIGHT, object_poses=Motion(np.tile(STRAIGHT, (2, 5, 1)), [0, 1], starts=np.zeros(5))
         ),
-        "starts are of views: give them to the motion of camera_to_world",
+        "starts must be given to the motion of camera_to_world, not to that of object_poses",
     ),
     "objects per ray": (
         lambda s: wv.render(s, lidar_of(0), STRAIGHT, object_poses=Motion.per_ray(np.tile(STRAIGHT, (5, 1)))),
-        "poses of rays are a sensor's",
+        "object_poses must be a motion in time, got poses of rays",
     ),
     "per ray": (
         lambda s: wv.render(s, CAMERA, Motion.per_ray(np.tile(STRAIGHT, (47, 1, 1)))),

@@ -85,7 +85,7 @@ def test_the_noise_is_that_of_the_model(device):
 
 
 def test_what_is_refused():
-    with pytest.raises(wv.WarpvisError, match="outputs must be without reasons where there is no sensor"):
+    with pytest.raises(wv.WarpvisError, match="outputs must not contain reasons without a sensor"):
         BatchRenderer(MODEL, **SIZE, outputs=("depth", "reasons"))
     with pytest.raises(wv.WarpvisError, match="frame and view_index are of a sensor's random numbers: give Batch"):
         BatchRenderer(MODEL, **SIZE).render(QPOS, frame=1)
@@ -194,7 +194,7 @@ def test_what_a_renderer_refuses():
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     renderer.update_scene(data, "right")
-    with pytest.raises(wv.errors.CameraError, match=r"pinhole, warpvis\.Camera, and not of a OrthographicCamera"):
+    with pytest.raises(wv.errors.CameraError, match=r"must be a warpvis\.Camera, got OrthographicCamera"):
         renderer.render()
     for wrong, said in (
         ({"sensor": "d435"}, "sensor must be a model of"),

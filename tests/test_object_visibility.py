@@ -231,7 +231,7 @@ def test_no_views():
     ("arguments", "message"),
     [
         ({"objects": ["cup"]}, "the scene has no object 'cup'; it has 'floor'"),
-        ({"objects": []}, r"objects must be one or more different ones of the scene's, got \[\]"),
+        ({"objects": []}, r"objects must be one or more distinct objects of the scene, got \[\]"),
         ({"objects": ["ball", 2]}, "objects must be one or more different ones"),
         ({"objects": [8]}, "objects must be names, or indices from 0 to 7, got 8"),
         ({"objects": [True]}, "objects must be names, or indices from 0 to 7, got True"),

@@ -171,18 +171,24 @@ def test_a_batch_has_them_too(device):
 
 FLAT = OrthographicCamera.from_extent(8, 6, across=1.0)
 BAD = {
-    "no extent": (lambda: OrthographicCamera.from_extent(8, 6), "give either across or down, in metres"),
-    "two extents": (lambda: OrthographicCamera.from_extent(8, 6, across=1, down=1), "give either across or down"),
+    "no extent": (lambda: OrthographicCamera.from_extent(8, 6), "either across or down must be given, in meters"),
+    "two extents": (
+        lambda: OrthographicCamera.from_extent(8, 6, across=1, down=1),
+        "either across or down must be given",
+    ),
     "flat": (
         lambda: OrthographicCamera.from_extent(8, 6, down=0.0),
-        "down must be a number of metres above 0, got 0.0",
+        "down must be a positive number of meters, got 0.0",
     ),
-    "scale": (lambda: OrthographicCamera(8, 6, 0, 1, 4, 3), "pixels a metre must be more than 0, got fx=0.0, fy=1.0"),
+    "scale": (
+        lambda: OrthographicCamera(8, 6, 0, 1, 4, 3),
+        "fx and fy must be greater than 0 px/m, got fx=0.0, fy=1.0",
+    ),
     "NaN": (lambda: OrthographicCamera(8, 6, 1, 1, np.nan, 3), "cx must be a finite number, got nan"),
     "range": (lambda: OrthographicCamera(8, 6, 1, 1, 4, 3, 2, 1), "the depth range needs 0 <= near < far"),
     "packets": (
         lambda: wv.Renderer(wv.scenes.PRESETS["room"].build(), FLAT, caster="packets"),
-        'packets are cast through a pinhole; an OrthographicCamera needs caster="rays" or "auto"',
+        'caster must be "rays" or "auto" for an OrthographicCamera, got "packets"',
     ),
     "points": (
         lambda: wv.point_visibility(wv.scenes.PRESETS["room"].build(), FLAT, (0, 0, 1, 0, 0, 0, 1), [[0, 0, 0]]),

@@ -259,7 +259,7 @@ def test_a_panorama_of_the_whole_sphere_is_a_lens_too():
 
 
 CASES = {
-    "too many": ({"width": 2**14, "height": 2**13}, "a WideCamera may have 67108864 rays, got 16384 x 8192"),
+    "too many": ({"width": 2**14, "height": 2**13}, "width x height must be at most 67108864 rays, got 16384 x 8192"),
     "projection": ({"projection": "planar"}, 'projection must be "cylindrical" or "spherical", got \'planar\''),
     "width": ({"width": 0}, "width must be a whole number of pixels from 1 up, got 0"),
     "height": ({"height": 2.5}, "height must be a whole number of pixels from 1 up, got 2.5"),

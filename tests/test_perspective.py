@@ -326,15 +326,15 @@ FOUR = np.tile(ROBOT_EYES, (4, 1))
         ({"delta": -1}, "delta must be a number of metres from 0 up, got -1"),
         (
             {"agents": [Agent.kinect("a", FOUR), Agent.kinect("b", FOUR[:3])]},
-            "agents and worlds must be of one situation or all of as many: 'a' has 4 poses, 'b' has 3 poses",
+            "agents and worlds must have one situation or the same number: 'a' has 4 poses, 'b' has 3 poses",
         ),
         (
             {"agents": Agent.kinect("a", FOUR), "object_poses": np.tile([0, 0, 0, 0, 0, 0, 1], (3, 1, 1))},
-            "agents and worlds must be of one situation or all of as many: 'a' has 4 poses, object_poses has 3 worlds",
+            "agents and worlds must have one situation or the same number: 'a' has 4 poses, object_poses has 3 worlds",
         ),
         (
             {"agents": Agent.kinect("a", FOUR), "world_index": [0, 0]},
-            "agents and worlds must be of one situation or all of as many: 'a' has 4 poses, world_index has 2 worlds",
+            "agents and worlds must have one situation or the same number: 'a' has 4 poses, world_index has 2 worlds",
         ),
         ({"world_index": [0, 1]}, "world_index must be from 0 to 0, the worlds of object_poses, got 1 for view 1"),
         ({"object_poses": np.zeros((1, 2, 7))}, "object_poses must have shape (W, 1, 7)"),

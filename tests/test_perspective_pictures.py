@@ -306,9 +306,9 @@ def test_all_but_the_ground_without_labels(case):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"agents": 1}, "agents must be two of those that perspective was asked about, got 'robot'"),
-        ({"agents": "cat"}, "agents must be two of those that perspective was asked about, got 'robot', 'cat'"),
-        ({"view": 1}, "view must be one of 1 situations, counted from 0, got 1"),
+        ({"agents": 1}, "agents must be two agents of seen, got 'robot'"),
+        ({"agents": "cat"}, "agents must be two agents of seen, got 'robot', 'cat'"),
+        ({"view": 1}, "view must be an index from 0 into 1 situation, got 1"),
         ({"labels": ["cup"]}, "label must be one of "),
         ({"eye": (0, 0)}, "eye must be three finite numbers"),
         ({"path": "picture.xyz"}, "picture.xyz: Format 'xyz' is not supported"),

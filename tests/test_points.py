@@ -258,7 +258,7 @@ def test_bad_input(change, said):
 @pytest.mark.parametrize(
     ("depth", "said"),
     [
-        (np.zeros((2, 240, 320)), "depth must be of as many views as there are poses, got 2 for 1"),
+        (np.zeros((2, 240, 320)), "depth must have one view per pose, got 2 views for 1 pose"),
         (np.zeros((1, 24, 32)), "depth must have shape (V, 240, 320), got (1, 24, 32)"),
     ],
 )

@@ -227,7 +227,7 @@ def test_near_surfaces_that_are_cut_away_throw_no_shadow(device):
 
 
 def test_camera_of_a_device():
-    with pytest.raises(wv.errors.CameraError, match="no camera of its own"):
+    with pytest.raises(wv.errors.CameraError, match="the sensor has no native_camera"):
         StereoDepth(0.1).camera()
     assert dataclasses.replace(FULL, native_camera=CAMERA).camera() is CAMERA
 

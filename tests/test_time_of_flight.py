@@ -422,7 +422,7 @@ def test_profiles_see_a_room(profile):
 
 
 def test_camera_of_a_device():
-    with pytest.raises(wv.errors.CameraError, match="no camera of its own"):
+    with pytest.raises(wv.errors.CameraError, match="the sensor has no native_camera"):
         TimeOfFlight(1e8).camera()
     assert dataclasses.replace(FULL, native_camera=CAMERA).camera() is CAMERA
 

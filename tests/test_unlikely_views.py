@@ -129,7 +129,7 @@ def test_poses_that_are_meant_do_not_warn(name):
 
 def test_a_scene_in_millimeters_is_noticed(call):
     (message,) = said(lambda: call(table(), KINECT, orbit(4)))
-    assert "the scene spans 1200 x 800 x 750 m, and the camera sees 4.5 m far" in message
+    assert "the scene spans 1200 x 800 x 750 m, and the camera's far is 4.5 m" in message
     assert "scale=0.001" in message
     assert not said(lambda: call(table(0.001), KINECT, orbit(4)))
 
@@ -178,7 +178,8 @@ def test_a_camera_inside_of_a_thing_is_noticed(solid, call):
     poses = np.stack([wv.look_at((0.01, 0, 0.4), (1, 0, 0.4)), wv.look_at((0, 0.01, 0.4), (0, 1, 0.3))])
     (message,) = said(lambda: call(scene, KINECT, poses))
     assert message == (
-        f"2 of 2 views see next to nothing: the camera is inside of '{solid}'; move it, or exclude what carries it"
+        f"2 of 2 views see almost nothing: the camera is inside '{solid}'. Move the camera, or exclude the object that "
+        "carries it"
     )
     assert not said(lambda: call(scene, KINECT, poses, exclude=[solid]))
 
@@ -188,7 +189,7 @@ def test_a_camera_inside_of_the_floor_is_noticed(call):
     scene.add(trimesh.creation.box((8, 8, 0.2)), name="floor", label="ground", pose=(0, 0, -0.1, 0, 0, 0, 1))
     scene.add(trimesh.creation.box(), name="box", pose=(2, 0, 0.5, 0, 0, 0, 1))
     (message,) = said(lambda: wv.render(scene, KINECT, wv.look_at((0, 0, -0.1), (1, 0, -0.8))))
-    assert "1 of 1 views see next to nothing: the camera is inside of 'floor'" in message
+    assert "1 of 1 views see almost nothing: the camera is inside 'floor'" in message
     assert not said(lambda: call(scene, KINECT, wv.look_at((0, 0, 0.1), (1, 0, 0.1))))
     assert not said(lambda: call(scene, KINECT, wv.look_at((0, 0, 0.1), (0, 0, -1), up=(1, 0, 0))))  # too near
 

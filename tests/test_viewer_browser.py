@@ -92,7 +92,7 @@ def test_a_slider_changes_the_table(browser, viewer):
             timeout=20_000,
         )
         assert viewer.state.height("robot") < 0.6
-        page.get_by_role("button", name="Put everything back").click()
+        page.get_by_role("button", name="Reset scene").click()
         wait_for_table(page, before)
 
 

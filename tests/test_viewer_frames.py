@@ -99,7 +99,7 @@ def test_what_is_refused(tmp_path):
     frames = wv.Frames.from_poses(WALK)
     two = np.tile(moved(), (1, 2, 1))
     cases = [
-        (lambda: state_of("walk.txt"), "frames must be one or more as wv.Frames, got str"),
+        (lambda: state_of("walk.txt"), "frames must be a non-empty warpvis.Frames, got str"),
         (lambda: state_of(wv.Frames.from_poses(WALK, object_poses=two)), "poses of 2 objects, and the scene has 1"),
         (lambda: state_of(frames).show_frame(3), "frame must be one of 3"),
         (lambda: state_of(None).show_frame(0), "frame must be one of 0"),

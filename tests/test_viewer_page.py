@@ -205,7 +205,7 @@ def test_buttons_propose_a_place_and_go_there():
         assert page.proposal.node is None
         np.testing.assert_allclose(page.gizmos.agents["robot"].position, proposed, atol=1e-6)
         assert next(row for row in page.look.rows if row.name == "ball").state == State.BOTH
-        assert page.propose() == ("robot sees all that human sees.", False)
+        assert page.propose() == ("robot sees every object that human sees.", False)
 
 
 def test_lines_of_sight_come_and_go(page):

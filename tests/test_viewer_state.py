@@ -212,7 +212,10 @@ def test_what_is_refused():
         (lambda: ViewerState(scene, [robot, robot]), "agents must have different names"),
         (lambda: ViewerState(scene, [robot], movable=["cup*"]), "'cup\\*' in movable fits no object"),
         (lambda: ViewerState(scene, [robot], objects=["cup"]), "no object 'cup'"),
-        (lambda: ViewerState(scene, [robot]).move_object("low obstacle", (0,) * 6 + (1,)), "stays where it is"),
+        (
+            lambda: ViewerState(scene, [robot]).move_object("low obstacle", (0,) * 6 + (1,)),
+            "is not movable. Add it to movable",
+        ),
         (lambda: ViewerState(scene, [robot]).move_agent("cat", robot.pose), "there is no agent 'cat'"),
         (lambda: ViewerState(scene, [robot]).move_agent("robot", (0, 0, 0)), "pose of 'robot'"),
         (lambda: ViewerState(scene, [human]).set_camera("human", None), "camera of 'human' must be"),
@@ -243,9 +246,9 @@ def test_the_page_proposes_where_to_go():
     state.move_agent("robot", found.pose)
     after = state.look()
     assert row_of(after, "ball").fractions[0] == pytest.approx(found.fractions["ball"], abs=0.02)
-    assert propose(state, after, max_distance=2.0, radius=0.2) == "robot sees all that human sees."
+    assert propose(state, after, max_distance=2.0, radius=0.2) == "robot sees every object that human sees."
     nowhere = propose(state_of(2), look, max_distance=0.05, radius=0.2)
-    assert nowhere == "No place within 0.05 m that has room for robot shows it any of that."
+    assert nowhere == "No free place within 0.05 m shows robot any of these objects."
     assert propose(state_of(4), state_of(4).look(), max_distance=2.0, radius=0.2) == "human sees no object."
 
 
@@ -344,10 +347,13 @@ def test_what_is_refused_of_a_model():
     cases = [
         (lambda: state.set_joint("knee", 0.0), "no hinge or slide joint 'knee'"),
         (lambda: state.set_joint("turn", math.nan), "value of 'turn' must be a number"),
-        (lambda: plain.set_joint("turn", 0.0), "of no MuJoCo model"),
+        (lambda: plain.set_joint("turn", 0.0), "the scene must be a MuJoCo model to have joints"),
         (lambda: state.move_object("arm", (0,) * 6 + (1,)), "'arm' has no free joint"),
         (lambda: stage.agent("robot", "tail"), "no camera 'tail'; it has head"),
-        (lambda: ViewerState(stage, [stage.agent("robot", "head")], movable=["arm"]), "takes no movable"),
+        (
+            lambda: ViewerState(stage, [stage.agent("robot", "head")], movable=["arm"]),
+            "movable must be None for a MuJoCo model",
+        ),
     ]
     for call, words in cases:
         with pytest.raises(wv.WarpvisError, match=words):

@@ -131,7 +131,7 @@ def test_a_saved_map_has_the_colours_of_its_legend(tmp_path):
 
 
 def test_a_map_has_values_of_its_legend(tmp_path):
-    with pytest.raises(wv.WarpvisError, match="cells must have values of the legend, got 9"):
+    with pytest.raises(wv.WarpvisError, match="cells must contain only values of the legend, got 9"):
         save_map([[0, 9]], tmp_path / "map.png", bounds=(0, 2, 0, 1), legend=MAP_LEGEND)
     with pytest.raises(wv.WarpvisError, match=r"cells must have shape \(rows, columns\), got \(1, 1, 2\)"):
         save_map([[[0, 1]]], tmp_path / "map.png", bounds=(0, 2, 0, 1), legend=MAP_LEGEND)

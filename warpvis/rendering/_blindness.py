@@ -51,8 +51,8 @@ def warn_of_units(scene: Scene, far: float, seen: NDArray[np.bool_]) -> None:
     if too_large_for(size, far):
         spans = " x ".join(f"{side:.4g}" for side in size)
         warn_user(
-            f"no view sees anything: the scene spans {spans} m, and the camera sees {far:.4g} m far; if the scene is "
-            "in millimeters, load it with scale=0.001",
+            f"no surface is visible in any view: the scene spans {spans} m, and the camera's far is {far:.4g} m. If "
+            "the scene is in millimeters, load it with scale=0.001",
             UserWarning,
         )
 
@@ -82,8 +82,8 @@ def warn_of_eyes_inside(
     if around:
         names = ", ".join(map(repr, around[:3]))
         warn_user(
-            f"{len(views)} of {len(poses)} views see next to nothing: the camera is inside of {names}; move it, or "
-            "exclude what carries it",
+            f"{len(views)} of {len(poses)} views see almost nothing: the camera is inside {names}. Move the camera, or "
+            "exclude the object that carries it",
             UserWarning,
         )
 

@@ -45,7 +45,7 @@ def check_asked(outputs: object, sensor: object) -> tuple[str, ...]:
     names = check_outputs(outputs, ALL_OUTPUTS)
     alone = [name for name in names if name in SENSOR_OUTPUTS]
     if sensor is None and alone:
-        raise ArrayError(f"outputs must be without {' and '.join(alone)} where there is no sensor")
+        raise ArrayError(f"outputs must not contain {' and '.join(alone)} without a sensor")
     return names
 
 
@@ -58,7 +58,7 @@ def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "r
     check_choice(caster, "caster", ("auto", "packets", "rays"))
     if isinstance(camera, OrthographicCamera):
         if caster == "packets":
-            raise CameraError('packets are cast through a pinhole; an OrthographicCamera needs caster="rays" or "auto"')
+            raise CameraError('caster must be "rays" or "auto" for an OrthographicCamera, got "packets"')
         return "rays"
     return "packets" if caster == "auto" else caster
 
@@ -89,7 +89,7 @@ def fill_numbers(fill: Fill, camera: RenderCamera) -> tuple[float, float] | None
     fill = check_fill(fill)
     if isinstance(fill, str):
         if fill == "far" and not math.isfinite(camera.far):
-            raise ArrayError('fill="far" needs a camera whose far is finite, got inf')
+            raise ArrayError('the camera\'s far must be finite for fill="far", got inf')
         return None if fill == "inf" else (camera.far, camera.near)
     return fill, fill
 

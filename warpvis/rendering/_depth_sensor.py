@@ -142,7 +142,7 @@ class DepthSensor(ABC):
             CameraError: If the sensor has no `native_camera`.
         """
         if self.native_camera is None:
-            raise CameraError("this sensor has no camera of its own: give native_camera, or take a profile of a device")
+            raise CameraError("the sensor has no native_camera. Set native_camera, or use a profile of a device")
         return self.native_camera
 
     takes_lens: ClassVar[TakesLens] = "no"
@@ -169,9 +169,9 @@ class DepthSensor(ABC):
             return self._in_range(camera)
         if isinstance(camera, LensedCamera) and self.takes_lens in ("any", camera.kind):
             return self._in_range(cast(Camera, camera))
-        lens = {"no": "", "z": " or a lens's depth along the axis", "any": " or a lens"}[self.takes_lens]
+        lens = {"no": "", "z": ' or a LensCamera of kind "z"', "any": " or a LensCamera"}[self.takes_lens]
         given = type(camera).__name__ + (f' of kind "{camera.kind}"' if isinstance(camera, LensedCamera) else "")
-        raise CameraError(f"{type(self).__name__} is a model of a pinhole, warpvis.Camera,{lens} and not of a {given}")
+        raise CameraError(f"camera of {type(self).__name__} must be a warpvis.Camera{lens}, got {given}")
 
     def _in_range(self, camera: Camera) -> Camera:
         device = self.native_camera
@@ -181,7 +181,8 @@ class DepthSensor(ABC):
         if near >= far:
             raise CameraError(
                 f"camera must have depths within the device's range, {device.near:g} to {device.far:g} m, got near="
-                f"{camera.near:g}, far={camera.far:g}; dataclasses.replace(sensor, native_camera=None) has no range"
+                f"{camera.near:g}, far={camera.far:g}. Remove the device's range with "
+                "dataclasses.replace(sensor, native_camera=None)"
             )
         return replace(camera, near=near, far=far)
 

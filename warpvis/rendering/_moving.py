@@ -64,9 +64,7 @@ class MovingCaster:
             CameraError: If the camera is orthographic.
         """
         if isinstance(camera, OrthographicCamera):
-            raise CameraError(
-                "a Motion is of cameras and Rays, whose rays start at one place; an OrthographicCamera's do not"
-            )
+            raise CameraError("camera must be a pinhole, a lens or Rays for a Motion, got OrthographicCamera")
         self._scene = scene
         self._camera = camera
         self._cull_backfaces = cull_backfaces
@@ -120,9 +118,9 @@ class MovingCaster:
 
     def _parse_objects(self, motion: Motion, starts: np.ndarray | None) -> MotionStruct:
         if motion.starts is not None:
-            raise ArrayError("starts are of views: give them to the motion of camera_to_world, not to that of objects")
+            raise ArrayError("starts must be given to the motion of camera_to_world, not to that of object_poses")
         if motion.of_rays:
-            raise PoseError("object_poses must be a motion in time: poses of rays are a sensor's")
+            raise PoseError("object_poses must be a motion in time, got poses of rays")
         _check_rays_times(self._camera, motion, starts)
         return _struct_of(parse_moving_poses(self._scene, motion), motion)
 
@@ -200,7 +198,7 @@ def parse_sensor(
     )
     if poses.starts is not None:
         if views not in (1, len(poses.starts)):
-            raise ArrayError(f"starts must be one for each of the {views} views, got {len(poses.starts)}")
+            raise ArrayError(f"starts must have one value for each of {views} views, got {len(poses.starts)}")
         views = len(poses.starts)
         struct.starts = wp.array(poses.starts, dtype=wp.float64, device=device)
     return struct, views
@@ -229,8 +227,8 @@ def _check_rays_times(camera: RenderCamera, motion: Motion, starts: np.ndarray |
     times = camera.times if isinstance(camera, RayCamera) else None
     if times is None:
         raise CameraError(
-            "what moves is seen at the times of rays, which this camera has not: give Rays times, or take a "
-            "warpvis.sensors.RollingShutter of the camera"
+            "camera must have times of rays for a Motion. Set times of Rays, or use a warpvis.sensors.RollingShutter "
+            "of the camera"
         )
     check_times(motion, times, np.zeros(1) if starts is None else starts)
 

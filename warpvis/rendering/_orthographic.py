@@ -45,7 +45,7 @@ class OrthographicCamera:
     """Maximum depth [m]; farther surfaces have depth +inf."""
 
     def __post_init__(self) -> None:
-        check_numbers(self, "pixels a metre must be more than 0")
+        check_numbers(self, "fx and fy must be greater than 0 px/m")
 
     @classmethod
     def from_extent(
@@ -75,10 +75,10 @@ class OrthographicCamera:
         given = [(size, name, extent) for size, name, extent in ((width, "across", across), (height, "down", down))]
         asked = [entry for entry in given if entry[2] is not None]
         if len(asked) != 1:
-            raise CameraError("give either across or down, in metres")
+            raise CameraError("either across or down must be given, in meters")
         size, name, extent = asked[0]
         if not is_number(extent) or not 0 < extent < math.inf:
-            raise CameraError(f"{name} must be a number of metres above 0, got {extent!r}")
+            raise CameraError(f"{name} must be a positive number of meters, got {extent!r}")
         scale = size / extent
         return cls(width, height, scale, scale, width / 2, height / 2, near, far)
 

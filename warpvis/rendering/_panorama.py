@@ -66,14 +66,14 @@ class WideCamera(RayCamera):
     """Maximum length of a ray [m]; farther surfaces have depth +inf."""
 
     kind = "range"
-    taken_by = "wv.render takes it, and what is seen has points and labels of its own"
+    taken_by = "wv.render accepts it, and renders points and labels"
 
     def __post_init__(self) -> None:
         check_choice(self.projection, "projection", get_args(Projection), CameraError)
         for name in ("width", "height"):
             object.__setattr__(self, name, check_size(getattr(self, name), name))
         if self.width * self.height > MAX_RAYS:
-            raise CameraError(f"a WideCamera may have {MAX_RAYS} rays, got {self.width} x {self.height}")
+            raise CameraError(f"width x height must be at most {MAX_RAYS} rays, got {self.width} x {self.height}")
         if not is_number(self.hfov):
             raise CameraError(f"hfov must be a number, got {self.hfov!r}")
         if not 0 < self.hfov <= _WIDEST:

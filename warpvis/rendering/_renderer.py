@@ -229,7 +229,9 @@ class Renderer:
         """Return the number and frame of each view, which seed a sensor's random numbers; None without a sensor."""
         if self._sensing is None:
             if frame is not None or view_index is not None:
-                raise ArrayError("frame and view_index are of a sensor's random numbers: give Renderer a sensor")
+                raise ArrayError(
+                    "frame and view_index must be None without a sensor, since they seed its random numbers"
+                )
             return None
         numbers = view_numbers(views, self.frame if frame is None else frame, view_index)
         if frame is None:
@@ -271,11 +273,13 @@ class Renderer:
     def _moving_caster(self) -> MovingCaster:
         """Return the caster for motions, which is made at first use."""
         if self._sensing is not None:
-            raise CameraError("a sensor's model is of poses that stay within a frame, and not yet of a Motion")
+            raise CameraError("sensor must be None for a Motion: sensor models do not support motion within a frame")
         if self._has_colors:
-            raise CameraError("colours are of poses that stay within a frame, and not yet of a Motion")
+            raise CameraError(
+                "outputs must not contain colors for a Motion: shading does not support motion within a frame"
+            )
         if self._only_packets:
-            raise CameraError('packets are cast from one place: what moves needs caster="rays" or "auto"')
+            raise CameraError('caster must be "rays" or "auto" for a Motion, got "packets"')
         if self._moving is None:
             self._moving = MovingCaster(self.scene, self.camera, **self._options)
         return self._moving
@@ -317,7 +321,9 @@ class Renderer:
             WarpvisError: As for `render`, or if `pixels` is malformed, or if there is a sensor.
         """
         if self._sensing is not None:
-            raise CameraError("a sensor measures at pixels' centres: render_at needs a Renderer without one")
+            raise CameraError(
+                "render_at requires a Renderer without a sensor, since sensor models measure at pixel centers"
+            )
         camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()

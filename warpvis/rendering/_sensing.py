@@ -188,7 +188,7 @@ def _check_words(value: ArrayInput | int, name: str, views: int) -> NDArray[np.i
         raise ArrayError(f"{name} must be whole numbers, one for each of {views} views, got {_kind(numbers)}")
     wrong = (numbers < 0) | (numbers > _MAX_WORD)
     if wrong.any():
-        raise ArrayError(f"{name} must be from 0 up and below 2^32, got {numbers[wrong][0]}")
+        raise ArrayError(f"{name} must be from 0 to 2^32 - 1, got {numbers[wrong][0]}")
     return numbers
 
 

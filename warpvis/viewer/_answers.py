@@ -38,10 +38,10 @@ def propose(state: ViewerState, look: Look, *, max_distance: float, radius: floa
         The proposal, or the reason why there is none.
     """
     if len(look.agents) < 2:
-        return "There is nobody else who sees anything."
+        return "There is no second agent."
     robot, other = look.agents
     if not isinstance(robot.camera, Camera):
-        return f"{robot.name} has no pinhole camera that could be placed."
+        return f"{robot.name} has no pinhole camera."
     bodies = {*robot.body, *other.body}
     labels = None if all(item.label != Label.OBJECT for item in state.scene.objects) else [Label.OBJECT]
     found = look.seen.candidates(other.name, robot.name, labels=labels)
@@ -56,8 +56,8 @@ def propose(state: ViewerState, look: Look, *, max_distance: float, radius: floa
     if proposal is not None:
         return proposal
     if all(item.state is not None and item.state.name == "BOTH" for item in found):
-        return f"{robot.name} sees all that {other.name} sees."
-    return f"No place within {max_distance:g} m that has room for {robot.name} shows it any of that."
+        return f"{robot.name} sees every object that {other.name} sees."
+    return f"No free place within {max_distance:g} m shows {robot.name} any of these objects."
 
 
 def in_words(proposal: Proposal) -> str:

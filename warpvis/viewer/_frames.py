@@ -22,10 +22,10 @@ def check_frames(frames: Frames | None, moved: Sequence[str]) -> Frames | None:
     if frames is None:
         return None
     if not isinstance(frames, Frames) or not len(frames):
-        raise ArrayError(f"frames must be one or more as wv.Frames, got {type(frames).__name__}")
+        raise ArrayError(f"frames must be a non-empty warpvis.Frames, got {type(frames).__name__}")
     placed = 0 if frames.object_poses is None else frames.object_poses.shape[1]
     if placed and placed != len(moved):
-        raise ArrayError(f"frames have poses of {placed} objects, and the scene has {len(moved)} movable ones")
+        raise ArrayError(f"frames must have poses of the scene's {len(moved)} movable objects, got {placed}")
     return frames
 
 

@@ -39,7 +39,7 @@ def write_page(page: Page, path: str | os.PathLike[str], title: str) -> None:
     finally:
         page.gizmos.visible = shown
     if "</body>" not in document or "<head>" not in document:
-        raise FileFormatError(f"{file}: this version of viser makes pages that nothing can be added to")
+        raise FileFormatError(f"{file}: the page exported by this version of viser has no <head> or <body>")
     head, _, tail = document.rpartition("</body>")
     document = f"{head}{_panel(page.look, title, page.dark)}</body>{tail}"
     document = document.replace("<head>", f"<head><title>{escape(title)}</title>", 1)

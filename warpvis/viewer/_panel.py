@@ -76,7 +76,7 @@ class Panel:
         self.legend = gui.add_html(legend_html(names))
         blank = np.full((3, 4, 3), 128, dtype=np.uint8)
         self.images = {name: gui.add_image(blank, label=f"{name} sees", jpeg_quality=_JPEG) for name in names}
-        self.map = gui.add_image(blank, label=f"the floor, as {names[0]}'s image shows it", visible=False)
+        self.map = gui.add_image(blank, label=f"floor seen by {names[0]}", visible=False)
         self.sliders: dict[str, Any] = {}
         self._add_buttons()
         self._add_choices(shown)
@@ -117,7 +117,7 @@ class Panel:
                 self._asked.go_there()
                 self.answer.visible = go.visible = False
 
-        reset = gui.add_button("Put everything back")
+        reset = gui.add_button("Reset scene")
 
         @reset.on_click
         def _(_: object) -> None:
@@ -136,8 +136,8 @@ class Panel:
             picture = gui.add_dropdown("images", list(_PICTURES), initial_value=next(iter(_PICTURES)))
             for name, nodes in shown.items():
                 self._add_switch(name, nodes)
-            self._with_map = gui.add_checkbox("map of the floor", False)
-            noise = gui.add_slider("noise of a Kinect, times", min=0, max=4, step=0.5, initial_value=0)
+            self._with_map = gui.add_checkbox("floor map", False)
+            noise = gui.add_slider("Kinect noise factor", min=0, max=4, step=0.5, initial_value=0)
 
         @noise.on_update
         def _(_: object) -> None:
@@ -182,7 +182,11 @@ class Panel:
                 wide = math.degrees(camera.hfov)
                 far = camera.far if math.isfinite(camera.far) else _MAX_FAR
                 self._slider(
-                    f"{name} hfov", "width [deg]", (min(20.0, wide), max(120.0, wide), 1.0), wide, self._widen(name)
+                    f"{name} hfov",
+                    "field of view [deg]",
+                    (min(20.0, wide), max(120.0, wide), 1.0),
+                    wide,
+                    self._widen(name),
                 )
                 self._slider(
                     f"{name} far",

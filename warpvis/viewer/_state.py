@@ -137,7 +137,7 @@ class ViewerState:
         """The MuJoCo model whose joints move the objects; None for other scenes."""
         self.stage = Stage.of(scene, bodies, movable) if self.model is None else self.model.stage  # type: ignore[arg-type]  # raises for other types
         if self.model is not None and movable is not None:
-            raise SceneError("of a MuJoCo model, what has a free joint may be dragged, so it takes no movable")
+            raise SceneError("movable must be None for a MuJoCo model, whose objects with a free joint can be dragged")
         self.scene = self.stage.scene
         self.agents: dict[str, Agent] = {agent.name: _plain(agent) for agent in given}
         if len(self.agents) < len(given):
@@ -191,7 +191,7 @@ class ViewerState:
             WarpvisError: If there is no such agent, or the height is not a finite number.
         """
         if not is_number(height) or not math.isfinite(height):
-            raise PoseError(f"height of {name!r} must be a number of metres, got {height!r}")
+            raise PoseError(f"height of {name!r} must be a finite number of meters, got {height!r}")
         with self._lock:
             row = self._agent(name).poses[0].copy()
             row[self._vertical] = height
@@ -249,7 +249,7 @@ class ViewerState:
                 self.model.place(name, row)
                 self.object_poses = self.model.object_poses()
             else:
-                raise SceneError(f"object {name!r} has no free joint: move its joints")
+                raise SceneError(f"object {name!r} has no free joint. Set its joints instead")
 
     def set_joint(self, name: str, value: float) -> None:
         """Set the value of a joint of a MuJoCo model [rad] or [m].
@@ -258,7 +258,7 @@ class ViewerState:
             WarpvisError: If the scene is not a MuJoCo model or has no such joint, or the value is not a finite number.
         """
         if self.model is None:
-            raise SceneError("the scene is of no MuJoCo model, so it has no joints")
+            raise SceneError("the scene must be a MuJoCo model to have joints")
         if not is_number(value) or not math.isfinite(value):
             raise ArrayError(f"value of {name!r} must be a number, got {value!r}")
         with self._lock:
@@ -278,7 +278,7 @@ class ViewerState:
         """
         count = 0 if self.frames is None else len(self.frames)
         if self.frames is None or not is_whole(number) or not 0 <= number < count:
-            raise ArrayError(f"frame must be one of {count}, counted from 0, got {number!r}")
+            raise ArrayError(f"frame must be an index from 0 into {count} frames, got {number!r}")
         frames, self.frame = self.frames, int(number)
         with self._lock:
             self.move_agent(next(iter(self.agents)), frames.camera_to_world[self.frame])
@@ -379,7 +379,7 @@ class ViewerState:
     def _column(self, name: str) -> int:
         column = self.stage.column(name)
         if column < 0:
-            raise SceneError(f"object {name!r} stays where it is; name it in movable")
+            raise SceneError(f"object {name!r} is not movable. Add it to movable")
         return column
 
     def _carried(

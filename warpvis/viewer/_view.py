@@ -146,7 +146,7 @@ def view(
         WarpvisError: If viser is missing, or an argument is invalid.
     """
     if agents is not None and camera is not None:
-        raise WarpvisError("camera is that of a robot that is not given; agents have cameras of their own")
+        raise WarpvisError("camera must be None if agents are given, since agents have cameras")
     model = as_mujoco_stage(scene)
     if agents is None:
         agents = [framing_agent(scene if model is None else model.stage.scene, camera)]

@@ -86,8 +86,8 @@ class FieldOfView:
         camera = self._camera(self.hfov / self._count)
         if max(camera.width, camera.height) > _MAX_PIXELS:
             raise CameraError(
-                f"resolution {self.resolution!r} makes images of {camera.width} x {camera.height} pixels; "
-                f"{_MAX_PIXELS} a side are the most"
+                f"resolution must give images of at most {_MAX_PIXELS} px per side, got {self.resolution!r} px/rad, "
+                f"which gives {camera.width} x {camera.height} px"
             )
 
     @property
@@ -149,7 +149,7 @@ class Agent:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise SceneError(f"an agent's name must be a word or more, got {self.name!r}")
+            raise SceneError(f"name of an agent must be a non-empty string, got {self.name!r}")
         if not isinstance(self.camera, Camera | LensedCamera | FieldOfView):
             kinds = "a warpvis.Camera, a warpvis.sensors.LensCamera or a FieldOfView"
             raise CameraError(f"camera of {self.name!r} must be {kinds}, got {type(self.camera).__name__}")

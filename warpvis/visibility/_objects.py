@@ -263,7 +263,7 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
         else:
             raise SceneError(f"objects must be names, or indices from 0 to {len(scene) - 1}, got {item!r}")
     if not chosen or len(set(chosen)) < len(chosen):
-        raise SceneError(f"objects must be one or more different ones of the scene's, got {given}")
+        raise SceneError(f"objects must be one or more distinct objects of the scene, got {given}")
     return chosen
 
 

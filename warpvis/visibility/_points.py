@@ -10,6 +10,7 @@ import warp as wp
 
 from warpvis.core.arrays import as_points, check_metres, empty
 from warpvis.core.camera import Camera
+from warpvis.core.checks import pluralize
 from warpvis.core.depth_images import read_depth
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
@@ -147,7 +148,10 @@ def point_visibility_from_depth(
     device = images.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     if len(poses) != len(images):
-        raise ArrayError(f"depth must be of as many views as there are poses, got {len(images)} for {len(poses)}")
+        raise ArrayError(
+            f"depth must have one view per pose, got {pluralize(len(images), 'view')} for "
+            f"{pluralize(len(poses), 'pose')}"
+        )
     if not isinstance(camera, Camera):
         places = as_points(points, "points", "N", device).numpy()
         judged = judge_in_images(images.numpy(), camera, poses.numpy(), places, tolerance)

@@ -56,7 +56,7 @@ class Situations:
             ] = len(worlds)
         count = max(counts.values())
         if any(number not in (1, count) for number in counts.values()):
-            raise ArrayError(f"agents and worlds must be of one situation or all of as many: {', '.join(counts)}")
+            raise ArrayError(f"agents and worlds must have one situation or the same number: {', '.join(counts)}")
         several = len(poses) > 1
         return cls(
             count=count,

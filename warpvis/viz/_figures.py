@@ -103,7 +103,7 @@ def save_map(
         colors[values == value] = color
         known |= values == value
     if not known.all():
-        raise ArrayError(f"cells must have values of the legend, got {values[~known][0]}")
+        raise ArrayError(f"cells must contain only values of the legend, got {values[~known][0]}")
     figure = new_figure(5.0, 4.77 + legend_height(legend, columns=2))
     draw_map(figure.subplots(), colors, bounds, axes, title)
     draw_legend(figure, legend, columns=2)
@@ -113,8 +113,8 @@ def save_map(
 def _check_legend(legend: object) -> None:
     for entry in check_mapping(legend, "legend").values():
         meaning, color = entry if isinstance(entry, tuple | list) and len(entry) == 2 else ("", None)
-        if color is None or as_numpy(color, name="a colour of the legend").shape != (3,):
-            raise ArrayError(f"legend must give a meaning and red, green and blue to every value, got {entry!r}")
+        if color is None or as_numpy(color, name="a color of the legend").shape != (3,):
+            raise ArrayError(f"legend must map every value to a meaning and an RGB color, got {entry!r}")
         check_text(meaning, "a meaning of the legend")
 
 

@@ -199,7 +199,7 @@ def _draw_outside(
     seen = (views.depth.numpy()[0], views.segmentation.numpy()[0])
     axes.imshow(view_from_outside(scene, outside, pose, camera, camera_to_world, *seen))
     draw_lines(axes, outside, pose, frustum(camera, camera_to_world, reach=1.0))
-    axes.set(xlim=(0, outside.width), ylim=(outside.height, 0), title="From outside (coloured: seen)")
+    axes.set(xlim=(0, outside.width), ylim=(outside.height, 0), title="From outside (colored: seen)")
     axes.set_axis_off()
 
 
@@ -211,7 +211,7 @@ def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range:
     if depth_range is not None:
         ends = as_items(depth_range, "depth_range")
         if len(ends) != 2 or not all(is_number(end) and not math.isnan(end) for end in ends):
-            raise ArrayError(f"depth_range must be two numbers of metres, got {depth_range!r}")
+            raise ArrayError(f"depth_range must be two numbers of meters, got {depth_range!r}")
         depth_range = (float(ends[0]), float(ends[1]))
     low, high = depth_range or ((finite.min(), finite.max()) if finite.size else (0, 1))
     if not np.isfinite(high):
@@ -220,4 +220,4 @@ def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range:
     shown = axes.imshow(np.ma.masked_invalid(depth), cmap=colors, vmin=low, vmax=high)
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
     bar = axes.figure.colorbar(shown, ax=axes, shrink=0.85, pad=0.02)
-    bar.set_label("planar depth [m], grey: none")
+    bar.set_label("planar depth [m], gray: none")

@@ -133,7 +133,7 @@ def _draw_view(axes: Axes, shown: Shown, agent: Agent) -> None:
     seen = agent_view(shown.scene, agent, shown.view, object_poses=shown.object_poses)
     axes.imshow(_depth_shaded(shown, seen), extent=seen.extent)
     if isinstance(agent.camera, FieldOfView):
-        axes.set(xlabel="to the right of the gaze [degrees]", ylabel="above it [degrees]")
+        axes.set(xlabel="azimuth [degrees]", ylabel="elevation [degrees]")
     else:
         axes.set(xlabel="x [px]", ylabel="y [px]")
     title = f"What the {agent.name} sees"
@@ -253,8 +253,8 @@ def _draw_legend(axes: Axes, shown: Shown, proposed: bool) -> None:
         "not seen (maps)": _UNSEEN,
     }
     handles += [Patch(facecolor=str(grey), edgecolor="black", label=word) for word, grey in greys.items()]
-    handles.append(Line2D([], [], color="black", marker="o", label="place and gaze of an agent"))
+    handles.append(Line2D([], [], color="black", marker="o", label="position and gaze of an agent"))
     if proposed:
-        text = f"where the {first} could go to see more"
+        text = f"proposed pose of the {first}"
         handles.append(Line2D([], [], color="black", marker="o", markerfacecolor="white", linestyle="--", label=text))
     axes.legend(handles=handles, loc="upper center", fontsize=12, frameon=False, labelspacing=0.8)

@@ -104,7 +104,9 @@ def save_contact_sheet(
     names = [check_text(name, "a name") for name in as_items(names, "names")]
     _check_range(depth_range)
     if not images or len(names) != len(images) or any(image.ndim != 2 or not image.size for image in images):
-        raise ArrayError(f"a sheet needs images (H, W) and a name for each, got {len(images)} and {len(names)}")
+        raise ArrayError(
+            f"depth must be images of shape (H, W) with one name each, got {len(images)} images and {len(names)} names"
+        )
     height, width = (max(image.shape[axis] for image in images) for axis in (0, 1))
     small = min(1.0, _THUMBNAIL / width)
     cell = (max(1, round(width * small)), max(1, round(height * small)) + _TITLE_HEIGHT)
@@ -147,7 +149,7 @@ def _check_range(depth_range: tuple[float, float]) -> tuple[float, float]:
         or not all(is_number(value) and np.isfinite(value) for value in values)
         or values[0] > values[1]
     ):
-        raise ArrayError(f"depth_range must be two depths, the less one first, got {depth_range!r}")
+        raise ArrayError(f"depth_range must be two finite depths [m] in ascending order, got {depth_range!r}")
     return float(values[0]), float(values[1])
 
 
@@ -158,4 +160,4 @@ def _save(picture: Picture, path: str | os.PathLike[str]) -> None:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
     except ValueError:
-        raise FileFormatError(f"{path}: is no picture's name; end it in .png or .jpg") from None
+        raise FileFormatError(f"{path}: the name of a picture must end in .png or .jpg") from None

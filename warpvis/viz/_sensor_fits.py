@@ -34,7 +34,7 @@ def save_sensor_fit(fit: StereoFit, path: str | os.PathLike[str]) -> None:
         FileFormatError: If the picture cannot be written.
     """
     if not isinstance(fit, StereoFit):
-        raise ArrayError(f"fit must be what warpvis.sensors.fit returns, got {type(fit).__name__}")
+        raise ArrayError(f"fit must be a result of warpvis.sensors.fit, got {type(fit).__name__}")
     figure = new_figure(10, 7.5, gap=0.08)
     panels = figure.subplots(2, 2)
     _draw_errors(panels[0, 0], fit)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_items, is_whole
+from warpvis.core.checks import as_items, is_whole, pluralize
 from warpvis.core.labels import Label
 from warpvis.core.types import ObjectPoses
 from warpvis.errors import ArrayError, SceneError
@@ -70,16 +70,16 @@ class Shown:
         """Collect the data; see `warpvis.viz.save_perspective` for the arguments and errors."""
         require_scene(scene)
         if not isinstance(seen, Perspective):
-            raise SceneError(f"seen must be what perspective found, got {type(seen).__name__}")
+            raise SceneError(f"seen must be a result of perspective, got {type(seen).__name__}")
         two = as_items(agents, "agents", SceneError)
         if len(two) != 2 or not all(isinstance(agent, Agent) and agent.name in seen.agents for agent in two):
             names = ", ".join(repr(getattr(agent, "name", agent)) for agent in two)
-            raise SceneError(f"agents must be two of those that perspective was asked about, got {names or 'none'}")
+            raise SceneError(f"agents must be two agents of seen, got {names or 'none'}")
         wanted = set(seen.labels) - scene.ground_labels if labels is None else scene.label_names.numbers(labels)
         first, second = two
         found = seen.states(first.name, second.name)
         if not is_whole(view) or view not in range(len(found)):
-            raise ArrayError(f"view must be one of {len(found)} situations, counted from 0, got {view!r}")
+            raise ArrayError(f"view must be an index from 0 into {pluralize(len(found), 'situation')}, got {view!r}")
         bodies = {*first.body, *second.body}
         states = {
             scene.index(name): State(state)
