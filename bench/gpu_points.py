@@ -179,7 +179,7 @@ def main() -> None:
     with wp.ScopedDevice(device):
         for size in arguments.packets or [0]:
             if size:
-                _cuda_points._PACKETS, _cuda_points._FEWEST_POINTS = ((size, 0),), 0
+                _cuda_points._PACKETS, _cuda_points._MIN_POINTS = ((size, 0),), 0
                 _cuda_points._FEWEST_A_VIEW = _cuda_points._FEWEST_IN_FINE_TREES = 0
                 print(f"\nPackets of {size} points, however few there are\n")
             print("| | views a second | Gpoints/s | x `rays` | time by the image's, a point | same as `rays` |")

@@ -217,7 +217,7 @@ def test_what_is_refused(tmp_path):
         ({"outputs": ("depth", "reasons")}, "outputs must not contain reasons without a sensor"),
         ({"sensor": "d435"}, "sensor must be a model of"),
         ({"sensor": STEREO, "seed": -1}, "seed must be"),
-        ({"sensor": STEREO, "camera": lens}, "pinhole"),
+        ({"sensor": STEREO, "camera": lens}, "camera of StereoDepth must be a warpvis.Camera"),
         ({"sensor": wv.sensors.StereoDepth(0.05, reflectivity={"sofa": 0.1})}, "sofa"),
     ):
         with pytest.raises(wv.WarpvisError, match=said):

@@ -20,7 +20,7 @@ from cuda_emulator import Emulator, Variant, emulated_renderer
 from native_build import find_compiler
 
 import warpvis as wv
-from warpvis.rendering._cuda_table import MAX_ASIDE
+from warpvis.rendering._cuda_table import MAX_EYE_OFFSET
 from warpvis.rendering._ray_eyes import group_rows
 from warpvis.rendering._ray_packets import prepare_packets
 from warpvis.sensors import Rays, lidars
@@ -123,7 +123,7 @@ def test_eyes_of_lidars_are_amidst_their_rays(name):
     shape = (lidar.height, lidar.width, 3)
     rays, origins = lidar.rays.reshape(-1, 3), lidar.origins.reshape(-1, 3)
     prepared = prepare_packets(rays.reshape(shape), wp.get_device("cpu"), origins.reshape(shape))
-    assert prepared.aside <= MAX_ASIDE
+    assert prepared.eye_offset <= MAX_EYE_OFFSET
     found = []
     for _, packets in prepared.packets:
         place, words = packets.place.numpy(), packets.eyes.numpy()
@@ -163,7 +163,7 @@ def test_lasers_that_begin_alike_are_in_packets_of_their_own():
 def test_rays_that_pass_far_from_each_other_go_one_by_one():
     directions, origins = spread_out(2000, 0.05)
     prepared = prepare_packets(directions[None], wp.get_device("cpu"), origins[None])
-    assert prepared.aside > MAX_ASIDE
+    assert prepared.eye_offset > MAX_EYE_OFFSET
 
 
 @pytest.mark.parametrize("name", ["vlp16", "OS0-128"])

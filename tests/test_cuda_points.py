@@ -15,7 +15,7 @@ from reference_point_order import OUTSIDE_CELLS, cells_of, count_points, hilbert
 
 import warpvis as wv
 from warpvis.rendering import _cuda_points
-from warpvis.rendering._cuda_points import guess_columns, list_points, packet_count, points_of_packet, takes_packets
+from warpvis.rendering._cuda_points import guess_columns, list_points, packet_count, packet_size, takes_packets
 
 import reference
 from compare import wrong_depth
@@ -354,7 +354,7 @@ def test_which_points_may_be_in_rows():
 
 
 def test_how_many_points_a_packet_has():
-    assert [points_of_packet(views * 76_800, 132) for views in (1, 10, 11, 512)] == [64, 64, 256, 256]
+    assert [packet_size(views * 76_800, 132) for views in (1, 10, 11, 512)] == [64, 64, 256, 256]
 
 
 def test_which_points_go_in_packets():

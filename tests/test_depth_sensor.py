@@ -263,7 +263,7 @@ LENS = wv.Camera.from_opencv(CAMERA.to_K(), [0.1, 0, 0, 0], 45, 30)
         (
             lambda scene: wv.Renderer(scene, LENS, sensor=Noisy()),
             "CameraError",
-            "pinhole, warpvis.Camera, .*LensCamera",
+            "must be a warpvis.Camera, got LensCamera",
         ),
         (
             lambda scene: wv.Renderer(scene, CAMERA, sensor=Noisy(), seed=-1),
@@ -271,12 +271,20 @@ LENS = wv.Camera.from_opencv(CAMERA.to_K(), [0.1, 0, 0, 0], 45, 30)
             "seed must be a whole number",
         ),
         (lambda scene: wv.Renderer(scene, CAMERA, sensor=Noisy(), seed=2**32), "ArrayError", "seed must be below 2"),
-        (lambda scene: wv.render(scene, CAMERA, POSES, outputs=("reasons",)), "ArrayError", "without reasons where"),
-        (lambda scene: wv.render(scene, CAMERA, POSES, frame=1), "ArrayError", "give Renderer a sensor"),
+        (
+            lambda scene: wv.render(scene, CAMERA, POSES, outputs=("reasons",)),
+            "ArrayError",
+            "outputs must not contain reasons without a sensor",
+        ),
+        (
+            lambda scene: wv.render(scene, CAMERA, POSES, frame=1),
+            "ArrayError",
+            "frame and view_index must be None without a sensor",
+        ),
         (
             lambda scene: wv.render(scene, CAMERA, POSES, view_index=[0, 1, 2, 3]),
             "ArrayError",
-            "give Renderer a sensor",
+            "frame and view_index must be None without a sensor",
         ),
         (lambda scene: noisy(scene, frame=-1), "ArrayError", "frame must be a whole number from 0 up"),
         (lambda scene: noisy(scene, frame=1.5), "ArrayError", "frame must be a whole number from 0 up"),
@@ -296,7 +304,7 @@ LENS = wv.Camera.from_opencv(CAMERA.to_K(), [0.1, 0, 0, 0], 45, 30)
         (
             lambda scene: wv.Renderer(scene, CAMERA, sensor=Noisy()).render_at(POSES, np.ones((4, 2, 2))),
             "CameraError",
-            "render_at needs a Renderer without one",
+            "render_at requires a Renderer without a sensor",
         ),
         (
             lambda scene: wv.render(

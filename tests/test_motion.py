@@ -134,7 +134,7 @@ REFUSED = {
     "nothing": (lambda: Motion(np.zeros((2, 0, 7)), [0, 1]), r"poses must be there, got shape \(2, 0, 7\)"),
     "starts": (
         lambda: Motion(np.tile(TWO, (2, 1, 1)), [0, 1], starts=[0.0, 1, 2]),
-        "starts must have one value for each of 2 views, got 3",
+        "starts must be one for each of the 2 views, got 3",
     ),
     "twist": (lambda: Motion.from_twist(STRAIGHT, (1, 0), (0, 0, 1)), r"linear must be three finite numbers, .* got"),
     "turning": (

@@ -440,11 +440,17 @@ def lidar_of(*times):
 
 MOVES = Motion([STRAIGHT, STRAIGHT], [0.0, 0.1])
 REFUSED = {
-    "no times": (lambda s: wv.render(s, CAMERA, MOVES), "rays, which this camera has not: give Rays times, or take a"),
-    "rays without times": (lambda s: wv.render(s, Rays(sphere_of_rays(2)), MOVES), "give Rays times"),
+    "no times": (
+        lambda s: wv.render(s, CAMERA, MOVES),
+        "camera must have times of rays for a Motion. Set times of Rays, or use a",
+    ),
+    "rays without times": (
+        lambda s: wv.render(s, Rays(sphere_of_rays(2)), MOVES),
+        "camera must have times of rays for a Motion",
+    ),
     "objects without times": (
         lambda s: wv.render(s, CAMERA, STRAIGHT, object_poses=Motion(np.tile(STRAIGHT, (2, 5, 1)), [0, 1])),
-        "give Rays times",
+        "camera must have times of rays for a Motion",
     ),
     "late rays": (
         lambda s: wv.render(s, lidar_of(0.0, 0.2), MOVES),

@@ -245,7 +245,7 @@ def test_a_camera_is_rendered_as_any_other(projection, caster, device):
 def test_images_of_more_than_the_scene_keeps_are_the_same(monkeypatch, projection, device):
     scene, poses, size = scenes.PRESETS["room"].build(device), scenes.PRESETS["room"].poses(1), SIZES[projection]
     kept = render_wide(scene, *size, AROUND, poses, projection=projection, outputs=ALL)
-    monkeypatch.setattr(_panorama, "_MAX_KEPT_RAYS", size[0] * size[1] - 1)
+    monkeypatch.setattr(_panorama, "_MAX_CACHED_RAYS", size[0] * size[1] - 1)
     other = scenes.PRESETS["room"].build(device)
     alone = render_wide(other, *size, AROUND, poses, projection=projection, outputs=ALL)
     assert not other.kept_rays and scene.kept_rays

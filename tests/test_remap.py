@@ -9,7 +9,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.rendering._cpu_remap import are_neighbours
+from warpvis.rendering._cpu_remap import are_coherent
 from warpvis.scene import solids
 
 import reference
@@ -124,7 +124,7 @@ def test_scattered_places_are_cast_as_lists_are():
     scene, cameras = build("cpu", random_poses(rng, len(SHAPES))), eyes(2)
     places = rng.uniform((0, 0), (CAMERA.width, CAMERA.height), (2, 40, 50, 2)).astype(np.float32)
     renderer = wv.Renderer(scene, CAMERA, outputs=ALL)
-    assert not are_neighbours(wp.array(places, dtype=wp.vec2, device="cpu"))
+    assert not are_coherent(wp.array(places, dtype=wp.vec2, device="cpu"))
     image, points = renderer.render_at(cameras, places), renderer.render_at(cameras, places.reshape(2, -1, 2))
     for name in ALL:
         one = getattr(image, name).numpy()

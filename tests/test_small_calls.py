@@ -19,7 +19,7 @@ from warpvis.core.arrays import aligned_empty, aligned_zeros
 from warpvis.core.device_poses import _as_poses
 from warpvis.core.poses import host_poses, poses_to_matrices, poses_to_opencv
 from warpvis.rendering._cpu_packets import RayCosts
-from warpvis.rendering._prepared import Idle
+from warpvis.rendering._prepared import FreeList
 
 ALL = ("depth", "points", "normals", "labels", "segmentation")
 CAMERA = wv.Camera.from_fov(40, 33, hfov=1.2, near=0.05, far=50.0)
@@ -365,12 +365,12 @@ def test_copies_of_a_renderer_of_rays_that_was_used(device, caster, convert):
 
 
 def test_kinds_that_did_not_come_last_are_forgotten():
-    idle = Idle[str](2)
+    free = FreeList[str](2)
     for kind in (1, 2, 3):
-        assert idle.take(kind) is None
-        idle.give_back(kind, f"first of {kind}")
-    idle.give_back(3, "second of 3")
-    assert [idle.take(kind) for kind in (1, 2, 3, 3, 3)] == [None, "first of 2", "second of 3", "first of 3", None]
+        assert free.take(kind) is None
+        free.give_back(kind, f"first of {kind}")
+    free.give_back(3, "second of 3")
+    assert [free.take(kind) for kind in (1, 2, 3, 3, 3)] == [None, "first of 2", "second of 3", "first of 3", None]
 
 
 def test_strided_poses_of_a_device_are_gathered():

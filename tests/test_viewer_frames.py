@@ -100,9 +100,12 @@ def test_what_is_refused(tmp_path):
     two = np.tile(moved(), (1, 2, 1))
     cases = [
         (lambda: state_of("walk.txt"), "frames must be a non-empty warpvis.Frames, got str"),
-        (lambda: state_of(wv.Frames.from_poses(WALK, object_poses=two)), "poses of 2 objects, and the scene has 1"),
-        (lambda: state_of(frames).show_frame(3), "frame must be one of 3"),
-        (lambda: state_of(None).show_frame(0), "frame must be one of 0"),
+        (
+            lambda: state_of(wv.Frames.from_poses(WALK, object_poses=two)),
+            "frames must have poses of the scene's 1 movable objects, got 2",
+        ),
+        (lambda: state_of(frames).show_frame(3), "frame must be an index from 0 into 3 frames, got 3"),
+        (lambda: state_of(None).show_frame(0), "frame must be an index from 0 into 0 frames, got 0"),
         (lambda: save_rerun(state_of(None), tmp_path / "no" / "a.rrd"), "cannot be written"),
         (lambda: save_rerun(room(), tmp_path / "a.rrd"), "state must be a warpvis.viewer.ViewerState"),
     ]

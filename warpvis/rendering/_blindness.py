@@ -27,13 +27,13 @@ _MAX_EYES = 8
 
 def find_blind(views: Views) -> tuple[bool, NDArray[np.intp]]:
     """Return whether no pixel of any view has a depth, and the views where most pixels are too near (-inf)."""
-    none = np.empty(0, dtype=np.intp)
+    no_views = np.empty(0, dtype=np.intp)
     if views.depth is None or not views.depth.device.is_cpu or not views.depth.size:
-        return False, none
+        return False, no_views
     depth = views.depth.numpy().reshape(len(views.depth), -1)
-    few = depth[:, :: max(1, depth.shape[1] // _PIXELS)]
-    near = np.flatnonzero(np.isneginf(few).mean(axis=1) > 0.5)
-    return not np.isfinite(few).any() and not np.isfinite(depth).any(), near
+    sample = depth[:, :: max(1, depth.shape[1] // _PIXELS)]
+    too_near = np.flatnonzero(np.isneginf(sample).mean(axis=1) > 0.5)
+    return not np.isfinite(sample).any() and not np.isfinite(depth).any(), too_near
 
 
 def warn_of_units(scene: Scene, far: float, seen: NDArray[np.bool_]) -> None:
@@ -46,7 +46,7 @@ def warn_of_units(scene: Scene, far: float, seen: NDArray[np.bool_]) -> None:
     """
     if not seen.any() or math.isinf(far):
         return
-    boxes = np.array([item.bounds for item, counts in zip(scene.objects, seen, strict=True) if counts])
+    boxes = np.array([item.bounds for item, included in zip(scene.objects, seen, strict=True) if included])
     size = boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)
     if too_large_for(size, far):
         spans = " x ".join(f"{side:.4g}" for side in size)
@@ -74,13 +74,13 @@ def warn_of_eyes_inside(
     eyes = poses[views[:_MAX_EYES], :3]
     if not len(eyes):
         return
-    around = []
-    for item, counts in zip(scene.objects, seen, strict=True):
-        is_small = counts and np.ptp(item.bounds, axis=0).min() <= _MAX_NEARS * near
+    enclosing = []
+    for item, included in zip(scene.objects, seen, strict=True):
+        is_small = included and np.ptp(item.bounds, axis=0).min() <= _MAX_NEARS * near
         if is_small and holds(item.vertices, item.faces, eyes).any():
-            around.append(item.name)
-    if around:
-        names = ", ".join(map(repr, around[:3]))
+            enclosing.append(item.name)
+    if enclosing:
+        names = ", ".join(map(repr, enclosing[:3]))
         warn_user(
             f"{len(views)} of {len(poses)} views see almost nothing: the camera is inside {names}. Move the camera, or "
             "exclude the object that carries it",

@@ -14,7 +14,7 @@ from warpvis.core.checks import check_choice, check_number, check_whole
 from warpvis.core.outputs import Output
 from warpvis.core.ray_camera import RayCamera
 from warpvis.errors import ArrayError, CameraError
-from warpvis.rendering._cpu_apart import CpuApartPacketsCaster
+from warpvis.rendering._cpu_ray_origins import CpuRayOriginsCaster
 from warpvis.rendering._cpu_remap import CpuRemapCaster
 from warpvis.rendering._cpu_table import CpuTablePacketsCaster
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
@@ -43,9 +43,9 @@ def check_asked(outputs: object, sensor: object) -> tuple[str, ...]:
         ArrayError: If there is no output, an unknown one, or an output of sensors without a sensor.
     """
     names = check_outputs(outputs, ALL_OUTPUTS)
-    alone = [name for name in names if name in SENSOR_OUTPUTS]
-    if sensor is None and alone:
-        raise ArrayError(f"outputs must not contain {' and '.join(alone)} without a sensor")
+    sensor_only = [name for name in names if name in SENSOR_OUTPUTS]
+    if sensor is None and sensor_only:
+        raise ArrayError(f"outputs must not contain {' and '.join(sensor_only)} without a sensor")
     return names
 
 
@@ -74,7 +74,7 @@ def caster_class(
             return RayTableCaster
         if not device.is_cpu:
             return CudaTablePacketsCaster
-        return CpuTablePacketsCaster if camera.origins is None else CpuApartPacketsCaster
+        return CpuTablePacketsCaster if camera.origins is None else CpuRayOriginsCaster
     if caster == "rays":
         return RaysCaster
     return CpuRemapCaster if device.is_cpu else CudaPacketsCaster

@@ -19,7 +19,7 @@ from warpvis.core.poses import Convention, host_poses
 from warpvis.core.threads import pack_launch, run_together
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
-from warpvis.rendering._prepared import Idle, ImageSlots, memory_of
+from warpvis.rendering._prepared import FreeList, ImageSlots, memory_of
 from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
 
@@ -41,9 +41,9 @@ _MIN_SHARED, _SURELY_SHARED = 8e4, 5e5
 # Calls with at most this many rays use one thread and are not timed.
 FEW_RAYS = 256
 # Between the two, one in this many calls uses the slower of one and several threads, to update its time.
-_CALLS_BETWEEN_LOOKS = 16
+_CALLS_PER_TRIAL = 16
 # Time that the caller takes to wake one thread [ns].
-_WAKING = 5e3
+_WAKING_TIME = 5e3
 # Maximum number of kinds of calls with cached workspaces; the number of threads is part of the kind.
 MAX_KINDS = 3
 
@@ -113,35 +113,35 @@ class RayCosts:
         """Start with default estimates and a maximum number of threads."""
         self._threads = threads
         # Times per ray [ns]: the minimum of the last two calls, since a single slow call may have been preempted.
-        self._alone = self._last_alone = _FIRST_COST
+        self._single = self._last_single = _FIRST_COST
         self._shared = self._last_shared = 0.0
         self._calls = 0
 
     def threads_for(self, rays: int) -> int:
         """Return the number of threads for a call: one, a power of two, or all."""
-        work = rays * self._alone
+        work = rays * self._single
         if self._threads == 1 or work < _MIN_SHARED:
             return 1
         if work < _SURELY_SHARED:
             self._calls += 1
-            looks = self._calls % _CALLS_BETWEEN_LOOKS == 0
-            if looks == (self._shared < self._alone):
+            is_trial = self._calls % _CALLS_PER_TRIAL == 0
+            if is_trial == (self._shared < self._single):
                 return 1
-        # Waking n threads takes n * _WAKING, and the work then takes work / n: the sum is minimal at
-        # n = sqrt(work / _WAKING).
-        best = math.isqrt(int(work / _WAKING))
+        # Waking n threads takes n * _WAKING_TIME, and the work then takes work / n: the sum is minimal at
+        # n = sqrt(work / _WAKING_TIME).
+        best = math.isqrt(int(work / _WAKING_TIME))
         return min(self._threads, max(2, 1 << (best - 1).bit_length()))
 
     def note(self, rays: int, threads: int, nanoseconds: int) -> None:
         """Record the duration of a call."""
         cost = nanoseconds / rays
         if threads == 1:
-            self._alone, self._last_alone = min(cost, self._last_alone), cost
+            self._single, self._last_single = min(cost, self._last_single), cost
             return
         self._shared, self._last_shared = min(cost, self._last_shared), cost
         # One thread would take at most the total time of all threads.
-        together = cost * threads
-        self._alone = together if rays * self._alone >= _SURELY_SHARED else min(together, self._alone)
+        total = cost * threads
+        self._single = total if rays * self._single >= _SURELY_SHARED else min(total, self._single)
 
 
 class CpuPacketsCaster:
@@ -155,7 +155,7 @@ class CpuPacketsCaster:
         self._clip_near = clip_near
         self._threads = threads
         self._costs = RayCosts(threads), RayCosts(threads)  # for pixels and for image points
-        self._idle = Idle[Workspace](MAX_KINDS)
+        self._free = FreeList[Workspace](MAX_KINDS)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> np.ndarray:
         """Check poses and return them in this caster's format."""
@@ -186,22 +186,24 @@ class CpuPacketsCaster:
         workers = 1 if costs is None else costs.threads_for(rays)
         scene = clusters.struct
         kind = (scene.levels, scene.drawn_count, views, points, workers)
-        space = self._idle.take(kind) or self._make_space(scene, self._make_job(views, points, workers), workers)
-        space.fill(scene, poses, worlds, images)
+        workspace = self._free.take(kind) or self._make_workspace(
+            scene, self._make_job(views, points, workers), workers
+        )
+        workspace.fill(scene, poses, worlds, images)
         if pixels is not None:
-            space.job.pixels = pixels.flatten().view(wp.float32).flatten()
+            workspace.job.pixels = pixels.flatten().view(wp.float32).flatten()
         if costs is None:
-            space.run()
+            workspace.run()
         else:
             start = time.perf_counter_ns()
-            space.run()
+            workspace.run()
             costs.note(rays, workers, time.perf_counter_ns() - start)
         if pixels is not None:
-            space.job.pixels = None
-        self._idle.give_back(kind, space)
+            workspace.job.pixels = None
+        self._free.give_back(kind, workspace)
 
     @staticmethod
-    def _make_space(scene: BvhScene, job: PacketJob, workers: int) -> Workspace:
+    def _make_workspace(scene: BvhScene, job: PacketJob, workers: int) -> Workspace:
         from warpvis.kernels.packets import PacketCall, cast_packets
 
         return Workspace(scene, cast_packets, (PacketCall(), PacketCall), job, min(workers, job.views * job.strips))

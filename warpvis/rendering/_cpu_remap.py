@@ -14,7 +14,7 @@ import warp as wp
 from warpvis.core.camera import Camera
 from warpvis.kernels.constants import BLOCK_SIDE, TILE_SIDE
 from warpvis.rendering._cpu_packets import MAX_KINDS, CpuPacketsCaster, RayCosts, Workspace
-from warpvis.rendering._prepared import Idle
+from warpvis.rendering._prepared import FreeList
 from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _FINENESS, _MAX_FOCAL = 32.0, 2.0**15
 # A map is cast in packets if its blocks of 4 x 4 points have at most this width plus height on average [px], measured
 # on at most this many blocks.
-_MAX_APART, _LOOKED_AT = 24.0, 64
+_MAX_BLOCK_SIZE, _MAX_SAMPLED_BLOCKS = 24.0, 64
 
 
 class CpuRemapCaster(CpuPacketsCaster):
@@ -36,11 +36,11 @@ class CpuRemapCaster(CpuPacketsCaster):
         """Set up the caster."""
         super().__init__(scene, camera, cull_backfaces=cull_backfaces, clip_near=clip_near, threads=threads)
         self._map_costs = RayCosts(threads)
-        self._idle_maps = Idle[Workspace](MAX_KINDS)
+        self._free_maps = FreeList[Workspace](MAX_KINDS)
 
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, vec2 of shape ``(V, Y, X)``, which is also the images' shape; Y is 1 for lists."""
-        if pixels.shape[1] > 1 and are_neighbours(pixels):
+        if pixels.shape[1] > 1 and are_coherent(pixels):
             self._cast_map(poses, worlds, pixels, images)
         else:
             super().cast_at(poses, worlds, pixels, images)
@@ -51,41 +51,43 @@ class CpuRemapCaster(CpuPacketsCaster):
         scene = self._scene.bvh(faces=wants_faces(images)).struct
         workers = min(self._map_costs.threads_for(rays), views * -(-rows // TILE_SIDE))
         kind = (scene.levels, scene.drawn_count, pixels.shape, workers)
-        space = self._idle_maps.take(kind) or self._make_map_space(scene, pixels.shape, workers)
-        space.fill(scene, poses, worlds, images)
-        space.job.pixels = pixels.flatten().view(wp.float32).flatten()
+        workspace = self._free_maps.take(kind) or self._make_map_workspace(scene, pixels.shape, workers)
+        workspace.fill(scene, poses, worlds, images)
+        workspace.job.pixels = pixels.flatten().view(wp.float32).flatten()
         start = time.perf_counter_ns()
-        space.run()
+        workspace.run()
         self._map_costs.note(rays, workers, time.perf_counter_ns() - start)
-        space.job.pixels = None
-        self._idle_maps.give_back(kind, space)
+        workspace.job.pixels = None
+        self._free_maps.give_back(kind, workspace)
 
-    def _make_map_space(self, scene: BvhScene, shape: tuple[int, int, int], workers: int) -> Workspace:
+    def _make_map_workspace(self, scene: BvhScene, shape: tuple[int, int, int], workers: int) -> Workspace:
         from warpvis.kernels.remap_packets import RemapCall, RemapJob, cast_remapped_packets
 
         job = RemapJob()
         job.views, job.rows, job.columns = shape
         job.camera = self._camera.device_struct(clip_near=self._clip_near)
         # The factor is a power of two, so that single precision suffices to convert coordinates.
-        finer = min(_FINENESS, max(1.0, _MAX_FOCAL / self._camera.fx))
-        job.tree_focal = self._camera.fx * 2.0 ** math.floor(math.log2(finer))
+        scale = min(_FINENESS, max(1.0, _MAX_FOCAL / self._camera.fx))
+        job.tree_focal = self._camera.fx * 2.0 ** math.floor(math.log2(scale))
         job.cull_backfaces = int(self._cull_backfaces)
         job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
         return Workspace(scene, cast_remapped_packets, (RemapCall(), RemapCall), job, workers)
 
 
-def are_neighbours(pixels: wp.array) -> bool:
+def are_coherent(pixels: wp.array) -> bool:
     """Return whether a sample of blocks of a map, vec2 of shape ``(V, Y, X)``, is coherent in the image."""
     views, rows, columns = pixels.shape
-    across, down = columns // BLOCK_SIDE, rows // BLOCK_SIDE
-    blocks = views * across * down
+    block_columns, block_rows = columns // BLOCK_SIDE, rows // BLOCK_SIDE
+    blocks = views * block_columns * block_rows
     if blocks == 0:
         return False
-    view, block = np.divmod(np.linspace(0, blocks - 1, min(blocks, _LOOKED_AT)).astype(np.int64), across * down)
-    row, column = (first[:, None] * BLOCK_SIDE + np.arange(BLOCK_SIDE) for first in np.divmod(block, across))
-    places = pixels.numpy()[view[:, None, None], row[:, :, None], column[:, None, :]].reshape(len(view), -1, 2)
-    fine = np.isfinite(places)
-    most = np.where(fine, places, -np.inf).max(axis=1)
-    apart = most - np.where(fine, places, np.inf).min(axis=1)
-    some = np.isfinite(most).all(axis=-1)
-    return not some.any() or float(apart[some].sum(axis=-1).mean()) <= _MAX_APART
+    view, block = np.divmod(
+        np.linspace(0, blocks - 1, min(blocks, _MAX_SAMPLED_BLOCKS)).astype(np.int64), block_columns * block_rows
+    )
+    row, column = (first[:, None] * BLOCK_SIDE + np.arange(BLOCK_SIDE) for first in np.divmod(block, block_columns))
+    positions = pixels.numpy()[view[:, None, None], row[:, :, None], column[:, None, :]].reshape(len(view), -1, 2)
+    is_finite = np.isfinite(positions)
+    high = np.where(is_finite, positions, -np.inf).max(axis=1)
+    size = high - np.where(is_finite, positions, np.inf).min(axis=1)
+    nonempty = np.isfinite(high).all(axis=-1)
+    return not nonempty.any() or float(size[nonempty].sum(axis=-1).mean()) <= _MAX_BLOCK_SIZE

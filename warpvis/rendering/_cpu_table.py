@@ -17,7 +17,7 @@ from warpvis.core.poses import Convention, host_poses
 from warpvis.core.ray_camera import RayCamera
 from warpvis.core.types import PoseLike
 from warpvis.rendering._cpu_packets import FEW_RAYS, MAX_KINDS, RayCosts, Workspace
-from warpvis.rendering._prepared import Idle
+from warpvis.rendering._prepared import FreeList
 from warpvis.rendering._ray_bundles import PreparedRays, prepare_rays
 from warpvis.rendering._views import wants_faces
 from warpvis.rendering.casters import RayTableCaster
@@ -40,7 +40,7 @@ class CpuTablePacketsCaster:
         self._clip_near = clip_near and camera.near > 0
         self._threads = threads
         self._costs = RayCosts(threads)
-        self._idle = Idle[Workspace](MAX_KINDS)
+        self._free = FreeList[Workspace](MAX_KINDS)
         self._single_rays = RayTableCaster(
             scene, camera, cull_backfaces=cull_backfaces, clip_near=clip_near, threads=threads
         )
@@ -67,13 +67,13 @@ class CpuTablePacketsCaster:
         costs = None if rays <= FEW_RAYS else self._costs
         workers = min(units, 1 if costs is None else costs.threads_for(rays))
         kind = (scene.levels, scene.drawn_count, views, workers)
-        space = self._idle.take(kind) or self._make_space(scene, views, workers)
-        space.fill(scene, poses, worlds, images)
+        workspace = self._free.take(kind) or self._make_workspace(scene, views, workers)
+        workspace.fill(scene, poses, worlds, images)
         start = time.perf_counter_ns()
-        space.run()
+        workspace.run()
         if costs is not None:
             costs.note(rays, workers, time.perf_counter_ns() - start)
-        self._idle.give_back(kind, space)
+        self._free.give_back(kind, workspace)
 
     def cast_at(self, poses: np.ndarray, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast single rays through image points, vec2 of shape ``(V, 1, N)``, which is also the images' shape."""
@@ -84,7 +84,7 @@ class CpuTablePacketsCaster:
         camera = self._camera
         return camera.prepared("packets", lambda: prepare_rays(camera.rays.reshape(camera.height, camera.width, 3)))
 
-    def _make_space(self, scene: BvhScene, views: int, workers: int) -> Workspace:
+    def _make_workspace(self, scene: BvhScene, views: int, workers: int) -> Workspace:
         from warpvis.kernels.table_packets import TableCall, cast_table_packets
 
         call = TableCall()

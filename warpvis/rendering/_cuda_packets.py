@@ -15,7 +15,7 @@ from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering._cuda_points import cast_point_packets, takes_packets
 from warpvis.rendering._found_objects import MANY_OBJECTS, find_objects, nothing_found
-from warpvis.rendering._prepared import Idle, ImageSlots, memory_of
+from warpvis.rendering._prepared import FreeList, ImageSlots, memory_of
 from warpvis.rendering._views import wants_faces, wants_ids
 from warpvis.rendering.casters import CastPoses, RaysCaster
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # By whether the scene has movable objects, which every packet tests: pairs of a packet height and the number of packets
 # per multiprocessor from which it is faster than the next smaller height; and the minimum height.
-_FEWEST_PACKETS = {False: (((16, 24), (8, 32), (4, 24), (2, 8)), 1), True: (((16, 24), (8, 16)), 4)}
+_MIN_PACKETS = {False: (((16, 24), (8, 32), (4, 24), (2, 8)), 1), True: (((16, 24), (8, 16)), 4)}
 # Maximum number of kinds of calls with a cached launch.
 _MAX_KINDS = 4
 
@@ -92,7 +92,7 @@ class CudaPacketsCaster(RaysCaster):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         """Set up the caster; the arguments are those of `RaysCaster`."""
         super().__init__(*arguments, **options)
-        self._idle = Idle[_PackedLaunch](_MAX_KINDS)
+        self._free = FreeList[_PackedLaunch](_MAX_KINDS)
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
@@ -100,27 +100,27 @@ class CudaPacketsCaster(RaysCaster):
         if views == 0:
             return
         clusters, camera = self._scene.bvh(faces=wants_faces(images)), self._camera
-        drawn = clusters.struct.drawn_count
-        moving, large_packets = drawn > 0, 64
-        if 0 < drawn < MANY_OBJECTS:
+        movable_count = clusters.struct.drawn_count
+        moving, large_packets = movable_count > 0, 64
+        if 0 < movable_count < MANY_OBJECTS:
             large_packets = 12 if clusters.moves_solids_only else 32
         side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets, moving=moving)
         kind = (side, wants_ids(images), moving, self._clip_near, moving and worlds.object_sizes is not None, views)
-        packed = self._idle.take(kind) or self._pack(kind)
-        places, staging = self._place(poses)
-        self._draw(packed, clusters.struct, places, worlds, images)
+        packed = self._free.take(kind) or self._pack(kind)
+        device_poses, staging = self._upload(poses)
+        self._draw(packed, clusters.struct, device_poses, worlds, images)
         self._give_back(staging)
-        self._idle.give_back(kind, packed)
+        self._free.give_back(kind, packed)
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, vec2 of shape ``(V, Y, X)``, which is also the images' shape; Y is 1 for lists."""
         if not takes_packets(pixels.shape[1] * pixels.shape[2]):
             super().cast_at(poses, worlds, pixels, images)
             return
-        places, staging = self._place(poses)
+        device_poses, staging = self._upload(poses)
         options = self._cull_backfaces, self._clip_near
         scene, points = self._scene.bvh(faces=wants_faces(images)).struct, pixels.contiguous()
-        cast_point_packets(scene, self._camera, options, places, worlds, points, images)
+        cast_point_packets(scene, self._camera, options, device_poses, worlds, points, images)
         self._give_back(staging)
 
     def _draw(
@@ -171,8 +171,8 @@ def packet_side(
     """
     from warpvis.kernels.packets_cuda import packet_width
 
-    sides, least = _FEWEST_PACKETS[moving]
+    sides, min_side = _MIN_PACKETS[moving]
     for side, packets_per_processor in ((32, large_packets), *sides):
         if views * -(-width // packet_width(side)) * -(-height // side) >= packets_per_processor * processors:
             return side
-    return least
+    return min_side

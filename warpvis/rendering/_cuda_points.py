@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 # With fewer points per view, single rays are faster. The limit is independent of the number of views, so that the
 # last digits of a view's results are too.
-_FEWEST_POINTS = 1 << 15
+_MIN_POINTS = 1 << 15
 # Pairs of the number of points in a packet and the number of such packets per multiprocessor from which it is used.
 _PACKETS = ((256, 24), (64, 0))
 # Maximum number of points sorted at a time: 4 bytes each, plus at most half as much for cells.
@@ -41,7 +41,7 @@ _MAX_BITS = 12  # of a cell's column index
 
 def takes_packets(count: int) -> bool:
     """Return whether a view with `count` points is cast in packets."""
-    return _FEWEST_POINTS <= count <= _MAX_POINTS
+    return _MIN_POINTS <= count <= _MAX_POINTS
 
 
 def cast_point_packets(
@@ -68,9 +68,9 @@ def cast_point_packets(
     step = max(1, _MAX_POINTS // (pixels.shape[1] * pixels.shape[2]))
     for first in range(0, views, step):
         part = slice(first, min(first + step, views))
-        some = worlds if step >= views else part_of(worlds, part)
+        part_worlds = worlds if step >= views else part_of(worlds, part)
         rows = [None if image is None else image[part] for image in images]
-        _cast(scene, camera, options, poses[part], some, pixels[part], rows)
+        _cast(scene, camera, options, poses[part], part_worlds, pixels[part], rows)
 
 
 def _cast(
@@ -85,7 +85,7 @@ def _cast(
     cull, clip = options
     moving = scene.drawn_count > 0
     lists = list_points(pixels, camera)
-    size = points_of_packet(pixels.size, pixels.device.sm_count)
+    size = packet_size(pixels.size, pixels.device.sm_count)
     launch(
         _kernel(size, wants_ids(images), moving, clip, moving and worlds.object_sizes is not None),
         (packet_count(lists, size), len(poses), CUDA_LANES),
@@ -104,9 +104,9 @@ def _cast(
     )
 
 
-def points_of_packet(points: int, processors: int) -> int:
+def packet_size(points: int, processors: int) -> int:
     """Return the number of points in a packet: the largest that leaves enough packets for all multiprocessors."""
-    return next(size for size, fewest in _PACKETS if points >= size * fewest * processors)
+    return next(size for size, min_packets in _PACKETS if points >= size * min_packets * processors)
 
 
 def packet_count(lists: PointLists, size: int) -> int:
@@ -172,13 +172,13 @@ def _measure(pixels: wp.array, columns: int, camera: Camera) -> wp.array:
     (views, count), device = pixels.shape, pixels.device
     if not columns:
         return wp.ones(views, dtype=wp.int32, device=device)
-    apart = wp.zeros(views, dtype=wp.int32, device=device)
+    excess = wp.zeros(views, dtype=wp.int32, device=device)
     spacing = math.sqrt(camera.width * camera.height / count)
-    most = _MAX_STRETCH * (BLOCK_COLUMNS + BLOCK_ROWS) * spacing
-    across = -(-columns // (BLOCK_COLUMNS * _MEASURED_STEP))
-    inputs = [pixels, columns, float(camera.width), float(camera.height), _MEASURED_STEP, most, apart]
-    launch(measure_blocks, (views, -(-(count // columns) // BLOCK_ROWS), across), inputs, device)
-    return apart
+    max_size = _MAX_STRETCH * (BLOCK_COLUMNS + BLOCK_ROWS) * spacing
+    block_columns = -(-columns // (BLOCK_COLUMNS * _MEASURED_STEP))
+    inputs = [pixels, columns, float(camera.width), float(camera.height), _MEASURED_STEP, max_size, excess]
+    launch(measure_blocks, (views, -(-(count // columns) // BLOCK_ROWS), block_columns), inputs, device)
+    return excess
 
 
 @cache

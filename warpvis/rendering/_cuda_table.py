@@ -11,9 +11,9 @@ import warp as wp
 
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.rendering._apart_rays import takes_packets
 from warpvis.rendering._found_objects import nothing_found
 from warpvis.rendering._ray_images import POINTS_SIDE
+from warpvis.rendering._ray_origins import takes_packets
 from warpvis.rendering._ray_packets import POINTS, PreparedPackets, prepare_packets
 from warpvis.rendering._views import wants_faces, wants_ids
 from warpvis.rendering.casters import CastPoses, RayTableCaster, as_images, images_struct
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 
-MAX_ASIDE = 2.0
+MAX_EYE_OFFSET = 2.0
 """Maximum median distance at which the rays of a packet pass its eye [px m]; beyond it, single rays are faster."""
 
 
@@ -37,12 +37,12 @@ class CudaTablePacketsCaster(RayTableCaster):
         if len(poses) == 0:
             return
         scene, prepared = self._scene.bvh(faces=wants_faces(images)).struct, self._prepared
-        if self._goes_ray_by_ray(worlds):
+        if self._uses_single_rays(worlds):
             super().cast(poses, worlds, images)
             return
         with_id = wants_ids(images)
         moving = scene.drawn_count > 0
-        places, staging = self._place(poses)
+        device_poses, staging = self._upload(poses)
         outputs, lens = images_struct(as_images(images)), self._camera.device_struct()
         resized, origins = moving and worlds.object_sizes is not None, self._camera.origins is not None
         kinds = [(side, 0, packets) for side, packets in prepared.packets]
@@ -52,25 +52,25 @@ class CudaTablePacketsCaster(RayTableCaster):
             launch(
                 _kernel(side, with_id, moving, resized, points, origins),
                 (packets.frame.shape[0], len(poses), CUDA_LANES),
-                [scene, lens, places, worlds, nothing_found(), packets, self._cull_backfaces, outputs],
+                [scene, lens, device_poses, worlds, nothing_found(), packets, self._cull_backfaces, outputs],
                 self._scene.device,
                 block_dim=CUDA_LANES,
             )
         self._give_back(staging)
 
-    def _goes_ray_by_ray(self, worlds: Worlds) -> bool:
+    def _uses_single_rays(self, worlds: Worlds) -> bool:
         if self._camera.origins is not None:
-            taken = takes_packets(self._scene, self._camera, worlds, self._clip_near)
-            return not taken or self._prepared.aside > MAX_ASIDE
+            supported = takes_packets(self._scene, self._camera, worlds, self._clip_near)
+            return not supported or self._prepared.eye_offset > MAX_EYE_OFFSET
         return self._clip_near and self._camera.near > 0
 
     @property
     def _prepared(self) -> PreparedPackets:
         camera, device = self._camera, self._scene.device
         shape, origins = (camera.height, camera.width, 3), camera.origins
-        starts = None if origins is None else origins.reshape(shape)
+        image_origins = None if origins is None else origins.reshape(shape)
         return camera.prepared(
-            ("ray packets", device.alias), lambda: prepare_packets(camera.rays.reshape(shape), device, starts)
+            ("ray packets", device.alias), lambda: prepare_packets(camera.rays.reshape(shape), device, image_origins)
         )
 
 

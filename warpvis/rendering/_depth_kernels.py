@@ -27,11 +27,11 @@ def launch_back_project(
 ) -> None:
     """Write the world points of a camera's depth images."""
     if depth.device.is_cpu:
-        from warpvis.kernels.depth_rows import back_project_ray_rows as of_rays, back_project_rows as of_pinhole
+        from warpvis.kernels.depth_rows import back_project_ray_rows as rays_kernel, back_project_rows as pinhole_kernel
     else:
-        from warpvis.kernels.classify import back_project as of_pinhole
-        from warpvis.kernels.ray_points import back_project_rays as of_rays
-    _launch_camera((of_pinhole, of_rays), camera, poses, depth, [points], threads, _MIN_PIXELS)
+        from warpvis.kernels.classify import back_project as pinhole_kernel
+        from warpvis.kernels.ray_points import back_project_rays as rays_kernel
+    _launch_camera((pinhole_kernel, rays_kernel), camera, poses, depth, [points], threads, _MIN_PIXELS)
 
 
 def launch_classify(
@@ -44,11 +44,13 @@ def launch_classify(
 ) -> None:
     """Write the labels of depth images; `arguments` are the last ones of `warpvis.kernels.classify.classify_depth`."""
     if depth.device.is_cpu:
-        from warpvis.kernels.depth_rows import classify_depth_rows as of_pinhole, classify_ray_rows as of_rays
+        from warpvis.kernels.depth_rows import classify_depth_rows as pinhole_kernel, classify_ray_rows as rays_kernel
     else:
-        from warpvis.kernels.classify import classify_depth as of_pinhole
-        from warpvis.kernels.ray_points import classify_rays as of_rays
-    _launch_camera((of_pinhole, of_rays), camera, poses, depth, arguments, threads, _MIN_PIXELS // (1 + sphere_count))
+        from warpvis.kernels.classify import classify_depth as pinhole_kernel
+        from warpvis.kernels.ray_points import classify_rays as rays_kernel
+    _launch_camera(
+        (pinhole_kernel, rays_kernel), camera, poses, depth, arguments, threads, _MIN_PIXELS // (1 + sphere_count)
+    )
 
 
 def launch_label_objects(
@@ -71,19 +73,19 @@ def _launch_camera(
     camera: ImageCamera,
     poses: wp.array,
     depth: wp.array,
-    others: KernelArguments,
+    inputs: KernelArguments,
     threads: int | None,
     least_pixels: int,
 ) -> None:
     """Launch the kernel for pinhole cameras or the one for ray tables."""
-    of_pinhole, of_rays = kernels
+    pinhole_kernel, rays_kernel = kernels
     struct = camera.device_struct()
     rays = [ray_table(camera, depth.device)] if isinstance(camera, RayCamera) else []
 
     def arguments(window: Window) -> KernelArguments:
-        return [struct, poses, window, *rays, depth, *others]
+        return [struct, poses, window, *rays, depth, *inputs]
 
-    _launch(of_rays if rays else of_pinhole, depth, arguments, threads, least_pixels)
+    _launch(rays_kernel if rays else pinhole_kernel, depth, arguments, threads, least_pixels)
 
 
 def _launch(

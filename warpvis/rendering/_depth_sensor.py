@@ -60,8 +60,8 @@ class Exposure:
     """Output for the measured depth, ``(V, H, W)``."""
     reasons_out: wp.array | None
     """Output for a `warpvis.sensors.Reason` per pixel, ``(V, H, W)`` uint8; None if not requested."""
-    room: Callable[[str, tuple[int, ...], type], wp.array]
-    """Scratch memory: `room(name, shape, dtype)` returns an array, which later calls of the same kind reuse."""
+    scratch: Callable[[str, tuple[int, ...], type], wp.array]
+    """Scratch memory: `scratch(name, shape, dtype)` returns an array, which later calls of the same kind reuse."""
     cast: Callable[[Worlds, Camera, wp.array, wp.array, tuple[str, ...]], dict[str, wp.array]]
     """Implementation of `cast_images_at` for given worlds."""
 
@@ -98,29 +98,29 @@ class Exposure:
         if last - first == len(views) - 1:
             sensor.measure(self._part(slice(first, last + 1), sensor.needs))
             return
-        part = self._part(views, sensor.needs)
-        sensor.measure(part)
-        for image, made in ((self.depth_out, part.depth_out), (self.reasons_out, part.reasons_out)):
+        batch = self._part(views, sensor.needs)
+        sensor.measure(batch)
+        for image, measured in ((self.depth_out, batch.depth_out), (self.reasons_out, batch.reasons_out)):
             if image is not None:
-                put_rows(image, views, made)
+                put_rows(image, views, measured)
 
     def _part(self, views: slice | NDArray[np.integer], needs: Collection[str]) -> Exposure:
         """Return a subset of the views with the images in `needs`; a slice shares memory, indices are copied."""
 
-        def some(array: wp.array | None) -> wp.array | None:
+        def select(array: wp.array | None) -> wp.array | None:
             return None if array is None else take_rows(array, views)
 
         return replace(
             self,
-            poses=some(self.poses),
+            poses=select(self.poses),
             worlds=part_of(self.worlds, views),
-            draws=some(self.draws),
+            draws=select(self.draws),
             numbers=self.numbers[views],
-            true_depth=some(self.true_depth),
-            normals=some(self.normals) if "normals" in needs else None,
-            segmentation=some(self.segmentation) if "segmentation" in needs else None,
-            depth_out=some(self.depth_out),
-            reasons_out=some(self.reasons_out),
+            true_depth=select(self.true_depth),
+            normals=select(self.normals) if "normals" in needs else None,
+            segmentation=select(self.segmentation) if "segmentation" in needs else None,
+            depth_out=select(self.depth_out),
+            reasons_out=select(self.reasons_out),
         )
 
 
@@ -170,8 +170,8 @@ class DepthSensor(ABC):
         if isinstance(camera, LensedCamera) and self.takes_lens in ("any", camera.kind):
             return self._in_range(cast(Camera, camera))
         lens = {"no": "", "z": ' or a LensCamera of kind "z"', "any": " or a LensCamera"}[self.takes_lens]
-        given = type(camera).__name__ + (f' of kind "{camera.kind}"' if isinstance(camera, LensedCamera) else "")
-        raise CameraError(f"camera of {type(self).__name__} must be a warpvis.Camera{lens}, got {given}")
+        kind = type(camera).__name__ + (f' of kind "{camera.kind}"' if isinstance(camera, LensedCamera) else "")
+        raise CameraError(f"camera of {type(self).__name__} must be a warpvis.Camera{lens}, got {kind}")
 
     def _in_range(self, camera: Camera) -> Camera:
         device = self.native_camera

@@ -22,9 +22,9 @@ MANY_OBJECTS = 256
 """Number of movable objects from which they are sorted into tiles; with fewer, each packet tests all of them."""
 
 # Maximum number of views times objects, which takes 2 GB; beyond it, each packet tests all objects.
-_MOST = 1 << 26
+_MAX_PAIRS = 1 << 26
 # Columns and rows of pixels are stored in 16 bits.
-_WIDEST = 0xFFFF
+_MAX_SIDE = 0xFFFF
 _BLOCK = 128
 
 
@@ -47,7 +47,7 @@ def find_objects(
     from warpvis.kernels.packets_cuda import MAX_TILES, TILE_BITS, FoundObjects, sort_into_tiles
 
     count, views = scene.drawn_count, len(poses)
-    if views * count > _MOST or max(camera.width, camera.height) > _WIDEST:
+    if views * count > _MAX_PAIRS or max(camera.width, camera.height) > _MAX_SIDE:
         return nothing_found()
     found = FoundObjects()
     found.tiles_y, found.tiles_x = (-(-side >> TILE_BITS) for side in (camera.height, camera.width))

@@ -93,8 +93,8 @@ class MovingCaster:
         if not isinstance(object_poses, Motion):
             worlds = parse_worlds(self._scene, views, object_poses, world_index, exclude, object_scales)
             return MovingPoses(sensor, None, views, False), worlds
-        parts = instants_of(object_poses)
-        worlds = parse_worlds(self._scene, views, parts[0], world_index, exclude, object_scales)
+        instants = instants_of(object_poses)
+        worlds = parse_worlds(self._scene, views, instants[0], world_index, exclude, object_scales)
         starts = camera_to_world.starts if isinstance(camera_to_world, Motion) else None
         objects = self._parse_objects(object_poses, starts)
         return MovingPoses(sensor, objects, views, world_index is None and objects.legs.shape[1] > 1), worlds
@@ -172,29 +172,30 @@ def parse_sensor(
         CameraError: If the sensor moves and the camera's rays have no times.
     """
     axes = camera.axes if isinstance(camera, RayCamera) else "opencv"
-    given = axes if convention is None else check_convention(convention)
+    pose_axes = axes if convention is None else check_convention(convention)
 
     def parse(rows: PoseLike) -> wp.array:
-        return parse_poses(rows, convention=given, axes=axes, device=device)
+        return parse_poses(rows, convention=pose_axes, axes=axes, device=device)
 
     if not isinstance(poses, Motion):
-        still = parse(poses)
-        return _struct_of(still.reshape((1, still.shape[0], 1))), still.shape[0]
+        constant_poses = parse(poses)
+        return _struct_of(constant_poses.reshape((1, constant_poses.shape[0], 1))), constant_poses.shape[0]
     if poses.of_rays:
         return _parse_poses_of_rays(_shape_of(camera), poses, parse)
-    parts = instants_of(poses)
-    if isinstance(parts, np.ndarray):
-        if parts.ndim not in (2, 3):
+    instants = instants_of(poses)
+    if isinstance(instants, np.ndarray):
+        if instants.ndim not in (2, 3):
             raise PoseError(
-                f"camera_to_world must be a motion of views, with poses of shape (T, 7) or (T, V, 7), got {parts.shape}"
+                "camera_to_world must be a motion of views, with poses of shape (T, 7) or (T, V, 7), got "
+                f"{instants.shape}"
             )
-        parsed = parse(parts.reshape(-1, 7)).reshape((len(parts), -1))
+        parsed = parse(instants.reshape(-1, 7)).reshape((len(instants), -1))
     else:
-        parsed = stacked([parse(part) for part in parts])
+        parsed = stacked([parse(part) for part in instants])
     _check_rays_times(camera, poses, poses.starts)
     views = parsed.shape[1]
     struct = _struct_of(
-        parsed.reshape((*parsed.shape, 1)), poses, lambda vectors: vectors_in_axes(vectors, given, axes)
+        parsed.reshape((*parsed.shape, 1)), poses, lambda vectors: vectors_in_axes(vectors, pose_axes, axes)
     )
     if poses.starts is not None:
         if views not in (1, len(poses.starts)):
@@ -211,16 +212,16 @@ def _parse_poses_of_rays(
 
     rows = instants_of(motion)
     assert isinstance(rows, np.ndarray)
-    of = rows.shape[1:-1]
-    lead = of if len(of) == len(shape) + 1 else (1, *of)
-    if len(lead) != len(shape) + 1 or any(a not in (1, b) for a, b in zip(lead[1:], shape, strict=True)):
+    axes = rows.shape[1:-1]
+    leading = axes if len(axes) == len(shape) + 1 else (1, *axes)
+    if len(leading) != len(shape) + 1 or any(a not in (1, b) for a, b in zip(leading[1:], shape, strict=True)):
         raise PoseError(
             f"poses of rays must have shape (V, {', '.join(map(str, shape))}, 7), where an axis of rays may be 1, "
-            f"got {(*of, 7)}"
+            f"got {(*axes, 7)}"
         )
     struct = MotionStruct()
-    struct.poses = parse(rows.reshape(-1, 7)).reshape(lead if len(lead) == 3 else (lead[0], 1, lead[1]))
-    return struct, lead[0]
+    struct.poses = parse(rows.reshape(-1, 7)).reshape(leading if len(leading) == 3 else (leading[0], 1, leading[1]))
+    return struct, leading[0]
 
 
 def _check_rays_times(camera: RenderCamera, motion: Motion, starts: np.ndarray | None) -> None:
@@ -238,14 +239,14 @@ def _shape_of(camera: RenderCamera) -> tuple[int, ...]:
 
 
 def _struct_of(
-    poses: wp.array, motion: Motion | None = None, turn: Callable[[np.ndarray], np.ndarray] = np.asarray
+    poses: wp.array, motion: Motion | None = None, rotate: Callable[[np.ndarray], np.ndarray] = np.asarray
 ) -> MotionStruct:
     """Return the kernels' struct of poses on a device, shape ``(T, rows, columns)``, and their motion.
 
     Args:
         poses: The poses.
         motion: Motion with the times or the twist of the poses; None if they are constant.
-        turn: Function that rotates velocities into the frame of the poses.
+        rotate: Function that rotates velocities into the frame of the poses.
     """
     from warpvis.kernels.motions import Leg, Motion as MotionStruct, begin_legs
 
@@ -254,7 +255,7 @@ def _struct_of(
     velocities: list[wp.array | None] = [None, None]
     if twist is not None:
         shape = (*poses.shape[1:], 3)
-        velocities = [wp.array(turn(part).reshape(shape), dtype=wp.vec3d, device=device) for part in twist]
+        velocities = [wp.array(rotate(part).reshape(shape), dtype=wp.vec3d, device=device) for part in twist]
     struct.is_screw = twist is not None
     struct.legs = wp.empty(poses.shape, dtype=Leg, device=device)
     launch(begin_legs, poses.shape, [poses, *velocities, struct.legs], device)
@@ -267,8 +268,8 @@ def _sliced(struct: MotionStruct, part: slice) -> MotionStruct:
     """Return the motion of a slice of the views, or of their worlds; values shared by all views are kept."""
     from warpvis.kernels.motions import Motion as MotionStruct
 
-    some = MotionStruct()
-    some.is_screw = struct.is_screw
+    sliced = MotionStruct()
+    sliced.is_screw = struct.is_screw
     for name in ("legs", "times", "starts", "poses"):
         values = getattr(struct, name)
         if values is None or not values.size:
@@ -277,5 +278,5 @@ def _sliced(struct: MotionStruct, part: slice) -> MotionStruct:
             values = values[:, part]
         elif name == "starts" or (name == "poses" and values.shape[0] > 1):
             values = values[part]
-        setattr(some, name, values)
-    return some
+        setattr(sliced, name, values)
+    return sliced

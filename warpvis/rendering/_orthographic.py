@@ -72,11 +72,11 @@ class OrthographicCamera:
             CameraError: If neither or both of `across` and `down` are given, or the given one is not greater than 0.
         """
         width, height = check_size(width, "width"), check_size(height, "height")
-        given = [(size, name, extent) for size, name, extent in ((width, "across", across), (height, "down", down))]
-        asked = [entry for entry in given if entry[2] is not None]
-        if len(asked) != 1:
+        extents = [(size, name, extent) for size, name, extent in ((width, "across", across), (height, "down", down))]
+        given_extents = [entry for entry in extents if entry[2] is not None]
+        if len(given_extents) != 1:
             raise CameraError("either across or down must be given, in meters")
-        size, name, extent = asked[0]
+        size, name, extent = given_extents[0]
         if not is_number(extent) or not 0 < extent < math.inf:
             raise CameraError(f"{name} must be a positive number of meters, got {extent!r}")
         scale = size / extent

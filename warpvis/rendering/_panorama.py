@@ -27,9 +27,9 @@ from warpvis.scene import Scene, require_scene
 Projection = Literal["cylindrical", "spherical"]
 
 # Two pi, rounded to four decimals as in files.
-_WIDEST = 6.2832
+_MAX_HFOV = 6.2832
 # A scene caches the prepared rays of this many images of `render_wide`, with at most this many rays each: 30 MB.
-_MAX_KEPT, _MAX_KEPT_RAYS = 2, 2**20
+_MAX_CACHED, _MAX_CACHED_RAYS = 2, 2**20
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class WideCamera(RayCamera):
             raise CameraError(f"width x height must be at most {MAX_RAYS} rays, got {self.width} x {self.height}")
         if not is_number(self.hfov):
             raise CameraError(f"hfov must be a number, got {self.hfov!r}")
-        if not 0 < self.hfov <= _WIDEST:
+        if not 0 < self.hfov <= _MAX_HFOV:
             hint = degrees_hint(self.hfov)
             raise CameraError(f"hfov must be more than 0 and at most 2 pi radians, got {self.hfov}{hint}")
         object.__setattr__(self, "hfov", float(self.hfov))
@@ -93,23 +93,23 @@ class WideCamera(RayCamera):
         Raises:
             WarpvisError: If `pixels` is not a numeric array of this shape.
         """
-        given = as_numpy(pixels, name="pixels").astype(np.float64)
-        if given.shape[-1:] != (2,):
-            raise CameraError(f"pixels must have shape (..., 2), got {given.shape}")
-        x, y = np.moveaxis(given, -1, 0)
+        points = as_numpy(pixels, name="pixels").astype(np.float64)
+        if points.shape[-1:] != (2,):
+            raise CameraError(f"pixels must have shape (..., 2), got {points.shape}")
+        x, y = np.moveaxis(points, -1, 0)
         inside = (x >= 0) & (x < self.width) & (y >= 0) & (y < self.height)
         return self._directions(np.where(inside, x, np.nan), np.where(inside, y, np.nan))
 
     def _directions(self, x: NDArray[np.floating], y: NDArray[np.floating]) -> NDArray[np.float64]:
         u, v = x / self.width - 0.5, y / self.height - 0.5
         if self.projection == "spherical":
-            away = self.hfov * np.hypot(u, v)
-            scale = self.hfov * np.sinc(away / math.pi)  # sin(away) / hypot(u, v)
-            parts = scale * u, scale * v, np.cos(away)
+            angle = self.hfov * np.hypot(u, v)
+            scale = self.hfov * np.sinc(angle / math.pi)  # sin(away) / hypot(u, v)
+            parts = scale * u, scale * v, np.cos(angle)
         else:
-            azimuth, down = u * self.hfov, v * (self.hfov * self.height / self.width)
-            across = np.cos(down)
-            parts = across * np.sin(azimuth), np.sin(down), across * np.cos(azimuth)
+            azimuth, elevation = u * self.hfov, v * (self.hfov * self.height / self.width)
+            horizontal = np.cos(elevation)
+            parts = horizontal * np.sin(azimuth), np.sin(elevation), horizontal * np.cos(azimuth)
         return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
 
@@ -165,15 +165,15 @@ def render_wide(
     """
     require_scene(scene)
     camera = WideCamera(width, height, hfov, projection, near, far)
-    few = camera.width * camera.height <= _MAX_KEPT_RAYS
-    if few:
+    is_small = camera.width * camera.height <= _MAX_CACHED_RAYS
+    if is_small:
         _share(scene, camera)
     return render(
         scene,
         camera,
         camera_to_world,
         outputs=outputs,
-        caster="auto" if few else "rays",
+        caster="auto" if is_small else "rays",
         cull_backfaces=cull_backfaces,
         object_poses=object_poses,
         world_index=world_index,
@@ -188,5 +188,5 @@ def _share(scene: Scene, camera: WideCamera) -> None:
     """Share prepared rays between cameras with the same image and any range."""
     image = (camera.width, camera.height, camera.hfov, camera.projection)
     camera.prepare_in(scene.kept_rays.setdefault(image, Kept()))
-    for old in list(scene.kept_rays)[:-_MAX_KEPT]:
+    for old in list(scene.kept_rays)[:-_MAX_CACHED]:
         scene.kept_rays.pop(old, None)

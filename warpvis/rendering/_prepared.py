@@ -13,40 +13,40 @@ import warp as wp
 
 from warpvis.rendering._views import ALL_OUTPUTS, CAST_OUTPUTS, Views
 
-_Thing = TypeVar("_Thing")
+_Item = TypeVar("_Item")
 
 
-class Idle(Generic[_Thing]):
+class FreeList(Generic[_Item]):
     """Cache of unused objects by kind of call: concurrent calls on several threads take distinct objects. Each kind has
     as many objects as there were concurrent calls; the least recently used kinds are dropped.
     """
 
-    def __init__(self, most_kinds: int) -> None:
-        """Create an empty cache of at most `most_kinds` kinds."""
-        self._things: dict[Hashable, list[_Thing]] = {}
-        self._most_kinds = most_kinds
+    def __init__(self, max_kinds: int) -> None:
+        """Create an empty cache of at most `max_kinds` kinds."""
+        self._items: dict[Hashable, list[_Item]] = {}
+        self._max_kinds = max_kinds
         self._lock = Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy or pickle as an empty cache."""
-        return Idle, (self._most_kinds,)
+        return FreeList, (self._max_kinds,)
 
-    def take(self, kind: Hashable) -> _Thing | None:
+    def take(self, kind: Hashable) -> _Item | None:
         """Remove and return an object of a kind; None if there is none."""
         try:
-            return self._things[kind].pop()
+            return self._items[kind].pop()
         except (KeyError, IndexError):
             return None
 
-    def give_back(self, kind: Hashable, thing: _Thing) -> None:
+    def give_back(self, kind: Hashable, item: _Item) -> None:
         """Return an object to the cache for the next call."""
         try:
-            self._things[kind].append(thing)
+            self._items[kind].append(item)
         except KeyError:
             with self._lock:
-                while len(self._things) >= self._most_kinds:
-                    del self._things[next(iter(self._things))]
-                self._things[kind] = [thing]
+                while len(self._items) >= self._max_kinds:
+                    del self._items[next(iter(self._items))]
+                self._items[kind] = [item]
 
 
 def memory_of(struct: Any) -> Any:
@@ -100,6 +100,6 @@ class CheckedImages:
             images.append(image)
         return images
 
-    def keep(self, images: list[wp.array | None], shape: tuple[int, ...], outputs: tuple[str, ...]) -> None:
+    def record(self, images: list[wp.array | None], shape: tuple[int, ...], outputs: tuple[str, ...]) -> None:
         """Record checked images without keeping them alive."""
         self._last = shape, outputs, [None if image is None else weakref.ref(image) for image in images]

@@ -27,7 +27,7 @@ _GROUP = _LANES * _LANES
 # Maximum number of groups in a bundle, so that a bundle fits a core's cache and an image has a few units of work.
 _MAX_GROUPS = 10
 # Maximum tangent of the field of view of a single pinhole.
-_WIDEST = 1.6
+_MAX_TANGENT = 1.6
 # Pixels of a bundle's image between neighboring rays: the resolution of positions and, nearly, of bounds.
 _FINENESS = 32.0
 _MIN_FOCAL, _MAX_FOCAL = 64.0, 2.0**15
@@ -35,10 +35,10 @@ _MARGIN = 1e-3  # of bounds [px]
 # Maximum length of packets of neighbors in the table, relative to square packets; beyond it, rays are sorted.
 _MAX_STRETCH = 2.0
 _BLOCKS = ((4, 4), (2, 8), (1, 16))
-_ACROSS = TILE_SIDE // BLOCK_SIDE  # packets per row or column of a tile
+_TILE_PACKETS = TILE_SIDE // BLOCK_SIDE  # packets per row or column of a tile
 # Conditions for fitting a tile: minimum number of rays; minimum determinant of the steps along columns and rows,
 # relative to the largest step squared; and maximum distance of rays from their fitted column and row.
-_MIN_FITTED, _MIN_TURN, _MAX_ASIDE = 16, 0.05, 0.75
+_MIN_FITTED, _MIN_DETERMINANT, _MAX_FIT_ERROR = 16, 0.05, 0.75
 # Error bounds of single precision: of fitted columns and rows, absolute, and of positions, relative.
 _FIT_MARGIN, _ROUNDED = 1e-3, 5e-7
 _FIT_WORDS = 10  # of a ``RayFit``
@@ -63,7 +63,7 @@ class SplitRays:
     """Right, down and forward axis of each pinhole."""
     face: NDArray[np.int8]
     """Index of each ray's pinhole, -1 for none, shape (H, W)."""
-    places: NDArray[np.float64]
+    positions: NDArray[np.float64]
     """Position of each ray in its pinhole's image, from the principal point [px], shape (H * W, 2)."""
     forward: NDArray[np.float64]
     """Component of each ray along its pinhole's axis, shape (H * W)."""
@@ -93,48 +93,48 @@ def prepare_rays(rays: NDArray[np.float64]) -> PreparedRays:
     struct.bundle = wp.array(np.array(layout.bundle, dtype=np.int32).reshape(-1, 9), dtype=wp.int32, device="cpu")
     for name, array in layout.arrays.items():
         setattr(struct, name, wp.array(array, device="cpu"))
-    known = split.face.ravel() >= 0
-    if (split.forward[known] != 1).any():
+    has_ray = split.face.ravel() >= 0
+    if (split.forward[has_ray] != 1).any():
         scale = np.ones(layout.place.size, dtype=np.float32)
-        there = layout.place.ravel() >= 0
-        scale[there] = 1 / split.forward[layout.place.ravel()[there]]
+        occupied = layout.place.ravel() >= 0
+        scale[occupied] = 1 / split.forward[layout.place.ravel()[occupied]]
         struct.scale = wp.array(scale, device="cpu")
-    struct.without_ray = wp.array(np.flatnonzero(~known).astype(np.int32), dtype=wp.int32, device="cpu")
+    struct.without_ray = wp.array(np.flatnonzero(~has_ray).astype(np.int32), dtype=wp.int32, device="cpu")
     struct.focal, struct.max_groups = split.focal, layout.max_groups
     pixels = [tiles[first:end] for _, first, end in bundles]
-    longest = [split.forward[part[part >= 0]].max() for part in pixels]
-    length = np.linalg.norm(rays.reshape(-1, 3)[known], axis=-1).max(initial=0)
+    longest = [split.forward[bundle_pixels[bundle_pixels >= 0]].max() for bundle_pixels in pixels]
+    length = np.linalg.norm(rays.reshape(-1, 3)[has_ray], axis=-1).max(initial=0)
     return PreparedRays(struct, np.array(longest), float(length))
 
 
 def split_rays(rays: NDArray) -> SplitRays:
     """Assign rays to one pinhole along the camera's axis if it sees them all, otherwise to pinholes along all axes."""
-    known = np.isfinite(rays).all(axis=-1) & (rays != 0).any(axis=-1)
-    size = np.where(known[..., None], np.abs(rays), 0)
-    if (rays[..., 2][known] > 0).all() and (size[..., :2].max(axis=-1) <= _WIDEST * size[..., 2]).all():
-        along = np.full(known.shape, 2)
+    has_ray = np.isfinite(rays).all(axis=-1) & (rays != 0).any(axis=-1)
+    size = np.where(has_ray[..., None], np.abs(rays), 0)
+    if (rays[..., 2][has_ray] > 0).all() and (size[..., :2].max(axis=-1) <= _MAX_TANGENT * size[..., 2]).all():
+        dominant_axis = np.full(has_ray.shape, 2)
     else:
-        along = size.argmax(axis=-1)
-    ahead = np.take_along_axis(rays, along[..., None], axis=-1)[..., 0]
-    face = np.full(known.shape, -1, dtype=np.int8)
-    places, area = np.full((*known.shape, 2), np.nan), 0.0
+        dominant_axis = size.argmax(axis=-1)
+    forward = np.take_along_axis(rays, dominant_axis[..., None], axis=-1)[..., 0]
+    face = np.full(has_ray.shape, -1, dtype=np.int8)
+    positions_of_rays, area = np.full((*has_ray.shape, 2), np.nan), 0.0
     axes: list[tuple[int, int, int]] = []
-    for (axis, back), directions in _FACES.items():
-        here = known & (along == axis) & ((ahead < 0) == back)
-        if here.any():
-            face[here] = len(axes)
+    for (axis, is_negative), directions in _FACES.items():
+        in_face = has_ray & (dominant_axis == axis) & ((forward < 0) == is_negative)
+        if in_face.any():
+            face[in_face] = len(axes)
             axes.append(directions)
-            shown = rays[here]
-            at = np.stack([towards(shown, direction) for direction in directions[:2]], axis=-1)
-            places[here] = at / np.abs(ahead[here])[:, None]
-            area += float(np.ptp(places[here], axis=0).prod())
-    spacing = math.sqrt(area / max(1, int(known.sum())))
+            face_rays = rays[in_face]
+            positions = np.stack([component(face_rays, direction) for direction in directions[:2]], axis=-1)
+            positions_of_rays[in_face] = positions / np.abs(forward[in_face])[:, None]
+            area += float(np.ptp(positions_of_rays[in_face], axis=0).prod())
+    spacing = math.sqrt(area / max(1, int(has_ray.sum())))
     focal = _MAX_FOCAL if spacing == 0 else 2.0 ** round(math.log2(_FINENESS / spacing))
     focal = min(max(focal, _MIN_FOCAL), _MAX_FOCAL)
-    return SplitRays(axes, face, (places * focal).reshape(-1, 2), np.abs(ahead).ravel(), focal)
+    return SplitRays(axes, face, (positions_of_rays * focal).reshape(-1, 2), np.abs(forward).ravel(), focal)
 
 
-def towards(rays: NDArray, axis: int) -> NDArray:
+def component(rays: NDArray, axis: int) -> NDArray:
     """Return the component of vectors along an axis: an index, or its bitwise complement for the negative axis."""
     return -rays[..., ~axis] if axis < 0 else rays[..., axis]
 
@@ -148,50 +148,50 @@ def _sort(split: SplitRays) -> tuple[NDArray[np.int64], NDArray[np.int64], list[
     tiles, columns = [np.zeros((0, _LANES, _LANES), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     bundles, first = [], 0
     for number in range(len(split.axes)):
-        made, across = _tiles(split.face == number, split.places)
-        middle = _middles(made.reshape(len(made), -1), split.places)
-        for part in _parts(middle, np.arange(len(made)), _LANES, _MAX_GROUPS * _LANES):
-            order = np.concatenate(list(_parts(middle, part, _LANES, _LANES)))
-            tiles.append(made[order])
-            columns.append(np.full(len(order), across))
+        face_tiles, num_columns = _tiles(split.face == number, split.positions)
+        centers = _centers(face_tiles.reshape(len(face_tiles), -1), split.positions)
+        for bundle in _split(centers, np.arange(len(face_tiles)), _LANES, _MAX_GROUPS * _LANES):
+            order = np.concatenate(list(_split(centers, bundle, _LANES, _LANES)))
+            tiles.append(face_tiles[order])
+            columns.append(np.full(len(order), num_columns))
             bundles.append((number, first, first + len(order)))
             first += len(order)
     return np.concatenate(tiles), np.concatenate(columns), bundles
 
 
-def _tiles(there: NDArray[np.bool_], places: NDArray) -> tuple[NDArray[np.int64], int]:
+def _tiles(in_face: NDArray[np.bool_], places: NDArray) -> tuple[NDArray[np.int64], int]:
     """Return tiles of neighbors in the table, or of rays sorted by position if neighbors in the table are incoherent.
 
     Also return the number of table columns of their packets; 0 if rays are sorted.
     """
-    index = np.where(there, np.arange(there.size).reshape(there.shape), -1)
+    index = np.where(in_face, np.arange(in_face.size).reshape(in_face.shape), -1)
     cuts = [_cut(index, block) for block in _BLOCKS]
     lengths = [_lengths(tiles, places) for tiles in cuts]
     best = int(np.argmin(lengths))
-    rays = index[there]
+    rays = index[in_face]
     # Total length if all packets were squares.
     count = len(rays) / _LANES
     ideal = 2 * math.sqrt(float(np.ptp(places[rays], axis=0).prod()) / count) * count
     if lengths[best] <= _MAX_STRETCH * ideal:
         return cuts[best], _BLOCKS[best][1]
-    packets = _filled(list(_parts(places, rays, _GROUP, _LANES)))
-    middles = _middles(packets, places)
-    order = _filled(list(_parts(middles, np.arange(len(packets)), _LANES, _LANES)))
+    packets = _pad_rows(list(_split(places, rays, _GROUP, _LANES)))
+    middles = _centers(packets, places)
+    order = _pad_rows(list(_split(middles, np.arange(len(packets)), _LANES, _LANES)))
     tiles = np.where((order >= 0)[..., None], packets[order], -1)
     return (tiles, 0) if _lengths(tiles, places) < lengths[best] else (cuts[best], _BLOCKS[best][1])
 
 
 def _cut(index: NDArray, block: tuple[int, int]) -> NDArray[np.int64]:
     """Cut a table into tiles of 4 x 4 blocks of sixteen pixels, and drop tiles without a ray."""
-    (rows, columns), across = block, _ACROSS
-    height, width = across * rows, across * columns
+    (rows, columns), side = block, _TILE_PACKETS
+    height, width = side * rows, side * columns
     padded = np.pad(index, ((0, -len(index) % height), (0, -index.shape[1] % width)), constant_values=-1)
-    cut = padded.reshape(padded.shape[0] // height, across, rows, padded.shape[1] // width, across, columns)
+    cut = padded.reshape(padded.shape[0] // height, side, rows, padded.shape[1] // width, side, columns)
     tiles = cut.transpose(0, 3, 1, 4, 2, 5).reshape(-1, _LANES, _LANES)
     return tiles[(tiles >= 0).any(axis=(1, 2))]
 
 
-def _filled(parts: list[NDArray]) -> NDArray[np.int64]:
+def _pad_rows(parts: list[NDArray]) -> NDArray[np.int64]:
     """Pad parts of at most sixteen items to rows of sixteen with -1."""
     rows = np.full((len(parts), _LANES), -1, dtype=np.int64)
     for row, part in zip(rows, parts, strict=True):
@@ -203,33 +203,35 @@ def _lengths(tiles: NDArray, places: NDArray) -> float:
     """Return the sum of the half perimeters of the packets' bounds."""
     packets = tiles.reshape(-1, _LANES)
     packets = packets[(packets >= 0).any(axis=1)]
-    there = (packets >= 0)[..., None]
-    at = places[packets]
-    return float((np.where(there, at, -np.inf).max(axis=1) - np.where(there, at, np.inf).min(axis=1)).sum())
+    occupied = (packets >= 0)[..., None]
+    positions = places[packets]
+    return float(
+        (np.where(occupied, positions, -np.inf).max(axis=1) - np.where(occupied, positions, np.inf).min(axis=1)).sum()
+    )
 
 
-def _middles(rows: NDArray, places: NDArray) -> NDArray:
+def _centers(rows: NDArray, places: NDArray) -> NDArray:
     """Return the mean position of the indices in each row, ignoring -1."""
-    there = (rows >= 0)[..., None]
-    return np.where(there, places[rows], 0).sum(axis=1) / there.sum(axis=1)
+    occupied = (rows >= 0)[..., None]
+    return np.where(occupied, places[rows], 0).sum(axis=1) / occupied.sum(axis=1)
 
 
-def _parts(places: NDArray, items: NDArray, unit: int, most: int) -> Iterator[NDArray]:
+def _split(places: NDArray, items: NDArray, unit: int, max_size: int) -> Iterator[NDArray]:
     """Halve items along their longest axis until no part has more than `most`.
 
     Cuts are at multiples of `unit`, or of sixteen in smaller parts, so that all parts but the last are full.
     """
     count = len(items)
-    if count <= most:
+    if count <= max_size:
         yield items
         return
     step = unit if count > unit else _LANES
-    half = step * math.ceil(math.ceil(count / step) / 2)
-    at = places[items]
-    axis = int(np.argmax(np.ptp(at, axis=0)))
-    order = np.argpartition(at[:, axis], half - 1)
-    yield from _parts(places, items[order[:half]], unit, most)
-    yield from _parts(places, items[order[half:]], unit, most)
+    cut = step * math.ceil(math.ceil(count / step) / 2)
+    positions = places[items]
+    axis = int(np.argmax(np.ptp(positions, axis=0)))
+    order = np.argpartition(positions[:, axis], cut - 1)
+    yield from _split(places, items[order[:cut]], unit, max_size)
+    yield from _split(places, items[order[cut:]], unit, max_size)
 
 
 class _Layout:
@@ -240,17 +242,17 @@ class _Layout:
         starts = [0, *np.cumsum(counts).tolist()]
         self.max_groups = max(counts, default=1)
         self.place = np.full((starts[-1] * _LANES, _LANES, _LANES), -1, dtype=np.int32)
-        exact, across = np.zeros((2, *self.place.shape)), np.zeros(len(self.place), dtype=np.int64)
+        positions, num_columns = np.zeros((2, *self.place.shape)), np.zeros(len(self.place), dtype=np.int64)
         for (_, first, end), group in zip(bundles, starts, strict=False):
-            slots, here = slice(group * _LANES, group * _LANES + end - first), tiles[first:end]
-            self.place[slots], across[slots] = here, columns[first:end]
-            exact[:, slots] = np.where(here >= 0, split.places.T[:, here], 0)
-        rounded = exact.astype(np.float32)
-        rest = (exact - rounded).astype(np.float32)
+            slots, bundle_tiles = slice(group * _LANES, group * _LANES + end - first), tiles[first:end]
+            self.place[slots], num_columns[slots] = bundle_tiles, columns[first:end]
+            positions[:, slots] = np.where(bundle_tiles >= 0, split.positions.T[:, bundle_tiles], 0)
+        rounded = positions.astype(np.float32)
+        rest = (positions - rounded).astype(np.float32)
         packet_rows, low, high = _rows(*self._packet_bounds(rounded))
         tile_rows, low, high = _rows(low, high)
         parts = [slice(*ends) for ends in pairwise(starts)]
-        ends = [_rows(_padded(low[part], NOWHERE), _padded(high[part], -NOWHERE)) for part in parts]
+        ends = [_rows(_pad_groups(low[part], NOWHERE), _pad_groups(high[part], -NOWHERE)) for part in parts]
         self.bundle = [
             (group, count, *split.axes[number], *_rectangle(lowest[0], highest[0]))
             for (number, _, _), group, count, (_, lowest, highest) in zip(bundles, starts, counts, ends, strict=False)
@@ -261,17 +263,17 @@ class _Layout:
             "packet_bounds": packet_rows.ravel(),
             **dict(zip(("u", "v"), rounded.reshape(2, -1), strict=True)),
             **dict(zip(("rest_u", "rest_v"), rest.reshape(2, -1), strict=True)),
-            **dict(zip(("row_u", "row_v"), in_rows(rounded, across), strict=True)),
+            **dict(zip(("row_u", "row_v"), to_row_order(rounded, num_columns), strict=True)),
             "place": self.place.ravel(),
             "run": _runs(self.place.reshape(-1, _LANES)),
             "corner": _corners(self.place, split.face.shape[1]),
-            "fit": _fits(rounded, self.place >= 0, across),
+            "fit": _fits(rounded, self.place >= 0, num_columns),
         }
 
     def _packet_bounds(self, rounded: NDArray) -> tuple[NDArray, NDArray]:
-        there = self.place >= 0
-        low = np.where(there, rounded, np.float32(NOWHERE)).min(axis=-1) - np.float32(_MARGIN)
-        high = np.where(there, rounded, np.float32(-NOWHERE)).max(axis=-1) + np.float32(_MARGIN)
+        occupied = self.place >= 0
+        low = np.where(occupied, rounded, np.float32(NOWHERE)).min(axis=-1) - np.float32(_MARGIN)
+        high = np.where(occupied, rounded, np.float32(-NOWHERE)).max(axis=-1) + np.float32(_MARGIN)
         return low.transpose(1, 2, 0), high.transpose(1, 2, 0)
 
 
@@ -282,9 +284,9 @@ def _rows(low: NDArray, high: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     return rows.astype(np.float32), low.min(axis=1), high.max(axis=1)
 
 
-def _padded(bounds: NDArray, nowhere: float) -> NDArray:
+def _pad_groups(bounds: NDArray, fill: float) -> NDArray:
     """Pad the bounds of a bundle's groups to sixteen."""
-    return np.pad(bounds, ((0, _LANES - len(bounds)), (0, 0)), constant_values=nowhere)
+    return np.pad(bounds, ((0, _LANES - len(bounds)), (0, 0)), constant_values=fill)
 
 
 def _rectangle(low: NDArray, high: NDArray) -> tuple[int, int, int, int]:
@@ -308,50 +310,62 @@ def _corners(place: NDArray[np.int32], width: int) -> NDArray[np.int32]:
     pixel = np.arange(TILE_SIDE * TILE_SIDE).reshape(TILE_SIDE, TILE_SIDE)
     blocks = _cut(pixel, _BLOCKS[0])[0]
     expected = place[:, :1, :1] + blocks // TILE_SIDE * width + blocks % TILE_SIDE
-    there = place[:, 0, 0] >= 0
-    return np.where(there & (place == expected).all(axis=(1, 2)), place[:, 0, 0], -1).astype(np.int32)
+    nonempty = place[:, 0, 0] >= 0
+    return np.where(nonempty & (place == expected).all(axis=(1, 2)), place[:, 0, 0], -1).astype(np.int32)
 
 
 def _slots(columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the column and the row of each ray of a tile with packets of `columns` columns."""
     packet, lane = np.divmod(np.arange(_GROUP), _LANES)
-    return packet % _ACROSS * columns + lane % columns, packet // _ACROSS * (_LANES // columns) + lane // columns
+    return packet % _TILE_PACKETS * columns + lane % columns, packet // _TILE_PACKETS * (
+        _LANES // columns
+    ) + lane // columns
 
 
-def in_rows(places: NDArray[np.float32], across: NDArray[np.int64]) -> NDArray[np.float32]:
+def to_row_order(places: NDArray[np.float32], num_columns: NDArray[np.int64]) -> NDArray[np.float32]:
     """Reorder positions, shape (2, tiles, 16, 16), by rows and columns of each tile, shape (2, tiles * 256)."""
-    rows = np.zeros((2, len(across), _GROUP), dtype=np.float32)
-    for columns in np.unique(across[across > 0]):
+    rows = np.zeros((2, len(num_columns), _GROUP), dtype=np.float32)
+    for columns in np.unique(num_columns[num_columns > 0]):
         column, row = _slots(columns)
-        tiles = np.flatnonzero(across == columns)
-        rows[:, tiles[:, None], row * columns * _ACROSS + column] = places[:, tiles].reshape(2, len(tiles), _GROUP)
+        tiles = np.flatnonzero(num_columns == columns)
+        rows[:, tiles[:, None], row * columns * _TILE_PACKETS + column] = places[:, tiles].reshape(
+            2, len(tiles), _GROUP
+        )
     return rows.reshape(2, -1)
 
 
-def _fits(places: NDArray[np.float32], there: NDArray[np.bool_], across: NDArray[np.int64]) -> NDArray[np.float32]:
+def _fits(
+    places: NDArray[np.float32], occupied: NDArray[np.bool_], num_columns: NDArray[np.int64]
+) -> NDArray[np.float32]:
     """Fit columns and rows as linear functions of positions, shape (2, tiles, 16, 16): words of a ``RayFit`` per tile.
 
     Tiles that do not meet the conditions for a fit have zeros.
     """
-    fits = np.zeros((len(there), _FIT_WORDS), dtype=np.float32)
-    for columns in np.unique(across[across > 0]):
+    fits = np.zeros((len(occupied), _FIT_WORDS), dtype=np.float32)
+    for columns in np.unique(num_columns[num_columns > 0]):
         cells = np.stack([np.ones(_GROUP), *_slots(columns)], axis=-1)
-        tiles = np.flatnonzero((across == columns) & (there.sum(axis=(1, 2)) >= _MIN_FITTED))
-        weight = there[tiles].reshape(len(tiles), _GROUP).astype(np.float64)
-        at = places[:, tiles].reshape(2, len(tiles), _GROUP).astype(np.float64)
+        tiles = np.flatnonzero((num_columns == columns) & (occupied.sum(axis=(1, 2)) >= _MIN_FITTED))
+        weight = occupied[tiles].reshape(len(tiles), _GROUP).astype(np.float64)
+        positions = places[:, tiles].reshape(2, len(tiles), _GROUP).astype(np.float64)
         # For rays in one row or one column, the pseudoinverse gives the solution of minimum norm.
-        inverse = np.linalg.pinv(np.einsum("ts,si,sj->tij", weight, cells, cells), hermitian=True)
-        linear = np.einsum("tij,sj,ts,kts->kti", inverse, cells, weight, at).astype(np.float32)
-        off = (np.abs(np.einsum("si,kti->kts", cells, linear.astype(np.float64)) - at) * weight).max(axis=-1)
+        normal_inverse = np.linalg.pinv(np.einsum("ts,si,sj->tij", weight, cells, cells), hermitian=True)
+        linear = np.einsum("tij,sj,ts,kts->kti", normal_inverse, cells, weight, positions).astype(np.float32)
+        error = (np.abs(np.einsum("si,kti->kts", cells, linear.astype(np.float64)) - positions) * weight).max(axis=-1)
         step = linear[..., 1:].astype(np.float64)  # (u and v, tile, along column and row)
         size = np.abs(step).max(axis=(0, 2))
-        turn = step[0, :, 0] * step[1, :, 1] - step[0, :, 1] * step[1, :, 0]
-        fine = np.abs(turn) > _MIN_TURN * size**2
-        tiles, linear, off, step = tiles[fine], linear[:, fine], off[:, fine], step[:, fine]
-        back = np.linalg.inv(step.transpose(1, 0, 2))  # (tile, column and row, along u and v)
-        off += _ROUNDED * np.abs(at[:, fine]).max(axis=-1)
-        aside = np.einsum("tik,kt->ti", np.abs(back), off) + _FIT_MARGIN
-        near = (aside <= _MAX_ASIDE).all(axis=1)
-        words = [*linear[..., 0], *back.reshape(-1, 4).T, *aside.T, np.full(len(tiles), np.log2(columns)), size[fine]]
-        fits[tiles[near]] = np.stack(words, axis=-1)[near]
+        determinant = step[0, :, 0] * step[1, :, 1] - step[0, :, 1] * step[1, :, 0]
+        valid = np.abs(determinant) > _MIN_DETERMINANT * size**2
+        tiles, linear, error, step = tiles[valid], linear[:, valid], error[:, valid], step[:, valid]
+        inverse_step = np.linalg.inv(step.transpose(1, 0, 2))  # (tile, column and row, along u and v)
+        error += _ROUNDED * np.abs(positions[:, valid]).max(axis=-1)
+        tolerance = np.einsum("tik,kt->ti", np.abs(inverse_step), error) + _FIT_MARGIN
+        accurate = (tolerance <= _MAX_FIT_ERROR).all(axis=1)
+        words = [
+            *linear[..., 0],
+            *inverse_step.reshape(-1, 4).T,
+            *tolerance.T,
+            np.full(len(tiles), np.log2(columns)),
+            size[valid],
+        ]
+        fits[tiles[accurate]] = np.stack(words, axis=-1)[accurate]
     return fits

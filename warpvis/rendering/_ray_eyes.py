@@ -17,14 +17,14 @@ from warpvis.rendering._ray_images import PacketImages
 
 # Regularization weight that draws an eye to the mean of its rays' origins; for parallel rays, the nearest point is not
 # unique along the rays.
-_DRAWN_TO_ORIGINS = 1e-5
+_ORIGIN_WEIGHT = 1e-5
 # Maximum distance of an eye from the mean origin, relative to the largest distance of an origin from it.
-_MAX_AWAY = 2.0
+_MAX_EYE_DISTANCE = 2.0
 _ROUNDED = 1e-6  # relative rounding error bound of single precision
 # Rows of a table are sorted into at most this many groups of at least this many rows, if rays pass their packet's eye
 # at more than _FAR_ASIDE times the distance of neighboring rays 1 m away, and grouping reduces this to _MUCH_NEARER.
-_MAX_GROUPS, _FEWEST_ROWS = 4, 8
-_FAR_ASIDE, _MUCH_NEARER = 3.0, 0.5
+_MAX_GROUPS, _MIN_ROWS = 4, 8
+_SPREAD_LIMIT, _SPREAD_REDUCTION = 3.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class PacketEyes:
 
     words: NDArray[np.float64]
     """Words of a ``TableEye`` in each row."""
-    aside: NDArray[np.float32]
+    offset: NDArray[np.float32]
     """Offset of each ray from the eye, in the plane of the eye [px m], shape (packets, slots, 2); 0 without a ray."""
-    begin: NDArray[np.float32]
+    origin_z: NDArray[np.float32]
     """Distance of each ray origin in front of that plane [m], shape (packets, slots); 0 without a ray."""
 
     @property
-    def most_aside(self) -> NDArray[np.float64]:
+    def max_offset(self) -> NDArray[np.float64]:
         """Maximum offset of a packet's rays from its eye along either axis [px m], shape (packets,)."""
         return self.words[:, 3:5].max(axis=1)
 
@@ -52,38 +52,44 @@ def find_eyes(images: PacketImages, rays: NDArray[np.float64], origins: NDArray[
         rays: Rays of the camera frame, shape (N, 3).
         origins: Origins of the rays [m], shape (N, 3).
     """
-    there = images.there[..., None]
-    starts = np.where(there, origins[images.place], 0.0)
-    eyes = _nearest_places(np.where(there, rays[images.place], 0.0), starts, images.there)
+    occupied = images.occupied[..., None]
+    ray_origins = np.where(occupied, origins[images.place], 0.0)
+    eyes = _nearest_points(np.where(occupied, rays[images.place], 0.0), ray_origins, images.occupied)
     forward = images.matrix[:, 2]
-    ahead = np.where(images.there, np.einsum("pk,pik->pi", forward, starts - eyes[:, None]), np.inf).min(axis=1)
-    eyes += np.minimum(ahead, 0.0)[:, None] * forward
-    apart = np.where(there, starts - eyes[:, None], 0.0)
-    at = np.einsum("prk,pik->pir", images.matrix, apart)
-    aside = np.where(there, at[..., :2] - images.exact * at[..., 2:], 0.0)
-    begin = at[..., 2]
-    turn = images.exact[..., 0] * aside[..., 1] - images.exact[..., 1] * aside[..., 0]
-    values = [*np.abs(aside).transpose(2, 0, 1), np.abs(turn), np.linalg.norm(apart, axis=-1), begin]
-    most = np.stack([value.max(axis=1) for value in values], axis=1) * (1 + _ROUNDED)
-    words = np.concatenate([eyes, most], axis=1)
+    first_z = np.where(images.occupied, np.einsum("pk,pik->pi", forward, ray_origins - eyes[:, None]), np.inf).min(
+        axis=1
+    )
+    eyes += np.minimum(first_z, 0.0)[:, None] * forward
+    offsets = np.where(occupied, ray_origins - eyes[:, None], 0.0)
+    local = np.einsum("prk,pik->pir", images.matrix, offsets)
+    crossing = np.where(occupied, local[..., :2] - images.positions * local[..., 2:], 0.0)
+    origin_z = local[..., 2]
+    moment = images.positions[..., 0] * crossing[..., 1] - images.positions[..., 1] * crossing[..., 0]
+    values = [*np.abs(crossing).transpose(2, 0, 1), np.abs(moment), np.linalg.norm(offsets, axis=-1), origin_z]
+    bounds = np.stack([value.max(axis=1) for value in values], axis=1) * (1 + _ROUNDED)
+    words = np.concatenate([eyes, bounds], axis=1)
     assert words.shape[1] == EYE_WORDS
-    return PacketEyes(words, aside.astype(np.float32), begin.astype(np.float32))
+    return PacketEyes(words, crossing.astype(np.float32), origin_z.astype(np.float32))
 
 
-def _nearest_places(rays: NDArray[np.float64], starts: NDArray[np.float64], there: NDArray[np.bool_]) -> NDArray:
+def _nearest_points(
+    rays: NDArray[np.float64], ray_origins: NDArray[np.float64], occupied: NDArray[np.bool_]
+) -> NDArray:
     """Return the points nearest to each packet's rays, zeros for none, by least squares, shape (packets, 3)."""
-    count = np.maximum(there.sum(axis=1), 1)[:, None]
-    middle = starts.sum(axis=1) / count
-    apart = np.where(there[..., None], starts - middle[:, None], 0.0)
+    count = np.maximum(occupied.sum(axis=1), 1)[:, None]
+    center = ray_origins.sum(axis=1) / count
+    offsets = np.where(occupied[..., None], ray_origins - center[:, None], 0.0)
     length = np.linalg.norm(rays, axis=-1, keepdims=True)
-    ahead = rays / np.where(length > 0, length, 1.0)
-    across = count[..., None] * (1 + _DRAWN_TO_ORIGINS) * np.eye(3) - np.einsum("pia,pib->pab", ahead, ahead)
-    along = np.einsum("pia,pia->pi", ahead, apart)
-    passed = (apart - along[..., None] * ahead).sum(axis=1)
-    shift = np.linalg.solve(across, passed[..., None])[..., 0]
-    most = _MAX_AWAY * np.linalg.norm(apart, axis=-1).max(axis=1)
+    directions = rays / np.where(length > 0, length, 1.0)
+    normal_matrix = count[..., None] * (1 + _ORIGIN_WEIGHT) * np.eye(3) - np.einsum(
+        "pia,pib->pab", directions, directions
+    )
+    along = np.einsum("pia,pia->pi", directions, offsets)
+    right_side = (offsets - along[..., None] * directions).sum(axis=1)
+    shift = np.linalg.solve(normal_matrix, right_side[..., None])[..., 0]
+    limit = _MAX_EYE_DISTANCE * np.linalg.norm(offsets, axis=-1).max(axis=1)
     size = np.linalg.norm(shift, axis=-1)
-    return middle + shift * np.where(size > most, most / np.where(size > 0, size, 1.0), 1.0)[:, None]
+    return center + shift * np.where(size > limit, limit / np.where(size > 0, size, 1.0), 1.0)[:, None]
 
 
 def group_rows(
@@ -98,51 +104,54 @@ def group_rows(
         side: Side of packets; groups are padded to a multiple of it with rows of -1.
     """
     first = index[:, :side]
-    there = first >= 0
-    looks, starts = (np.where(there[..., None], values[first], 0.0) for values in (rays, origins))
+    has_ray = first >= 0
+    directions, ray_origins = (np.where(has_ray[..., None], values[first], 0.0) for values in (rays, origins))
     groups = [np.arange(len(index))]
-    apart = _farthest(groups, looks, starts, there, side)
-    neighbours = np.linalg.norm(np.diff(looks, axis=1), axis=-1)[there[:, 1:] & there[:, :-1]]
-    if not len(neighbours) or apart <= _FAR_ASIDE * np.median(neighbours):
+    spread = _max_spread(groups, directions, ray_origins, has_ray, side)
+    spacings = np.linalg.norm(np.diff(directions, axis=1), axis=-1)[has_ray[:, 1:] & has_ray[:, :-1]]
+    if not len(spacings) or spread <= _SPREAD_LIMIT * np.median(spacings):
         return index
     # Use no more groups than needed, since each is padded to a multiple of a packet's rows.
-    while _farthest(groups, looks, starts, there, side) > _MUCH_NEARER * apart:
+    while _max_spread(groups, directions, ray_origins, has_ray, side) > _SPREAD_REDUCTION * spread:
         if len(groups) >= _MAX_GROUPS:
             return index
-        groups = [half for part in groups for half in _halves(part, looks, starts, there)]
+        groups = [half for group in groups for half in _halves(group, directions, ray_origins, has_ray)]
     return np.concatenate(
         [np.pad(index[rows], ((0, -len(rows) % side), (0, 0)), constant_values=-1) for rows in groups]
     )
 
 
-def _halves(rows: NDArray[np.int64], rays: NDArray, starts: NDArray, there: NDArray[np.bool_]) -> list[NDArray]:
+def _halves(rows: NDArray[np.int64], rays: NDArray, ray_origins: NDArray, has_ray: NDArray[np.bool_]) -> list[NDArray]:
     """Split rows at the widest gap between the mean offsets of their rays."""
-    middles = (
-        _passing(rays[rows], starts[rows], there[rows]).sum(axis=1) / np.maximum(there[rows].sum(axis=1), 1)[:, None]
+    centers = (
+        _offsets(rays[rows], ray_origins[rows], has_ray[rows]).sum(axis=1)
+        / np.maximum(has_ray[rows].sum(axis=1), 1)[:, None]
     )
-    value = middles @ np.linalg.svd(middles - middles.mean(axis=0))[2][0]
+    value = centers @ np.linalg.svd(centers - centers.mean(axis=0))[2][0]
     order = np.argsort(value, kind="stable")
-    few = min(_FEWEST_ROWS, len(rows) // 2)
-    gaps = np.diff(value[order])[few - 1 : len(rows) - few]
-    cut = few + int(gaps.argmax()) if len(gaps) else len(rows)
-    return [np.sort(part) for part in (rows[order[:cut]], rows[order[cut:]]) if len(part)]
+    min_rows = min(_MIN_ROWS, len(rows) // 2)
+    gaps = np.diff(value[order])[min_rows - 1 : len(rows) - min_rows]
+    cut = min_rows + int(gaps.argmax()) if len(gaps) else len(rows)
+    return [np.sort(half) for half in (rows[order[:cut]], rows[order[cut:]]) if len(half)]
 
 
-def _farthest(groups: list[NDArray[np.int64]], rays: NDArray, starts: NDArray, there: NDArray, side: int) -> float:
+def _max_spread(
+    groups: list[NDArray[np.int64]], rays: NDArray, ray_origins: NDArray, has_ray: NDArray, side: int
+) -> float:
     """Return the largest root mean square distance of a packet's rays from their nearest point, over groups of rows."""
-    packets = [part[first : first + side] for part in groups for first in range(0, len(part), side)]
-    return max(_size(_passing(rays[rows], starts[rows], there[rows])) for rows in packets)
+    packets = [group[first : first + side] for group in groups for first in range(0, len(group), side)]
+    return max(_rms(_offsets(rays[rows], ray_origins[rows], has_ray[rows])) for rows in packets)
 
 
-def _size(aside: NDArray) -> float:
-    return float(np.sqrt((aside**2).sum(axis=-1).mean()))
+def _rms(offsets: NDArray) -> float:
+    return float(np.sqrt((offsets**2).sum(axis=-1).mean()))
 
 
-def _passing(rays: NDArray, starts: NDArray, there: NDArray[np.bool_]) -> NDArray:
+def _offsets(rays: NDArray, ray_origins: NDArray, has_ray: NDArray[np.bool_]) -> NDArray:
     """Return the offset of each ray from the point nearest to all rays."""
-    flat, begin = rays.reshape(1, -1, 3), starts.reshape(1, -1, 3)
-    place = _nearest_places(flat, begin, there.reshape(1, -1))[0]
+    flat, flat_origins = rays.reshape(1, -1, 3), ray_origins.reshape(1, -1, 3)
+    center = _nearest_points(flat, flat_origins, has_ray.reshape(1, -1))[0]
     length = np.linalg.norm(rays, axis=-1, keepdims=True)
-    ahead = rays / np.where(length > 0, length, 1.0)
-    to = np.where(there[..., None], starts - place, 0.0)
-    return to - (to * ahead).sum(axis=-1, keepdims=True) * ahead
+    directions = rays / np.where(length > 0, length, 1.0)
+    relative = np.where(has_ray[..., None], ray_origins - center, 0.0)
+    return relative - (relative * directions).sum(axis=-1, keepdims=True) * directions

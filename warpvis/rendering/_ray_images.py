@@ -20,16 +20,16 @@ POINTS_SIDE = 32
 """Pixels of an image of points, along each axis."""
 
 # Minimum cosine of the angle between a ray and its image's axis.
-_MIN_AHEAD = 0.3
+_MIN_COSINE = 0.3
 _MARGIN = 1e-3  # of bounds [px]
 # Maximum aspect ratio of pixels; beyond it, rays are collinear in the image, and pixels are square. The focal length is
 # used for single rays [px].
-_NARROWEST = 1e5
+_MAX_ASPECT = 1e5
 _PLAIN_FOCAL = 256.0
 # Maximum aspect ratio of pixels in images of points: slopes lose digits in stretched images.
-_NARROWEST_OF_POINTS = 16.0
+_MAX_POINTS_ASPECT = 16.0
 # Number of rotations tried for an image of points, to find the one with the smallest bounds.
-_TURNS = 8
+_NUM_ROTATIONS = 8
 # Maximum distance of a point from the center of its pixel, with a margin for rounding [px].
 _POINT_SPREAD = 0.501
 
@@ -40,11 +40,11 @@ class PacketImages:
 
     place: NDArray[np.int64]
     """Index of each slot's ray in the table, -1 for none, shape (packets, slots)."""
-    there: NDArray[np.bool_]
+    occupied: NDArray[np.bool_]
     """Whether a slot has a ray, shape (packets, slots). Slots without one refer to a pixel without a ray, or to -1."""
-    ahead: NDArray[np.float64]
+    forward: NDArray[np.float64]
     """Component of rays of depth 1 along the image's axis, shape (packets, slots); 1 without a ray."""
-    exact: NDArray[np.float64]
+    positions: NDArray[np.float64]
     """Positions of rays in the image, from the principal point [px], shape (packets, slots, 2)."""
     first: NDArray[np.float64]
     """Position of the center of each image's first pixel [px], shape (packets, 2)."""
@@ -56,7 +56,7 @@ class PacketImages:
     @property
     def rounded(self) -> NDArray[np.float32]:
         """Positions of rays in single precision."""
-        return self.exact.astype(np.float32)
+        return self.positions.astype(np.float32)
 
     def frames(self) -> NDArray[np.float64]:
         """Return the words of a ``TableFrame`` (``native/cuda/table.h``) in each row."""
@@ -66,7 +66,7 @@ class PacketImages:
             self.first,
             self.spread[:, None],
             np.linalg.norm(self.matrix[:, :2], axis=-1),
-            np.where(self.there, self.ahead, 0.0).max(axis=1)[:, None],
+            np.where(self.occupied, self.forward, 0.0).max(axis=1)[:, None],
         ]
         table = np.concatenate(rows, axis=1)
         assert table.shape[1] == FRAME_WORDS
@@ -74,11 +74,11 @@ class PacketImages:
 
     def block_bounds(self) -> NDArray[np.float32]:
         """Return bounds of the rays of each block: left, right, top and bottom [px]; left > right for empty blocks."""
-        rounded, there = self.rounded.reshape(len(self.place), -1, CUDA_LANES, 2), self.there[..., None]
-        there = there.reshape(*rounded.shape[:3], 1)
-        least = np.where(there, rounded, np.float32(np.inf)).min(axis=2)
-        most = np.where(there, rounded, np.float32(-np.inf)).max(axis=2)
-        return np.stack([least[..., 0], most[..., 0], least[..., 1], most[..., 1]], axis=-1)
+        rounded, occupied = self.rounded.reshape(len(self.place), -1, CUDA_LANES, 2), self.occupied[..., None]
+        occupied = occupied.reshape(*rounded.shape[:3], 1)
+        low = np.where(occupied, rounded, np.float32(np.inf)).min(axis=2)
+        high = np.where(occupied, rounded, np.float32(-np.inf)).max(axis=2)
+        return np.stack([low[..., 0], high[..., 0], low[..., 1], high[..., 1]], axis=-1)
 
 
 def fit_grid(place: NDArray[np.int64], rays: NDArray[np.float64], side: int) -> PacketImages:
@@ -89,68 +89,68 @@ def fit_grid(place: NDArray[np.int64], rays: NDArray[np.float64], side: int) -> 
         rays: Rays of the camera frame at depth 1, shape (N, 3).
         side: Number of pixels of an image along each axis.
     """
-    given, pixels = _rays_of(place, rays), _grid(side)
-    middles = _middles(given)
+    packet_rays, pixels = _rays_of(place, rays), _grid(side)
+    directions = _mean_directions(packet_rays)
     # Most packets fit best in an image that faces their rays; rays that were sorted by their position in the image of a
     # pinhole along an axis fit best in that image.
-    bases = np.stack([_basis(middles), _basis(_nearest_axes(middles))])
-    fits = [_fit(given, basis, pixels) for basis in bases]
+    bases = np.stack([_basis(directions), _basis(_nearest_axes(directions))])
+    fits = [_fit(packet_rays, basis, pixels) for basis in bases]
     best = np.argmin([fit.spread for fit in fits], axis=0)
     index = np.arange(len(place))
     basis, mirrored = bases[best, index], np.array([np.linalg.det(fit.linear) < 0 for fit in fits])[best, index]
     # Mirror the packet back: in a mirrored image, triangles would be seen from behind.
     place = np.where(mirrored[:, None], place.reshape(-1, side, side)[..., ::-1].reshape(place.shape), place)
     fit = _fit(_rays_of(place, rays), basis, pixels)
-    exact = np.where(fit.there[..., None], fit.places @ fit.linear.transpose(0, 2, 1), fit.centers)
+    positions = np.where(fit.occupied[..., None], fit.positions @ fit.linear.transpose(0, 2, 1), fit.centers)
     matrix = basis.copy()
     matrix[:, :2] = fit.linear @ basis[:, :2]
-    return PacketImages(place, fit.there, fit.ahead, exact, fit.first, fit.spread + _MARGIN, matrix)
+    return PacketImages(place, fit.occupied, fit.forward, positions, fit.first, fit.spread + _MARGIN, matrix)
 
 
 def fit_points(place: NDArray[np.int64], rays: NDArray[np.float64]) -> PacketImages:
     """Rotate and scale images so that rays, zeros for none, just fill them; the arguments are those of `fit_grid`."""
-    given = _rays_of(place, rays)
-    there, basis = (given != 0).any(axis=-1), _basis(_middles(given))
-    flat = np.einsum("prk,pik->pir", basis, given)
-    ahead = np.where(there, flat[..., 2], 1.0)
-    places = flat[..., :2] / ahead[..., None]
-    turn, least, size = _fullest_turn(places, there)
-    size = np.maximum(size, size.max(axis=1, keepdims=True) / _NARROWEST_OF_POINTS)
-    across = POINTS_SIDE - 1 - 2 * _MARGIN
+    packet_rays = _rays_of(place, rays)
+    occupied, basis = (packet_rays != 0).any(axis=-1), _basis(_mean_directions(packet_rays))
+    flat = np.einsum("prk,pik->pir", basis, packet_rays)
+    forward = np.where(occupied, flat[..., 2], 1.0)
+    positions = flat[..., :2] / forward[..., None]
+    rotation, low, size = _tightest_rotation(positions, occupied)
+    size = np.maximum(size, size.max(axis=1, keepdims=True) / _MAX_POINTS_ASPECT)
+    usable = POINTS_SIDE - 1 - 2 * _MARGIN
     with np.errstate(divide="ignore"):
-        scale = np.where(size > across / _PLAIN_FOCAL / _NARROWEST, across / size, _PLAIN_FOCAL)
-    linear = scale[..., None] * turn
+        scale = np.where(size > usable / _PLAIN_FOCAL / _MAX_ASPECT, usable / size, _PLAIN_FOCAL)
+    linear = scale[..., None] * rotation
     matrix = basis.copy()
     matrix[:, :2] = linear @ basis[:, :2]
-    first = least * scale - _MARGIN
-    exact = np.where(there[..., None], places @ linear.transpose(0, 2, 1), first[:, None] + _MARGIN)
-    return PacketImages(place, there, ahead, exact, first, np.full(len(place), _POINT_SPREAD), matrix)
+    first = low * scale - _MARGIN
+    image_positions = np.where(occupied[..., None], positions @ linear.transpose(0, 2, 1), first[:, None] + _MARGIN)
+    return PacketImages(place, occupied, forward, image_positions, first, np.full(len(place), _POINT_SPREAD), matrix)
 
 
-def _fullest_turn(places: NDArray, there: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
+def _tightest_rotation(positions: NDArray, occupied: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
     """Find rotations that minimize the bounds of images.
 
     Returns:
         The rotations, shape (packets, 2, 2), and the first corner and the size of the bounds, shape (packets, 2) each.
     """
-    count = len(places)
-    turns, least, size = np.tile(np.eye(2), (count, 1, 1)), np.zeros((count, 2)), np.full((count, 2), np.inf)
-    for angle in np.arange(_TURNS) * (np.pi / 2 / _TURNS):
-        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-        turned = places @ turn.T
-        low = np.where(there[..., None], turned, np.inf).min(axis=1)
-        high = np.where(there[..., None], turned, -np.inf).max(axis=1)
+    count = len(positions)
+    rotations, corner, size = np.tile(np.eye(2), (count, 1, 1)), np.zeros((count, 2)), np.full((count, 2), np.inf)
+    for angle in np.arange(_NUM_ROTATIONS) * (np.pi / 2 / _NUM_ROTATIONS):
+        rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        rotated = positions @ rotation.T
+        low = np.where(occupied[..., None], rotated, np.inf).min(axis=1)
+        high = np.where(occupied[..., None], rotated, -np.inf).max(axis=1)
         better = (high - low).prod(axis=1) < size.prod(axis=1)
-        turns[better], least[better], size[better] = turn, low[better], (high - low)[better]
-    none = ~there.any(axis=1)
-    least[none], size[none] = 0.0, 0.0
-    return turns, least, size
+        rotations[better], corner[better], size[better] = rotation, low[better], (high - low)[better]
+    empty = ~occupied.any(axis=1)
+    corner[empty], size[empty] = 0.0, 0.0
+    return rotations, corner, size
 
 
 def middle_cosines(images: PacketImages, rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the minimum cosine of the angle between a packet's rays and its image's axis, shape (packets)."""
     length = np.linalg.norm(_rays_of(images.place, rays), axis=-1)
-    return np.where(images.there, images.ahead / np.where(images.there, length, 1.0), 1.0).min(axis=1)
+    return np.where(images.occupied, images.forward / np.where(images.occupied, length, 1.0), 1.0).min(axis=1)
 
 
 def _grid(side: int) -> NDArray[np.float64]:
@@ -159,7 +159,7 @@ def _grid(side: int) -> NDArray[np.float64]:
     return np.stack([x, y], axis=-1).astype(np.float64)
 
 
-def _middles(rays: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mean_directions(rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mean directions of packets as unit vectors, ignoring zeros."""
     length = np.linalg.norm(rays, axis=-1, keepdims=True)
     total = (rays / np.where(length > 0, length, 1)).sum(axis=1)
@@ -167,11 +167,11 @@ def _middles(rays: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(size > 0, total / np.where(size > 0, size, 1), [0.0, 0.0, 1.0])
 
 
-def _basis(middles: NDArray[np.float64]) -> NDArray[np.float64]:
+def _basis(directions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the axes right, down and forward of cameras that face given directions, shape (packets, 3, 3)."""
-    right = np.cross(middles, np.where(np.abs(middles[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
+    right = np.cross(directions, np.where(np.abs(directions[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
     right /= np.linalg.norm(right, axis=-1, keepdims=True)
-    return np.stack([right, np.cross(middles, right), middles], axis=1)
+    return np.stack([right, np.cross(directions, right), directions], axis=1)
 
 
 def _rays_of(place: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -182,9 +182,9 @@ def _rays_of(place: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np.
 def _nearest_axes(directions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the positive or negative camera axis nearest to each direction."""
     axis = np.abs(directions).argmax(axis=-1)[:, None]
-    ahead = np.sign(np.take_along_axis(directions, axis, axis=-1))
+    sign = np.sign(np.take_along_axis(directions, axis, axis=-1))
     nearest = np.zeros_like(directions)
-    np.put_along_axis(nearest, axis, ahead, axis=-1)
+    np.put_along_axis(nearest, axis, sign, axis=-1)
     return nearest
 
 
@@ -192,11 +192,11 @@ def _nearest_axes(directions: NDArray[np.float64]) -> NDArray[np.float64]:
 class _Fit:
     """Images in which rays pass near the centers of pixels."""
 
-    there: NDArray[np.bool_]
+    occupied: NDArray[np.bool_]
     """Whether a pixel has a ray, shape (packets, pixels)."""
-    ahead: NDArray[np.float64]
+    forward: NDArray[np.float64]
     """Component of rays of depth 1 along the image's axis, shape (packets, pixels); 1 without a ray."""
-    places: NDArray[np.float64]
+    positions: NDArray[np.float64]
     """Positions of rays at focal length 1, shape (packets, pixels, 2)."""
     linear: NDArray[np.float64]
     """Matrices from these positions to positions in the packets' images, shape (packets, 2, 2)."""
@@ -210,28 +210,28 @@ class _Fit:
 
 def _fit(rays: NDArray, basis: NDArray, pixels: NDArray) -> _Fit:
     """Fit images to rays: columns and rows are linear functions of the positions of rays, by least squares."""
-    there = (rays != 0).any(axis=-1)
+    occupied = (rays != 0).any(axis=-1)
     flat = np.einsum("prk,pik->pir", basis, rays)
-    aside = (there & (flat[..., 2] < _MIN_AHEAD * np.linalg.norm(rays, axis=-1))).any(axis=1)
-    ahead = np.where(there & ~aside[:, None], flat[..., 2], 1.0)
-    places = flat[..., :2] / ahead[..., None]
-    count = np.maximum(there.sum(axis=1), 1)[:, None]
-    mean = (places * there[..., None]).sum(axis=1) / count
-    grid = pixels * there[..., None]
+    off_axis = (occupied & (flat[..., 2] < _MIN_COSINE * np.linalg.norm(rays, axis=-1))).any(axis=1)
+    forward = np.where(occupied & ~off_axis[:, None], flat[..., 2], 1.0)
+    positions = flat[..., :2] / forward[..., None]
+    count = np.maximum(occupied.sum(axis=1), 1)[:, None]
+    mean = (positions * occupied[..., None]).sum(axis=1) / count
+    grid = pixels * occupied[..., None]
     grid_mean = grid.sum(axis=1) / count
-    apart = (places - mean[:, None]) * there[..., None]
-    normal = np.einsum("pia,pib->pab", apart, apart)
-    wanted = np.einsum("pia,pib->pab", apart, grid - grid_mean[:, None])
-    linear = np.linalg.pinv(normal, rcond=1e-12, hermitian=True) @ wanted
+    offsets = (positions - mean[:, None]) * occupied[..., None]
+    normal = np.einsum("pia,pib->pab", offsets, offsets)
+    target = np.einsum("pia,pib->pab", offsets, grid - grid_mean[:, None])
+    linear = np.linalg.pinv(normal, rcond=1e-12, hermitian=True) @ target
     # The fit is underdetermined for too few or collinear rays: choose the scale along the free directions.
-    left, size, right = np.linalg.svd(linear.transpose(0, 2, 1))
+    left_vectors, size, right_vectors = np.linalg.svd(linear.transpose(0, 2, 1))
     size[size[:, 0] < 1e-6] = _PLAIN_FOCAL
-    narrow = size[:, 1] < size[:, 0] / _NARROWEST
+    narrow = size[:, 1] < size[:, 0] / _MAX_ASPECT
     size[narrow, 1] = size[narrow, 0]
-    left[narrow, :, 1] *= np.sign(np.linalg.det(left @ right))[narrow, None]
-    linear = (left * size[:, None]) @ right
+    left_vectors[narrow, :, 1] *= np.sign(np.linalg.det(left_vectors @ right_vectors))[narrow, None]
+    linear = (left_vectors * size[:, None]) @ right_vectors
     first = np.einsum("pab,pb->pa", linear, mean) - grid_mean
     centers = first[:, None] + pixels
-    off = np.abs(places @ linear.transpose(0, 2, 1) - centers) * there[..., None]
-    spread = np.where(aside, np.inf, off.max(axis=(1, 2), initial=0))
-    return _Fit(there, ahead, places, linear, first, centers, spread)
+    error = np.abs(positions @ linear.transpose(0, 2, 1) - centers) * occupied[..., None]
+    spread = np.where(off_axis, np.inf, error.max(axis=(1, 2), initial=0))
+    return _Fit(occupied, forward, positions, linear, first, centers, spread)

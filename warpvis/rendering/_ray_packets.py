@@ -49,7 +49,7 @@ class PreparedPackets:
     """Sides of packets of neighbors, and the packets: up to two kinds."""
     points: RayPackets | None
     """Packets of `POINTS` other rays each; None if there are no such rays."""
-    aside: float
+    eye_offset: float
     """Median over all packets of the maximum offset of a ray from the packet's eye [px m]; 0 for a common origin."""
 
 
@@ -81,7 +81,7 @@ def prepare_packets(
     return PreparedPackets(
         [(side, made) for side, made in packets if made.frame.shape[0]],
         points,
-        float(np.median(np.concatenate(make.asides))) if make.asides else 0.0,
+        float(np.median(np.concatenate(make.eye_offsets))) if make.eye_offsets else 0.0,
     )
 
 
@@ -114,7 +114,7 @@ class _Maker:
 
     def __init__(self, rays: NDArray[np.float64], origins: NDArray[np.float64] | None, device: wp.Device) -> None:
         """Store the rays; the arguments are those of `prepare_packets`."""
-        self.asides: list[NDArray[np.float64]] = []
+        self.eye_offsets: list[NDArray[np.float64]] = []
         self._rays = _flat(rays)
         self._origins = None if origins is None else origins.reshape(-1, 3)
         self._device = device
@@ -137,29 +137,31 @@ class _Maker:
         packets, device = RayPackets(), self._device
         packets.frame = wp.array(images.frames(), dtype=wp.float64, device=device)
         rounded = images.rounded
-        scale = np.where(images.there, 1 / images.ahead, 0.0).astype(np.float32)
+        scale = np.where(images.occupied, 1 / images.forward, 0.0).astype(np.float32)
         packets.points = wp.array(rounded[:, order], dtype=wp.vec2, device=device)
-        packets.rests = wp.array((images.exact - rounded).astype(np.float32)[:, order], dtype=wp.vec2, device=device)
+        packets.rests = wp.array(
+            (images.positions - rounded).astype(np.float32)[:, order], dtype=wp.vec2, device=device
+        )
         packets.scale = wp.array(scale[:, order], dtype=wp.float32, device=device)
         packets.place = wp.array(images.place[:, order].astype(np.int32), dtype=wp.int32, device=device)
         packets.pixels = len(self._rays)
         if self._origins is not None:
             eyes = find_eyes(images, self._rays, self._origins)
-            self.asides.append(eyes.most_aside)
+            self.eye_offsets.append(eyes.max_offset)
             packets.eyes = wp.array(eyes.words, dtype=wp.float64, device=device)
-            packets.asides = wp.array(eyes.aside[:, order], dtype=wp.vec2, device=device)
-            packets.begins = wp.array(eyes.begin[:, order], dtype=wp.float32, device=device)
+            packets.asides = wp.array(eyes.offset[:, order], dtype=wp.vec2, device=device)
+            packets.begins = wp.array(eyes.origin_z[:, order], dtype=wp.float32, device=device)
         return packets
 
 
-def _near_blocks(index: NDArray[np.int64], rays: NDArray, side: int, most_spread: float) -> NDArray[np.int64]:
+def _near_blocks(index: NDArray[np.int64], rays: NDArray, side: int, max_spread: float) -> NDArray[np.int64]:
     """Cut a table into squares; return those whose rays pass near pixel centers, shape (packets, pixels)."""
     unrolled = _unrolled(index, rays)
     tables = [index] if (unrolled == index).all() else [index, unrolled]
     cuts = [_blocks(table, side) for table in tables]
     images = [fit_grid(place, rays, side) for place in cuts]
     best = int(np.argmin([np.median(image.spread) for image in images]))
-    near = (images[best].spread <= most_spread) & (middle_cosines(images[best], rays) >= _MIN_COSINE)
+    near = (images[best].spread <= max_spread) & (middle_cosines(images[best], rays) >= _MIN_COSINE)
     return cuts[best][near & (cuts[best] >= 0).any(axis=1)]
 
 
@@ -173,10 +175,10 @@ def _arrange(
     """
     place = _near_blocks(index, rays, side, _MAX_SPREAD)
     others = index[(index >= 0) & ~np.isin(index, place)]
-    full, rest, without = _sorted(others, rays[None], side * side)
+    full, partial_packets, without = _sorted(others, rays[None], side * side)
     squares = _as_squares(full)
     near = fit_grid(squares, rays, side).spread <= _MAX_SORTED_SPREAD
-    points = _in_points(full[~near], rest)
+    points = _in_points(full[~near], partial_packets)
     return np.concatenate([place, squares[near], _padded(without, side * side)]), points
 
 
@@ -189,63 +191,65 @@ def _unrolled(index: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np
 
 
 def _sorted(
-    items: NDArray[np.int64], rays: NDArray[np.float64], most: int
+    items: NDArray[np.int64], rays: NDArray[np.float64], size: int
 ) -> tuple[NDArray[np.int64], list[NDArray[np.int64]], NDArray[np.int64]]:
     """Sort rays of a table, shape (H, W, 3), by direction; return full packets, partial ones, items without a ray."""
     split, flat = split_rays(rays), rays.reshape(-1, 3)
     face = split.face.ravel()[items]
-    full, rest = [np.zeros((0, most), dtype=np.int64)], []
+    full, partial_packets = [np.zeros((0, size), dtype=np.int64)], []
     for number in range(len(split.axes)):
-        parts = list(_parts(items[face == number], split.places, flat, most))
-        full += [part[None] for part in parts if len(part) == most]
-        few = [part for part in parts if len(part) < most]
-        rest += [np.concatenate(list(_parts(part, split.places, flat, CUDA_LANES))) for part in few]
-    return _halved(np.concatenate(full), split.places), rest, items[face < 0]
+        parts = list(_split(items[face == number], split.positions, flat, size))
+        full += [packet[None] for packet in parts if len(packet) == size]
+        partial = [packet for packet in parts if len(packet) < size]
+        partial_packets += [
+            np.concatenate(list(_split(packet, split.positions, flat, CUDA_LANES))) for packet in partial
+        ]
+    return _halved(np.concatenate(full), split.positions), partial_packets, items[face < 0]
 
 
-def _in_points(full: NDArray[np.int64], rest: list[NDArray[np.int64]]) -> NDArray[np.int64]:
+def _in_points(full: NDArray[np.int64], partial_packets: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     """Return packets of points, filled with sorted rays."""
-    return np.concatenate([_padded(part.ravel(), POINTS) for part in (full, *rest)])
+    return np.concatenate([_padded(packet.ravel(), POINTS) for packet in (full, *partial_packets)])
 
 
-def _padded(items: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+def _padded(items: NDArray[np.int64], size: int) -> NDArray[np.int64]:
     """Split items into packets of `most`, the last one padded with -1."""
-    return np.pad(items, (0, -len(items) % most), constant_values=-1).reshape(-1, most)
+    return np.pad(items, (0, -len(items) % size), constant_values=-1).reshape(-1, size)
 
 
-def _parts(items: NDArray, places: NDArray, rays: NDArray, most: int) -> Iterator[NDArray[np.int64]]:
+def _split(items: NDArray, places: NDArray, rays: NDArray, size: int) -> Iterator[NDArray[np.int64]]:
     """Halve rays along their longest axis until each part fits a packet and its directions are close."""
     if not len(items):
         return
-    some = rays[items] / np.linalg.norm(rays[items], axis=-1, keepdims=True)
-    middle = some.mean(axis=0)
-    if len(items) <= most and (some @ middle >= _MIN_COSINE * np.linalg.norm(middle)).all():
+    directions = rays[items] / np.linalg.norm(rays[items], axis=-1, keepdims=True)
+    mean_direction = directions.mean(axis=0)
+    if len(items) <= size and (directions @ mean_direction >= _MIN_COSINE * np.linalg.norm(mean_direction)).all():
         yield items
         return
-    at = places[items]
-    order = np.argsort(at[:, int(np.argmax(np.ptp(at, axis=0)))], kind="stable")
+    positions = places[items]
+    order = np.argsort(positions[:, int(np.argmax(np.ptp(positions, axis=0)))], kind="stable")
     # All but the last are full.
-    half = most * -(-len(items) // (2 * most)) if len(items) > most else len(items) // 2
-    yield from _parts(items[order[:half]], places, rays, most)
-    yield from _parts(items[order[half:]], places, rays, most)
+    cut = size * -(-len(items) // (2 * size)) if len(items) > size else len(items) // 2
+    yield from _split(items[order[:cut]], places, rays, size)
+    yield from _split(items[order[cut:]], places, rays, size)
 
 
 def _halved(full: NDArray[np.int64], places: NDArray) -> NDArray[np.int64]:
     """Sort the rays of packets, whose size is a power of two, by halving alternately by columns and rows."""
-    most = full.shape[1]
-    for level in range(most.bit_length() - 1):
-        halves = full.reshape(-1, most >> level)
+    size = full.shape[1]
+    for level in range(size.bit_length() - 1):
+        halves = full.reshape(-1, size >> level)
         order = np.argsort(places[halves, level % 2], axis=-1, kind="stable")
         full = np.take_along_axis(halves, order, axis=-1)
-    return full.reshape(-1, most)
+    return full.reshape(-1, size)
 
 
 def _as_squares(halved: NDArray[np.int64]) -> NDArray[np.int64]:
     """Reorder rays sorted by `_halved` into rows and columns of squares."""
-    most = halved.shape[1]
-    levels = most.bit_length() - 1
+    size = halved.shape[1]
+    levels = size.bit_length() - 1
     rows, columns = range(2, levels + 1, 2), range(1, levels, 2)
-    return halved.reshape(-1, *((2,) * levels)).transpose(0, *rows, *columns).reshape(-1, most)
+    return halved.reshape(-1, *((2,) * levels)).transpose(0, *rows, *columns).reshape(-1, size)
 
 
 def _z_buffer_order(side: int) -> NDArray[np.int64]:

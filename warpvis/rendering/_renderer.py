@@ -40,7 +40,7 @@ from warpvis.rendering._moving import MovingCaster, MovingPoses
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import CheckedImages
 from warpvis.rendering._sensing import Sensing, check_word, next_frame, view_numbers
-from warpvis.rendering._shading import ShadingCaster, bytes_beside
+from warpvis.rendering._shading import ShadingCaster, extra_bytes
 from warpvis.rendering._views import ALL_OUTPUTS, COLOR_OUTPUTS, OUTPUTS, Views, views_for
 from warpvis.rendering.casters import as_images, as_rows
 from warpvis.scene import Scene, require_scene
@@ -251,7 +251,7 @@ class Renderer:
         views = views_for(self.outputs, shape, self.scene.device, out)
         images = self._asked_for(views)
         if out is not None:
-            self._checked.keep(images, shape, self.outputs)
+            self._checked.record(images, shape, self.outputs)
         return self._cast_into(views, images, poses, worlds, numbers)
 
     def _cast_into(
@@ -376,10 +376,10 @@ class Renderer:
         return all(isinstance(image, wp.array) and image.device.is_cpu for image in images)
 
     def _bytes_per_pixel(self) -> int:
-        beside = 0 if self._sensing is None else self._sensing.bytes_per_pixel(self.outputs)
+        extra = 0 if self._sensing is None else self._sensing.bytes_per_pixel(self.outputs)
         if self._has_colors:
-            beside += bytes_beside(self.outputs)
-        return beside + sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in self.outputs)
+            extra += extra_bytes(self.outputs)
+        return extra + sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in self.outputs)
 
     def _cast_in_parts(self, poses: wp.array, worlds: Worlds, numbers: _Numbers, images: list[wp.array | None]) -> None:
         """Cast as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
@@ -389,8 +389,8 @@ class Renderer:
         for first in range(0, len(poses), max(1, step)):
             part = slice(first, min(first + step, len(poses)))
             sources = [None if image is None else image[: part.stop - first] for image in self._asked_for(views)]
-            some = None if numbers is None else numbers[part]
-            self._cast(poses[part], part_of(worlds, part), some, sources)
+            part_numbers = None if numbers is None else numbers[part]
+            self._cast(poses[part], part_of(worlds, part), part_numbers, sources)
             self._fill_depth(sources[0])
             for image, source in zip(images, sources, strict=True):
                 if image is not None:

@@ -22,7 +22,7 @@ from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.rendering._depth_kernels import launch_back_project
 from warpvis.rendering._depth_sensor import DepthSensor, Exposure, require_sensor
-from warpvis.rendering._prepared import Idle
+from warpvis.rendering._prepared import FreeList
 from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class Sensing:
         self._threads = threads
         self._make_caster = make_caster
         self._casters: dict[Camera, Any] = {}
-        self._idle = Idle[dict[str, wp.array]](_MAX_KINDS)
+        self._free = FreeList[dict[str, wp.array]](_MAX_KINDS)
 
     @property
     def _needed(self) -> tuple[str, ...]:
@@ -83,57 +83,57 @@ class Sensing:
         `caster` must be a caster for `clean_camera`, and `numbers` the result of `view_numbers`.
         """
         device = self._scene.device
-        keeps = device.is_cpu or not device.is_capturing  # a captured graph must not share its memory
+        reuses = device.is_cpu or not device.is_capturing  # a captured graph must not share its memory
         kind = (len(poses), device.is_cuda and device.stream)
-        room = (self._idle.take(kind) if keeps else None) or {}
-        made = self._with_room(dict(zip(ALL_OUTPUTS, images, strict=True)), room, len(poses))
-        clean = made | {"depth": made["true_depth"], "points": None}
+        arrays = (self._free.take(kind) if reuses else None) or {}
+        needed = self._with_scratch(dict(zip(ALL_OUTPUTS, images, strict=True)), arrays, len(poses))
+        clean = needed | {"depth": needed["true_depth"], "points": None}
         caster.cast(poses, worlds, [clean[name] for name in OUTPUTS])
-        places = poses if isinstance(poses, wp.array) else wp.array(poses, dtype=wp.transform, device=device)
-        needs, depth, words = self.sensor.needs, made["depth"], numbers.astype(np.uint32)
+        device_poses = poses if isinstance(poses, wp.array) else wp.array(poses, dtype=wp.transform, device=device)
+        needs, depth, words = self.sensor.needs, needed["depth"], numbers.astype(np.uint32)
         assert depth is not None  # for type checkers: depth is always among the needed images
         exposure = Exposure(
             scene=self._scene,
             camera=self.camera,
             clip_near=self.clean_camera.near,
-            poses=places,
+            poses=device_poses,
             worlds=worlds,
             draws=wp.array(words, dtype=wp.vec2ui, device=device),
             numbers=words,
             seed=self._seed,
             threads=self._threads,
-            true_depth=made["true_depth"],
-            normals=made["normals"] if "normals" in needs else None,
-            segmentation=made["segmentation"] if "segmentation" in needs else None,
+            true_depth=needed["true_depth"],
+            normals=needed["normals"] if "normals" in needs else None,
+            segmentation=needed["segmentation"] if "segmentation" in needs else None,
             depth_out=depth,
-            reasons_out=made["reasons"],
-            room=partial(self._room, room),
-            cast=partial(self._cast_at, room),
+            reasons_out=needed["reasons"],
+            scratch=partial(self._scratch, arrays),
+            cast=partial(self._cast_at, arrays),
         )
         self.sensor.measure(exposure)
-        if made["points"] is not None:
-            launch_back_project(self.camera, places, depth, made["points"], self._threads)
-        if keeps:
-            self._idle.give_back(kind, room)
+        if needed["points"] is not None:
+            launch_back_project(self.camera, device_poses, depth, needed["points"], self._threads)
+        if reuses:
+            self._free.give_back(kind, arrays)
 
-    def _with_room(
-        self, images: dict[str, wp.array | None], room: dict[str, wp.array], views: int
+    def _with_scratch(
+        self, images: dict[str, wp.array | None], arrays: dict[str, wp.array], views: int
     ) -> dict[str, wp.array | None]:
         """Return the images, with scratch memory for images that the model needs and that were not requested."""
         shape = (views, self.camera.height, self.camera.width)
         lacking = [name for name in self._needed if images[name] is None]
-        return images | {name: self._room(room, name, shape, ALL_OUTPUTS[name]) for name in lacking}
+        return images | {name: self._scratch(arrays, name, shape, ALL_OUTPUTS[name]) for name in lacking}
 
-    def _room(self, room: dict[str, wp.array], name: str, shape: tuple[int, ...], dtype: type) -> wp.array:
+    def _scratch(self, arrays: dict[str, wp.array], name: str, shape: tuple[int, ...], dtype: type) -> wp.array:
         """Return memory of an earlier call of the same kind, or allocate it."""
-        known = room.get(name)
-        if known is None or known.shape != shape:
-            known = room[name] = empty(shape, dtype, name=name, device=self._scene.device)
-        return known
+        array = arrays.get(name)
+        if array is None or array.shape != shape:
+            array = arrays[name] = empty(shape, dtype, name=name, device=self._scene.device)
+        return array
 
     def _cast_at(
         self,
-        room: dict[str, wp.array],
+        arrays: dict[str, wp.array],
         worlds: Worlds,
         camera: Camera,
         poses: wp.array,
@@ -144,7 +144,7 @@ class Sensing:
         if camera not in self._casters:
             self._casters[camera] = self._make_caster(camera)
         caster = self._casters[camera]
-        seen = {name: self._room(room, f"seen {name}", points.shape, ALL_OUTPUTS[name]) for name in names}
+        seen = {name: self._scratch(arrays, f"seen {name}", points.shape, ALL_OUTPUTS[name]) for name in names}
         caster.cast_at(caster.parse_poses(poses, "opencv"), worlds, points, [seen.get(name) for name in OUTPUTS])
         return seen
 

@@ -16,7 +16,7 @@ from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
-from warpvis.rendering._prepared import Idle
+from warpvis.rendering._prepared import FreeList
 from warpvis.rendering._views import CAST_OUTPUTS, COLOR_OUTPUTS, OUTPUTS
 from warpvis.rendering.casters import CastPoses, as_images
 
@@ -39,7 +39,7 @@ class ShadingCaster:
         self._scene = scene
         self._camera = camera
         self._threads = threads
-        self._idle = Idle[dict[str, wp.array]](_MAX_KINDS)
+        self._free = FreeList[dict[str, wp.array]](_MAX_KINDS)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
         """Check poses and return them in the format of `cast`."""
@@ -54,43 +54,43 @@ class ShadingCaster:
         self._shade(poses, worlds, images, lambda needed: self._caster.cast_at(poses, worlds, pixels, needed))
 
     def _shade(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None], cast: Any) -> None:
-        made = dict(zip(OUTPUTS, images, strict=False))
-        wanted = {name: image for name, image in made.items() if name in COLOR_OUTPUTS and image is not None}
-        lit = "color" in wanted and bool(self._scene.lights)
-        if not wanted:
+        by_name = dict(zip(OUTPUTS, images, strict=False))
+        color_images = {name: image for name, image in by_name.items() if name in COLOR_OUTPUTS and image is not None}
+        lit = "color" in color_images and bool(self._scene.lights)
+        if not color_images:
             cast(images[: len(CAST_OUTPUTS)])
             return
-        device, shape = self._scene.device, next(iter(wanted.values())).shape
-        keeps = device.is_cpu or not device.is_capturing  # a captured graph must not share its memory
+        device, shape = self._scene.device, next(iter(color_images.values())).shape
+        reuses = device.is_cpu or not device.is_capturing  # a captured graph must not share its memory
         kind = (shape, device.is_cuda and device.stream)
-        room = (self._idle.take(kind) if keeps else None) or {}
+        scratch = (self._free.take(kind) if reuses else None) or {}
         for name in (*_NEEDED, "normals") if lit else _NEEDED:
-            if made[name] is None:
-                if name not in room:
-                    room[name] = empty(shape, CAST_OUTPUTS[name], name=name, device=device)
-                made[name] = room[name]
-        cast([made[name] for name in CAST_OUTPUTS])
-        places = poses if isinstance(poses, wp.array) else wp.array(poses, dtype=wp.transform, device=device)
-        for name, image in wanted.items():
-            self._launch(places, worlds, made, image, lit=lit and name == "color")
-        if keeps:
-            self._idle.give_back(kind, room)
+            if by_name[name] is None:
+                if name not in scratch:
+                    scratch[name] = empty(shape, CAST_OUTPUTS[name], name=name, device=device)
+                by_name[name] = scratch[name]
+        cast([by_name[name] for name in CAST_OUTPUTS])
+        device_poses = poses if isinstance(poses, wp.array) else wp.array(poses, dtype=wp.transform, device=device)
+        for name, image in color_images.items():
+            self._launch(device_poses, worlds, by_name, image, lit=lit and name == "color")
+        if reuses:
+            self._free.give_back(kind, scratch)
 
     def _launch(
-        self, poses: wp.array, worlds: Worlds, made: dict[str, wp.array | None], image: wp.array, *, lit: bool
+        self, poses: wp.array, worlds: Worlds, by_name: dict[str, wp.array | None], image: wp.array, *, lit: bool
     ) -> None:
         from warpvis.kernels import lighting, shading
 
         scene = self._scene
         names = (*_NEEDED, "normals") if lit else _NEEDED
-        *seen, colors = as_images([*(made[name] for name in names), image])
+        *seen, colors = as_images([*(by_name[name] for name in names), image])
         assert colors is not None  # only requested images are shaded
-        of_scene = [scene.device_materials(scene.background), *([scene.device_lights(scene.lights)] if lit else [])]
+        scene_data = [scene.device_materials(scene.background), *([scene.device_lights(scene.lights)] if lit else [])]
         footprint = self._footprint()
         launch_images(
             lighting.shade_lit_colors if lit else shading.shade_base_colors,
             colors.shape,
-            lambda window: [*of_scene, footprint, poses, window, worlds, *seen, colors],
+            lambda window: [*scene_data, footprint, poses, window, worlds, *seen, colors],
             device=scene.device,
             threads=self._threads,
         )
@@ -111,7 +111,7 @@ class ShadingCaster:
         return footprint
 
 
-def bytes_beside(outputs: tuple[str, ...]) -> int:
+def extra_bytes(outputs: tuple[str, ...]) -> int:
     """Return the memory used per pixel in addition to outputs with colors [bytes]."""
     lacking = [name for name in (*_NEEDED, "normals") if name not in outputs]
     return sum(wp.types.type_size_in_bytes(CAST_OUTPUTS[name]) for name in lacking)
@@ -124,7 +124,7 @@ def pixel_angle(camera: RayCamera) -> float:
     rays = camera.rays.reshape(*camera.shape, 3)
     with np.errstate(invalid="ignore"):
         rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-        apart = [np.linalg.norm(np.diff(rays, axis=axis), axis=-1).ravel() for axis in (0, 1)]
-    both = np.concatenate(apart)
-    both = both[np.isfinite(both)]
-    return float(np.median(both)) if len(both) else 0.0
+        steps = [np.linalg.norm(np.diff(rays, axis=axis), axis=-1).ravel() for axis in (0, 1)]
+    angles = np.concatenate(steps)
+    angles = angles[np.isfinite(angles)]
+    return float(np.median(angles)) if len(angles) else 0.0

@@ -141,5 +141,5 @@ def _from_host(name: str, value: Any) -> Any:
     if name not in ALL_OUTPUTS or value is None:
         return value
     array, device = value
-    there = device if device == "cpu" or wp.is_cuda_available() else "cpu"
-    return wp.array(array, dtype=ALL_OUTPUTS[name], device=there)
+    target = device if device == "cpu" or wp.is_cuda_available() else "cpu"
+    return wp.array(array, dtype=ALL_OUTPUTS[name], device=target)

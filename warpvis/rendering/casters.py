@@ -18,7 +18,7 @@ from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.kernels.constants import POSE_WORDS
 from warpvis.rendering._orthographic import RenderCamera
-from warpvis.rendering._prepared import Idle
+from warpvis.rendering._prepared import FreeList
 from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
 
@@ -68,7 +68,7 @@ class RaysCaster:
         self._cull_backfaces = cull_backfaces
         self._clip_near = clip_near
         self._threads = threads
-        self._staging = Idle[_Staging](_MAX_STAGED)
+        self._staging = FreeList[_Staging](_MAX_STAGED)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> CastPoses:
         """Check poses and return them in this caster's format: host poses as rows if they go to a GPU."""
@@ -106,17 +106,17 @@ class RaysCaster:
     ) -> None:
         triangles, outputs = self._scene.triangles(faces=wants_faces(images)), images_struct(images)
         camera = self._camera.device_struct(clip_near=self._clip_near)
-        places, staging = self._place(poses)
+        device_poses, staging = self._upload(poses)
         launch_images(
             kernel,
             shape,
-            lambda window: [triangles.struct, camera, places, window, *others, self._cull_backfaces, outputs],
+            lambda window: [triangles.struct, camera, device_poses, window, *others, self._cull_backfaces, outputs],
             device=self._scene.device,
             threads=self._threads,
         )
         self._give_back(staging)
 
-    def _place(self, poses: CastPoses) -> tuple[wp.array, _Staging | None]:
+    def _upload(self, poses: CastPoses) -> tuple[wp.array, _Staging | None]:
         """Return poses on the scene's device and their staging buffers, to be given back after the launch."""
         if isinstance(poses, wp.array):
             return poses, None

@@ -99,7 +99,7 @@ class Corruptions(DepthSensor):
         camera, views = exposure.image_range, len(exposure.poses)
         rectangles = None
         if model.max_count:
-            rectangles = exposure.room("rectangles", (views, model.max_count), wp.vec4i)
+            rectangles = exposure.scratch("rectangles", (views, model.max_count), wp.vec4i)
             placed = [camera, model, exposure.draws, rectangles]
             launch(place_rectangles, rectangles.shape, placed, exposure.scene.device)
         given = [model, exposure.true_depth if self.of is None else None, rectangles, exposure.draws]

@@ -35,8 +35,8 @@ def fatten(exposure: Exposure, *, reach: int, scale: float, step: float) -> Expo
     ):
         if image is not None:
             setattr(seen, name, image)
-            fattened[name] = exposure.room(f"fattened {name}", shape, image.dtype)
-    nearest = exposure.room("nearest of rows", shape, wp.float32)
+            fattened[name] = exposure.scratch(f"fattened {name}", shape, image.dtype)
+    nearest = exposure.scratch("nearest of rows", shape, wp.float32)
     offsets = wp.array(closest_first(reach), dtype=wp.vec2i, device=device)
 
     def launch(kernel: wp.Kernel, *given: object) -> None:

@@ -15,7 +15,7 @@ from warpvis.rendering import Exposure
 def draw_normal_image(exposure: Exposure, stream: int, name: str) -> wp.array:
     """Draw a random number of a stream for each pixel, ``(V, H, W)``, into scratch memory called `name`."""
     device, shape = exposure.scene.device, exposure.true_depth.shape
-    normals = exposure.room(name, shape, wp.float32)
+    normals = exposure.scratch(name, shape, wp.float32)
     kernel, span = drawing_kernel(device)
     drawn: list[Any] = [exposure.draws, wp.uint32(exposure.seed), wp.uint32(stream), normals]
     launch_images(kernel, shape, lambda window: [window, *drawn], device=device, threads=exposure.threads, span=span)

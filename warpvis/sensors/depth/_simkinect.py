@@ -90,7 +90,7 @@ class SimKinect(ByValue, DepthSensor):
         pattern = make_pattern(lens.height, lens.width) if self.pattern is None else self.pattern
         dots = wp.array(pattern, dtype=wp.uint8, device=device)
         nearest = wp.array(closest_first(_FILL_REACH, _FILL_REACH**2), dtype=wp.vec2i, device=device)
-        levels, kept = (exposure.room(name, shape, wp.int32) for name in ("levels", "kept"))
+        levels, kept = (exposure.scratch(name, shape, wp.int32) for name in ("levels", "kept"))
 
         def launch(kernel: wp.Kernel, *given: object, cameras: tuple[object, ...] = ()) -> None:
             launch_images(

@@ -212,7 +212,7 @@ class StereoDepth(Device):
             scale = self._scale(exposure.camera)
             exposure = fatten(exposure, reach=self.fattening, scale=scale, step=self.edge_step)
         poses, device = exposure.poses, exposure.scene.device
-        other_poses = exposure.room("other poses", poses.shape, wp.transform)
+        other_poses = exposure.scratch("other poses", poses.shape, wp.transform)
         eyes = wp.empty(len(poses), dtype=OtherEye, device=device)
         side = self.baseline if self.other_eye == "right" else -self.baseline
         launch(place_other_eyes, len(poses), [poses, wp.float64(side), other_poses, eyes], device)
@@ -234,7 +234,7 @@ class StereoDepth(Device):
         """Return the depth seen by the other eye at the projection of the point of each pixel."""
         shape, device = exposure.true_depth.shape, exposure.scene.device
         other = self._other_camera(exposure.camera, exposure.clip_near)
-        points = exposure.room("points", shape, wp.vec2)
+        points = exposure.scratch("points", shape, wp.vec2)
         kernel, _, span = _kernels(device)
         lens, margin = other.device_struct(), other.cx - exposure.camera.cx
         min_depth = self._scale(exposure.camera) / self.max_disparity
@@ -289,7 +289,7 @@ class StereoDepth(Device):
         views, height, width = exposure.true_depth.shape
         device, spacing = exposure.scene.device, self.noise_spacing
         shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
-        given.nodes = nodes = exposure.room("nodes", shape, wp.float32)
+        given.nodes = nodes = exposure.scratch("nodes", shape, wp.float32)
         kernel, span = drawing_kernel(device)
         drawn: list[Any] = [exposure.draws, wp.uint32(exposure.seed), wp.uint32(STREAM_DISPARITY), nodes]
         launch_images(

@@ -139,7 +139,7 @@ class TimeOfFlight(Device):
         from warpvis.kernels.sub_rays import find_axes
 
         model, given = self._model(exposure), self._views(exposure)
-        axes = exposure.room("axes", exposure.poses.shape, wp.mat33)
+        axes = exposure.scratch("axes", exposure.poses.shape, wp.mat33)
         launch(find_axes, len(exposure.poses), [exposure.poses, axes], exposure.scene.device)
         cameras = [exposure.camera.device_struct(), axes]
         if self.mixing:
@@ -189,7 +189,7 @@ class TimeOfFlight(Device):
         pixels, part = _pixels_in_parts(slots, exposure.scene.device.is_cpu)
         mixes = empty(pixels.shape, wp.vec4, name="mixes", device=exposure.scene.device)
         ideal = dataclasses.replace(exposure.camera, near=exposure.clip_near, far=math.inf)
-        points = exposure.room("sub-rays", (views, _TILE_PIXELS, part), wp.vec2)
+        points = exposure.scratch("sub-rays", (views, _TILE_PIXELS, part), wp.vec2)
         tiles = (views, part // _TILE_PIXELS, _TILE_PIXELS)
         for first in range(0, pixels.shape[1], part):
             _launch(exposure, place_sub_rays, points.shape, [], [pixels, first, width, points])
@@ -200,7 +200,7 @@ class TimeOfFlight(Device):
 
     def _find_edges(self, exposure: Exposure, cameras: list[Any]) -> wp.array:
         """Return an image that is not negative at edges, and -1 elsewhere."""
-        slots = exposure.room("edges", exposure.true_depth.shape, wp.int32)
+        slots = exposure.scratch("edges", exposure.true_depth.shape, wp.int32)
         images = [exposure.true_depth, exposure.normals]
         kernel, _, span = _kernels(exposure.scene.device)
         _launch(exposure, kernel, slots.shape, cameras, [*images, self.edge_step, slots], span)

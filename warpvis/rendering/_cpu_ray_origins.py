@@ -11,10 +11,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.rendering._apart_rays import PreparedApartRays, prepare_apart, takes_packets
 from warpvis.rendering._cpu_packets import Workspace
 from warpvis.rendering._cpu_table import CpuTablePacketsCaster
 from warpvis.rendering._ray_bundles import PreparedRays
+from warpvis.rendering._ray_origins import PreparedRayOrigins, prepare_ray_origins, takes_packets
 from warpvis.rendering._views import wants_faces
 
 if TYPE_CHECKING:
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 
-class CpuApartPacketsCaster(CpuTablePacketsCaster):
+class CpuRayOriginsCaster(CpuTablePacketsCaster):
     """Cast neighboring rays in packets where `takes_packets` allows it, and single rays otherwise."""
 
     def __getstate__(self) -> dict[str, object]:
         """Return the state without the prepared rays, which copies prepare again or take from the camera's cache."""
-        return {name: value for name, value in super().__getstate__().items() if name != "_apart"}
+        return {name: value for name, value in super().__getstate__().items() if name != "_prepared_origins"}
 
     def cast(self, poses: np.ndarray, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
@@ -44,28 +44,28 @@ class CpuApartPacketsCaster(CpuTablePacketsCaster):
         return self._camera.origins
 
     @cached_property
-    def _apart(self) -> PreparedApartRays:
+    def _prepared_origins(self) -> PreparedRayOrigins:
         camera, origins = self._camera, self._origins
         shape = (camera.height, camera.width, 3)
 
-        def make() -> PreparedApartRays:
-            return prepare_apart(camera.rays.reshape(shape), origins.reshape(shape))
+        def make() -> PreparedRayOrigins:
+            return prepare_ray_origins(camera.rays.reshape(shape), origins.reshape(shape))
 
-        return camera.prepared("apart packets", make)
+        return camera.prepared("origin packets", make)
 
     @property
     def _rays(self) -> PreparedRays:
-        return self._apart.rays
+        return self._prepared_origins.rays
 
-    def _make_space(self, scene: BvhScene, views: int, workers: int) -> Workspace:
+    def _make_workspace(self, scene: BvhScene, views: int, workers: int) -> Workspace:
         from warpvis.kernels.ray_origin_packets import RayOriginCall, cast_ray_origin_packets
 
         call = RayOriginCall()
-        call.rays, call.origins = self._rays.struct, self._apart.struct
+        call.rays, call.origins = self._rays.struct, self._prepared_origins.struct
         return Workspace(scene, cast_ray_origin_packets, (call, RayOriginCall), self._make_job(views), workers)
 
     def _make_job(self, views: int) -> TableJob:
         job = super()._make_job(views)
-        far = np.minimum(job.bundle_far.numpy() + self._apart.begin, np.finfo(np.float32).max)
+        far = np.minimum(job.bundle_far.numpy() + self._prepared_origins.max_origin_z, np.finfo(np.float32).max)
         job.bundle_far = wp.array(far, dtype=wp.float32, device="cpu")
         return job
