@@ -62,9 +62,9 @@ def report(name: str, state: ViewerState, move: Callable[[int], None]) -> None:
             move(k)
             viewer.page.update(wait=True)
         rate = _UPDATES / (time.perf_counter() - begin)
-        look = viewer.page.look
-        assert look is not None
-        print(f"| {name} | {len(look.rows)} | {len(look.points):,} | {rate:.0f} |")
+        snapshot = viewer.page.snapshot
+        assert snapshot is not None
+        print(f"| {name} | {len(snapshot.rows)} | {len(snapshot.points):,} | {rate:.0f} |")
 
 
 def first_picture() -> float:

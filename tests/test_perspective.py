@@ -384,7 +384,7 @@ def slivers():
 
 
 def test_a_few_pixels_are_never_written_as_none_or_all(tmp_path, monkeypatch, capsys):
-    from warpvis.viewer._rows import rows_of
+    from warpvis.viewer._rows import table_rows
 
     scene, camera, pose = slivers()
     seen = perspective(scene, [camera_agent(camera, pose)], objects=["hidden", "shown"])
@@ -393,7 +393,7 @@ def test_a_few_pixels_are_never_written_as_none_or_all(tmp_path, monkeypatch, ca
     pixels = int(seen.visible_pixels[0, 0, 0])
     lines = seen.table().splitlines()
     assert lines[2].endswith(f"  <0.01 ({pixels} px)") and lines[3].endswith("  >0.99")
-    assert [row.cells[0] for row in rows_of(seen)] == [f"<1 % ({pixels} px)", ">99 %"]
+    assert [row.cells[0] for row in table_rows(seen)] == [f"<1 % ({pixels} px)", ">99 %"]
 
     file = trimesh.Scene()
     for name, (size, center) in SLIVERS.items():

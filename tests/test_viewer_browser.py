@@ -55,9 +55,9 @@ def count_of(picture, color):
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_the_page_shows_experiment_3(browser, viewer, size):
     with opened(browser, viewer.url, size) as page:
-        wait_for_points(page, len(viewer.page.look.points))
+        wait_for_points(page, len(viewer.page.snapshot.points))
         assert "WebGL 2" in context_version(page)
-        assert [row[0] for row in table_of(page)] == [row.name for row in viewer.page.look.rows]
+        assert [row[0] for row in table_of(page)] == [row.name for row in viewer.page.snapshot.rows]
         assert table_of(page)[2][1:] == ["100 %", "out of view"]
         name = "desktop" if size == DESKTOP else "phone"
         picture = screenshot(page, f"viewer_experiment_3_{name}")
@@ -72,7 +72,7 @@ def test_the_page_shows_two_people_at_alohas_table(browser, size):
     file = importlib.resources.files("mujoco_warp") / "test_data" / "aloha_pot" / "scene.xml"
     state = View(file=Path(str(file)), robot="teleoperator_pov", human="collaborator_pov").load()
     with Viewer(state, port=PORT) as viewer, opened(browser, viewer.url, size) as page:
-        wait_for_points(page, len(viewer.page.look.points))
+        wait_for_points(page, len(viewer.page.snapshot.points))
         assert table_of(page)[0][0] == "partnet_100015"
         assert screenshot(page, f"viewer_aloha_{'desktop' if size == DESKTOP else 'phone'}").std() > 20
         assert page.problems == []
@@ -114,7 +114,7 @@ def test_a_dragged_handle_changes_the_table(browser, viewer):
         page.mouse.up()
         page.wait_for_timeout(1500)
         assert viewer.state.object_pose("ball")[1] > ball[1] + 0.3
-        row = next(row for row in viewer.page.look.rows if row.name == "ball")
+        row = next(row for row in viewer.page.snapshot.rows if row.name == "ball")
         wait_for_table(page, row.cells[0])
         assert row.fractions[0] < 0.9
 
@@ -132,7 +132,7 @@ def test_the_exported_file_opens_from_disk(browser, tmp_path, dark):
     path = tmp_path / "three.html"
     with serve(dark=dark) as viewer:
         viewer.save_html(path, title="Experiment 3")
-        points, rows = len(viewer.page.look.points), viewer.page.look.rows
+        points, rows = len(viewer.page.snapshot.points), viewer.page.snapshot.rows
     for size, name in ((DESKTOP, "desktop"), (PHONE, "phone")):
         with opened(browser, path.as_uri(), size) as page:
             wait_for_points(page, points)

@@ -42,12 +42,12 @@ def test_a_frame_places_the_camera_and_what_moves():
     state = state_of(frames)
     for number in (2, 0, 1):
         state.show_frame(number)
-        look = state.look()
-        np.testing.assert_allclose(look.agents[0].poses[0], WALK[number], atol=1e-9)
+        snapshot = state.snapshot()
+        np.testing.assert_allclose(snapshot.agents[0].poses[0], WALK[number], atol=1e-9)
         # The ball may be dragged, too, so that the box is not the only one that moves here.
         np.testing.assert_allclose(state.object_pose("box"), moved()[number, 0], atol=1e-6)
         seen = wv.object_visibility(room(), wv.Camera.kinect(), WALK[number], object_poses=moved()[number])
-        row = next(row for row in look.rows if row.name == "box")
+        row = next(row for row in snapshot.rows if row.name == "box")
         assert row.fractions[0] == pytest.approx(seen.fraction.numpy()[0, 1], abs=0.01)
 
 

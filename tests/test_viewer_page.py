@@ -105,13 +105,13 @@ def test_what_the_program_moves_is_shown(viewer):
 def test_moves_that_come_together_are_shown_together(page):
     shown = page.updates
     gate = threading.Event()
-    look = page.state.look
+    snapshot = page.state.snapshot
 
     def slow():
         gate.wait(5)
-        return look()
+        return snapshot()
 
-    with mock.patch.object(page.state, "look", slow):
+    with mock.patch.object(page.state, "snapshot", slow):
         page.update()
         while page._wanted.is_set():  # the worker has taken the first one
             pass
@@ -123,7 +123,7 @@ def test_moves_that_come_together_are_shown_together(page):
 
 
 def test_what_goes_wrong_is_said_on_the_page(page):
-    with mock.patch.object(page.state, "look", side_effect=wv.WarpvisError("no such thing")):
+    with mock.patch.object(page.state, "snapshot", side_effect=wv.WarpvisError("no such thing")):
         page.update(wait=True)
     assert "no such thing" in page.panel.message.content and page.panel.message.visible
 
@@ -144,12 +144,12 @@ def test_the_command_reads_what_it_is_told(tmp_path):
     assert state.agents["human"].body == ("person",)
     alone = View(file=tmp_path / "room.glb").load()
     assert list(alone.agents) == ["robot"]
-    assert all(row.fractions[0] > 0 for row in alone.look().rows)
+    assert all(row.fractions[0] > 0 for row in alone.snapshot().rows)
 
 
 def test_the_command_serves_the_page(tmp_path):
     def stop(viewer):
-        assert viewer.page.look is not None
+        assert viewer.page.snapshot is not None
         assert viewer.state.stage.handles == ("ball",)
 
     with mock.patch.object(Viewer, "wait", stop):
@@ -204,7 +204,7 @@ def test_buttons_propose_a_place_and_go_there():
         page.update(wait=True)
         assert page.proposal.node is None
         np.testing.assert_allclose(page.gizmos.agents["robot"].position, proposed, atol=1e-6)
-        assert next(row for row in page.look.rows if row.name == "ball").state == State.BOTH
+        assert next(row for row in page.snapshot.rows if row.name == "ball").state == State.BOTH
         assert page.propose() == ("robot sees every object that human sees.", False)
 
 
@@ -230,10 +230,10 @@ def test_a_model_comes_with_its_cameras_and_joints(tmp_path):
     state = View(file=tmp_path / "arm.xml", robot="head", human="side").load()
     assert [tuple(agent.poses[0, :3]) for agent in state.agents.values()] == [(-2, 0, 1), (0, -2, 1)]
     with Viewer(state, port=PORT) as viewer:
-        before = viewer.page.look.object_poses[0].copy()
+        before = viewer.page.snapshot.object_poses[0].copy()
         viewer.page.act(lambda: state.set_joint("turn", 0.5))
         viewer.update()
-        assert not np.allclose(viewer.page.look.object_poses[0], before)
+        assert not np.allclose(viewer.page.snapshot.object_poses[0], before)
         assert "joint turn" in viewer.page.panel.sliders
     human = View(file=tmp_path / "arm.xml", robot="head", human="0 -2 1 0 0 0.4").load().agents["human"]
     assert human.camera == wv.Agent.human("human", human.pose).camera and tuple(human.poses[0, :3]) == (0, -2, 1)

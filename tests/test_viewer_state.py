@@ -14,7 +14,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import label_colors
 from warpvis.scenes import EXPERIMENTS
 from warpvis.viewer import MujocoStage, ViewerState
-from warpvis.viewer._answers import in_words, map_picture, propose
+from warpvis.viewer._answers import describe_proposal, map_picture, propose
 from warpvis.viewer._gizmos import level_frame
 from warpvis.viewer._pictures import kinect_noise, with_view
 from warpvis.visibility import State
@@ -26,52 +26,52 @@ def state_of(number, **options):
     return ViewerState(experiment.build(), experiment.agents(), points=4000, **options)
 
 
-def row_of(look, name):
-    return next(row for row in look.rows if row.name == name)
+def row_of(snapshot, name):
+    return next(row for row in snapshot.rows if row.name == name)
 
 
-def points_of(state, look, name):
+def points_of(state, snapshot, name):
     return state.cloud.objects == state.scene.index(name)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_the_table_says_what_the_experiments_show(number):
-    experiment, look = EXPERIMENTS[number - 1], state_of(number).look()
+    experiment, snapshot = EXPERIMENTS[number - 1], state_of(number).snapshot()
     for name, expected in experiment.states.items():
-        assert row_of(look, name).state == expected
+        assert row_of(snapshot, name).state == expected
 
 
 def test_the_copy_sees_what_the_scene_itself_shows():
     experiment = EXPERIMENTS[2]
-    look = state_of(3).look()
-    expected = wv.perspective(experiment.build(), experiment.agents(), objects=list(look.seen.objects))
+    snapshot = state_of(3).snapshot()
+    expected = wv.perspective(experiment.build(), experiment.agents(), objects=list(snapshot.seen.objects))
     # The ball's and the bodies' vertices are rounded in frames of their own.
-    np.testing.assert_allclose(look.seen.fraction, expected.fraction, atol=0.01)
-    np.testing.assert_array_equal(look.seen.status, expected.status)
+    np.testing.assert_allclose(snapshot.seen.fraction, expected.fraction, atol=0.01)
+    np.testing.assert_array_equal(snapshot.seen.status, expected.status)
 
 
 def test_a_moved_ball_is_hidden_and_the_table_says_by_what():
     state = state_of(1)
-    assert row_of(state.look(), "ball").state == State.BOTH
+    assert row_of(state.snapshot(), "ball").state == State.BOTH
     pose = state.object_pose("ball")
     pose[:2] = 0.55, 1.0  # behind the high obstacle
     state.move_object("ball", pose)
-    row = row_of(state.look(), "ball")
+    row = row_of(state.snapshot(), "ball")
     assert row.cells[0] == "hidden by high obstacle" and row.fractions[0] == 0
     state.reset()
-    assert row_of(state.look(), "ball").state == State.BOTH
+    assert row_of(state.snapshot(), "ball").state == State.BOTH
 
 
 def test_points_move_with_their_object_and_have_the_colour_of_who_sees_them():
     state = state_of(3)
-    before = state.look()
+    before = state.snapshot()
     ball = points_of(state, before, "ball")
     assert ball.sum() > 5 and set(before.states[ball]) <= {State.NEITHER, State.FIRST}
     assert (before.states[ball] == State.FIRST).any()
     pose = state.object_pose("ball")
     pose[:3] += 0.5, 0.25, 0.125
     state.move_object("ball", pose)
-    after = state.look()
+    after = state.snapshot()
     np.testing.assert_allclose(
         (after.points - before.points)[ball], np.tile((0.5, 0.25, 0.125), (ball.sum(), 1)), atol=1e-5
     )
@@ -82,21 +82,21 @@ def test_points_move_with_their_object_and_have_the_colour_of_who_sees_them():
 
 def test_points_agree_with_point_visibility():
     state = state_of(2)
-    look, experiment = state.look(), EXPERIMENTS[1]
+    snapshot, experiment = state.snapshot(), EXPERIMENTS[1]
     robot, _ = experiment.agents()
-    points = state.cloud.at(look.object_poses)
+    points = state.cloud.positions(snapshot.object_poses)
     seen = wv.point_visibility(experiment.build(), robot.camera, robot.pose, points, exclude=robot.body).numpy()[0]
-    expected = (seen == wv.Visibility.VISIBLE) & ~points_of(state, look, "robot")
-    differ = expected != (look.states & State.FIRST).astype(bool)
+    expected = (seen == wv.Visibility.VISIBLE) & ~points_of(state, snapshot, "robot")
+    differ = expected != (snapshot.states & State.FIRST).astype(bool)
     assert differ.mean() < 1e-3  # points on edges, as vertices of what moves are rounded elsewhere
 
 
 def test_no_agent_sees_its_own_body():
     state = state_of(1)
-    look = state.look()
-    assert not (look.states[points_of(state, look, "robot")] & State.FIRST).any()
-    assert not (look.states[points_of(state, look, "person")] & State.SECOND).any()
-    assert row_of(look, "robot").cells[0] == "own body" and row_of(look, "person").cells[1] == "own body"
+    snapshot = state.snapshot()
+    assert not (snapshot.states[points_of(state, snapshot, "robot")] & State.FIRST).any()
+    assert not (snapshot.states[points_of(state, snapshot, "person")] & State.SECOND).any()
+    assert row_of(snapshot, "robot").cells[0] == "own body" and row_of(snapshot, "person").cells[1] == "own body"
 
 
 def test_a_body_goes_along_the_ground_and_turns_with_the_gaze():
@@ -116,42 +116,42 @@ def test_a_body_goes_along_the_ground_and_turns_with_the_gaze():
 
 def test_a_narrower_view_leaves_things_out():
     state = state_of(3)
-    assert row_of(state.look(), "ball").fractions[0] > 0.9
+    assert row_of(state.snapshot(), "ball").fractions[0] > 0.9
     camera = state.agents["robot"].camera
     narrow = with_view(camera, hfov=math.radians(10), far=9.0)
     assert narrow.hfov == pytest.approx(math.radians(10)) and narrow.far == 9.0
     assert narrow.fy / narrow.fx == pytest.approx(camera.fy / camera.fx)
     state.set_camera("robot", narrow)
-    assert row_of(state.look(), "ball").cells[0] == "out of view"
+    assert row_of(state.snapshot(), "ball").cells[0] == "out of view"
     state.reset()
-    assert row_of(state.look(), "ball").fractions[0] > 0.9
+    assert row_of(state.snapshot(), "ball").fractions[0] > 0.9
 
 
 def test_pictures_are_those_of_the_renderer():
     state, experiment = state_of(3), EXPERIMENTS[2]
     robot, _ = experiment.agents()
-    pictures = state.look().pictures
+    pictures = state.snapshot().pictures
     depth = wv.render(experiment.build(), robot.camera, robot.pose, exclude=robot.body).depth.numpy()[0]
     expected = depth_colors(depth, (robot.camera.near, robot.camera.far)).astype(int)
     assert (np.abs(pictures[0].astype(int) - expected).max(axis=-1) > 12).mean() < 2e-3
     assert pictures[1].shape[1] == 320 and pictures[1].std() > 10  # 200 degrees wide
     state.picture_kind = "objects"
-    by_object = state.look().pictures[0]
+    by_object = state.snapshot().pictures[0]
     assert {tuple(color) for color in by_object.reshape(-1, 3)} >= {STATE_COLORS[State.FIRST], STATE_COLORS[State.BOTH]}
 
 
 def test_the_cloud_of_the_depth_image_has_the_colours_of_labels():
     state = state_of(3)
     state.cloud_kind = "labels"
-    look = state.look()
+    snapshot = state.snapshot()
     robot, _ = EXPERIMENTS[2].agents()
     views = wv.render(EXPERIMENTS[2].build(), robot.camera, robot.pose, exclude=robot.body)
     measured = np.isfinite(views.depth.numpy()[0])
-    assert abs(len(look.points) - measured.sum()) < 20 and not len(look.states)
-    found = {tuple(color) for color in np.unique(look.point_colors, axis=0)}
+    assert abs(len(snapshot.points) - measured.sum()) < 20 and not len(snapshot.states)
+    found = {tuple(color) for color in np.unique(snapshot.point_colors, axis=0)}
     assert found == {tuple(label_colors()[label]) for label in np.unique(views.labels.numpy()[0][measured])}
     state.cloud_kind = "none"
-    assert len(state.look().points) == 0
+    assert len(state.snapshot().points) == 0
 
 
 def test_the_scene_that_was_given_stays_as_it_is():
@@ -160,7 +160,7 @@ def test_the_scene_that_was_given_stays_as_it_is():
     before = scene["ball"].vertices.copy()
     state = ViewerState(scene, experiment.agents(), points=1000)
     state.move_object("ball", (1, 1, 1, 0, 0, 0, 1))
-    state.look()
+    state.snapshot()
     np.testing.assert_array_equal(scene["ball"].vertices, before)
     assert scene.movable == ()
 
@@ -171,9 +171,9 @@ def test_one_agent_and_no_body():
     scene.add(trimesh.creation.box((0.3, 0.3, 0.3)), name="box", label="object", pose=(0, 0.15, 0, 0, 0, 0, 1))
     robot = wv.Agent.kinect("robot", wv.look_at((0, 1, 2), (0, 0.1, 0), up="y"))
     state = ViewerState(scene, [robot], points=1000)
-    look = state.look()
-    assert [row.name for row in look.rows] == ["box"] and look.rows[0].state == State.FIRST
-    assert set(look.states) == {State.NEITHER, State.FIRST}
+    snapshot = state.snapshot()
+    assert [row.name for row in snapshot.rows] == ["box"] and snapshot.rows[0].state == State.FIRST
+    assert set(snapshot.states) == {State.NEITHER, State.FIRST}
     assert state.stage.handles == ("box",)
 
 
@@ -184,8 +184,8 @@ def test_instances_keep_sharing_their_mesh():
     scene.add(trimesh.creation.icosphere(radius=0.1), name="ball", label="object", pose=(2, 1, 0, 0, 0, 0, 1))
     state = ViewerState(scene, [wv.Agent.kinect("robot", wv.look_at((2, 3, 1), (2, 0, 0)))], points=1000)
     assert len({id(state.scene.objects[k].shared_mesh) for k in range(60)}) == 1
-    assert state.watched == ["ball"]  # 61 are too many for a table
-    assert state.look().rows[0].state == State.FIRST
+    assert state.table_objects == ["ball"]  # 61 are too many for a table
+    assert state.snapshot().rows[0].state == State.FIRST
 
 
 @pytest.mark.parametrize("vertical", [1, 2])
@@ -227,34 +227,34 @@ def test_what_is_refused():
 
 
 def test_a_line_of_sight_stops_at_what_hides_the_object():
-    look = state_of(3).look()
-    line = next(line for line in look.lines if line.object == "person")
+    snapshot = state_of(3).snapshot()
+    line = next(line for line in snapshot.lines if line.object == "person")
     assert (line.agent, line.occluder) == ("robot", "high obstacle")
     # The near face of the high obstacle, which is 0.2 m thick around x = -0.1.
     assert line.stop[0] == pytest.approx(-0.2, abs=1e-4)
     np.testing.assert_allclose(np.cross(line.stop - line.eye, line.target - line.eye), 0, atol=1e-5)
     box = EXPERIMENTS[2].build()["person"].bounds
     np.testing.assert_allclose(line.target, box.mean(axis=0), atol=1e-5)
-    assert not [line for line in look.lines if line.object == "ball"]  # it is seen, or out of view
+    assert not [line for line in snapshot.lines if line.object == "ball"]  # it is seen, or out of view
 
 
 def test_the_page_proposes_where_to_go():
     state = state_of(2)
-    look = state.look()
-    found = propose(state, look, max_distance=2.0, radius=0.2)
-    assert found.fractions["ball"] > 0.5 and "ball" in in_words(found)
+    snapshot = state.snapshot()
+    found = propose(state, snapshot, max_distance=2.0, radius=0.2)
+    assert found.fractions["ball"] > 0.5 and "ball" in describe_proposal(found)
     state.move_agent("robot", found.pose)
-    after = state.look()
+    after = state.snapshot()
     assert row_of(after, "ball").fractions[0] == pytest.approx(found.fractions["ball"], abs=0.02)
     assert propose(state, after, max_distance=2.0, radius=0.2) == "robot sees every object that human sees."
-    nowhere = propose(state_of(2), look, max_distance=0.05, radius=0.2)
+    nowhere = propose(state_of(2), snapshot, max_distance=0.05, radius=0.2)
     assert nowhere == "No free place within 0.05 m shows robot any of these objects."
-    assert propose(state_of(4), state_of(4).look(), max_distance=2.0, radius=0.2) == "human sees no object."
+    assert propose(state_of(4), state_of(4).snapshot(), max_distance=2.0, radius=0.2) == "human sees no object."
 
 
 def test_the_map_is_that_of_the_robots_image():
     state = state_of(1)
-    picture = map_picture(state, state.look().views[0])
+    picture = map_picture(state, state.snapshot().views[0])
     assert picture.shape == (320, 320, 3)
     colors = {tuple(color) for color in np.unique(picture.reshape(-1, 3), axis=0)}
     assert {tuple(label_colors()[label]) for label in (wv.Label.GROUND, wv.Label.OBJECT)} <= colors
@@ -262,15 +262,15 @@ def test_the_map_is_that_of_the_robots_image():
 
 def test_noise_is_in_the_depth_image():
     state = state_of(3)
-    exact = state.look().views[0].depth
+    exact = state.snapshot().views[0].depth
     state.set_sensor(kinect_noise(1.0))
-    noisy = state.look().views[0].depth
+    noisy = state.snapshot().views[0].depth
     both = np.isfinite(exact) & np.isfinite(noisy)
     assert np.isfinite(exact).sum() > both.sum() > 0.5 * exact.size * 0.5
     assert 0.0005 < np.abs(exact[both] - noisy[both]).mean() < 0.05
     assert kinect_noise(0) is None
     state.set_sensor(None)
-    np.testing.assert_array_equal(state.look().views[0].depth, exact)
+    np.testing.assert_array_equal(state.snapshot().views[0].depth, exact)
 
 
 ARM = """<mujoco><worldbody>
@@ -320,10 +320,10 @@ def test_joints_move_what_hangs_on_them():
     data.qpos[:] = stage.data.qpos
     np.testing.assert_allclose(data.qpos[[0, 1, 2, 3, 8]], [0.7, 0.3, 0.2, 0.5, 0.2], atol=1e-6)
     mujoco.mj_forward(stage.model, data)
-    look = state.look()
+    snapshot = state.snapshot()
     for body in ("arm", "pot", "lid"):
         vertices, _ = state.stage.mesh(body)
-        frame = poses_to_matrices(look.object_poses[state.stage.column(body)][None])[0]
+        frame = poses_to_matrices(snapshot.object_poses[state.stage.column(body)][None])[0]
         moved = vertices @ frame[:3, :3].T + frame[:3, 3]
         expected = _corners(stage.model, data, body)
         np.testing.assert_allclose((moved.min(axis=0), moved.max(axis=0)), expected, atol=1e-5)

@@ -4,5 +4,5 @@
 
 from ._mujoco import MujocoStage as MujocoStage
 from ._rerun import save_rerun as save_rerun
-from ._state import Look as Look, ViewerState as ViewerState
+from ._state import Snapshot as Snapshot, ViewerState as ViewerState
 from ._view import Viewer as Viewer, framing_agent as framing_agent

@@ -19,39 +19,39 @@ from warpvis.planning import propose_view
 if TYPE_CHECKING:
     from warpvis.planning import Proposal
     from warpvis.viewer._pictures import Seen
-    from warpvis.viewer._state import Look, ViewerState
+    from warpvis.viewer._state import Snapshot, ViewerState
 
 _MAP_CELLS = 160
 """Number of cells along a floor map's longer side."""
 
 
-def propose(state: ViewerState, look: Look, *, max_distance: float, radius: float) -> Proposal | str:
+def propose(state: ViewerState, snapshot: Snapshot, *, max_distance: float, radius: float) -> Proposal | str:
     """Propose a pose of the first agent from which it sees objects that only the second one sees.
 
     Args:
         state: State with the scene.
-        look: The current situation.
+        snapshot: The current situation.
         max_distance: Maximum distance to the pose [m].
         radius: Radius of the first agent [m].
 
     Returns:
         The proposal, or the reason why there is none.
     """
-    if len(look.agents) < 2:
+    if len(snapshot.agents) < 2:
         return "There is no second agent."
-    robot, other = look.agents
+    robot, other = snapshot.agents
     if not isinstance(robot.camera, Camera):
         return f"{robot.name} has no pinhole camera."
     bodies = {*robot.body, *other.body}
     labels = None if all(item.label != Label.OBJECT for item in state.scene.objects) else [Label.OBJECT]
-    found = look.seen.candidates(other.name, robot.name, labels=labels)
+    found = snapshot.seen.candidates(other.name, robot.name, labels=labels)
     found = [item for item in found if item.object not in bodies]
     if not found:
         return f"{other.name} sees no object."
-    placed = look.object_poses if len(look.object_poses) else None
+    object_poses = snapshot.object_poses if len(snapshot.object_poses) else None
     floor = _floor(state)
     proposal = propose_view(
-        state.scene, robot, found, max_distance=max_distance, radius=radius, floor=floor, object_poses=placed
+        state.scene, robot, found, max_distance=max_distance, radius=radius, floor=floor, object_poses=object_poses
     )
     if proposal is not None:
         return proposal
@@ -60,10 +60,10 @@ def propose(state: ViewerState, look: Look, *, max_distance: float, radius: floa
     return f"No free place within {max_distance:g} m shows {robot.name} any of these objects."
 
 
-def in_words(proposal: Proposal) -> str:
+def describe_proposal(proposal: Proposal) -> str:
     """Describe a proposal in a sentence."""
-    shares = ", ".join(f"{name} {format_percent(share)}" for name, share in proposal.fractions.items())
-    return f"{proposal.distance:.2f} m away it would see: {shares}."
+    fractions = ", ".join(f"{name} {format_percent(share)}" for name, share in proposal.fractions.items())
+    return f"{proposal.distance:.2f} m away it would see: {fractions}."
 
 
 def map_picture(state: ViewerState, seen: Seen) -> NDArray[np.uint8]:

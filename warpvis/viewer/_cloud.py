@@ -31,22 +31,22 @@ class SurfaceCloud:
         self.stage = stage
         objects = stage.scene.objects
         ground = [index for index, item in enumerate(objects) if item.label in stage.scene.ground_labels]
-        rest = [index for index in range(len(objects)) if index not in set(ground)]
-        area = _area(stage, rest) + _area(stage, ground) / _SPARSER**2
+        others = [index for index in range(len(objects)) if index not in set(ground)]
+        area = _area(stage, others) + _area(stage, ground) / _SPARSER**2
         self.spacing = max(_MIN_SPACING, math.sqrt(area / points))
         samples = [
             surface_samples(stage.scene, spacing=spacing, objects=chosen)
-            for spacing, chosen in ((self.spacing, rest), (_SPARSER * self.spacing, ground))
+            for spacing, chosen in ((self.spacing, others), (_SPARSER * self.spacing, ground))
             if chosen
         ]
-        self.objects: NDArray[np.int32] = np.concatenate([some.objects for some in samples])
+        self.objects: NDArray[np.int32] = np.concatenate([sample.objects for sample in samples])
         self._columns = stage.columns[self.objects]
         self._moving = self._columns >= 0
-        self.points = np.concatenate([some.points for some in samples]).astype(np.float64)
-        self.normals = np.nan_to_num(np.concatenate([some.normals for some in samples]).astype(np.float64))
-        self._own_frames(stage.object_poses)
+        self.points = np.concatenate([sample.points for sample in samples]).astype(np.float64)
+        self.normals = np.nan_to_num(np.concatenate([sample.normals for sample in samples]).astype(np.float64))
+        self._to_object_frames(stage.object_poses)
 
-    def _own_frames(self, object_poses: NDArray[np.float64]) -> None:
+    def _to_object_frames(self, object_poses: NDArray[np.float64]) -> None:
         """Transform the points of movable objects to the frames of their meshes."""
         if not self._moving.any():
             return
@@ -58,14 +58,14 @@ class SurfaceCloud:
     def __len__(self) -> int:
         return len(self.points)
 
-    def at(self, object_poses: NDArray[np.float64], lift: float = 0.0) -> NDArray[np.float32]:
+    def positions(self, object_poses: NDArray[np.float64], lift: float = 0.0) -> NDArray[np.float32]:
         """Return the points in the world [m], ``(N, 3)``, offset along their normals by `lift` [m]."""
         lifted = self.points + lift * self.normals
         points = lifted.astype(np.float32)
         if self._moving.any():
             frames = poses_to_matrices(object_poses)[self._columns[self._moving]]
-            inside = lifted[self._moving]
-            points[self._moving] = np.einsum("nij,nj->ni", frames[:, :3, :3], inside) + frames[:, :3, 3]
+            local = lifted[self._moving]
+            points[self._moving] = np.einsum("nij,nj->ni", frames[:, :3, :3], local) + frames[:, :3, 3]
         return points
 
     def seen_by(

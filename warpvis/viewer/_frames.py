@@ -13,7 +13,7 @@ from warpvis.core.frames import Frames
 from warpvis.errors import ArrayError
 
 
-def check_frames(frames: Frames | None, moved: Sequence[str]) -> Frames | None:
+def check_frames(frames: Frames | None, movable_names: Sequence[str]) -> Frames | None:
     """Return frames if they match a scene with these movable objects.
 
     Raises:
@@ -23,9 +23,11 @@ def check_frames(frames: Frames | None, moved: Sequence[str]) -> Frames | None:
         return None
     if not isinstance(frames, Frames) or not len(frames):
         raise ArrayError(f"frames must be a non-empty warpvis.Frames, got {type(frames).__name__}")
-    placed = 0 if frames.object_poses is None else frames.object_poses.shape[1]
-    if placed and placed != len(moved):
-        raise ArrayError(f"frames must have poses of the scene's {len(moved)} movable objects, got {placed}")
+    num_objects = 0 if frames.object_poses is None else frames.object_poses.shape[1]
+    if num_objects and num_objects != len(movable_names):
+        raise ArrayError(
+            f"frames must have poses of the scene's {len(movable_names)} movable objects, got {num_objects}"
+        )
     return frames
 
 

@@ -86,13 +86,13 @@ def level_frame(eyes: NDArray[np.float64], vertical: int) -> NDArray[np.float64]
         vertical: Index of the world's vertical axis.
     """
     up = np.eye(3)[vertical]
-    ahead = eyes[:3, 2] - up * eyes[vertical, 2]
-    if np.linalg.norm(ahead) < 1e-6:  # straight down or up: use the image's up or down direction
-        ahead = -eyes[:3, 1] * np.sign(-eyes[vertical, 2])
-        ahead = ahead - up * ahead[vertical]
-    ahead = ahead / np.linalg.norm(ahead)
+    forward = eyes[:3, 2] - up * eyes[vertical, 2]
+    if np.linalg.norm(forward) < 1e-6:  # straight down or up: use the image's up or down direction
+        forward = -eyes[:3, 1] * np.sign(-eyes[vertical, 2])
+        forward = forward - up * forward[vertical]
+    forward = forward / np.linalg.norm(forward)
     frame = np.eye(4)
-    frame[:3, :3] = np.stack([ahead, np.cross(up, ahead), up], axis=1)
+    frame[:3, :3] = np.stack([forward, np.cross(up, forward), up], axis=1)
     frame[:3, 3] = eyes[:3, 3]
     return frame
 

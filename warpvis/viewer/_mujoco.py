@@ -86,9 +86,9 @@ class MujocoStage:
         mujoco.mj_comPos(model, self.data)
         mujoco.mj_camlight(model, self.data)
         self._start = self.data.qpos.copy()
-        self._found: MujocoScene = scene_from_mujoco(model, labels=labels)
+        self._loaded: MujocoScene = scene_from_mujoco(model, labels=labels)
         self._patterns = list(LabelRules.of(labels).labels)
-        self.joints = self._one_number_joints()
+        self.joints = self._scalar_joints()
         self._free: dict[str, tuple[int, NDArray[np.float64]]] = {}
         """For each object with a free joint: the index of its first qpos value, and object to body, ``(4, 4)``."""
         self.stage = self._build()
@@ -122,7 +122,7 @@ class MujocoStage:
         """Return the poses of the movable objects, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
         from warpvis.mujoco import geom_poses
 
-        return geom_poses(self.data, self._found).astype(np.float64).reshape(-1, 7)
+        return geom_poses(self.data, self._loaded).astype(np.float64).reshape(-1, 7)
 
     def cameras(self) -> list[str]:
         """Return the names of the model's cameras."""
@@ -158,11 +158,11 @@ class MujocoStage:
                 return joint
         raise SceneError(f"the model has no hinge or slide joint {name!r}")
 
-    def _one_number_joints(self) -> list[Joint]:
+    def _scalar_joints(self) -> list[Joint]:
         import mujoco
 
         kinds = {int(mujoco.mjtJoint.mjJNT_HINGE): "hinge", int(mujoco.mjtJoint.mjJNT_SLIDE): "slide"}
-        found = []
+        joints = []
         for index in range(self.model.njnt):
             kind = kinds.get(int(self.model.jnt_type[index]))
             if kind is None:
@@ -171,36 +171,36 @@ class MujocoStage:
             if not self.model.jnt_limited[index]:
                 low, high = -_UNLIMITED[kind], _UNLIMITED[kind]
             name = self.model.joint(index).name or f"joint {index}"
-            found.append(Joint(name, float(low), float(high), int(self.model.jnt_qposadr[index])))
-        return found
+            joints.append(Joint(name, float(low), float(high), int(self.model.jnt_qposadr[index])))
+        return joints
 
     def _build(self) -> Stage:
         """Build the stage, with the geoms of each body joined to one object."""
-        items = list(self._found.scene.objects)
-        moving, staying = defaultdict(list), defaultdict(list)
+        items = list(self._loaded.scene.objects)
+        movable_parts, static_parts = defaultdict(list), defaultdict(list)
         for index, item in enumerate(items):
             if item.movable:
-                moving[index if item.carrier is None else item.carrier].append(item)
+                movable_parts[index if item.carrier is None else item.carrier].append(item)
             else:
-                staying[self._group(index, item)].append(item)
+                static_parts[self._group(index, item)].append(item)
         names: set[str] = set()
         objects = []
-        for (name, label), parts in staying.items():
+        for (name, label), parts in static_parts.items():
             vertices, faces = _joined([(part.vertices, part.faces) for part in parts])
-            objects.append(SceneObject(_free_name(name, names), label, vertices, faces))
-        for root in self._found.scene.movable:
-            objects.append(self._joined_body(root, moving[root], names))
-        scene = Scene(label_names=self._found.scene.label_names, ground_labels=self._found.scene.ground_labels)
+            objects.append(SceneObject(_unique_name(name, names), label, vertices, faces))
+        for root in self._loaded.scene.movable:
+            objects.append(self._joined_body(root, movable_parts[root], names))
+        scene = Scene(label_names=self._loaded.scene.label_names, ground_labels=self._loaded.scene.ground_labels)
         scene.replace_objects(objects)
         return Stage(scene, tuple(self._free), self.object_poses())
 
     def _joined_body(self, root: int, parts: Sequence[SceneObject], names: set[str]) -> SceneObject:
-        item = self._found.scene.objects[root]
+        item = self._loaded.scene.objects[root]
         body = self._body(root)
         label = item.label
-        if label == Label.OBSTACLE and not self._is_said(root):
+        if label == Label.OBSTACLE and not self._has_given_label(root):
             label = Label.OBJECT if self._root_is_free(body) else Label.ROBOT
-        name = _free_name(self.model.body(body).name.rstrip("/") or item.name, names)
+        name = _unique_name(self.model.body(body).name.rstrip("/") or item.name, names)
         self._note_free(name, body, root)
         if len(parts) == 1:
             return SceneObject.placed(
@@ -218,7 +218,7 @@ class MujocoStage:
             return
         frame = np.eye(4)
         frame[:3, :3], frame[:3, 3] = self.data.xmat[body].reshape(3, 3), self.data.xpos[body]
-        column = self._found.scene.movable.index(root)
+        column = self._loaded.scene.movable.index(root)
         placed = poses_to_matrices(self.object_poses()[column][None])[0]
         self._free[name] = (int(self.model.jnt_qposadr[joint]), np.linalg.inv(frame) @ placed)
 
@@ -231,7 +231,7 @@ class MujocoStage:
 
     def _body(self, index: int) -> int:
         """Return the body that a geom moves with, through welds."""
-        body = int(self.model.geom_bodyid[self._found.geom_ids[index]])
+        body = int(self.model.geom_bodyid[self._loaded.geom_ids[index]])
         return int(self.model.body_weldid[body]) or body
 
     def _root_is_free(self, body: int) -> bool:
@@ -241,11 +241,11 @@ class MujocoStage:
         joint = int(self.model.body_jntadr[root])
         return joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
 
-    def _is_said(self, index: int) -> bool:
+    def _has_given_label(self, index: int) -> bool:
         """Return whether the given labels match the name of an object or its body."""
-        body = self.model.geom_bodyid[self._found.geom_ids[index]]
-        words = (self._found.scene.objects[index].name, self.model.body(body).name)
-        return any(fnmatch.fnmatchcase(word, pattern) for word in words for pattern in self._patterns)
+        body = self.model.geom_bodyid[self._loaded.geom_ids[index]]
+        names = (self._loaded.scene.objects[index].name, self.model.body(body).name)
+        return any(fnmatch.fnmatchcase(word, pattern) for word in names for pattern in self._patterns)
 
 
 def as_mujoco_stage(scene: object) -> MujocoStage | None:
@@ -270,10 +270,10 @@ def _joined(
     return np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32)
 
 
-def _free_name(name: str, taken: set[str]) -> str:
+def _unique_name(name: str, taken: set[str]) -> str:
     """Return a unique name, with a numeric suffix if necessary, and add it to `taken`."""
-    free, number = name, 1
-    while free in taken:
-        free, number = f"{name}_{number}", number + 1
-    taken.add(free)
-    return free
+    unique, number = name, 1
+    while unique in taken:
+        unique, number = f"{name}_{number}", number + 1
+    taken.add(unique)
+    return unique

@@ -19,7 +19,7 @@ from warpvis.viz import STATE_COLORS
 if TYPE_CHECKING:
     from viser import SceneApi
 
-    from warpvis.viewer._state import Look, ViewerState
+    from warpvis.viewer._state import Snapshot, ViewerState
 
 AGENT_COLORS = (STATE_COLORS[State.FIRST], STATE_COLORS[State.SECOND])
 """Colors of the first and the second agent, the same as those of objects that only this agent sees."""
@@ -112,11 +112,11 @@ class Meshes:
     def _nodes(self) -> list[Any]:
         return [*self._meshes.values(), *(batch for batch, _ in self._batches)]
 
-    def show(self, look: Look) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Update poses and colors, which show which agents see each object."""
-        for frame, pose in zip(self._frames, look.object_poses, strict=True):
+        for frame, pose in zip(self._frames, snapshot.object_poses, strict=True):
             place(frame, pose)
-        colors = self._all_colors(look.object_states)
+        colors = self._all_colors(snapshot.object_states)
         for index in np.flatnonzero((colors[:-1] != self._colors[:-1]).any(axis=1)).tolist():
             if index in self._meshes:
                 self._meshes[index].color = tuple(colors[index].tolist())
@@ -188,11 +188,11 @@ class CloudNode:
             precision="float32",
         )
 
-    def show(self, look: Look) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Update points and colors; points are sent only if they changed."""
-        if not np.array_equal(look.points, self._points):
-            self.node.points = self._points = look.points
-        self.node.colors = look.point_colors
+        if not np.array_equal(snapshot.points, self._points):
+            self.node.points = self._points = snapshot.points
+        self.node.colors = snapshot.point_colors
 
 
 class SightNode:
@@ -205,9 +205,9 @@ class SightNode:
         self._segments = np.zeros((0, 2, 3))
         self.visible = True
 
-    def show(self, look: Look) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         """Update the lines."""
-        lines = look.lines if self.visible else ()
+        lines = snapshot.lines if self.visible else ()
         segments = np.array([part for line in lines for part in ((line.eye, line.stop), (line.stop, line.target))])
         if np.array_equal(segments, self._segments):
             return

@@ -14,7 +14,7 @@ import numpy as np
 
 from warpvis.core.camera import Camera
 from warpvis.core.poses import check_up
-from warpvis.viewer._answers import in_words, propose
+from warpvis.viewer._answers import describe_proposal, propose
 from warpvis.viewer._gizmos import Gizmos
 from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Meshes, ProposalMark, SightNode
 from warpvis.viewer._panel import Panel
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from viser import ViserServer
 
     from warpvis.planning import Proposal
-    from warpvis.viewer._state import Look, ViewerState
+    from warpvis.viewer._state import Snapshot, ViewerState
 
 _RATE_OVER = 20
-_MAX_WAY, _RADIUS = 2.0, 0.2
+_MAX_DISTANCE, _RADIUS = 2.0, 0.2
 _BRAND = (0, 114, 178)
 
 
@@ -36,15 +36,15 @@ class Page:
     def __init__(self, server: ViserServer, state: ViewerState, *, dark: bool = False) -> None:
         """Create the elements and start the thread that updates them."""
         self.server, self.state, self.dark = server, state, dark
-        self.look: Look | None = None
+        self.snapshot: Snapshot | None = None
         """The snapshot that is shown."""
         self.updates = 0
         """Number of updates since the start."""
         self.proposed: Proposal | None = None
         """Current proposal for the first agent's pose."""
         self._times: deque[float] = deque(maxlen=_RATE_OVER)
-        self._wanted, self._shown = threading.Event(), threading.Condition()
-        self._asked, self._done, self._closed = 0, 0, False
+        self._update_event, self._updated = threading.Event(), threading.Condition()
+        self._requested, self._completed, self._closed = 0, 0, False
         server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=_BRAND)
         server.gui.set_panel_label("warpvis")
         self._set_view()
@@ -69,13 +69,13 @@ class Page:
         Args:
             wait: Whether to wait until the update is shown.
         """
-        with self._shown:
-            self._asked += 1
-            asked = self._asked
-        self._wanted.set()
+        with self._updated:
+            self._requested += 1
+            request = self._requested
+        self._update_event.set()
         if wait:
-            with self._shown:
-                self._shown.wait_for(lambda: self._done >= asked or self._closed)
+            with self._updated:
+                self._updated.wait_for(lambda: self._completed >= request or self._closed)
 
     def act(self, change: Callable[[], None]) -> None:
         """Change the state, move the handles accordingly, and update the page."""
@@ -85,16 +85,16 @@ class Page:
 
     def propose(self) -> tuple[str, bool]:
         """Show the proposed pose of the first agent; return its description and whether there is a proposal."""
-        assert self.look is not None  # set by the constructor
-        found = propose(self.state, self.look, max_distance=_MAX_WAY, radius=_RADIUS)
-        self.proposed = None if isinstance(found, str) else found
-        if isinstance(found, str):
+        assert self.snapshot is not None  # set by the constructor
+        result = propose(self.state, self.snapshot, max_distance=_MAX_DISTANCE, radius=_RADIUS)
+        self.proposed = None if isinstance(result, str) else result
+        if isinstance(result, str):
             self.proposal.clear()
-            return found, False
-        camera = self.look.agents[0].camera
+            return result, False
+        camera = self.snapshot.agents[0].camera
         assert isinstance(camera, Camera)  # required for a proposal
-        self.proposal.show(camera, found.pose)
-        return in_words(found), True
+        self.proposal.show(camera, result.pose)
+        return describe_proposal(result), True
 
     def go_there(self) -> None:
         """Move the first agent to the proposed pose."""
@@ -107,37 +107,37 @@ class Page:
     def close(self) -> None:
         """Stop the thread that updates the page."""
         self._closed = True
-        self._wanted.set()
+        self._update_event.set()
         self._worker.join()
-        with self._shown:
-            self._shown.notify_all()
+        with self._updated:
+            self._updated.notify_all()
 
     def _work(self) -> None:
         while True:
-            self._wanted.wait()
-            self._wanted.clear()
+            self._update_event.wait()
+            self._update_event.clear()
             if self._closed:
                 return
-            with self._shown:
-                asked = self._asked
+            with self._updated:
+                request = self._requested
             try:
-                self._show(self.state.look())
+                self._show(self.state.snapshot())
             except Exception as error:
-                self.panel.say(f"{type(error).__name__}: {error}")
-            with self._shown:
-                self._done = asked
-                self._shown.notify_all()
+                self.panel.show_message(f"{type(error).__name__}: {error}")
+            with self._updated:
+                self._completed = request
+                self._updated.notify_all()
 
-    def _show(self, look: Look) -> None:
+    def _show(self, snapshot: Snapshot) -> None:
         self._times.append(time.perf_counter())
         with self.server.atomic():
-            self.meshes.show(look)
-            for agent, picture in zip(look.agents, look.pictures, strict=True):
+            self.meshes.show(snapshot)
+            for agent, picture in zip(snapshot.agents, snapshot.pictures, strict=True):
                 self.marks[agent.name].show(agent, picture)
-            self.cloud.show(look)
-            self.sight.show(look)
-            self.panel.show(look, self._rate())
-        self.look = look
+            self.cloud.show(snapshot)
+            self.sight.show(snapshot)
+            self.panel.show(snapshot, self._rate())
+        self.snapshot = snapshot
         self.updates += 1
 
     def _rate(self) -> float:
@@ -157,14 +157,14 @@ class Page:
         eyes = [agent.poses[0, :3] for agent in self.state.agents.values()]
         corners = np.concatenate([corners, np.array(eyes)])
         low, high = corners.min(axis=0), corners.max(axis=0)
-        middle = (low + high) / 2
-        middle[vertical] = low[vertical] + 0.2 * (high - low)[vertical]
+        center = (low + high) / 2
+        center[vertical] = low[vertical] + 0.2 * (high - low)[vertical]
         reach = max(float(np.linalg.norm(high - low)), 0.1)
-        behind = eyes[0] - middle
+        behind = eyes[0] - center
         behind[vertical] = 0
         behind = behind / np.linalg.norm(behind) if np.linalg.norm(behind) > 1e-6 else np.eye(3)[(vertical + 1) % 3]
-        aside = np.cross(np.eye(3)[vertical], behind)
-        direction = 0.5 * behind + 0.5 * aside + 0.65 * np.eye(3)[vertical]
-        self.server.initial_camera.position = middle + 1.35 * reach * direction / np.linalg.norm(direction)
-        self.server.initial_camera.look_at = middle + 0.08 * reach * (aside - behind)  # the panel is on the right
+        sideways = np.cross(np.eye(3)[vertical], behind)
+        direction = 0.5 * behind + 0.5 * sideways + 0.65 * np.eye(3)[vertical]
+        self.server.initial_camera.position = center + 1.35 * reach * direction / np.linalg.norm(direction)
+        self.server.initial_camera.look_at = center + 0.08 * reach * (sideways - behind)  # the panel is on the right
         self.server.initial_camera.fov = np.radians(50)

@@ -22,13 +22,13 @@ from warpvis.visibility import Agent
 if TYPE_CHECKING:
     from viser import GuiApi
 
-    from warpvis.viewer._state import Look, ViewerState
+    from warpvis.viewer._state import Snapshot, ViewerState
 
 Act = Callable[[Callable[[], None]], None]
 """Function that calls its argument, which changes the state, and updates the page."""
 
 
-class Asked(Protocol):
+class Actions(Protocol):
     """Actions of the page's buttons."""
 
     def propose(self) -> tuple[str, bool]:
@@ -38,8 +38,8 @@ class Asked(Protocol):
         """Move the first agent to the proposed pose."""
 
 
-_PICTURES = {"depth": "depth", "who sees it": "objects"}
-_CLOUDS = {"who sees it": "who", "labels of the depth image": "labels", "no points": "none"}
+_PICTURES = {"depth": "depth", "visibility": "objects"}
+_CLOUDS = {"visibility": "visibility", "labels of the depth image": "labels", "none": "none"}
 _MAX_HEIGHT, _MIN_FAR, _MAX_FAR = 3.0, 0.5, 20.0
 _JPEG = 85
 _STEP = (0.05, 1.0)
@@ -56,7 +56,7 @@ class Panel:
         update: Callable[[], None],
         act: Act,
         shown: Mapping[str, Any],
-        asked: Asked,
+        actions: Actions,
     ) -> None:
         """Add the elements to the page.
 
@@ -66,10 +66,10 @@ class Panel:
             update: Function that updates the page.
             act: Function that calls a function that changes the state, and updates the page.
             shown: Nodes of the 3D view that can be hidden through their attribute `visible`, by name.
-            asked: Actions of the buttons.
+            actions: Actions of the buttons.
         """
         self._gui, self._state, self._update, self._act = gui, state, update, act
-        self._asked = asked
+        self._actions = actions
         names = list(state.agents)
         self.message = gui.add_markdown("", visible=False)
         self.table = gui.add_html("")
@@ -86,16 +86,16 @@ class Panel:
         self._add_joints()
         self.status = gui.add_html("")
 
-    def show(self, look: Look, rate: float) -> None:
+    def show(self, snapshot: Snapshot, rate: float) -> None:
         """Update the panel."""
-        self.table.content = table_html(look)
-        self.status.content = status_html(look, rate)
-        for agent, picture in zip(look.agents, look.pictures, strict=True):
+        self.table.content = table_html(snapshot)
+        self.status.content = status_html(snapshot, rate)
+        for agent, picture in zip(snapshot.agents, snapshot.pictures, strict=True):
             self.images[agent.name].image = picture
         if self._with_map.value:
-            self.map.image = map_picture(self._state, look.views[0])
+            self.map.image = map_picture(self._state, snapshot.views[0])
 
-    def say(self, text: str) -> None:
+    def show_message(self, text: str) -> None:
         """Show a message at the top; hide it if it is empty."""
         self.message.content, self.message.visible = text, bool(text)
 
@@ -103,19 +103,19 @@ class Panel:
         gui = self._gui
         if len(self._state.agents) > 1:
             robot = next(iter(self._state.agents))
-            ask = gui.add_button(f"Where should {robot} go?")
+            propose_button = gui.add_button(f"Where should {robot} go?")
             self.answer = gui.add_markdown("", visible=False)
-            go = gui.add_button("Go there", visible=False)
+            go_button = gui.add_button("Go there", visible=False)
 
-            @ask.on_click
+            @propose_button.on_click
             def asked(_: object) -> None:
-                self.answer.content, go.visible = self._asked.propose()
+                self.answer.content, go_button.visible = self._actions.propose()
                 self.answer.visible = True
 
-            @go.on_click
+            @go_button.on_click
             def gone(_: object) -> None:
-                self._asked.go_there()
-                self.answer.visible = go.visible = False
+                self._actions.go_there()
+                self.answer.visible = go_button.visible = False
 
         reset = gui.add_button("Reset scene")
 
@@ -172,10 +172,14 @@ class Panel:
         name, state, gui = agent.name, self._state, self._gui
         with gui.add_folder(f"{name}'s eyes", expand_by_default=len(self.sliders) == 0):
             height = state.height(name)
-            most = max(_MAX_HEIGHT, 2 * height)
-            least = min(0.0, height)
+            max_height = max(_MAX_HEIGHT, 2 * height)
+            min_height = min(0.0, height)
             self._slider(
-                f"{name} height", "height [m]", (least, most, 0.01), height, lambda v: state.raise_agent(name, v)
+                f"{name} height",
+                "height [m]",
+                (min_height, max_height, 0.01),
+                height,
+                lambda v: state.raise_agent(name, v),
             )
             camera = agent.camera
             if isinstance(camera, Camera):
@@ -271,9 +275,9 @@ class Panel:
         """Change the state, and show the error message if that fails."""
         try:
             self._act(change)
-            self.say("")
+            self.show_message("")
         except WarpvisError as error:
-            self.say(str(error))
+            self.show_message(str(error))
 
     def _follow(self, name: str) -> None:
         """Set an agent's sliders to match the state."""

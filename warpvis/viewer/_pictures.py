@@ -77,7 +77,7 @@ class AgentPicture:
         far = far if far <= 2 * self.reach else max(self.reach, near + _FINEST_RANGE)
         return near, far
 
-    def look(self, agent: Agent, object_poses: NDArray[np.float64]) -> Seen:
+    def render(self, agent: Agent, object_poses: NDArray[np.float64]) -> Seen:
         """Render an agent's view from its current pose; large images are subsampled."""
         poses = object_poses if len(object_poses) else None
         exclude = agent.body or None
@@ -93,8 +93,8 @@ class AgentPicture:
             np.empty((height, width), dtype=np.int32),
         )
         for face, (renderer, pixels, columns) in zip(agent.faces, self._faces, strict=True):
-            place = agent.face_poses(face)
-            views = renderer.render_at(place, pixels[None], object_poses=poses, exclude=exclude)
+            face_pose = agent.face_poses(face)
+            views = renderer.render_at(face_pose, pixels[None], object_poses=poses, exclude=exclude)
             for name in _OUTPUTS:
                 getattr(seen, name if name != "segmentation" else "objects")[:, columns] = getattr(views, name).numpy()[
                     0
@@ -105,7 +105,7 @@ class AgentPicture:
         """Return a color picture of a view.
 
         Args:
-            seen: Result of `look`.
+            seen: Result of `render`.
             kind: ``"depth"``, or ``"objects"``.
             colors: RGB color of every object and, last, of pixels without an object, ``(objects + 1, 3)``.
 
@@ -125,8 +125,8 @@ class AgentPicture:
         face_of = np.minimum((azimuths + field.hfov / 2) * len(faces) // field.hfov, len(faces) - 1).astype(int)
         for k, face in enumerate(faces):
             columns = face_of == k
-            aside = azimuths[columns] - ((k + 0.5) * field.hfov / len(faces) - field.hfov / 2)
-            rays = np.stack(np.broadcast_arrays(np.tan(aside), -np.tan(elevations) / np.cos(aside), 1.0), axis=-1)
+            offset = azimuths[columns] - ((k + 0.5) * field.hfov / len(faces) - field.hfov / 2)
+            rays = np.stack(np.broadcast_arrays(np.tan(offset), -np.tan(elevations) / np.cos(offset), 1.0), axis=-1)
             pixels = face.camera.project(rays).astype(np.float32)
             renderer = Renderer(self.scene, face.camera, outputs=_OUTPUTS)
             self._faces.append((renderer, pixels, columns))

@@ -12,7 +12,7 @@ import numpy as np
 from warpvis.core.camera import Camera
 from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError, WarpvisError
-from warpvis.viewer._state import Look, ViewerState
+from warpvis.viewer._state import Snapshot, ViewerState
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
@@ -54,13 +54,13 @@ def save_rerun(state: ViewerState, path: str | os.PathLike[str]) -> None:
     _log_meshes(recording, state)
     before = state.frame
     if state.frames is None:
-        _log_look(recording, state, state.look())
+        _log_snapshot(recording, state, state.snapshot())
     else:
         for number, seconds in enumerate(state.frames.timestamps.tolist()):
             recording.set_time("frame", sequence=number)
             recording.set_time("time", duration=seconds)
             state.show_frame(number)
-            _log_look(recording, state, state.look())
+            _log_snapshot(recording, state, state.snapshot())
         state.show_frame(before)
     recording.flush()
     recording.disconnect()
@@ -76,14 +76,14 @@ def _log_meshes(recording: RecordingStream, state: ViewerState) -> None:
         recording.log(_entity(index), mesh, static=True)
 
 
-def _log_look(recording: RecordingStream, state: ViewerState, look: Look) -> None:
+def _log_snapshot(recording: RecordingStream, state: ViewerState, snapshot: Snapshot) -> None:
     import rerun
 
     for index in np.flatnonzero(state.stage.columns >= 0).tolist():
-        recording.log(_entity(index), _transform(look.object_poses[state.stage.columns[index]]))
+        recording.log(_entity(index), _transform(snapshot.object_poses[state.stage.columns[index]]))
     size = _RADIUS * state.cloud.spacing
-    recording.log("world/cloud", rerun.Points3D(look.points, colors=look.point_colors, radii=size))
-    for number, (agent, picture) in enumerate(zip(look.agents, look.pictures, strict=True)):
+    recording.log("world/cloud", rerun.Points3D(snapshot.points, colors=snapshot.point_colors, radii=size))
+    for number, (agent, picture) in enumerate(zip(snapshot.agents, snapshot.pictures, strict=True)):
         entity = f"world/agents/{number}"
         recording.log(entity, _transform(agent.poses[0]))
         recording.log(f"images/{agent.name}", rerun.Image(picture))
@@ -95,7 +95,7 @@ def _log_look(recording: RecordingStream, state: ViewerState, look: Look) -> Non
                 image_plane_distance=_FRUSTUM_SIZE,
             )
             recording.log(f"{entity}/view", pinhole)
-    recording.log("table", rerun.TextDocument(look.seen.table()))
+    recording.log("table", rerun.TextDocument(snapshot.seen.table()))
 
 
 def _transform(pose: Any) -> Any:

@@ -26,7 +26,7 @@ class Row:
     """Which of the agents see the object."""
 
 
-def rows_of(seen: Perspective) -> tuple[Row, ...]:
+def table_rows(seen: Perspective) -> tuple[Row, ...]:
     """Return the table of the first situation."""
     flags = seen.visible[:, 0]
     states = sum(State(1 + number) * flags[number] for number in range(len(flags)))
@@ -41,13 +41,13 @@ def rows_of(seen: Perspective) -> tuple[Row, ...]:
 
 def _cell(seen: Perspective, agent: int, k: int) -> str:
     """Return the visible percentage of an object for an agent, or the reason why the agent does not see it."""
-    at = (agent, 0, k)
+    index = (agent, 0, k)
     if seen.body[agent, k]:
         return "own body"
-    status = Visibility(seen.status[at])
+    status = Visibility(seen.status[index])
     if status == Visibility.VISIBLE:
-        share = format_percent(float(seen.fraction[at]))
-        return f"{share} ({int(seen.visible_pixels[at])} px)" if share.startswith("<") else share
-    if status == Visibility.OCCLUDED and seen.occluder[at] >= 0:
-        return f"hidden by {seen.scene_objects[seen.occluder[at]]}"
+        share = format_percent(float(seen.fraction[index]))
+        return f"{share} ({int(seen.visible_pixels[index])} px)" if share.startswith("<") else share
+    if status == Visibility.OCCLUDED and seen.occluder[index] >= 0:
+        return f"hidden by {seen.scene_objects[seen.occluder[index]]}"
     return status.name.lower().replace("_", " ")

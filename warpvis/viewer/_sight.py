@@ -44,48 +44,50 @@ class SightLines:
         self._stage = stage
         self._renderer = Renderer(stage.scene, _PIXEL, outputs=("depth", "segmentation"))
 
-    def of(
+    def find(
         self, agents: Sequence[Agent], seen: Perspective, object_poses: NDArray[np.float64]
     ) -> tuple[SightLine, ...]:
         """Return the lines from each agent to the objects that are fully hidden from it.
 
         Objects are skipped if the ray to their center hits the object itself before another one.
         """
-        found = []
+        lines = []
         for number, agent in enumerate(agents):
             hidden = np.flatnonzero((seen.status[number, 0] == Visibility.OCCLUDED) & ~seen.body[number])
             if len(hidden):
-                found += self._from(agent, [seen.objects[k] for k in hidden], object_poses)
-        return tuple(found)
+                lines += self._find_for_agent(agent, [seen.objects[k] for k in hidden], object_poses)
+        return tuple(lines)
 
-    def _from(self, agent: Agent, names: Sequence[str], object_poses: NDArray[np.float64]) -> list[SightLine]:
+    def _find_for_agent(self, agent: Agent, names: Sequence[str], object_poses: NDArray[np.float64]) -> list[SightLine]:
         eye = agent.poses[0, :3]
-        targets = [self._middle(name, object_poses) for name in names]
-        poses = np.array([_aimed(eye, target) for target in targets])
+        targets = [self._center(name, object_poses) for name in names]
+        poses = np.array([_pose_towards(eye, target) for target in targets])
         views = self._renderer.render(
             poses, object_poses=object_poses if len(object_poses) else None, exclude=agent.body or None
         )
         depths, objects = views.depth.numpy()[:, 0, 0], views.segmentation.numpy()[:, 0, 0]
         lines = []
         for name, target, depth, index in zip(names, targets, depths, objects, strict=True):
-            way = target - eye
-            length = float(np.linalg.norm(way))
+            direction = target - eye
+            length = float(np.linalg.norm(direction))
             occluder = self._stage.scene.objects[index].name if index >= 0 else name
             if occluder != name and depth < length:
-                lines.append(SightLine(agent.name, name, occluder, eye, eye + way * (float(depth) / length), target))
+                lines.append(
+                    SightLine(agent.name, name, occluder, eye, eye + direction * (float(depth) / length), target)
+                )
         return lines
 
-    def _middle(self, name: str, object_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _center(self, name: str, object_poses: NDArray[np.float64]) -> NDArray[np.float64]:
         vertices, _ = self._stage.mesh(name)
-        middle = (vertices.min(axis=0).astype(np.float64) + vertices.max(axis=0)) / 2
+        center = (vertices.min(axis=0).astype(np.float64) + vertices.max(axis=0)) / 2
         column = self._stage.column(name)
         if column < 0:
-            return middle
+            return center
         frame = poses_to_matrices(object_poses[column][None])[0]
-        return frame[:3, :3] @ middle + frame[:3, 3]
+        return frame[:3, :3] @ center + frame[:3, 3]
 
 
-def _aimed(eye: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+def _pose_towards(eye: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the pose of a camera that faces a target, with an arbitrary up direction."""
-    way = target - eye
-    return look_at(eye, target, up=np.eye(3)[np.abs(way).argmin()])
+    direction = target - eye
+    return look_at(eye, target, up=np.eye(3)[np.abs(direction).argmin()])

@@ -17,8 +17,8 @@ from warpvis.core.labels import Label
 from warpvis.errors import SceneError
 from warpvis.scene import Scene, SceneObject, require_scene
 
-_DRAGGED = (Label.OBJECT, Label.HUMAN, Label.ROBOT)
-_MAX_DRAGGED = 40
+_DRAGGABLE_LABELS = (Label.OBJECT, Label.HUMAN, Label.ROBOT)
+_MAX_DRAGGABLE = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Stage:
     """Initial poses of the movable objects, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
 
     @classmethod
-    def of(cls, scene: Scene, bodies: Iterable[str] = (), movable: Sequence[str] | None = None) -> Stage:
+    def from_scene(cls, scene: Scene, bodies: Iterable[str] = (), movable: Sequence[str] | None = None) -> Stage:
         """Copy a scene and make static objects movable, with origins at the centers of their boxes.
 
         Args:
@@ -46,15 +46,15 @@ class Stage:
             SceneError: If the scene is empty, or a name or pattern matches no object.
         """
         items = list(require_scene(scene).require_objects())
-        own = {scene.objects[scene.index(name)].name for name in bodies}
-        dragged = _dragged(items, own, movable)
-        moving = own | set(dragged)
-        objects = [_movable(item) if item.name in moving and not item.movable else item for item in items]
+        body_names = {scene.objects[scene.index(name)].name for name in bodies}
+        draggable = _choose_draggable(items, body_names, movable)
+        moving = body_names | set(draggable)
+        objects = [_make_movable(item) if item.name in moving and not item.movable else item for item in items]
         copy = Scene(device=scene.device, up=scene.up, label_names=scene.label_names, ground_labels=scene.ground_labels)
         copy.replace_objects(objects)
         poses = [objects[index].pose for index in copy.movable]
         rows = np.array(poses, dtype=np.float64).reshape(-1, 7)
-        return cls(copy, tuple(dragged), rows)
+        return cls(copy, tuple(draggable), rows)
 
     @cached_property
     def columns(self) -> NDArray[np.int64]:
@@ -73,12 +73,12 @@ class Stage:
         return (item.vertices if item.mesh_vertices is None else item.mesh_vertices), item.faces
 
 
-def _dragged(items: Sequence[SceneObject], bodies: set[str], movable: Sequence[str] | None) -> list[str]:
+def _choose_draggable(items: Sequence[SceneObject], bodies: set[str], movable: Sequence[str] | None) -> list[str]:
     """Return the names of the objects that may be dragged."""
     if movable is None:
-        chosen = [item.name for item in items if item.label in _DRAGGED or item.pose is not None]
+        chosen = [item.name for item in items if item.label in _DRAGGABLE_LABELS or item.pose is not None]
         chosen = [name for name in chosen if name not in bodies]
-        return chosen if len(chosen) <= _MAX_DRAGGED else []
+        return chosen if len(chosen) <= _MAX_DRAGGABLE else []
     patterns = as_items(movable, "movable", SceneError)
     for pattern in patterns:
         if not isinstance(pattern, str) or not any(fnmatch.fnmatchcase(item.name, pattern) for item in items):
@@ -87,10 +87,10 @@ def _dragged(items: Sequence[SceneObject], bodies: set[str], movable: Sequence[s
     return [item.name for item in free if any(fnmatch.fnmatchcase(item.name, pattern) for pattern in patterns)]
 
 
-def _movable(item: SceneObject) -> SceneObject:
+def _make_movable(item: SceneObject) -> SceneObject:
     """Return a static object as a movable one, with its origin at the center of its box."""
     low, high = item.bounds.astype(np.float64)
-    middle = (low + high) / 2
-    pose = np.array([*middle, 0, 0, 0, 1], dtype=np.float32)
-    inside = (item.vertices - pose[:3]).astype(np.float32)
-    return SceneObject.placed(item.name, item.label, (inside, item.faces), pose, lazy_appearance=item.lazy_appearance)
+    center = (low + high) / 2
+    pose = np.array([*center, 0, 0, 0, 1], dtype=np.float32)
+    local = (item.vertices - pose[:3]).astype(np.float32)
+    return SceneObject.placed(item.name, item.label, (local, item.faces), pose, appearance=item.appearance)

@@ -34,7 +34,7 @@ from warpvis.viewer._cloud import SurfaceCloud
 from warpvis.viewer._frames import check_frames, objects_in_frame
 from warpvis.viewer._mujoco import MujocoStage, as_mujoco_stage
 from warpvis.viewer._pictures import AgentPicture, PictureKind, Seen
-from warpvis.viewer._rows import Row, rows_of
+from warpvis.viewer._rows import Row, table_rows
 from warpvis.viewer._sight import SightLine, SightLines
 from warpvis.viewer._stage import Stage
 from warpvis.visibility import Agent, Perspective, State, perspective
@@ -43,21 +43,21 @@ from warpvis.viz import STATE_COLORS
 if TYPE_CHECKING:
     import mujoco
 
-CloudKind = Literal["who", "labels", "none"]
+CloudKind = Literal["visibility", "labels", "none"]
 
-_MAX_WATCHED = 16
+_MAX_TABLE_OBJECTS = 16
 _MAX_POINTS = 1_000_000
 _LIFT = 0.35
 """Offset of displayed points from their surfaces, relative to the spacing of points."""
 _GREY = {Label.GROUND: (222, 222, 222), Label.OBSTACLE: (165, 165, 165), Label.HUMAN: (105, 105, 105)}
-_NOTHING = (70, 70, 70)
+_BACKGROUND = (70, 70, 70)
 _NO_POINTS = np.zeros((0, 3), dtype=np.float32)
 _NO_STATES = np.zeros(0, dtype=np.uint8)
 _STATE_TABLE = np.array([STATE_COLORS[state] for state in State], dtype=np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Snapshot:
     """Results for one situation."""
 
     agents: tuple[Agent, ...]
@@ -90,14 +90,14 @@ class Look:
 
 
 class ViewerState:
-    """A scene with one or two agents, in which agents and objects can be moved; `look` computes what they see.
+    """A scene with one or two agents, in which agents and objects can be moved; `snapshot` computes what they see.
 
     Methods may be called from any thread.
 
     Example:
         >>> state = ViewerState(scene, [robot, human])
         >>> state.move_object("ball", (1, 0, 0.1, 0, 0, 0, 1))
-        >>> state.look().rows
+        >>> state.snapshot().rows
     """
 
     def __init__(
@@ -135,27 +135,27 @@ class ViewerState:
         bodies = [name for agent in given for name in agent.body]
         self.model = scene if isinstance(scene, MujocoStage) else as_mujoco_stage(scene)
         """The MuJoCo model whose joints move the objects; None for other scenes."""
-        self.stage = Stage.of(scene, bodies, movable) if self.model is None else self.model.stage  # type: ignore[arg-type]  # raises for other types
+        self.stage = Stage.from_scene(scene, bodies, movable) if self.model is None else self.model.stage  # type: ignore[arg-type]  # raises for other types
         if self.model is not None and movable is not None:
             raise SceneError("movable must be None for a MuJoCo model, whose objects with a free joint can be dragged")
         self.scene = self.stage.scene
-        self.agents: dict[str, Agent] = {agent.name: _plain(agent) for agent in given}
+        self.agents: dict[str, Agent] = {agent.name: _in_opencv_axes(agent) for agent in given}
         if len(self.agents) < len(given):
             raise SceneError(f"agents must have different names, got {given[0].name!r} twice")
-        self.start = dict(self.agents)
+        self.initial_agents = dict(self.agents)
         """Agents at their initial poses."""
         self.object_poses = self.stage.object_poses.copy()
-        self._moved = [scene.objects[index].name for index in scene.movable] if isinstance(scene, Scene) else []
-        self.frames = check_frames(frames, self._moved)
+        self._movable_names = [scene.objects[index].name for index in scene.movable] if isinstance(scene, Scene) else []
+        self.frames = check_frames(frames, self._movable_names)
         """Frames to play, or None."""
         self.frame = 0
         """Index of the frame that was shown last."""
-        self.watched = self._watched(objects, bodies)
+        self.table_objects = self._choose_table_objects(objects, bodies)
         if not is_whole(points) or not 0 < points <= _MAX_POINTS:
             raise ArrayError(f"points must be a whole number from 1 to {_MAX_POINTS}, got {points!r}")
         self.cloud = SurfaceCloud(self.stage, int(points))
         self.picture_kind: PictureKind = "depth"
-        self.cloud_kind: CloudKind = "who"
+        self.cloud_kind: CloudKind = "visibility"
         self._sight = SightLines(self.stage)
         self._vertical = check_up(self.scene.up)
         self._lock = threading.RLock()
@@ -182,7 +182,7 @@ class ViewerState:
             before = agent.poses[0]
             self.agents[name] = replace(agent, pose=row)
             for column in {self.stage.column(body) for body in agent.body}:
-                self.object_poses[column] = self._carried(self.object_poses[column], before, row)
+                self.object_poses[column] = self._moved_body(self.object_poses[column], before, row)
 
     def raise_agent(self, name: str, height: float) -> None:
         """Set the height of an agent's eyes [m] without moving its body.
@@ -282,13 +282,13 @@ class ViewerState:
         frames, self.frame = self.frames, int(number)
         with self._lock:
             self.move_agent(next(iter(self.agents)), frames.camera_to_world[self.frame])
-            for name, row in zip(self._moved, objects_in_frame(frames, self.frame), strict=False):
+            for name, row in zip(self._movable_names, objects_in_frame(frames, self.frame), strict=False):
                 self.object_poses[self._column(name)] = row
 
     def reset(self) -> None:
         """Move all agents and objects to their initial poses, and restore the agents' cameras."""
         with self._lock:
-            self.agents = dict(self.start)
+            self.agents = dict(self.initial_agents)
             if self.model is not None:
                 self.model.reset()
             self.object_poses = self.stage.object_poses.copy()
@@ -296,7 +296,7 @@ class ViewerState:
 
     # Results.
 
-    def look(self) -> Look:
+    def snapshot(self) -> Snapshot:
         """Compute what the agents see in the current situation."""
         begin = time.perf_counter()
         with self._lock:
@@ -304,24 +304,24 @@ class ViewerState:
             object_poses = self.object_poses.copy()
             pictures = [self._picture(agent) for agent in agents]
             kind, cloud_kind = self.picture_kind, self.cloud_kind
-        placed = object_poses if len(object_poses) else None
-        seen = perspective(self.scene, agents, objects=self.watched, object_poses=placed)
-        rows = rows_of(seen)
+        given_poses = object_poses if len(object_poses) else None
+        seen = perspective(self.scene, agents, objects=self.table_objects, object_poses=given_poses)
+        rows = table_rows(seen)
         colors = self.colors({row.name: row.state for row in rows})
-        views = [picture.look(agent, object_poses) for picture, agent in zip(pictures, agents, strict=True)]
+        views = [picture.render(agent, object_poses) for picture, agent in zip(pictures, agents, strict=True)]
         if cloud_kind == "labels":
             points, labels = views[0].cloud()
             point_colors, states = label_colors()[labels], _NO_STATES
         else:
             points, point_colors, states = self._surface_cloud(agents, object_poses, cloud_kind)
-        return Look(
+        return Snapshot(
             agents=agents,
             object_poses=object_poses,
             seen=seen,
             rows=rows,
             pictures=tuple(picture.draw(view, kind, colors) for picture, view in zip(pictures, views, strict=True)),
             views=tuple(views),
-            lines=self._sight.of(agents, seen, object_poses),
+            lines=self._sight.find(agents, seen, object_poses),
             points=points,
             point_colors=point_colors,
             states=states,
@@ -334,8 +334,8 @@ class ViewerState:
         """Return points slightly above all surfaces, their colors, and their `State`."""
         if kind == "none":
             return _NO_POINTS, _NO_POINTS.astype(np.uint8), _NO_STATES
-        states = self.cloud.states(agents, object_poses, self.cloud.at(object_poses))
-        lifted = self.cloud.at(object_poses, _LIFT * self.cloud.spacing)
+        states = self.cloud.states(agents, object_poses, self.cloud.positions(object_poses))
+        lifted = self.cloud.positions(object_poses, _LIFT * self.cloud.spacing)
         return lifted, _STATE_TABLE[states], states
 
     def colors(self, states: dict[str, State]) -> NDArray[np.uint8]:
@@ -343,13 +343,13 @@ class ViewerState:
         from warpvis.viz import STATE_COLORS
 
         bodies = {body for agent in self.agents.values() for body in agent.body}
-        found = []
+        rows = []
         for item in self.scene.objects:
             ground = item.label in self.scene.ground_labels
             grey = _GREY[Label.GROUND if ground else Label.HUMAN if item.name in bodies else Label.OBSTACLE]
             state = None if item.name in bodies else states.get(item.name)
-            found.append(grey if state is None else STATE_COLORS[state])
-        return np.array([*found, _NOTHING], dtype=np.uint8)
+            rows.append(grey if state is None else STATE_COLORS[state])
+        return np.array([*rows, _BACKGROUND], dtype=np.uint8)
 
     def _picture(self, agent: Agent) -> AgentPicture:
         if agent.name not in self._pictures:
@@ -359,17 +359,17 @@ class ViewerState:
             self._pictures[agent.name] = AgentPicture(self.scene, agent.camera, reach, sensor)
         return self._pictures[agent.name]
 
-    def _watched(self, objects: Sequence[str] | None, bodies: Iterable[str]) -> list[str]:
+    def _choose_table_objects(self, objects: Sequence[str] | None, bodies: Iterable[str]) -> list[str]:
         """Return the names of the objects in the table."""
         if objects is not None:
             names = as_items(objects, "objects", SceneError)
             return [self.scene.objects[self.scene.index(name)].name for name in names]
         items = [item for item in self.scene.objects if item.label not in self.scene.ground_labels]
-        if len(items) > _MAX_WATCHED:
+        if len(items) > _MAX_TABLE_OBJECTS:
             items = [item for item in items if item.label != Label.OBSTACLE] or items
             items.sort(key=lambda item: item.label == Label.ROBOT)  # a robot may have many links: list them last
         items = items or list(self.scene.objects)
-        return [item.name for item in items[:_MAX_WATCHED]]
+        return [item.name for item in items[:_MAX_TABLE_OBJECTS]]
 
     def _agent(self, name: str) -> Agent:
         if not isinstance(name, str) or name not in self.agents:
@@ -382,18 +382,18 @@ class ViewerState:
             raise SceneError(f"object {name!r} is not movable. Add it to movable")
         return column
 
-    def _carried(
+    def _moved_body(
         self, body: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Move a body like the eyes, restricted to horizontal translation and rotation about the vertical axis."""
-        turn = self._heading(after) - self._heading(before)
+        angle = self._heading(after) - self._heading(before)
         axis = np.zeros(4)
-        axis[self._vertical], axis[3] = math.sin(turn / 2), math.cos(turn / 2)
-        spin = np.concatenate([np.zeros(3), axis])
-        rotation = poses_to_matrices(spin[None])[0, :3, :3]
-        place = rotation @ (body[:3] - before[:3]) + after[:3]
-        place[self._vertical] = body[self._vertical]
-        return np.concatenate([place, quaternion_product(axis, body[3:])])
+        axis[self._vertical], axis[3] = math.sin(angle / 2), math.cos(angle / 2)
+        rotation_pose = np.concatenate([np.zeros(3), axis])
+        rotation = poses_to_matrices(rotation_pose[None])[0, :3, :3]
+        position = rotation @ (body[:3] - before[:3]) + after[:3]
+        position[self._vertical] = body[self._vertical]
+        return np.concatenate([position, quaternion_product(axis, body[3:])])
 
     def _heading(self, pose: NDArray[np.float64]) -> float:
         """Return the heading of a camera about the vertical axis [rad]."""
@@ -401,6 +401,6 @@ class ViewerState:
         return math.atan2(forward[1], forward[0]) if self._vertical == 2 else math.atan2(forward[0], forward[2])
 
 
-def _plain(agent: Agent) -> Agent:
+def _in_opencv_axes(agent: Agent) -> Agent:
     """Return an agent with its pose as a row in OpenCV axes."""
     return replace(agent, pose=agent.poses[0].copy(), convention="opencv", quaternion="xyzw")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from html import escape
 
 from warpvis.viewer._rows import Row
-from warpvis.viewer._state import Look
+from warpvis.viewer._state import Snapshot
 from warpvis.visibility import State
 from warpvis.viz import STATE_COLORS
 
@@ -17,13 +17,13 @@ _MAX_HEIGHT = "17em"
 _CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid rgba(128,128,128,0.3)"
 
 
-def table_html(look: Look) -> str:
+def table_html(snapshot: Snapshot) -> str:
     """Return the table: a row per object, with a dot in the color of its `State`, and a column per agent."""
-    agents = [agent.name for agent in look.agents]
+    agents = [agent.name for agent in snapshot.agents]
     head = "".join(
         f'<th style="text-align:left;padding-right:0.5em">{escape(word)}</th>' for word in ["object", *agents]
     )
-    body = "".join(_row(row, agents) for row in look.rows)
+    body = "".join(_row(row, agents) for row in snapshot.rows)
     return (
         f'<div style="{_STYLE};max-height:{_MAX_HEIGHT};overflow:auto">'
         f'<table class="warpvis-table" style="border-collapse:collapse;width:100%">'
@@ -35,28 +35,28 @@ def legend_html(agents: Sequence[str]) -> str:
     """Return the legend of the colors."""
     states = (State.BOTH, State.FIRST, State.SECOND, State.NEITHER) if len(agents) > 1 else (State.FIRST, State.NEITHER)
     entries = "".join(
-        f'<span style="white-space:nowrap;margin-right:0.9em">{_dot(state)}{escape(state_word(state, agents))}</span>'
+        f'<span style="white-space:nowrap;margin-right:0.9em">{_dot(state)}{escape(state_text(state, agents))}</span>'
         for state in states
     )
     return f'<div style="{_STYLE}">{entries}</div>'
 
 
-def state_word(state: State, agents: Sequence[str]) -> str:
+def state_text(state: State, agents: Sequence[str]) -> str:
     """Return the text of a `State`."""
     if len(agents) < 2:
         return f"{agents[0]} sees it" if state == State.FIRST else "not seen"
-    words = {State.BOTH: "both see it", State.NEITHER: "neither"}
-    return words.get(state) or f"{agents[0] if state == State.FIRST else agents[1]} only"
+    texts = {State.BOTH: "both see it", State.NEITHER: "neither"}
+    return texts.get(state) or f"{agents[0] if state == State.FIRST else agents[1]} only"
 
 
-def status_html(look: Look, updates: float) -> str:
+def status_html(snapshot: Snapshot, updates: float) -> str:
     """Return the duration of the last update and the update rate."""
     rate = f", {updates:.0f} updates/s" if updates else ""
-    return f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{1e3 * look.seconds:.0f} ms{rate}</div>'
+    return f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{1e3 * snapshot.seconds:.0f} ms{rate}</div>'
 
 
 def _row(row: Row, agents: Sequence[str]) -> str:
-    title = escape(f"{row.label}; {state_word(row.state, agents)}")
+    title = escape(f"{row.label}; {state_text(row.state, agents)}")
     cells = "".join(f'<td style="{_CELL}">{escape(cell)}</td>' for cell in row.cells)
     name = f'<td style="{_CELL};white-space:nowrap" title="{title}">{_dot(row.state)}{escape(row.name)}</td>'
     return f"<tr>{name}{cells}</tr>"
