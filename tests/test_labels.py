@@ -20,7 +20,7 @@ from warpvis.core.label_rules import LabelRules
 from warpvis.core.labels import LabelNames
 from warpvis.mujoco import BatchRenderer, Renderer, scene_from_mujoco
 from warpvis.viz._perspective import _floor_map
-from warpvis.viz._states import GREYS, STATE_COLORS, Shown
+from warpvis.viz._states import GRAYS, STATE_COLORS, PanelData
 from warpvis.webots import load_webots
 
 import reference
@@ -339,14 +339,14 @@ def test_perspectives_know_classes():
     assert not seen.candidates("human")
     assert [item["label"] for item in seen.report()["objects"]] == ["road", "sidewalk", "moving-car", "label 77"]
     assert "moving-car" in seen.table()
-    shown = Shown.of(scene, agents, seen, 0, None, None)
+    shown = PanelData.from_perspective(scene, agents, seen, 0, None, None)
     assert set(shown.states) == {scene.index("car_0"), scene.index("thing")}
     plan = _floor_map(shown, agents[1])
     colors = np.unique(plan.colors.reshape(-1, 3), axis=0)
     both = np.array(STATE_COLORS[wv.visibility.State.BOTH]) / 255
-    for color in ([GREYS[wv.Label.GROUND]] * 3, both):
+    for color in ([GRAYS[wv.Label.GROUND]] * 3, both):
         assert np.isclose(colors, color).all(axis=1).any()
-    assert not np.isclose(colors, GREYS[wv.Label.OBSTACLE]).all(axis=1).any()
+    assert not np.isclose(colors, GRAYS[wv.Label.OBSTACLE]).all(axis=1).any()
     assert len(wv.planning.surface_samples(scene, spacing=0.2, labels="road")) > 50
     with pytest.raises(wv.errors.SceneError, match="the scene has no object labeled GROUND"):
         wv.planning.surface_samples(scene, labels=[1])

@@ -18,7 +18,7 @@ from warpvis.viz._agent_views import agent_view, views_of_faces
 from warpvis.viz._figures import save_figure
 from warpvis.viz._perspective import _floor_map, draw_perspective
 from warpvis.viz._sightings import OBJECT_COLORS, STATUS_COLORS
-from warpvis.viz._states import STATE_COLORS, Shown
+from warpvis.viz._states import STATE_COLORS, PanelData
 
 DEFAULTS = {"view": 0, "title": "A title", "labels": ["object"], "eye": None, "target": None, "proposed": None}
 DEFAULTS["object_poses"] = None
@@ -153,7 +153,7 @@ def test_the_picture(case, drawn):
 def test_maps_show_what_each_agent_sees(case):
     experiment, scene, agents, seen = case
     state = experiment.states["ball"]
-    shown = Shown.of(scene, agents, seen, 0, ["object"], None)
+    shown = PanelData.from_perspective(scene, agents, seen, 0, ["object"], None)
     sees = {agents[0]: state in (State.FIRST, State.BOTH), agents[1]: state in (State.SECOND, State.BOTH)}
     for agent, its in sees.items():
         floor_map = _floor_map(shown, agent)
@@ -176,7 +176,7 @@ def test_maps_have_no_gap_between_faces():
     scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground", pose=(0, 0, -0.01, 0, 0, 0, 1))
     human = Agent.human("human", wv.look_at((0, 0, 1.6), (2, 0, 1.0)), resolution=60)
     robot = Agent.kinect("robot", wv.look_at((2, 0, 0.7), (0, 0, 0)))
-    shown = Shown.of(scene, (robot, human), perspective(scene, (robot, human)), 0, None, None)
+    shown = PanelData.from_perspective(scene, (robot, human), perspective(scene, (robot, human)), 0, None, None)
     floor_map = _floor_map(shown, human)
     radii, angles = np.meshgrid(np.linspace(0.8, 2.5, 60), np.radians(np.linspace(-60, 60, 400)))
     columns = ((radii * np.cos(angles) - floor_map.bounds[0]) / floor_map.cell_size).astype(int)
@@ -263,7 +263,7 @@ def test_situations_and_movable_objects():
     seen = perspective(scene, (robot, human), object_poses=worlds)
     assert seen.states("robot", "human")[:, 2].tolist() == [State.FIRST, State.SECOND]
     for view, state in enumerate((State.FIRST, State.SECOND)):
-        shown = Shown.of(scene, (robot, human), seen, view, ["object"], worlds[view])
+        shown = PanelData.from_perspective(scene, (robot, human), seen, view, ["object"], worlds[view])
         assert shown.states == {2: state}
         for agent, its in zip((robot, human), (view == 0, view == 1), strict=True):
             rgb = _floor_map(shown, agent).colors
@@ -287,8 +287,8 @@ def test_y_up():
     )
     seen, other = perspective(scene, agents), perspective(turned, others)
     for agent, its_other in zip(agents, others, strict=True):
-        floor_map = _floor_map(Shown.of(scene, agents, seen, 0, ["object"], None), agent)
-        other_map = _floor_map(Shown.of(turned, others, other, 0, ["object"], None), its_other)
+        floor_map = _floor_map(PanelData.from_perspective(scene, agents, seen, 0, ["object"], None), agent)
+        other_map = _floor_map(PanelData.from_perspective(turned, others, other, 0, ["object"], None), its_other)
         assert other_map.axes == ("z", "x")
         np.testing.assert_allclose(other_map.bounds, floor_map.bounds, atol=1e-6)
         assert (np.abs(floor_map.colors - other_map.colors).max(axis=2) < 1e-6).mean() > 0.998
@@ -298,7 +298,7 @@ def test_y_up():
 
 def test_all_but_the_ground_without_labels(case):
     _, scene, agents, seen = case
-    shown = Shown.of(scene, agents, seen, 0, None, None)
+    shown = PanelData.from_perspective(scene, agents, seen, 0, None, None)
     assert [scene.objects[index].name for index in shown.states] == ["low obstacle", "high obstacle", "ball"]
     assert {scene.objects[index].name for index in shown.bodies} == {"robot", "person"}
 

@@ -76,7 +76,7 @@ def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: in
         moves_solids_only=False,
         has_solids=bool(struct.movable_solid.numpy().any()),
         refits={},
-        idle=[],
+        free_workspaces=[],
     )
 
 

@@ -70,7 +70,7 @@ class SceneBvh:
     """Whether any movable object or instance is a solid."""
     refits: dict[int, BvhRefit] = field(default_factory=dict)
     """Refits of the trees of objects that deform, by object."""
-    idle: list[object] = field(default_factory=list)
+    free_workspaces: list[object] = field(default_factory=list)
     """Scratch memory of `warpvis.visibility._point_packets`, while it is not in use."""
 
 

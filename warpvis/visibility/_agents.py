@@ -24,7 +24,7 @@ from warpvis.errors import CameraError, SceneError
 # The pixel density of a pinhole image grows off its axis: at 40 degrees, a row has 1.7 times as many pixels per degree.
 _MAX_PIXELS = 1 << 19
 _WIDEST_FACE = math.radians(80)
-_HIGHEST = math.radians(85)
+_MAX_ELEVATION = math.radians(85)
 
 _HUMAN_HFOV = math.radians(200)
 _HUMAN_UP = math.radians(60)
@@ -75,9 +75,9 @@ class FieldOfView:
                 f"hfov of a field must be above 0 and up to 2 pi radians, got {self.hfov!r}{degrees_hint(self.hfov)}"
             )
         for name in ("up", "down"):
-            if not is_number(getattr(self, name)) or not 0 <= getattr(self, name) < _HIGHEST:
+            if not is_number(getattr(self, name)) or not 0 <= getattr(self, name) < _MAX_ELEVATION:
                 raise CameraError(
-                    f"{name} of a field must be from 0 to below {_HIGHEST:.3f} radians (85 degrees), "
+                    f"{name} of a field must be from 0 to below {_MAX_ELEVATION:.3f} radians (85 degrees), "
                     f"got {getattr(self, name)}{degrees_hint(getattr(self, name))}"
                 )
         if self.up + self.down <= 0:
@@ -108,15 +108,15 @@ class FieldOfView:
         camera = self._camera(hfov)
         # The canvas ends at the direction straight behind the agent.
         reach = hfov / 2 + (math.pi - self.hfov / 2)
-        beyond = camera.width
+        margin = camera.width
         if reach < math.pi / 2:
-            beyond = min(beyond, max(0, int(camera.fx * math.tan(reach) - camera.width / 2)))
+            margin = min(margin, max(0, int(camera.fx * math.tan(reach) - camera.width / 2)))
         faces = []
         for k in range(count):
-            half = ((k + 0.5) * hfov - self.hfov / 2) / 2
-            left = beyond if k == 0 else 0
-            right = beyond if k == count - 1 else 0
-            rotation = (0.0, math.sin(half), 0.0, math.cos(half))
+            half_angle = ((k + 0.5) * hfov - self.hfov / 2) / 2
+            left = margin if k == 0 else 0
+            right = margin if k == count - 1 else 0
+            rotation = (0.0, math.sin(half_angle), 0.0, math.cos(half_angle))
             faces.append(Face(camera, rotation, (left, camera.height, right, camera.height)))
         return tuple(faces)
 
@@ -158,7 +158,7 @@ class Agent:
                 f"attention of {self.name!r} must be a warpvis.Camera, a LensCamera or None, got "
                 f"{type(self.attention).__name__}"
             )
-        body = _tuple_of(self.body)
+        body = _as_tuple(self.body)
         if not all(isinstance(name, str) for name in body):
             raise SceneError(f"body of {self.name!r} must be names of objects, got {body!r}")
         object.__setattr__(self, "body", body)
@@ -175,7 +175,7 @@ class Agent:
         quaternion: QuaternionOrder = "xyzw",
     ) -> Agent:
         """Create a robot with the paper's camera, `Camera.kinect`: 57 degrees wide, 0.3 to 4.5 m."""
-        return cls(name, Camera.kinect(), pose, body=_tuple_of(body), convention=convention, quaternion=quaternion)
+        return cls(name, Camera.kinect(), pose, body=_as_tuple(body), convention=convention, quaternion=quaternion)
 
     @classmethod
     def human(
@@ -215,15 +215,15 @@ class Agent:
         size = max(1, round(2 * resolution * math.tan(_HUMAN_ATTENTION / 2)))
         attention = Camera.from_fov(size, size, hfov=_HUMAN_ATTENTION, near=near, far=far)
         return cls(
-            name, view, pose, body=_tuple_of(body), attention=attention, convention=convention, quaternion=quaternion
+            name, view, pose, body=_as_tuple(body), attention=attention, convention=convention, quaternion=quaternion
         )
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:
         """Poses as rows ``x y z qx qy qz qw`` of the OpenCV camera frame, shape ``(V, 7)``."""
-        given = self.pose.numpy() if isinstance(self.pose, wp.array) else self.pose
-        given = to_xyzw(given, self.quaternion, f"pose of {self.name!r}")
-        rows = parse_poses(given, convention=self.convention, name=f"pose of {self.name!r}").numpy()
+        pose = self.pose.numpy() if isinstance(self.pose, wp.array) else self.pose
+        pose = to_xyzw(pose, self.quaternion, f"pose of {self.name!r}")
+        rows = parse_poses(pose, convention=self.convention, name=f"pose of {self.name!r}").numpy()
         return rows.astype(np.float64).reshape(-1, 7)
 
     @property
@@ -236,8 +236,8 @@ class Agent:
 
     def face_poses(self, face: Face) -> NDArray[np.float64]:
         """Return the poses of a face's camera, camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``."""
-        turned = quaternion_product(self.poses[:, 3:], np.array(face.rotation))
-        return np.concatenate([self.poses[:, :3], turned], axis=1)
+        rotations = quaternion_product(self.poses[:, 3:], np.array(face.rotation))
+        return np.concatenate([self.poses[:, :3], rotations], axis=1)
 
     def angles_to(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the angles between the agent's axis and points in the world [rad].
@@ -253,7 +253,7 @@ class Agent:
         return np.arctan2(np.hypot(x, y), z)
 
 
-def _tuple_of(names: Sequence[str] | str) -> tuple[str, ...]:
+def _as_tuple(names: Sequence[str] | str) -> tuple[str, ...]:
     """Return names as a tuple; a single name may be given as a string."""
     return tuple(as_items(names, "names", SceneError))
 

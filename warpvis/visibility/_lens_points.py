@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from warpvis.kernels.worlds import Worlds
 
 # Maximum number of points per batch: projected points take 200 bytes each.
-_AT_ONCE = 1 << 20
+_MAX_BATCH = 1 << 20
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class PlacedPoints:
+class ProjectedPoints:
     """Projections of N points into V views."""
 
     pixels: Floats
@@ -54,7 +54,7 @@ class PlacedPoints:
         return np.where(self.inside, status, Visibility.OUT_OF_VIEW).astype(np.uint8)
 
 
-def place_points(camera: LensedCamera, poses: NDArray[np.float32], points: Floats) -> PlacedPoints:
+def project_points(camera: LensedCamera, poses: NDArray[np.float32], points: Floats) -> ProjectedPoints:
     """Project points in the world.
 
     Args:
@@ -63,13 +63,13 @@ def place_points(camera: LensedCamera, poses: NDArray[np.float32], points: Float
         points: Points [m], shape ``(N, 3)``.
     """
     matrices = poses_to_matrices(poses.astype(np.float64))
-    seen = np.einsum("vij,vni->vnj", matrices[:, :3, :3], points - matrices[:, None, :3, 3])
-    depth = seen[..., 2] if camera.kind == "z" else np.linalg.norm(seen, axis=-1)
-    pixels = camera.project(seen)
+    local_points = np.einsum("vij,vni->vnj", matrices[:, :3, :3], points - matrices[:, None, :3, 3])
+    depth = local_points[..., 2] if camera.kind == "z" else np.linalg.norm(local_points, axis=-1)
+    pixels = camera.project(local_points)
     inside = ((pixels >= 0) & (pixels < (camera.width, camera.height))).all(axis=-1) & (depth > 0)
     with np.errstate(all="ignore"):
-        rays = np.where(inside[..., None], seen / depth[..., None], np.nan)
-    return PlacedPoints(np.where(inside[..., None], pixels, np.nan), depth, rays)
+        rays = np.where(inside[..., None], local_points / depth[..., None], np.nan)
+    return ProjectedPoints(np.where(inside[..., None], pixels, np.nan), depth, rays)
 
 
 def judge_in_scene(
@@ -92,15 +92,15 @@ def judge_in_scene(
     shape = (len(poses), len(points))
     status = np.empty(shape, dtype=np.uint8)
     hidden_by = np.full(shape, -1, dtype=np.int32) if occluders else None
-    for views, some in _parts(*shape):
-        placed = place_points(camera, poses[views], points[some].astype(np.float64))
+    for views, batch in _batches(*shape):
+        projected = project_points(camera, poses[views], points[batch].astype(np.float64))
         rows = wp.array(np.ascontiguousarray(poses[views]), dtype=wp.transform, device=scene.device)
-        rays = wp.array(placed.rays, dtype=wp.vec3d, device=scene.device)
+        rays = wp.array(projected.rays, dtype=wp.vec3d, device=scene.device)
         seen = render_along(scene, eye, rows, part_of(worlds, views), rays, outputs=outputs, threads=threads)
-        judged = placed.judge(camera, seen.depth.numpy(), tolerance)
-        status[views, some] = judged
+        judged = projected.judge(camera, seen.depth.numpy(), tolerance)
+        status[views, batch] = judged
         if hidden_by is not None:
-            hidden_by[views, some] = np.where(judged == Visibility.OCCLUDED, seen.segmentation.numpy(), -1)
+            hidden_by[views, batch] = np.where(judged == Visibility.OCCLUDED, seen.segmentation.numpy(), -1)
     return status, hidden_by
 
 
@@ -113,28 +113,28 @@ def judge_in_images(
 ) -> NDArray[np.uint8]:
     """Compute the visibility of points in depth images; see `warpvis.point_visibility_from_depth`."""
     status = np.empty((len(poses), len(points)), dtype=np.uint8)
-    for views, some in _parts(*status.shape):
-        placed = place_points(camera, poses[views], points[some].astype(np.float64))
-        columns, rows = np.moveaxis(np.where(placed.inside[..., None], placed.pixels, 0).astype(np.int64), -1, 0)
-        shown = shown_depth(camera, depth[np.arange(len(depth))[views, None], rows, columns])
-        judged = placed.judge(camera, shown, tolerance)
+    for views, batch in _batches(*status.shape):
+        projected = project_points(camera, poses[views], points[batch].astype(np.float64))
+        columns, rows = np.moveaxis(np.where(projected.inside[..., None], projected.pixels, 0).astype(np.int64), -1, 0)
+        surface = depth_in_range(camera, depth[np.arange(len(depth))[views, None], rows, columns])
+        judged = projected.judge(camera, surface, tolerance)
         in_range = (judged == Visibility.VISIBLE) | (judged == Visibility.OCCLUDED)
-        status[views, some] = np.where(in_range & np.isnan(shown), Visibility.UNKNOWN, judged)
+        status[views, batch] = np.where(in_range & np.isnan(surface), Visibility.UNKNOWN, judged)
     return status
 
 
-def shown_depth(camera: LensedCamera, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+def depth_in_range(camera: LensedCamera, depth: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return depth as in REP 117: -inf nearer than near, +inf beyond far, and NaN where nothing was measured."""
-    near, far, endless = np.float32(camera.near), np.float32(camera.far), np.float32(np.inf)
+    near, far, infinity = np.float32(camera.near), np.float32(camera.far), np.float32(np.inf)
     with np.errstate(invalid="ignore"):
-        shown = np.where(depth < near, -endless, np.where(depth > far, endless, depth))
-        return np.where((depth > 0) | (depth == -endless), shown, np.float32(np.nan))
+        clamped = np.where(depth < near, -infinity, np.where(depth > far, infinity, depth))
+        return np.where((depth > 0) | (depth == -infinity), clamped, np.float32(np.nan))
 
 
-def _parts(views: int, points: int) -> Iterator[tuple[slice, slice]]:
+def _batches(views: int, points: int) -> Iterator[tuple[slice, slice]]:
     """Yield slices of views and points, at most `_AT_ONCE` pairs each."""
-    most = max(1, min(points, _AT_ONCE))
-    step = max(1, _AT_ONCE // most)
+    max_points = max(1, min(points, _MAX_BATCH))
+    step = max(1, _MAX_BATCH // max_points)
     for first in range(0, views, step):
-        for start in range(0, points, most):
-            yield slice(first, min(first + step, views)), slice(start, min(start + most, points))
+        for start in range(0, points, max_points):
+            yield slice(first, min(first + step, views)), slice(start, min(start + max_points, points))

@@ -31,8 +31,8 @@ BOP_DELTA = 0.015
 """The `delta` of BOP's toolkit [m] (``scripts/calc_gt_info.py``); 0.005 for ITODD and for renderings to train with."""
 
 # Counters, in the kernels' order, and results that are computed from them.
-_COUNTED = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
-_JUDGED = {
+_COUNTERS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
+_RESULTS = {
     "fraction": wp.float32,
     "status": wp.uint8,
     "occluder": wp.int32,
@@ -214,15 +214,17 @@ def see_objects(
     )
     counted, result = _allocate(scene, chosen, (views, count), camera if check_flag(masks, "masks") else None)
     seen = None
-    for part in _parts(views, camera, len(outputs), len(scene) * count, device):
-        size, some = part.stop - part.start, part_of(worlds, part)
-        seen = renderer.render_parsed(poses[part], some, out=_first(seen, size))
+    for part in _batches(views, camera, len(outputs), len(scene) * count, device):
+        size, part_worlds = part.stop - part.start, part_of(worlds, part)
+        seen = renderer.render_parsed(poses[part], part_worlds, out=_first(seen, size))
         counts = wp.zeros((SILHOUETTE_COUNTERS, size, count), dtype=wp.int32, device=device)
         hidden_by = wp.zeros((size, count, len(scene)), dtype=wp.int32, device=device)
-        counter.count(poses[part], some, seen, counts, hidden_by, None if result.masks is None else result.masks[part])
-        outs = [getattr(result, name)[part] for name in _JUDGED]
+        counter.count(
+            poses[part], part_worlds, seen, counts, hidden_by, None if result.masks is None else result.masks[part]
+        )
+        outs = [getattr(result, name)[part] for name in _RESULTS]
         launch(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
-        wp.copy(counted[:, part], counts[: len(_COUNTED)])
+        wp.copy(counted[:, part], counts[: len(_COUNTERS)])
     return result
 
 
@@ -274,9 +276,9 @@ def _allocate(
     names = tuple(scene.objects[index].name for index in chosen)
     views, count = shape
     # Warp cannot slice an array without rows.
-    counted = empty((len(_COUNTED), max(1, views), count), wp.int32, name="counts", device=scene.device)
-    arrays = {name: counted[row, :views] for row, name in enumerate(_COUNTED)}
-    for name, dtype in _JUDGED.items():
+    counted = empty((len(_COUNTERS), max(1, views), count), wp.int32, name="counts", device=scene.device)
+    arrays = {name: counted[row, :views] for row, name in enumerate(_COUNTERS)}
+    for name, dtype in _RESULTS.items():
         arrays[name] = empty(shape, dtype, name=name, device=scene.device)
     masks = None
     if camera is not None:
@@ -285,10 +287,10 @@ def _allocate(
     return counted, ObjectVisibility(tuple(chosen), names, **arrays, masks=masks)
 
 
-def _parts(views: int, camera: ImageCamera, images: int, hidden: int, device: wp.Device) -> list[slice]:
+def _batches(views: int, camera: ImageCamera, images: int, hidden: int, device: wp.Device) -> list[slice]:
     """Split the views into batches that are rendered together."""
-    most = _CPU_BYTES if device.is_cpu else _CUDA_BYTES
-    step = max(1, most // (camera.width * camera.height * 4 * images + hidden * 4))
+    max_bytes = _CPU_BYTES if device.is_cpu else _CUDA_BYTES
+    step = max(1, max_bytes // (camera.width * camera.height * 4 * images + hidden * 4))
     return [slice(first, min(first + step, views)) for first in range(0, views, step)]
 
 

@@ -135,24 +135,24 @@ class Perspective:
         Raises:
             WarpvisError: If an agent, the view or a label does not exist.
         """
-        who, view = self._agent(human), self._view(view)
-        wanted = set(self.labels) if labels is None else self.label_names.numbers(labels)
-        other = None if robot is None else self._agent(robot)
+        person, view = self._agent(human), self._view(view)
+        included = set(self.labels) if labels is None else self.label_names.numbers(labels)
+        robot_index = None if robot is None else self._agent(robot)
         states = None if robot is None else self.states(human, robot)[view]
         found = []
-        for k in np.flatnonzero(self.visible[who, view]):
-            if self.labels[k] not in wanted:
+        for k in np.flatnonzero(self.visible[person, view]):
+            if self.labels[k] not in included:
                 continue
-            fraction, angle = float(self.fraction[who, view, k]), float(self.gaze_angle[who, view, k])
+            fraction, angle = float(self.fraction[person, view, k]), float(self.gaze_angle[person, view, k])
             found.append(
                 Candidate(
                     object=self.objects[k],
                     score=fraction * (1 + math.cos(angle)) / 2,
                     fraction=fraction,
                     gaze_angle=angle,
-                    attended=bool(self.attended[who, view, k]),
+                    attended=bool(self.attended[person, view, k]),
                     state=None if states is None else State(states[k]),
-                    robot_fraction=None if other is None else float(self.fraction[other, view, k]),
+                    robot_fraction=None if robot_index is None else float(self.fraction[robot_index, view, k]),
                     object_poses=self.objects_at(view),
                 )
             )
@@ -170,9 +170,9 @@ class Perspective:
 
         The person may refer to one of them, and the robot must move to see it. The robot's own body is not included.
         """
-        own = {name for name, its in zip(self.objects, self.body[self._agent(robot)], strict=True) if its}
+        own_body = {name for name, is_own in zip(self.objects, self.body[self._agent(robot)], strict=True) if is_own}
         found = self.candidates(human, robot, view=view, labels=labels)
-        return [item.object for item in found if item.state == State.FIRST and item.object not in own]
+        return [item.object for item in found if item.state == State.FIRST and item.object not in own_body]
 
     def objects_at(self, view: int) -> NDArray[np.float32] | None:
         """Return the poses of the movable objects in a situation, ``(M, 7)``; None if nothing is movable."""
@@ -195,17 +195,17 @@ class Perspective:
 
     def _entry(self, agent: int, view: int, k: int) -> dict[str, Any]:
         """Return the entry of `report` for an agent and an object."""
-        at = (agent, view, k)
+        index = (agent, view, k)
         return {
-            "visible": bool(self.visible[at]),
-            "status": Visibility(self.status[at]).name,
+            "visible": bool(self.visible[index]),
+            "status": Visibility(self.status[index]).name,
             "own_body": bool(self.body[agent, k]),
-            "fraction": float(self.fraction[at]),
-            "visible_pixels": int(self.visible_pixels[at]),
-            "silhouette_pixels": int(self.silhouette_pixels[at]),
-            "occluder": self.scene_objects[self.occluder[at]] if self.occluder[at] >= 0 else None,
-            "attended": bool(self.attended[at]),
-            "gaze_angle": float(self.gaze_angle[at]),
+            "fraction": float(self.fraction[index]),
+            "visible_pixels": int(self.visible_pixels[index]),
+            "silhouette_pixels": int(self.silhouette_pixels[index]),
+            "occluder": self.scene_objects[self.occluder[index]] if self.occluder[index] >= 0 else None,
+            "attended": bool(self.attended[index]),
+            "gaze_angle": float(self.gaze_angle[index]),
         }
 
     def table(self, view: int = 0) -> str:
@@ -224,7 +224,7 @@ class Perspective:
                     name,
                     self.label_names.name(self.labels[k]),
                     *cells,
-                    *(_state_word(state[k], *p) for p, state in states),
+                    *(_state_text(state[k], *p) for p, state in states),
                 ]
             )
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -233,15 +233,15 @@ class Perspective:
 
     def _cell(self, agent: int, view: int, k: int) -> str:
         """Return the cell of `table` for an agent and an object."""
-        at = (agent, view, k)
+        index = (agent, view, k)
         if self.body[agent, k]:
             return "own body"
-        status = Visibility(self.status[at])
+        status = Visibility(self.status[index])
         if status == Visibility.VISIBLE:
-            share = format_fraction(float(self.fraction[at]))
-            return f"{share} ({int(self.visible_pixels[at])} px)" if share.startswith("<") else share
-        if status == Visibility.OCCLUDED and self.occluder[at] >= 0:
-            return f"hidden by {self.scene_objects[self.occluder[at]]}"
+            share = format_fraction(float(self.fraction[index]))
+            return f"{share} ({int(self.visible_pixels[index])} px)" if share.startswith("<") else share
+        if status == Visibility.OCCLUDED and self.occluder[index] >= 0:
+            return f"hidden by {self.scene_objects[self.occluder[index]]}"
         return status.name.lower().replace("_", " ")
 
     def _agent(self, name: str) -> int:
@@ -299,17 +299,17 @@ def perspective(
         raise ArrayError(f"min_fraction must be from 0 to 1, got {min_fraction!r}")
     indices = choose_objects(scene, objects)
     situations = Situations.parse(scene, agents, object_poses, world_index)
-    look = _Look(scene, indices, situations, min_pixels, delta, threads)
+    measurement = _Measurement(scene, indices, situations, min_pixels, delta, threads)
     shape = (situations.count, len(indices))
 
     sums, occluders, attended, angles = [], [], [], []
-    middles = situations.middles(scene, indices)
+    centers = situations.centers(scene, indices)
     for agent in agents:
-        counts, occluder = look.around(agent)
+        counts, occluder = measurement.measure(agent)
         sums.append(np.broadcast_to(counts, (len(_COUNTS), *shape)))
         occluders.append(np.broadcast_to(occluder, shape))
-        attended.append(np.broadcast_to(look.attention(agent) >= min_pixels, shape))
-        angles.append(np.broadcast_to(agent.angles_to(middles), shape))
+        attended.append(np.broadcast_to(measurement.count_attended(agent) >= min_pixels, shape))
+        angles.append(np.broadcast_to(agent.angles_to(centers), shape))
     counts = np.stack(sums, axis=1)
     visible, _, silhouette, _, _ = counts
     fraction = visible / np.maximum(silhouette, 1)
@@ -334,7 +334,7 @@ def perspective(
 
 
 @dataclass(frozen=True)
-class _Look:
+class _Measurement:
     """Arguments shared by all measurements of a call."""
 
     scene: Scene
@@ -344,22 +344,22 @@ class _Look:
     delta: float
     threads: int | None
 
-    def around(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    def measure(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Return an agent's `_COUNTS`, summed over its faces, ``(5, views, K)``, and the main occluders."""
-        faces = [self._at(agent, face.camera, agent.face_poses(face), face.canvas) for face in agent.faces]
+        faces = [self._see(agent, face.camera, agent.face_poses(face), face.canvas) for face in agent.faces]
         counts = np.stack([[getattr(seen, name).numpy() for name in _COUNTS] for seen in faces])
         hidden = np.stack([_hidden_pixels(one) for one in counts])
         occluders = np.stack([seen.occluder.numpy() for seen in faces])
-        most = hidden.argmax(axis=0)[None]
-        return counts.sum(axis=0, dtype=np.int32), np.take_along_axis(occluders, most, axis=0)[0]
+        main_face = hidden.argmax(axis=0)[None]
+        return counts.sum(axis=0, dtype=np.int32), np.take_along_axis(occluders, main_face, axis=0)[0]
 
-    def attention(self, agent: Agent) -> NDArray[np.int32]:
+    def count_attended(self, agent: Agent) -> NDArray[np.int32]:
         """Return the visible pixels of each object in the field of attention, ``(views, K)``; INT32_MAX without one."""
         if agent.attention is None:
             return np.array(np.iinfo(np.int32).max, dtype=np.int32)
-        return self._at(agent, agent.attention, agent.poses, (0, 0, 0, 0)).visible_pixels.numpy()
+        return self._see(agent, agent.attention, agent.poses, (0, 0, 0, 0)).visible_pixels.numpy()
 
-    def _at(
+    def _see(
         self, agent: Agent, camera: ImageCamera, poses: NDArray[np.float64], canvas: tuple[int, int, int, int]
     ) -> ObjectVisibility:
         world_index = self.situations.world_index
@@ -394,13 +394,13 @@ def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.ui
     pixels = np.stack([hidden, too_near, too_far])
     status = reasons[pixels.argmax(axis=0)]
     # If all pixels in the images are visible but too few, the rest is outside the images, or the object is too far.
-    enough = np.where(silhouette > image, Visibility.OUT_OF_VIEW, Visibility.TOO_FAR)
-    status = np.where(pixels.any(axis=0), status, enough)
+    too_few = np.where(silhouette > image, Visibility.OUT_OF_VIEW, Visibility.TOO_FAR)
+    status = np.where(pixels.any(axis=0), status, too_few)
     status = np.where(image == 0, Visibility.OUT_OF_VIEW, status)
     return np.where(seen, Visibility.VISIBLE, status).astype(np.uint8)
 
 
-def _state_word(state: int, first: str, second: str) -> str:
+def _state_text(state: int, first: str, second: str) -> str:
     """Return the text of a state in `table`."""
     return ("neither", f"{first} only", f"{second} only", "both")[state]
 

@@ -43,7 +43,7 @@ _SHORTEST_PAUSE, _LONGEST_PAUSE = 5e-5, 1e-3
 # native/cpu/point_bins.h.
 _MAX_SIDE = 1 << 18
 # Maximum number of cached workspaces of a scene, one per concurrent call.
-_KEPT = 2
+_MAX_CACHED = 2
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,8 @@ def judge_by_packets(
         _make_memory(space)
     work = partial(_work, launch, space.counter, layout.units, Event())
     run_together(work, layout.workers, lambda: bool(space.counter[COUNTER_FINISHED] == layout.workers))
-    if len(clusters.idle) < _KEPT:
-        clusters.idle.append(space)
+    if len(clusters.free_workspaces) < _MAX_CACHED:
+        clusters.free_workspaces.append(space)
 
 
 def _work(launch: wp.Launch, counter: NDArray[np.int32], units: int, all_taken: Event) -> None:
@@ -137,8 +137,8 @@ def _lay_out(camera: Camera, triangles: int, views: int, count: int, with_id: bo
     tiles_y = -(-height // TILE_SIDE)
     strip_tiles, chunks = -(-tiles_y // _STRIPS), -(-batch // POINT_CHUNK)
     whole = threads == 1 or (count <= _MAX_WHOLE and views >= 2 * threads)
-    turns = views * -(-count // batch)
-    units = turns if whole else turns * (chunks + -(-tiles_y // strip_tiles))
+    batches = views * -(-count // batch)
+    units = batches if whole else batches * (chunks + -(-tiles_y // strip_tiles))
     return _Layout(scale, (width, height), strip_tiles, batch, with_id, whole, units, min(threads, units))
 
 
@@ -155,9 +155,9 @@ def _scale(camera: Camera, triangles: int, count: int) -> float:
 
 def _take(clusters: SceneBvh, layout: _Layout) -> _Workspace:
     """Return an unused workspace, cached or new: concurrent calls use distinct workspaces."""
-    while clusters.idle:
+    while clusters.free_workspaces:
         try:
-            space = cast(_Workspace, clusters.idle.pop())
+            space = cast(_Workspace, clusters.free_workspaces.pop())
         except IndexError:  # another thread was quicker
             break
         if space.layout == layout:

@@ -67,8 +67,8 @@ class SilhouetteCounter:
         self._device, self._camera, self._threads, self._delta = device, camera, threads, delta
         self._lens = None if isinstance(camera, Camera) else _canvas_rays(camera, canvas, device)
         self._packets = caster == "packets" and device.is_cpu and self._lens is None
-        self._apart = scene.apart()
-        clusters = self._apart.bvh()
+        self._isolated = scene.apart()
+        clusters = self._isolated.bvh()
         self._columns = wp.array(pose_columns(scene), dtype=wp.int32, device=device)
         self._chosen = Chosen()
         self._chosen.index = wp.array(np.array(chosen, dtype=np.int32), dtype=wp.int32, device=device)
@@ -108,13 +108,13 @@ class SilhouetteCounter:
 
         poses = worlds.object_poses
         given = poses is not None and poses.shape[1] > 0
-        everywhere = Worlds()
-        everywhere.world, everywhere.excluded = worlds.world, worlds.excluded
+        spread_worlds = Worlds()
+        spread_worlds.world, spread_worlds.excluded = worlds.world, worlds.excluded
         shape = (poses.shape[0] if given else 1, len(self._columns))
-        everywhere.object_poses = wp.empty(shape, dtype=wp.transform, device=self._device)
-        inputs = [poses if given else None, self._columns, self._apart.movable_poses(), everywhere.object_poses]
+        spread_worlds.object_poses = wp.empty(shape, dtype=wp.transform, device=self._device)
+        inputs = [poses if given else None, self._columns, self._isolated.movable_poses(), spread_worlds.object_poses]
         launch(spread_poses, shape, inputs, self._device)
-        return everywhere
+        return spread_worlds
 
     def _count_by_rays(
         self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
@@ -122,7 +122,7 @@ class SilhouetteCounter:
         from warpvis.kernels.lens_silhouettes import measure_silhouettes_rays
         from warpvis.kernels.silhouettes import measure_silhouettes
 
-        triangles = self._apart.triangles()
+        triangles = self._isolated.triangles()
         kernel = measure_silhouettes if self._lens is None else measure_silhouettes_rays
         camera = self._camera.device_struct() if self._lens is None else self._lens
         pairs = len(poses) * len(self._chosen.index)
@@ -153,7 +153,7 @@ class SilhouetteCounter:
         counter, job = np.zeros(JOB_COUNTERS, dtype=np.int32), SilhouetteJob()
         job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
         job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
-        scene, camera = self._apart.bvh().struct, self._camera.device_struct()
+        scene, camera = self._isolated.bvh().struct, self._camera.device_struct()
         arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
         launch = pack_launch(measure_silhouettes_packets, arguments)
         launch.launch()  # without scratch memory, it only writes the size that it needs to `scratch_bytes`

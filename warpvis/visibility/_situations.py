@@ -71,20 +71,20 @@ class Situations:
         rows = np.array(self.object_poses.numpy(), dtype=np.float32)
         return rows if self.world_index is None else rows[self.world_index]
 
-    def middles(self, scene: Scene, indices: Sequence[int]) -> NDArray[np.float64]:
+    def centers(self, scene: Scene, indices: Sequence[int]) -> NDArray[np.float64]:
         """Return the centers of objects' boxes in each situation's world [m], ``(count, K, 3)`` or ``(1, K, 3)``.
 
         Boxes of movable objects are aligned with their frames, boxes of static objects with the world.
         """
         rows = None if self.object_poses is None else self.object_poses.numpy()
-        middles = np.empty((1 if rows is None else len(rows), len(indices), 3))
+        all_centers = np.empty((1 if rows is None else len(rows), len(indices), 3))
         for k, index in enumerate(indices):
             item = scene.objects[index]
             corners = item.vertices if item.mesh_vertices is None else item.mesh_vertices
-            middle = (corners.min(axis=0).astype(np.float64) + corners.max(axis=0)) / 2
+            center = (corners.min(axis=0).astype(np.float64) + corners.max(axis=0)) / 2
             if rows is not None and item.movable:
                 column = scene.movable.index(index if item.carrier is None else item.carrier)
                 frames = poses_to_matrices(rows[:, column])
-                middle = frames[:, :3, :3] @ middle + frames[:, :3, 3]
-            middles[:, k] = middle
-        return middles if self.world_index is None else middles[self.world_index]
+                center = frames[:, :3, :3] @ center + frames[:, :3, 3]
+            all_centers[:, k] = center
+        return all_centers if self.world_index is None else all_centers[self.world_index]

@@ -97,8 +97,8 @@ def _panorama(scene: Scene, agent: Agent, view: int, options: _World) -> AgentVi
     objects = np.full((height, width), -1, dtype=np.int32)
     for k, face in enumerate(faces):
         columns = face_of == k
-        aside = azimuths[columns] - ((k + 0.5) * field.hfov / len(faces) - field.hfov / 2)
-        rays = np.stack(np.broadcast_arrays(np.tan(aside), -np.tan(elevations) / np.cos(aside), 1.0), axis=-1)
+        offset = azimuths[columns] - ((k + 0.5) * field.hfov / len(faces) - field.hfov / 2)
+        rays = np.stack(np.broadcast_arrays(np.tan(offset), -np.tan(elevations) / np.cos(offset), 1.0), axis=-1)
         pixels = face.camera.project(rays).astype(np.float32)
         poses = agent.face_poses(face)
         renderer = Renderer(scene, face.camera, outputs=("depth", "normals", "segmentation"))

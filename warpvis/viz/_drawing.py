@@ -97,8 +97,8 @@ def frustum(camera: ImageCamera, camera_to_world: ArrayLike, reach: float) -> li
     w, h = camera.width, camera.height
     if not isinstance(camera, Camera):
         border = reach * border_rays(camera) @ matrix[:3, :3].T + matrix[:3, 3]
-        shown = border[:: max(1, len(border) // 4)][:4]
-        return [np.stack([matrix[:3, 3], place]) for place in shown] + [border]
+        border_corners = border[:: max(1, len(border) // 4)][:4]
+        return [np.stack([matrix[:3, 3], place]) for place in border_corners] + [border]
     corners = camera.back_project([(0, 0), (w, 0), (w, h), (0, h)], np.full(4, reach))
     corners = corners @ matrix[:3, :3].T + matrix[:3, 3]
     return [np.stack([matrix[:3, 3], corner]) for corner in corners] + [corners[[0, 1, 2, 3, 0]]]

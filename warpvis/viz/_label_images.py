@@ -19,7 +19,7 @@ from warpvis.viz._figures import draw_legend, legend_height, new_figure, save_fi
 
 _WIDTH, _COLUMNS = 5.4, 3
 # Height of the title and the axis labels [inches].
-_BESIDE = 0.75
+_TITLE_HEIGHT = 0.75
 
 
 def save_labels(
@@ -48,7 +48,7 @@ def save_labels(
     colors = label_colors()
     legend = {number: (names.name(number), tuple(colors[number])) for number in np.unique(image).tolist()}
     height = _WIDTH * image.shape[0] / image.shape[1]
-    figure = new_figure(_WIDTH, _BESIDE + height + legend_height(legend, _COLUMNS))
+    figure = new_figure(_WIDTH, _TITLE_HEIGHT + height + legend_height(legend, _COLUMNS))
     axes = figure.subplots()
     axes.imshow(colors[image], interpolation="nearest")
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")

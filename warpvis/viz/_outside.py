@@ -17,7 +17,7 @@ from warpvis.planning import best_views
 from warpvis.pose_generators import fitting_distance
 from warpvis.visibility import FieldOfView
 from warpvis.viz._drawing import OUTSIDE_CAMERA, draw_arrow, draw_lines, draw_name, frustum, shaded_picture, to_picture
-from warpvis.viz._states import Shown
+from warpvis.viz._states import PanelData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,31 +28,31 @@ _MARGIN_SHARE = 0.03
 _MARGIN, _MARGIN_ABOVE = 12, 45
 
 
-def draw_outside(axes: Axes, shown: Shown, eye: ArrayLike | None, target: ArrayLike | None) -> None:
+def draw_outside(axes: Axes, data: PanelData, eye: ArrayLike | None, target: ArrayLike | None) -> None:
     """Draw the scene, the agents' gazes and the frustums of their cameras or fields of attention."""
-    pose = _outside_pose(shown, eye, target)
-    camera, scene = OUTSIDE_CAMERA, shown.scene
+    pose = _outside_pose(data, eye, target)
+    camera, scene = OUTSIDE_CAMERA, data.scene
     picture = shaded_picture(
-        scene, camera, pose, lambda points, objects, labels: shown.colors[objects], object_poses=shown.object_poses
+        scene, camera, pose, lambda points, objects, labels: data.colors[objects], object_poses=data.object_poses
     )
     axes.imshow(picture)
-    reach = 0.17 * float(np.linalg.norm(np.subtract(*shown.bounds)))
+    reach = 0.17 * float(np.linalg.norm(np.subtract(*data.bounds)))
     rows, columns = np.nonzero((picture < 1).any(axis=2))
     drawn = [np.stack([columns, rows], axis=1).astype(np.float64)]
-    starts = to_picture(camera, pose, [shown.pose(k)[:3] for k in (0, 1)])
-    for k, agent in enumerate(shown.agents):
-        place = shown.pose(k)
+    starts = to_picture(camera, pose, [data.pose(k)[:3] for k in (0, 1)])
+    for k, agent in enumerate(data.agents):
+        agent_pose = data.pose(k)
         narrow = agent.attention if isinstance(agent.camera, FieldOfView) else agent.camera
-        matrix = poses_to_matrices(place)
+        matrix = poses_to_matrices(agent_pose)
         gaze = matrix[:3, 3] + [[0, 0, 0], 1.25 * reach * matrix[:3, 2]]
-        lines = [] if narrow is None else frustum(narrow, place, reach)
+        lines = [] if narrow is None else frustum(narrow, agent_pose, reach)
         draw_lines(axes, camera, pose, lines)
         start, end = to_picture(camera, pose, gaze)
         if np.isfinite([start, end]).all():
             draw_arrow(axes, start, end)
         drawn += [to_picture(camera, pose, line) for line in [gaze, *lines]]
-        on_the_left = starts[k, 0] <= starts[1 - k, 0]
-        draw_name(axes, agent.name, starts[k], (-9 if on_the_left else 9, 9), "right" if on_the_left else "left")
+        is_left = starts[k, 0] <= starts[1 - k, 0]
+        draw_name(axes, agent.name, starts[k], (-9 if is_left else 9, 9), "right" if is_left else "left")
     _crop(axes, np.concatenate(drawn), camera)
     axes.set(title="From outside")
     axes.set_axis_off()
@@ -67,26 +67,26 @@ def _crop(axes: Axes, drawn: NDArray[np.float64], camera: Camera) -> None:
         axes.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]))
 
 
-def _outside_pose(shown: Shown, eye: ArrayLike | None, target: ArrayLike | None) -> NDArray[np.float64]:
+def _outside_pose(data: PanelData, eye: ArrayLike | None, target: ArrayLike | None) -> NDArray[np.float64]:
     """Return the pose of the picture from outside: at `eye`, or one from which most objects of interest are visible."""
-    scene = shown.scene
-    low, high = shown.bounds
-    middle = (low + high) / 2 if target is None else as_point(target, "target")
+    scene = data.scene
+    low, high = data.bounds
+    center = (low + high) / 2 if target is None else as_point(target, "target")
     if eye is not None:
-        return look_at(eye, middle, up=scene.up)
-    poses, apart = [], []
+        return look_at(eye, center, up=scene.up)
+    poses, distances = [], []
     for direction in _directions(check_up(scene.up)):
-        pose = look_at(middle + direction, middle, up=scene.up)
-        pose[:3] = middle + direction * fitting_distance(OUTSIDE_CAMERA, pose, middle, low, high, margin=_MARGIN_SHARE)
+        pose = look_at(center + direction, center, up=scene.up)
+        pose[:3] = center + direction * fitting_distance(OUTSIDE_CAMERA, pose, center, low, high, margin=_MARGIN_SHARE)
         poses.append(pose)
-        places = to_picture(OUTSIDE_CAMERA, pose, [shown.pose(agent)[:3] for agent in (0, 1)])
-        apart.append(np.linalg.norm(places[0] - places[1]))
-    matters = sorted({*shown.states, *shown.bodies}) or list(range(len(scene)))
+        places = to_picture(OUTSIDE_CAMERA, pose, [data.pose(agent)[:3] for agent in (0, 1)])
+        distances.append(np.linalg.norm(places[0] - places[1]))
+    interesting = sorted({*data.states, *data.bodies}) or list(range(len(scene)))
     small = Camera.from_fov(160, 120, hfov=OUTSIDE_CAMERA.hfov)
     # Among poses that show about as much, prefer the one with the agents farthest apart in the picture.
-    near = 1 / np.maximum(apart, 1.0)
+    weights = 1 / np.maximum(distances, 1.0)
     order = best_views(
-        scene, small, poses, objects=matters, object_poses=shown.object_poses, path_lengths=near, tie=0.1
+        scene, small, poses, objects=interesting, object_poses=data.object_poses, path_lengths=weights, tie=0.1
     )
     return order.pose()
 
@@ -96,7 +96,9 @@ def _directions(vertical: int) -> list[NDArray[np.float64]]:
     found = []
     for height in _OUTSIDE_HEIGHTS:
         for angle in (np.arange(_OUTSIDE_AZIMUTHS) + 0.5) * (2 * math.pi / _OUTSIDE_AZIMUTHS):
-            aside = math.cos(height)
+            horizontal = math.cos(height)
             # Components along the floor's axes and up; rolled to x, y and z.
-            found.append(np.roll([aside * math.cos(angle), aside * math.sin(angle), math.sin(height)], vertical + 1))
+            found.append(
+                np.roll([horizontal * math.cos(angle), horizontal * math.sin(angle), math.sin(height)], vertical + 1)
+            )
     return found

@@ -217,7 +217,7 @@ def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range:
     if not np.isfinite(high):
         high = finite.max() if finite.size else low + 1
     colors = matplotlib.colormaps["turbo_r"].with_extremes(bad="#d9d9d9")
-    shown = axes.imshow(np.ma.masked_invalid(depth), cmap=colors, vmin=low, vmax=high)
+    image = axes.imshow(np.ma.masked_invalid(depth), cmap=colors, vmin=low, vmax=high)
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
-    bar = axes.figure.colorbar(shown, ax=axes, shrink=0.85, pad=0.02)
+    bar = axes.figure.colorbar(image, ax=axes, shrink=0.85, pad=0.02)
     bar.set_label("planar depth [m], gray: none")

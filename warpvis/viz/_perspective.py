@@ -26,7 +26,7 @@ from warpvis.viz._agent_views import AgentView, agent_view, views_of_faces
 from warpvis.viz._drawing import draw_arrow, draw_name, light_on, one_pose, white_edge
 from warpvis.viz._figures import Bounds, draw_map, new_figure, save_figure
 from warpvis.viz._outside import draw_outside
-from warpvis.viz._states import GREYS, STATE_COLORS, Shown, standing
+from warpvis.viz._states import GRAYS, STATE_COLORS, PanelData, drawn_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,25 +113,25 @@ def draw_perspective(
     check_text(title, "title")
     if proposed is not None:
         proposed = one_pose(proposed, "proposed")[0]
-    shown = Shown.of(scene, agents, seen, view, labels, object_poses)
+    data = PanelData.from_perspective(scene, agents, seen, view, labels, object_poses)
     figure = new_figure(13.5, 8.2, gap=0.11)
     panels = figure.subplots(2, 3, width_ratios=(1.1, 1.0, 1.0), height_ratios=(0.8, 1.0))
-    draw_outside(panels[0, 0], shown, eye, target)
-    _draw_legend(panels[1, 0], shown, proposed is not None)
-    maps = [_floor_map(shown, agent) for agent in shown.agents]
-    for column, agent in enumerate(shown.agents, start=1):
-        _draw_view(panels[0, column], shown, agent)
+    draw_outside(panels[0, 0], data, eye, target)
+    _draw_legend(panels[1, 0], data, proposed is not None)
+    maps = [_floor_map(data, agent) for agent in data.agents]
+    for column, agent in enumerate(data.agents, start=1):
+        _draw_view(panels[0, column], data, agent)
         floor = maps[column - 1]
         heading = textwrap.fill(f"Floor that the {agent.name} sees", _PANEL_WIDTH)
         draw_map(panels[1, column], floor.colors, floor.bounds, floor.axes, heading)
-        _draw_places(panels[1, column], shown, floor, proposed if column == 1 else None)
+        _draw_poses(panels[1, column], data, floor, proposed if column == 1 else None)
     figure.suptitle(textwrap.fill(title, _TITLE_WIDTH), fontsize=14, fontweight="bold")
     return figure
 
 
-def _draw_view(axes: Axes, shown: Shown, agent: Agent) -> None:
-    seen = agent_view(shown.scene, agent, shown.view, object_poses=shown.object_poses)
-    axes.imshow(_depth_shaded(shown, seen), extent=seen.extent)
+def _draw_view(axes: Axes, data: PanelData, agent: Agent) -> None:
+    seen = agent_view(data.scene, agent, data.view, object_poses=data.object_poses)
+    axes.imshow(_depth_shaded(data, seen), extent=seen.extent)
     if isinstance(agent.camera, FieldOfView):
         axes.set(xlabel="azimuth [degrees]", ylabel="elevation [degrees]")
     else:
@@ -146,16 +146,16 @@ def _draw_view(axes: Axes, shown: Shown, agent: Agent) -> None:
     axes.set(xlim=seen.extent[:2], ylim=seen.extent[2:])
 
 
-def _depth_shaded(shown: Shown, seen: AgentView) -> NDArray[np.float64]:
+def _depth_shaded(data: PanelData, seen: AgentView) -> NDArray[np.float64]:
     """Return an image with objects in the colors of their states, and gray that fades with distance, ``(h, w, 3)``."""
-    there = np.isfinite(seen.distance)
-    near, far = (seen.distance[there].min(), seen.distance[there].max()) if there.any() else (0.0, 1.0)
-    fade = np.clip((np.where(there, seen.distance, far) - near) / max(far - near, 1e-9), 0, 1)
-    light = np.nan_to_num(light_on(seen.normals, shown.scene.up), nan=1.0)
-    grey = (0.30 + 0.55 * fade) * (0.55 + 0.45 * light)
-    picture = np.where(there, grey, 1.0)[..., None].repeat(3, axis=-1)
-    colored = np.isin(seen.objects, list(shown.states))
-    picture[colored] = shown.colors[seen.objects[colored]] * (0.45 + 0.55 * light[colored])[:, None]
+    has_depth = np.isfinite(seen.distance)
+    near, far = (seen.distance[has_depth].min(), seen.distance[has_depth].max()) if has_depth.any() else (0.0, 1.0)
+    fade = np.clip((np.where(has_depth, seen.distance, far) - near) / max(far - near, 1e-9), 0, 1)
+    light = np.nan_to_num(light_on(seen.normals, data.scene.up), nan=1.0)
+    gray = (0.30 + 0.55 * fade) * (0.55 + 0.45 * light)
+    picture = np.where(has_depth, gray, 1.0)[..., None].repeat(3, axis=-1)
+    colored = np.isin(seen.objects, list(data.states))
+    picture[colored] = data.colors[seen.objects[colored]] * (0.45 + 0.55 * light[colored])[:, None]
     return picture
 
 
@@ -171,90 +171,92 @@ class _Floor(NamedTuple):
     """Side of a cell [m]."""
 
 
-def _floor_map(shown: Shown, agent: Agent) -> _Floor:
+def _floor_map(data: PanelData, agent: Agent) -> _Floor:
     """Return a map of the floor that an agent sees through all its faces."""
-    scene, bounds = shown.scene, shown.bounds
+    scene, bounds = data.scene, data.bounds
     margin = 0.03 * np.linalg.norm(bounds[1] - bounds[0])
     bounds = bounds + [[-margin], [margin]]
     cell_size = max(_MIN_CELL, float((bounds[1] - bounds[0]).max()) / _CELLS)
     # In a cell, higher numbers take precedence: number states after all labels without one.
-    above = range(len(Label), len(Label) + len(GREYS) - 1 + len(_MAP_ORDER))
-    ranks = [int(Label.EMPTY), int(Label.GROUND), *above]
-    greys = [_UNSEEN, *GREYS.values()]
-    codes = np.array([*(ranks[standing(scene, item.label)] for item in scene), Label.EMPTY], dtype=np.uint8)
-    codes[list(shown.bodies)] = ranks[Label.HUMAN]
-    for index, state in shown.states.items():
-        codes[index] = ranks[len(greys) + _MAP_ORDER.index(state)]
+    state_ranks = range(len(Label), len(Label) + len(GRAYS) - 1 + len(_MAP_ORDER))
+    ranks = [int(Label.EMPTY), int(Label.GROUND), *state_ranks]
+    grays = [_UNSEEN, *GRAYS.values()]
+    codes = np.array([*(ranks[drawn_label(scene, item.label)] for item in scene), Label.EMPTY], dtype=np.uint8)
+    codes[list(data.bodies)] = ranks[Label.HUMAN]
+    for index, state in data.states.items():
+        codes[index] = ranks[len(grays) + _MAP_ORDER.index(state)]
     cells = []
-    for face in views_of_faces(scene, agent, shown.view, object_poses=shown.object_poses):
+    for face in views_of_faces(scene, agent, data.view, object_poses=data.object_poses):
         numbers = wp.array(codes[face.segmentation.numpy()], dtype=wp.uint8, device=scene.device)
         seen_floor = map_numbers(face.points, numbers, bounds=bounds, cell_size=cell_size, up=scene.up)
         cells.append(seen_floor.cells.numpy())
     palette = np.zeros((ranks[-1] + 1, 3))
-    palette[ranks] = [[grey] * 3 for grey in greys] + [np.array(STATE_COLORS[state]) / 255 for state in _MAP_ORDER]
+    palette[ranks] = [[gray] * 3 for gray in grays] + [np.array(STATE_COLORS[state]) / 255 for state in _MAP_ORDER]
     colors = palette[np.max(cells, axis=0)[0]]
     return _Floor(colors, seen_floor.bounds, seen_floor.axes, seen_floor.cell_size)
 
 
-def _draw_places(axes: Axes, shown: Shown, floor_map: _Floor, proposed: ArrayLike | None) -> None:
+def _draw_poses(axes: Axes, data: PanelData, floor_map: _Floor, proposed: ArrayLike | None) -> None:
     """Draw the agents with arrows for their headings on a map, and the proposed pose of the first agent."""
     floor = ["xyz".index(axis) for axis in floor_map.axes]
     left, right, bottom, top = floor_map.bounds
     length = 0.12 * max(right - left, top - bottom)
-    poses = [shown.pose(k) for k in (0, 1)]
-    for agent, pose in zip(shown.agents, poses, strict=True):
-        _draw_place(axes, pose, floor, length, "-")
-        place, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
+    poses = [data.pose(k) for k in (0, 1)]
+    for agent, pose in zip(data.agents, poses, strict=True):
+        _draw_pose(axes, pose, floor, length, "-")
+        position, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
         # Write the name opposite the arrow; near the map's border, towards its center.
-        x, y = (place - [left, bottom]) / [right - left, top - bottom]
+        x, y = (position - [left, bottom]) / [right - left, top - bottom]
         above = heading[1] < 0 if abs(heading[1]) > 0.2 and 0.15 < y < 0.85 else y < 0.5
         side = "left" if x < 0.15 else "right" if x > 0.85 else "center"
-        draw_name(axes, agent.name, place, (0, 9 if above else -9), side, "bottom" if above else "top")
+        draw_name(axes, agent.name, position, (0, 9 if above else -9), side, "bottom" if above else "top")
     if proposed is not None:
-        there = np.asarray(proposed, dtype=np.float64)
-        way = np.stack([poses[0][:3], there[:3]])[:, floor]
-        axes.plot(*way.T, color="black", linewidth=1.4, linestyle=":", path_effects=white_edge())
-        _draw_place(axes, there, floor, length, "--")
+        proposed_pose = np.asarray(proposed, dtype=np.float64)
+        path = np.stack([poses[0][:3], proposed_pose[:3]])[:, floor]
+        axes.plot(*path.T, color="black", linewidth=1.4, linestyle=":", path_effects=white_edge())
+        _draw_pose(axes, proposed_pose, floor, length, "--")
     axes.set(xlim=(left, right), ylim=(bottom, top))
 
 
-def _draw_place(axes: Axes, pose: NDArray[np.float64], floor: list[int], length: float, linestyle: str) -> None:
-    place, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
+def _draw_pose(axes: Axes, pose: NDArray[np.float64], floor: list[int], length: float, linestyle: str) -> None:
+    position, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
     size = np.linalg.norm(heading)
     if size > 1e-6:
-        draw_arrow(axes, place, place + length * heading / size, linestyle)
+        draw_arrow(axes, position, position + length * heading / size, linestyle)
     face = "black" if linestyle == "-" else "white"
-    axes.plot(*place, marker="o", markersize=8, markerfacecolor=face, markeredgecolor="black", zorder=4)
+    axes.plot(*position, marker="o", markersize=8, markerfacecolor=face, markeredgecolor="black", zorder=4)
 
 
-def _draw_legend(axes: Axes, shown: Shown, proposed: bool) -> None:
+def _draw_legend(axes: Axes, data: PanelData, proposed: bool) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     axes.set_axis_off()
-    first, second = (agent.name for agent in shown.agents)
-    words = {
+    first, second = (agent.name for agent in data.agents)
+    state_texts = {
         State.BOTH: "both see",
         State.FIRST: f"only the {first} sees",
         State.SECOND: f"only the {second} sees",
         State.NEITHER: "neither sees",
     }
     handles: list[Patch | Line2D] = []
-    for state, word in words.items():
-        names = [shown.scene.objects[index].name for index, its in shown.states.items() if its == state]
-        text = f"{word}: {', '.join(names) or 'nothing'}"
-        if len(text) > _LEGEND_WIDTH:
-            text = textwrap.shorten(f"{word}: {pluralize(len(names), 'object')}", _LEGEND_WIDTH, placeholder=" ...")
-        handles.append(Patch(facecolor=np.array(STATE_COLORS[state]) / 255, edgecolor="black", label=text))
-    greys = {
-        "seen ground": GREYS[Label.GROUND],
-        "seen obstacle": GREYS[Label.OBSTACLE],
-        "people and robots": GREYS[Label.HUMAN],
+    for state, state_text in state_texts.items():
+        names = [data.scene.objects[index].name for index, object_state in data.states.items() if object_state == state]
+        label = f"{state_text}: {', '.join(names) or 'nothing'}"
+        if len(label) > _LEGEND_WIDTH:
+            label = textwrap.shorten(
+                f"{state_text}: {pluralize(len(names), 'object')}", _LEGEND_WIDTH, placeholder=" ..."
+            )
+        handles.append(Patch(facecolor=np.array(STATE_COLORS[state]) / 255, edgecolor="black", label=label))
+    grays = {
+        "seen ground": GRAYS[Label.GROUND],
+        "seen obstacle": GRAYS[Label.OBSTACLE],
+        "people and robots": GRAYS[Label.HUMAN],
         "not seen (maps)": _UNSEEN,
     }
-    handles += [Patch(facecolor=str(grey), edgecolor="black", label=word) for word, grey in greys.items()]
+    handles += [Patch(facecolor=str(gray), edgecolor="black", label=state_text) for state_text, gray in grays.items()]
     handles.append(Line2D([], [], color="black", marker="o", label="position and gaze of an agent"))
     if proposed:
-        text = f"proposed pose of the {first}"
-        handles.append(Line2D([], [], color="black", marker="o", markerfacecolor="white", linestyle="--", label=text))
+        label = f"proposed pose of the {first}"
+        handles.append(Line2D([], [], color="black", marker="o", markerfacecolor="white", linestyle="--", label=label))
     axes.legend(handles=handles, loc="upper center", fontsize=12, frameon=False, labelspacing=0.8)

@@ -112,9 +112,9 @@ def save_contact_sheet(
     cell = (max(1, round(width * small)), max(1, round(height * small)) + _TITLE_HEIGHT)
     columns = min(_SHEET_COLUMNS, len(images))
     rows = -(-len(images) // columns)
-    across = max(columns * (cell[0] + _GAP) + _GAP, _MIN_WIDTH)
-    scale = _scale(across, depth_range)
-    sheet = Image.new("RGB", (across, rows * (cell[1] + _GAP) + _GAP + scale.height), "white")
+    sheet_width = max(columns * (cell[0] + _GAP) + _GAP, _MIN_WIDTH)
+    scale = _scale(sheet_width, depth_range)
+    sheet = Image.new("RGB", (sheet_width, rows * (cell[1] + _GAP) + _GAP + scale.height), "white")
     draw = ImageDraw.Draw(sheet)
     for number, (image, name) in enumerate(zip(images, names, strict=True)):
         row, column = divmod(number, columns)

@@ -55,11 +55,11 @@ def _spread(fit: StereoFit) -> float:
 
 def _draw_errors(axes: Axes, fit: StereoFit) -> None:
     farthest = int(np.argmax([wall.distance for wall in fit.walls]))
-    most = 3 * _spread(fit)
-    shown = axes.imshow(fit.errors[farthest], cmap="RdBu_r", vmin=-most, vmax=most, interpolation="nearest")
+    limit = 3 * _spread(fit)
+    image = axes.imshow(fit.errors[farthest], cmap="RdBu_r", vmin=-limit, vmax=limit, interpolation="nearest")
     axes.set_facecolor("0.6")
     axes.set_title(f"Errors at {fit.walls[farthest].distance:.2f} m [px of disparity]")
-    axes.get_figure().colorbar(shown, ax=axes, shrink=0.8)  # type: ignore[union-attr]
+    axes.get_figure().colorbar(image, ax=axes, shrink=0.8)  # type: ignore[union-attr]
 
 
 def _draw_histogram(axes: Axes, fit: StereoFit) -> None:
@@ -67,9 +67,9 @@ def _draw_histogram(axes: Axes, fit: StereoFit) -> None:
     errors = np.concatenate([wall[np.isfinite(wall)] for wall in fit.errors])
     edges = np.linspace(-_MAX_SIGMAS * spread, _MAX_SIGMAS * spread, _BINS)
     axes.hist(errors, edges.tolist(), density=True, color="tab:blue", alpha=0.6, label="measured")
-    middle = (edges[1:] + edges[:-1]) / 2
+    centers = (edges[1:] + edges[:-1]) / 2
     axes.plot(
-        middle, np.exp(-((middle / spread) ** 2) / 2) / (spread * np.sqrt(2 * np.pi)), "k", label="sigma and step"
+        centers, np.exp(-((centers / spread) ** 2) / 2) / (spread * np.sqrt(2 * np.pi)), "k", label="sigma and step"
     )
     axes.set_xlabel("error of disparity [px]")
     axes.set_title("All errors")

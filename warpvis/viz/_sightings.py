@@ -52,7 +52,7 @@ STATUS_COLORS: dict[Visibility, tuple[int, int, int]] = {
 }
 """RGB colors of points, 0 to 255, by their visibility; see also `STATE_COLORS`."""
 
-_WORDS = {
+_STATUS_TEXTS = {
     Visibility.VISIBLE: "seen",
     Visibility.OCCLUDED: "hidden",
     Visibility.TOO_NEAR: "too near",
@@ -108,13 +108,15 @@ def save_sightings(
     found = see_objects(scene, camera, pose, objects=objects, masks=True, **worlds)
     assert found.masks is not None  # requested above
     masks, statuses, fractions = (array.numpy()[0] for array in (found.masks, found.status, found.fraction))
-    there = np.flatnonzero(statuses != Visibility.OUT_OF_VIEW)
-    color_of = {k: np.array(OBJECT_COLORS[place % len(OBJECT_COLORS)]) / 255 for place, k in enumerate(there.tolist())}
+    in_view = np.flatnonzero(statuses != Visibility.OUT_OF_VIEW)
+    color_of = {
+        k: np.array(OBJECT_COLORS[place % len(OBJECT_COLORS)]) / 255 for place, k in enumerate(in_view.tolist())
+    }
 
     overlay = np.zeros((camera.height, camera.width, 4))
-    for part, opacity in ((1, _TINT), (2, 1.0)):  # hidden parts first, visible parts on top
+    for mask_value, opacity in ((1, _TINT), (2, 1.0)):  # hidden parts first, visible parts on top
         for k, color in color_of.items():
-            overlay[masks[k] == part] = [*color, opacity]
+            overlay[masks[k] == mask_value] = [*color, opacity]
     overlay[..., :3] *= np.nan_to_num(light_on(normals, scene.up), nan=1.0)[..., None]
     figure, axes = _draw_view(depth, title, camera)
     axes.imshow(overlay)
@@ -124,7 +126,7 @@ def save_sightings(
     for k in largest[:_MAX_NAMED]:
         status = Visibility(statuses[k])
         share = f" {format_fraction(float(fractions[k]))}" if status == Visibility.VISIBLE else ""
-        label = f"{_cut(found.names[k])}: {_WORDS[status]}{share}"
+        label = f"{_shorten_name(found.names[k])}: {_STATUS_TEXTS[status]}{share}"
         handles.append(Patch(facecolor=color_of[k], edgecolor="black", linewidth=0.5, label=label))
     figure.legend(handles=handles, loc="outside lower left", ncols=_LEGEND_COLUMNS, frameon=False, fontsize="small")
     missing = [name for name, status in zip(found.names, statuses, strict=True) if status == Visibility.OUT_OF_VIEW]
@@ -176,24 +178,24 @@ def save_point_sightings(
     found = point_visibility(scene, camera, pose, points, tolerance=tolerance, **worlds)
     assert not isinstance(found, tuple)  # occluders are not requested
     status = found.numpy()[0]
-    places = to_picture(camera, pose[0], as_numpy(points, name="points"))
+    positions = to_picture(camera, pose[0], as_numpy(points, name="points"))
     figure, axes = _draw_view(render(scene, camera, pose, outputs=("depth",), **worlds).depth.numpy()[0], title, camera)
     handles = []
-    for kind, word in _WORDS.items():
-        its = status == kind
+    for kind, text in _STATUS_TEXTS.items():
+        matches = status == kind
         color = np.array(STATUS_COLORS.get(kind, (255, 255, 255))) / 255
         if kind in STATUS_COLORS:
-            x, y = places[its].T - 0.5  # in matplotlib, the center of a pixel is at its index
+            x, y = positions[matches].T - 0.5  # in matplotlib, the center of a pixel is at its index
             axes.scatter(x, y, s=14, color=[color], edgecolors="white", linewidths=0.4)
         mark = Line2D([], [], marker="o", color="none", markerfacecolor=color, markeredgecolor="black")
-        mark.set_label(f"{word}: {int(its.sum())}")
+        mark.set_label(f"{text}: {int(matches.sum())}")
         handles.append(mark)
     axes.set(xlim=(-0.5, camera.width - 0.5), ylim=(camera.height - 0.5, -0.5))
     figure.legend(handles=handles, loc="outside lower left", ncols=len(handles), frameon=False, fontsize="small")
     save_figure(figure, path)
 
 
-def _cut(name: str) -> str:
+def _shorten_name(name: str) -> str:
     """Shorten a long name in its middle, since names often differ at their ends."""
     half = (_LONGEST_NAME - 3) // 2
     return name if len(name) <= _LONGEST_NAME else f"{name[:half]}...{name[-half:]}"
@@ -204,9 +206,9 @@ def _draw_view(depth: NDArray[np.floating], title: str, camera: ImageCamera) -> 
     kind = "planar depth" if camera.kind == "z" else "range"
     figure = new_figure(7.2, 6.4)
     axes = figure.subplots()
-    shown = axes.imshow(np.ma.masked_invalid(depth), cmap="gist_gray", vmin=0.0, vmax=_farthest(depth))
+    image = axes.imshow(np.ma.masked_invalid(depth), cmap="gist_gray", vmin=0.0, vmax=_farthest(depth))
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
-    figure.colorbar(shown, ax=axes, shrink=0.85, pad=0.02).set_label(f"{kind} [m], white: none")
+    figure.colorbar(image, ax=axes, shrink=0.85, pad=0.02).set_label(f"{kind} [m], white: none")
     return figure, axes
 
 

@@ -27,7 +27,7 @@ STATE_COLORS: dict[State, tuple[int, int, int]] = {
 """RGB colors of the four states, 0 to 255, distinguishable with any kind of color blindness: colors of Okabe and Ito
 for one agent; dark green and violet, from the palettes of Tol and IBM, for both and neither."""
 
-GREYS = {
+GRAYS = {
     Label.GROUND: 0.88,
     Label.OBSTACLE: 0.70,
     Label.OBJECT: 0.70,
@@ -37,7 +37,7 @@ GREYS = {
 """Brightness of objects without a state, from 0 to 1."""
 
 
-def standing(scene: Scene, label: int) -> Label:
+def drawn_label(scene: Scene, label: int) -> Label:
     """Return the `Label` that a class is drawn as: ground for all ground labels, obstacle for custom classes."""
     if label in scene.ground_labels:
         return Label.GROUND
@@ -45,7 +45,7 @@ def standing(scene: Scene, label: int) -> Label:
 
 
 @dataclass(frozen=True)
-class Shown:
+class PanelData:
     """Data shared by all panels."""
 
     scene: Scene
@@ -58,7 +58,7 @@ class Shown:
     object_poses: ObjectPoses
 
     @classmethod
-    def of(
+    def from_perspective(
         cls,
         scene: Scene,
         agents: Sequence[Agent],
@@ -66,17 +66,17 @@ class Shown:
         view: int,
         labels: Sequence[Label | int | str] | None,
         object_poses: ObjectPoses,
-    ) -> Shown:
+    ) -> PanelData:
         """Collect the data; see `warpvis.viz.save_perspective` for the arguments and errors."""
         require_scene(scene)
         if not isinstance(seen, Perspective):
             raise SceneError(f"seen must be a result of perspective, got {type(seen).__name__}")
-        two = as_items(agents, "agents", SceneError)
-        if len(two) != 2 or not all(isinstance(agent, Agent) and agent.name in seen.agents for agent in two):
-            names = ", ".join(repr(getattr(agent, "name", agent)) for agent in two)
+        pair = as_items(agents, "agents", SceneError)
+        if len(pair) != 2 or not all(isinstance(agent, Agent) and agent.name in seen.agents for agent in pair):
+            names = ", ".join(repr(getattr(agent, "name", agent)) for agent in pair)
             raise SceneError(f"agents must be two agents of seen, got {names or 'none'}")
-        wanted = set(seen.labels) - scene.ground_labels if labels is None else scene.label_names.numbers(labels)
-        first, second = two
+        included = set(seen.labels) - scene.ground_labels if labels is None else scene.label_names.numbers(labels)
+        first, second = pair
         found = seen.states(first.name, second.name)
         if not is_whole(view) or view not in range(len(found)):
             raise ArrayError(f"view must be an index from 0 into {pluralize(len(found), 'situation')}, got {view!r}")
@@ -84,15 +84,15 @@ class Shown:
         states = {
             scene.index(name): State(state)
             for name, label, state in zip(seen.objects, seen.labels, found[view], strict=True)
-            if label in wanted and name not in bodies
+            if label in included and name not in bodies
         }
-        colors = np.array([[GREYS[standing(scene, item.label)]] * 3 for item in scene.objects] + [[1.0] * 3])
+        colors = np.array([[GRAYS[drawn_label(scene, item.label)]] * 3 for item in scene.objects] + [[1.0] * 3])
         for name in bodies:
-            colors[scene.index(name)] = GREYS[Label.HUMAN]
+            colors[scene.index(name)] = GRAYS[Label.HUMAN]
         for index, state in states.items():
             colors[index] = np.array(STATE_COLORS[state]) / 255
-        moved = seen.objects_at(view) if object_poses is None else object_poses
-        return cls(scene, (first, second), view, states, colors, moved)
+        poses = seen.objects_at(view) if object_poses is None else object_poses
+        return cls(scene, (first, second), view, states, colors, poses)
 
     @property
     def bodies(self) -> set[int]:
