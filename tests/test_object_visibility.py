@@ -232,7 +232,7 @@ def test_no_views():
     [
         ({"objects": ["cup"]}, "the scene has no object 'cup'; it has 'floor'"),
         ({"objects": []}, r"objects must be one or more distinct objects of the scene, got \[\]"),
-        ({"objects": ["ball", 2]}, "objects must be one or more different ones"),
+        ({"objects": ["ball", 2]}, "objects must be one or more distinct objects"),
         ({"objects": [8]}, "objects must be names, or indices from 0 to 7, got 8"),
         ({"objects": [True]}, "objects must be names, or indices from 0 to 7, got True"),
         ({"delta": -1.0}, "delta must be a number of metres from 0 up, got -1.0"),

@@ -113,7 +113,7 @@ def test_moves_that_come_together_are_shown_together(page):
 
     with mock.patch.object(page.state, "snapshot", slow):
         page.update()
-        while page._wanted.is_set():  # the worker has taken the first one
+        while page._update_event.is_set():  # the worker has taken the first one
             pass
         for _ in range(50):
             page.update()
@@ -189,7 +189,7 @@ def test_without_viser_a_sentence_says_what_is_missing():
 
 def test_a_camera_of_an_agent_that_was_given_is_refused():
     experiment = EXPERIMENTS[0]
-    with pytest.raises(wv.WarpvisError, match="agents have cameras of their own"):
+    with pytest.raises(wv.WarpvisError, match="camera must be None if agents are given"):
         wv.view(experiment.build(), experiment.agents(), wv.Camera.kinect())
 
 
