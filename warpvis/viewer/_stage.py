@@ -93,4 +93,4 @@ def _make_movable(item: SceneObject) -> SceneObject:
     center = (low + high) / 2
     pose = np.array([*center, 0, 0, 0, 1], dtype=np.float32)
     local = (item.vertices - pose[:3]).astype(np.float32)
-    return SceneObject.placed(item.name, item.label, (local, item.faces), pose, appearance=item.appearance)
+    return SceneObject.placed(item.name, item.label, (local, item.faces), pose, lazy_appearance=item.lazy_appearance)
