@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Two people at a table on which robots handle a pot: what the teleoperator and the collaborator see of it.
+"""Compare what a teleoperator and a collaborator see of a table on which robots handle a pot.
 
-The scene is aloha_pot, which the package mujoco-warp brings with it, seen by its cameras teleoperator_pov and
-collaborator_pov; three small things are added to it. Prints who sees what, which of it the collaborator may mean, and
-what the teleoperator would have to move for; draws aloha_perspective.png.
+The scene is aloha_pot of the package mujoco-warp, with its cameras teleoperator_pov and collaborator_pov, and three
+small added objects. Prints the visibility of objects for both, the objects that the collaborator may mean, and the
+objects for which the teleoperator must move; writes aloha_perspective.png.
 """
 
 import importlib.resources
@@ -24,7 +24,7 @@ mujoco.mj_forward(model, data)
 
 
 def thing_of(geom: int) -> str:
-    """What a geom is part of: people mean things, not geoms."""
+    """Return the name of the object that a geom is part of."""
     body = model.body(int(model.geom_bodyid[geom])).name
     if body == "world":
         return "floor" if model.geom(geom).name == "floor" else "frame"
@@ -32,7 +32,7 @@ def thing_of(geom: int) -> str:
     return f"{body.split(chr(92))[0]} arm" if chr(92) in body else parts.get(body, body)
 
 
-# All geoms of a thing, where they are, as one mesh.
+# Merge the geoms of each object into one mesh, at their current poses.
 geoms = scene_from_mujoco(model, movable="all")
 meshes: dict[str, list[trimesh.Trimesh]] = {}
 for item, geom, pose in zip(geoms.scene, geoms.geom_ids, poses_to_matrices(geom_poses(data, geoms)), strict=True):

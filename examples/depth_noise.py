@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What models of noisy depth make of one exact image, as figures, and as a picture if a file is named for it."""
+"""Apply noise models to one exact depth image; print the errors, and write a picture to an optional file argument."""
 
 import sys
 

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What six depth cameras would say of one view of a room, beside exact depth, and why they say nothing where they do.
+"""Compare the depth of six simulated depth cameras with exact depth, and show the reasons for missing depth.
 
-Prints the shares of pixels by reason and the error of the rest; draws depth_sensors.png.
+Prints the fractions of pixels by reason and the error of valid pixels; writes depth_sensors.png.
 """
 
 import numpy as np

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth and visible fractions in the observations of Gymnasium's environments: one, then four in workers.
+"""Add depth and visible fractions to observations of Gymnasium environments: one, then four in workers.
 
-Fetch's PickAndPlace if gymnasium-robotics is installed, else Gymnasium's Pusher. Writes depth.png.
+Uses Fetch's PickAndPlace if gymnasium-robotics is installed, else Gymnasium's Pusher. Writes depth.png.
 """
 
 import gymnasium as gym
@@ -17,7 +17,7 @@ import matplotlib.pyplot as plt  # noqa: TID253
 
 
 def choose_environment():
-    """The environment's name, and what to look at."""
+    """Return the environment's name, and options for camera and objects."""
     try:
         import gymnasium_robotics
 
@@ -32,7 +32,7 @@ def choose_environment():
 
 
 def make():
-    """An environment of a vector: what it renders is asked for by the vector."""
+    """Create an environment of the vector environment, which renders it."""
     if "Fetch" in name:
         import gymnasium_robotics
 
@@ -41,18 +41,18 @@ def make():
 
 
 wp.config.log_level = wp.LOG_WARNING
-name, look = choose_environment()
+name, options = choose_environment()
 
-env = DepthObservation(gym.make(name), width=128, height=128, outputs=("depth", "segmentation"), **look)
+env = DepthObservation(gym.make(name), width=128, height=128, outputs=("depth", "segmentation"), **options)
 observation, _ = env.reset(seed=0)
 print(f"{name}: observations have {', '.join(sorted(observation))}")
 env.action_space.seed(0)
 for _ in range(50):
     observation, *_ = env.step(env.action_space.sample())
-shown = zip(look["objects"], observation["visible_fraction"], strict=True)
+shown = zip(options["objects"], observation["visible_fraction"], strict=True)
 print("after 50 steps show", ", ".join(f"{fraction:.0%} of {what}" for what, fraction in shown))
 segmentation = observation["segmentation"]
-far = observation["depth"][segmentation >= 0].max()  # of what there is: empty pixels have the far plane's depth
+far = observation["depth"][segmentation >= 0].max()  # maximum depth of objects: empty pixels have the far plane's depth
 figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4), layout="constrained")
 figure.colorbar(left.imshow(observation["depth"], vmax=far, cmap="turbo_r"), ax=left, shrink=0.8, label="depth [m]")
 right.imshow(np.unique(segmentation, return_inverse=True)[1].reshape(segmentation.shape), cmap="tab20")
@@ -61,10 +61,10 @@ for axes, title in ((left, "depth"), (right, "geoms")):
 figure.savefig("depth.png", dpi=100)
 env.close()
 
-# Four environments in workers, whose images are rendered here by one call. Workers are forked: a script whose workers
-# are spawned has its work below `if __name__ == "__main__"`.
+# Four environments in workers, whose images are rendered in this process by one call. Workers are forked; for spawned
+# workers, the script must be guarded by `if __name__ == "__main__"`.
 envs = gym.vector.AsyncVectorEnv([make] * 4, context="fork")
-envs = VectorDepthObservation(envs, width=64, height=64, **look)
+envs = VectorDepthObservation(envs, width=64, height=64, **options)
 observations, _ = envs.reset(seed=0)
 envs.action_space.seed(0)
 for _ in range(20):

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth of one room through a pinhole, and through a lens of the same focal length with barrel distortion.
+"""Render depth of a room with a pinhole, and with a lens of the same focal length and barrel distortion.
 
-Prints how much of the image the room fills through each; draws lens.png.
+Prints the fraction of the image that the room fills for each camera; writes lens.png.
 """
 
 import numpy as np

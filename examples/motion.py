@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Upright posts through a rolling shutter that turns, and a lidar's turn on a fast drive, as measured and de-skewed.
+"""Render posts with a rotating rolling-shutter camera and a fast-moving lidar, whose points are then de-skewed.
 
-Prints by how much de-skewing moves the farthest point; draws motion.png.
+Prints the maximum displacement by de-skewing; writes motion.png.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth and segmentation of a MuJoCo model without OpenGL: one world, then 256 at once."""
+"""Render depth and segmentation of a MuJoCo model without OpenGL: one world, then 256 at once."""
 
 import mujoco  # noqa: TID253
 import numpy as np
@@ -36,8 +36,8 @@ with Renderer(model, height=240, width=320) as renderer:
 bob = geoms == model.geom("bob").id
 print(f"the bob shows on {bob.sum()} pixels, {depth[bob].min():.3f} m away at the nearest")
 
-# The same model in 256 worlds, from both cameras: joint positions in, images out. On a GPU, device="cuda:0" takes the
-# arrays of MuJoCo Warp's data as they are.
+# The same model in 256 worlds, from both cameras, with joint positions as input. With device="cuda:0", the arrays of
+# MuJoCo Warp's data are used without a copy.
 batch = BatchRenderer(model, 256, height=64, width=64, outputs=("depth", "segmentation"))
 views = batch.render(np.linspace(-1, 1, 256)[:, None], cameras=["side", "top"])
 side, top = batch.geom_ids(views).numpy().reshape(2, 256, 64, 64) == model.geom("bob").id

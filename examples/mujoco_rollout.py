@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth along rollouts: MuJoCo simulates several worlds on all cores, and every tenth state is rendered."""
+"""Simulate rollouts of several worlds with MuJoCo on all cores, and render depth of every tenth state."""
 
 import mujoco  # noqa: TID253
 import numpy as np
@@ -30,10 +30,10 @@ start = np.zeros((WORLDS, size))
 start[:, 1] = np.linspace(-1.5, 1.5, WORLDS)  # the state is time, position, velocity
 
 states, _ = rollout.rollout(model, data, start, nstep=STEPS)  # (worlds, steps, state)
-some = states[:, ::10]
+rendered = states[:, ::10]
 
-batch = BatchRenderer(model, WORLDS * some.shape[1], height=64, width=64, outputs=("depth", "segmentation"))
-views = batch.render(batch.kinematics.from_states(some), cameras="side")
+batch = BatchRenderer(model, WORLDS * rendered.shape[1], height=64, width=64, outputs=("depth", "segmentation"))
+views = batch.render(batch.kinematics.from_states(rendered), cameras="side")
 bob = batch.geom_ids(views).numpy().reshape(WORLDS, -1, 64, 64) == model.geom("bob").id
 columns = [[int(np.flatnonzero(image.any(axis=0)).mean()) for image in world] for world in bob]
 print(f"{views.depth.shape[0]} depth images of {WORLDS} rollouts")

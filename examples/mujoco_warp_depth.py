@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth of many worlds that MuJoCo Warp simulates: its data is rendered where it lies, nothing goes through the host.
+"""Render depth of many worlds simulated by MuJoCo Warp, without copies to the host.
 
-Needs `pip install mujoco-warp`; runs on the GPU if there is one, where stepping and rendering become one CUDA graph.
+Needs `pip install mujoco-warp`. On a GPU, if available, stepping and rendering are captured in one CUDA graph.
 """
 
 import mujoco  # noqa: TID253
@@ -39,7 +39,7 @@ with wp.ScopedDevice(device):
     views = batch.render(data, cameras="side")
 
     def step_and_see() -> None:
-        """Fifty steps, and one image of every world."""
+        """Simulate fifty steps, and render one image of every world."""
         for _ in range(50):
             mjw.step(m, data)
         mjw.kinematics(m, data)

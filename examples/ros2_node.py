@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 node: what a camera on the robot sees of a scene and of the robot itself, and how much of every object.
+"""A ROS 2 node that renders a robot's camera in a scene, including the robot, and reports the visibility of objects.
 
     python ros2_node.py --ros-args -p scene:=lab.glb -p fixed_frame:=map -p camera_frame:=camera_depth_optical_frame
 
-The robot comes from `robot_description`, poses of its links and of the camera's optical frame from tf. It publishes
-`depth/image_rect`, `camera_info`, `points` and `visibility`, which is JSON text. Its parameters are `PARAMETERS`. Where
-ROS is not installed, it shows one look of a robot of two links.
+The robot comes from `robot_description`; poses of its links and of the camera's optical frame come from tf. The node
+publishes `depth/image_rect`, `camera_info`, `points` and `visibility` (JSON text). Its parameters are `PARAMETERS`.
+Without ROS, the script renders one view of a robot with two links.
 """
 
 import copy
@@ -27,19 +27,19 @@ import trimesh
 import warpvis as wv
 
 PARAMETERS = {
-    "scene": "",  # a file of what stands around the robot: glTF, OBJ, MJCF, a Webots world, ...
-    "movable": "",  # what else moves, "cup=cup.glb bowl=bowl.obj": tf has a frame of each name, which the file is in
-    "fixed_frame": "map",  # tf's frame that the scene is in
+    "scene": "",  # file of the robot's surroundings: glTF, OBJ, MJCF, a Webots world, ...
+    "movable": "",  # movable objects, "cup=cup.glb bowl=bowl.obj": files in tf frames of the same names
+    "fixed_frame": "map",  # tf frame of the scene
     "camera_frame": "camera_depth_optical_frame",
-    "camera_info": "",  # a topic of a real camera's CameraInfo; or the next three
+    "camera_info": "",  # topic of a real camera's CameraInfo, instead of the next three
     "width": 320,
     "height": 240,
     "hfov": 0.994837,
     "near": 0.3,
     "far": 4.5,
     "encoding": "32FC1",  # or 16UC1
-    "objects": "",  # what `visibility` tells of; by default all but the robot's links
-    "exclude": "",  # what the camera does not see: the links that it sits in
+    "objects": "",  # objects in `visibility`; by default all except the robot's links
+    "exclude": "",  # invisible objects, such as links around the camera
     "rate": 10.0,
     "device": "cpu",
 }
@@ -48,11 +48,11 @@ Mesh = tuple[np.ndarray, np.ndarray]
 """Vertices and faces."""
 
 Lookup = Callable[[str], Sequence[float] | None]
-"""Gives a frame's pose in the fixed frame, ``x y z qx qy qz qw``, or None."""
+"""Returns a frame's pose in the fixed frame, ``x y z qx qy qz qw``, or None."""
 
 
 def read_links(urdf: str, search_path: Sequence[str] = ()) -> dict[str, Mesh]:
-    """Return the meshes of a robot's links in the links' own frames, which are those of tf."""
+    """Return the meshes of a robot's links in the links' tf frames."""
     robot = ElementTree.fromstring(urdf)
     shown = "visual" if robot.find("link/visual") is not None else "collision"
     shared = [item for item in robot if item.tag in ("material", "mujoco")]
@@ -61,15 +61,15 @@ def read_links(urdf: str, search_path: Sequence[str] = ()) -> dict[str, Mesh]:
         shapes = link.findall(shown)
         if not shapes:
             continue
-        alone = ElementTree.Element("robot", name=link.get("name", ""))
-        alone.extend(copy.deepcopy(shared))
-        ElementTree.SubElement(alone, "link", name=link.get("name", "")).extend(shapes)
+        single = ElementTree.Element("robot", name=link.get("name", ""))
+        single.extend(copy.deepcopy(shared))
+        ElementTree.SubElement(single, "link", name=link.get("name", "")).extend(shapes)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "link.urdf"
-            ElementTree.ElementTree(alone).write(path)
+            ElementTree.ElementTree(single).write(path)
             try:
                 items = wv.Scene.load(path, search_path=search_path).objects
-            except wv.WarpvisError as error:  # no mesh of it was found: the others are worth seeing
+            except wv.WarpvisError as error:  # no mesh of this link was found
                 warnings.warn(f"link {link.get('name')} is not shown: {error}", stacklevel=2)
                 continue
         links[link.get("name", "")] = join(items)
@@ -77,7 +77,7 @@ def read_links(urdf: str, search_path: Sequence[str] = ()) -> dict[str, Mesh]:
 
 
 def join(items: Sequence[wv.SceneObject]) -> Mesh:
-    """Return objects as one mesh."""
+    """Concatenate objects to one mesh."""
     first = np.cumsum([0] + [len(item.vertices) for item in items])
     faces = [item.faces + start for item, start in zip(items, first, strict=False)]
     return np.concatenate([item.vertices for item in items]), np.concatenate(faces)
@@ -86,7 +86,7 @@ def join(items: Sequence[wv.SceneObject]) -> Mesh:
 def build_scene(
     file: str = "", urdf: str = "", *, movable: str = "", search_path: Sequence[str] = (), device: str = "cpu"
 ) -> tuple[wv.Scene, list[str]]:
-    """Make a scene of a file, of what moves in it, and of a robot's links; return it and the links' names."""
+    """Build a scene of a file, movable objects, and a robot's links; return it with the links' names."""
     scene = wv.Scene.load(file, device=device) if file else wv.Scene(device=device)
     for item in movable.split():
         name, _, part = item.partition("=")
@@ -98,9 +98,9 @@ def build_scene(
 
 
 def pose_of(message: Any) -> list[float]:
-    """Return a TransformStamped as a row ``x y z qx qy qz qw``: the child's pose in the frame of the header."""
-    place, turn = message.transform.translation, message.transform.rotation
-    return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+    """Convert a TransformStamped to ``x y z qx qy qz qw``: the child's pose in the frame of the header."""
+    position, rotation = message.transform.translation, message.transform.rotation
+    return [position.x, position.y, position.z, rotation.x, rotation.y, rotation.z, rotation.w]
 
 
 class Eye:
@@ -115,10 +115,10 @@ class Eye:
         objects: Iterable[str] = (),
         exclude: Iterable[str] = (),
     ) -> None:
-        """Take a scene, which of its objects are links of the robot, which to tell of, and which not to see."""
+        """Initialize with a scene, and names of the robot's links, of reported objects, and of invisible objects."""
         self.scene, self.camera = scene, camera
         self.lost: set[str] = set()
-        """Objects of which tf has never said where they are."""
+        """Objects whose pose was never found in tf."""
         self._exclude = set(exclude)
         others = [item.name for item in scene.objects if item.name not in set(links)]
         self._objects = list(objects) or others or list(links)
@@ -127,7 +127,7 @@ class Eye:
         self._placed: set[str] = set()
 
     def follow(self, lookup: Lookup) -> None:
-        """Move what moves to where tf has it now; of what it does not know, the last pose counts."""
+        """Update the poses of movable objects from tf; objects unknown to tf keep their last pose."""
         names = [self.scene.objects[index].name for index in self.scene.movable]
         for row, name in enumerate(names):
             pose = lookup(name)
@@ -137,8 +137,8 @@ class Eye:
         self.lost = set(names) - self._placed
 
     def look(self, camera_to_world: Sequence[float] | np.ndarray) -> tuple[wv.Views, dict[str, dict[str, Any]]]:
-        """Render the camera's image, and tell of every object how much it shows of it."""
-        hidden = sorted(self._exclude | self.lost)  # what is nowhere yet would be at the origin
+        """Render the camera's image, and compute the visibility of every object."""
+        hidden = sorted(self._exclude | self.lost)  # lost objects would be at the origin
         world: dict[str, Any] = {"object_poses": self._poses if len(self._poses) else None, "exclude": hidden or None}
         views = self._renderer.render(camera_to_world, **world)
         report = wv.object_visibility(self.scene, self.camera, camera_to_world, objects=self._objects, **world)
@@ -156,7 +156,7 @@ class Eye:
 
 
 def describe(objects: dict[str, dict[str, Any]], frame_id: str, stamp: Any) -> str:
-    """Write what is visible as JSON, with the header of the images that it belongs to."""
+    """Format visibility as JSON, with the header of its images."""
     header = {"stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec}, "frame_id": frame_id}
     return json.dumps({"header": header, "objects": objects})
 
@@ -165,7 +165,7 @@ class Viewer:
     """Connects an `Eye` to the topics of a node."""
 
     def __init__(self, node: Any, ros: Any, search_path: Sequence[str] = ()) -> None:
-        """Take a node, and what of ROS it is made with; see `main`."""
+        """Initialize with a node and the required parts of ROS; see `main`."""
         self._node, self._ros, self._search_path = node, ros, search_path
         self._set = {name: node.declare_parameter(name, value).value for name, value in PARAMETERS.items()}
         self._urdf = ""
@@ -186,12 +186,12 @@ class Viewer:
         self._open()
 
     def take_robot(self, message: Any) -> None:
-        """Build the scene again with the robot that a message describes."""
+        """Rebuild the scene with the robot of a message."""
         self._urdf = message.data
         self._open()
 
     def take_camera(self, message: Any) -> None:
-        """Take a real camera's size and intrinsics."""
+        """Use a real camera's size and intrinsics."""
         camera = wv.Camera.from_camera_info(message, near=self._set["near"], far=self._set["far"])
         if camera != self._camera:
             self._camera = camera
@@ -203,12 +203,12 @@ class Viewer:
         objects, exclude = (self._set[name].split() for name in ("objects", "exclude"))
         options = {"movable": self._set["movable"], "search_path": self._search_path, "device": self._set["device"]}
         scene, links = build_scene(self._set["scene"], self._urdf, **options)
-        if not self._urdf:  # names of links are not there yet
+        if not self._urdf:  # names of links are not known yet
             objects, exclude = ([name for name in names if name in scene] for names in (objects, exclude))
         self._eye = Eye(scene, self._camera, links=links, objects=objects, exclude=exclude)
 
     def tick(self) -> None:
-        """Look once, and publish what is seen; nothing where tf does not know the camera yet."""
+        """Render and publish images and visibility; do nothing while the camera is unknown to tf."""
         if self._eye is None or self._camera is None:
             return
         frame = self._set["camera_frame"]
@@ -217,7 +217,7 @@ class Viewer:
             self._tell_once(frame, f"tf does not know {frame} in {self._set['fixed_frame']} yet")
             return
         stamp = seen_from.header.stamp
-        if not (stamp.sec or stamp.nanosec):  # all between the frames stands still, so it is there at any time
+        if not (stamp.sec or stamp.nanosec):  # static transforms have no time
             stamp = self._node.get_clock().now().to_msg()
         self._eye.follow(lambda name: self._pose(name, stamp))
         for name in sorted(self._eye.lost):
@@ -230,7 +230,7 @@ class Viewer:
         self._texts.publish(self._ros.String(data=describe(objects, frame, stamp)))
 
     def _pose(self, name: str, stamp: Any) -> list[float] | None:
-        """Find where a frame is: at the time of the image, or, where tf is not there yet, where it was last."""
+        """Find the pose of a frame at the time of the image, or else its latest pose."""
         found = self._find(name, stamp) or self._find(name, None)
         return None if found is None else pose_of(found)
 
@@ -249,7 +249,7 @@ class Viewer:
 
 @dataclasses.dataclass
 class Ros:
-    """What a `Viewer` takes of ROS."""
+    """The parts of ROS that a `Viewer` uses."""
 
     Image: Any
     CameraInfo: Any
@@ -278,7 +278,7 @@ def main() -> None:
     rclpy.init()
     node = rclpy.create_node("warpvis")
     buffer = Buffer()
-    listener = TransformListener(buffer, node)  # as long as it is kept, it listens
+    listener = TransformListener(buffer, node)  # listens as long as it is referenced
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     ros = Ros(
         Image, CameraInfo, PointCloud2, String, Time, buffer, TransformException, qos_profile_sensor_data, latched
@@ -311,7 +311,7 @@ ROBOT = """
 
 
 def show() -> None:
-    """Look once, with poses that tf would give: an arm in front of a camera, and a cup behind it."""
+    """Render one view with fixed poses instead of tf: an arm in front of a camera, and a cup behind it."""
     scene, links = build_scene(urdf=ROBOT)
     for name, x, y in (("cup", 1.5, 0.0), ("bowl", 1.5, 0.4), ("lamp", -2.0, 0.0)):
         scene.add(trimesh.creation.icosphere(radius=0.08), name=name, label="object", pose=(x, y, 0.95, 0, 0, 0, 1))

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers of a depth camera, found from what it sees of six flat walls.
+"""Fit the parameters of a depth camera model to images of six flat walls.
 
-Prints the report; draws sensor_fit.png.
+Prints the report; writes sensor_fit.png.
 """
 
 import trimesh

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an Azure Kinect says of a room, without and with its flying pixels, beside exact depth.
+"""Simulate an Azure Kinect in a room, without and with flying pixels, and compare it with exact depth.
 
-The low obstacle is black. Prints how many pixels say nothing; draws time_of_flight.png.
+The low obstacle is black. Prints the fractions of pixels without depth; writes time_of_flight.png.
 """
 
 import dataclasses

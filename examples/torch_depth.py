@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rendered depth into a small network of PyTorch, without a copy: on the CPU, or on a GPU where there is one."""
+"""Train a small PyTorch network on rendered depth without a copy, on a GPU if available."""
 
 import sys
 
@@ -26,7 +26,7 @@ angles = np.linspace(0, 2 * np.pi, VIEWS, endpoint=False)
 eyes = np.stack([2 * np.cos(angles), 2 * np.sin(angles), np.linspace(0.5, 2, VIEWS)], axis=1)
 poses = np.stack([wv.look_at(eye, (0, 0, 0.4)) for eye in eyes])
 
-# Empty pixels are at the far plane: a network needs finite numbers.
+# Empty pixels get the depth of the far plane, since the network needs finite numbers.
 camera = wv.Camera.from_fov(SIZE, SIZE, hfov=1.0, near=0.1, far=FAR)
 renderer = wv.Renderer(scene, camera, outputs=("depth", "labels"), fill="far")
 views = renderer.render(poses)
@@ -42,7 +42,7 @@ network = torch.nn.Sequential(
 ).to(depth.device)  # fmt: skip
 images = depth[:, None] / FAR  # (views, 1, height, width)
 
-# It learns how much of every image the ball covers, which the labels say.
+# The network learns the fraction of the image that the ball covers, which is known from the labels.
 is_ball = torch.from_dlpack(views.labels) == int(wv.Label.OBJECT)
 share = is_ball.float().mean(dim=(1, 2))
 optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)
@@ -55,7 +55,7 @@ for _ in range(60):
     losses.append(loss.item())
 print(f"the error fell from {losses[0] ** 0.5:.3f} to {losses[-1] ** 0.5:.3f}, of shares of {share.mean():.3f}")
 
-# The next images are written into the same memory: the tensor shows them, without another call of from_dlpack.
+# The next images are rendered into the same memory: the tensor is updated without another call of from_dlpack.
 renderer.render(poses[::-1], out=views)
 with torch.no_grad():
     turned = network(images.copy_(depth[:, None] / FAR))[:, 0]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Name scenes that demo, tests, benchmarks and pictures use alike. The package installs as ``warpvis.scenes``."""
+"""Named scenes for demo, tests, benchmarks and pictures. The package is installed as ``warpvis.scenes``."""
 
 from warpvis.scenes.benchmark import BENCHMARK_SCENES
 from warpvis.scenes.crowd import CROWDS
@@ -11,6 +11,6 @@ from warpvis.scenes.terrain import TERRAINS
 PRESETS: dict[str, ScenePreset] = {
     preset.name: preset for preset in (*EXPERIMENTS, *BENCHMARK_SCENES, *TERRAINS, *CROWDS)
 }
-"""Every preset by its name."""
+"""All presets by name."""
 
 __all__ = ["BENCHMARK_SCENES", "CROWDS", "EXPERIMENTS", "PRESETS", "TERRAINS", "Experiment", "ScenePreset"]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes of 5 thousand to 1.2 million triangles, for figures that can be compared from one release to the next."""
+"""Scenes of 5 thousand to 1.2 million triangles, for benchmarks that are comparable between releases."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BLOB_COUNT = 60
 
 
 def _orbit(count: int) -> NDArray[np.float64]:
-    """Cameras on a circle of 3.5 m around the middle, 0.8 to 1.4 m high, that look at it."""
+    """Return poses of cameras on a circle of radius 3.5 m around the center, 0.8 to 1.4 m high, that look at it."""
     rng = np.random.default_rng(1)
     poses = []
     for _ in range(count):
@@ -30,9 +30,7 @@ def _orbit(count: int) -> NDArray[np.float64]:
 
 
 def _add_room(scene: Scene) -> None:
-    """A floor, two obstacles, a ball and a capsule as high as a person: 5,412 triangles, most of them far smaller
-    than the floor's two.
-    """
+    """Add a floor, two obstacles, a ball and a capsule of a person's height: 5,412 triangles, mostly small ones."""
     scene.add(shapes.floor(4, 4), name="floor", label=Label.GROUND)
     scene.add(shapes.standing_box((0.2, 0.6, 0.5), 0.5, 0.4), name="low obstacle")
     scene.add(shapes.standing_box((0.2, 0.6, 0.9), 0.5, -0.6), name="high obstacle")
@@ -42,7 +40,7 @@ def _add_room(scene: Scene) -> None:
 
 
 def _add_blobs(scene: Scene, subdivisions: int) -> None:
-    """A floor and 60 dented balls, of 20 * 4^subdivisions triangles each."""
+    """Add a floor and 60 dented balls of 20 * 4^subdivisions triangles each."""
     rng = np.random.default_rng(0)
     scene.add(shapes.floor(8, 8), name="floor", label=Label.GROUND)
     for i in range(_BLOB_COUNT):
@@ -59,4 +57,4 @@ BENCHMARK_SCENES: tuple[ScenePreset, ...] = (
     ScenePreset("blobs_77k", "Balls, 77 k triangles", lambda scene: _add_blobs(scene, 3), _CAMERA, _orbit),
     ScenePreset("blobs_1m", "Balls, 1.2 M triangles", lambda scene: _add_blobs(scene, 5), _CAMERA, _orbit),
 )
-"""A room, and the same balls coarse and fine; all at the measured sketches' image size, field of view and orbit."""
+"""A room, and the same balls coarse and fine; all with the same camera and orbit."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many objects of one mesh: balls in rows and columns, as movable objects and as what stays."""
+"""Many objects of one mesh: balls in rows and columns, movable or static."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from warpvis.scenes.preset import ScenePreset
 
 _RADIUS = 0.3
 _EYE_HEIGHT = 5.0
-_DOWN = 0.4  # by which cameras look, to 1 ahead
+_DOWN = 0.4  # downward component of viewing directions, per unit forward
 
 
 def _side(count: int) -> int:
@@ -26,7 +26,7 @@ def _side(count: int) -> int:
 
 
 def places(count: int) -> NDArray[np.float64]:
-    """Where the balls are: 1 m from each other on the ground, rows ``x y z qx qy qz qw``, shape ``(count, 7)``."""
+    """Return poses of the balls, 1 m apart on the ground, rows ``x y z qx qy qz qw``, shape ``(count, 7)``."""
     side = _side(count)
     number = np.arange(count)
     rows = np.zeros((count, 7))
@@ -36,7 +36,7 @@ def places(count: int) -> NDArray[np.float64]:
 
 
 def _add_balls(scene: Scene, count: int, *, movable: bool) -> None:
-    """Balls of 320 triangles."""
+    """Add balls of 320 triangles."""
     ball = trimesh.creation.icosphere(subdivisions=2, radius=_RADIUS)
     if movable:
         scene.add_instances(ball, places(count), names="ball", label=Label.OBJECT)
@@ -46,7 +46,7 @@ def _add_balls(scene: Scene, count: int, *, movable: bool) -> None:
 
 
 def _walk(count: int, *, among: int) -> NDArray[np.float64]:
-    """Cameras 5 m above the middle part of so many balls, that look ahead and down."""
+    """Return poses of cameras 5 m above the central part of `among` balls, that look forward and down."""
     rng = np.random.default_rng(0)
     reach = _side(among) / 3
     poses = []
@@ -73,4 +73,4 @@ CROWDS: tuple[ScenePreset, ...] = (
     _preset("crowd_10k_static", "10,000 balls that stay", 10_000, movable=False),
     _preset("crowd_100k_static", "100,000 balls that stay", 100_000, movable=False),
 )
-"""Balls that may move, and the same balls where they stay: their images are the same."""
+"""Movable balls, and the same balls as static objects, with identical images."""

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's four experiments: what a robot's depth camera sees past a low and a high obstacle.
+"""The paper's four experiments: visibility from a robot's depth camera past a low and a high obstacle.
 
-The robot's camera is higher than the low obstacle and lower than the high one. The floor is 4.0 m x 4.0 m. The person
-looks elsewhere in each, so that each of the four states of the ball occurs: both see it, one of them, neither.
+The robot's camera is higher than the low obstacle and lower than the high one. The floor is 4.0 m x 4.0 m. The person's
+gaze differs, so that each of the four states of the ball occurs: seen by both, by either one, or by neither.
 """
 
 from __future__ import annotations
@@ -34,31 +34,31 @@ BALL_DIAMETER = 0.2
 PERSON_HEIGHT = 1.7
 EYE_HEIGHT = 1.6
 
-# The test ||C_obj - P|| < size/2 is strict and a ball's points lie on its surface: sizes are given with a margin.
+# The test ||C_obj - P|| < size/2 is strict, but points lie on the ball's surface, so sizes have a margin.
 _SIZE_MARGIN = 1.1
 
 
 @dataclass(frozen=True)
 class Experiment(ScenePreset):
-    """One experiment and what it has to show."""
+    """One experiment with its expected results."""
 
     shows: str = ""
     """What it demonstrates."""
     visible: tuple[bool, bool] = (True, True)
     """Whether the camera sees the ball and the person."""
     plan_visible: tuple[bool, bool] = (True, True)
-    """Whether a 2D line of sight on the floor plan says so."""
+    """Whether 2D lines of sight on the floor plan reach the ball and the person."""
     spheres: tuple[Sphere, ...] = ()
-    """The ball and the person as the paper's test takes them."""
+    """Spheres of the ball and the person for the paper's test."""
     human_pose: tuple[float, ...] = ()
-    """The person's eyes, camera to world, ``x y z qx qy qz qw``."""
+    """Pose of the person's eyes, camera to world, ``x y z qx qy qz qw``."""
     gaze: str = ""
-    """Where the person looks."""
+    """Description of the person's gaze."""
     states: Mapping[str, State] = field(default_factory=dict, hash=False)
-    """Which of robot (first) and person (second) see the ball and the obstacles."""
+    """Visibility of the ball and the obstacles for the robot (first) and the person (second)."""
 
     def agents(self) -> tuple[Agent, Agent]:
-        """The robot and the person, neither of whom sees its own body."""
+        """Return the robot and the person, each with its own body excluded."""
         robot = Agent("robot", self.camera, self.poses()[0], body=("robot",))
         return robot, Agent.human("human", self.human_pose, body=("person",))
 

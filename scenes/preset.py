@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a preset is."""
+"""The type of presets."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from warpvis.scene import Scene
 
 @dataclass(frozen=True)
 class ScenePreset:
-    """A scene by name: its geometry, a camera and the camera's poses."""
+    """A named scene with a camera and camera poses."""
 
     name: str
-    """Identifier, as file names and test names show it."""
+    """Identifier, used in file names and test names."""
     title: str
-    """What it shows, in a few words."""
+    """Short description."""
     add_objects: Callable[[Scene], None]
     """Adds the objects to an empty scene."""
     camera: Camera
-    """The camera the scene is seen through."""
+    """The camera."""
     pose_rows: Callable[[int], NDArray[np.float64]]
-    """Makes n camera-to-world poses, rows ``x y z qx qy qz qw``, shape ``(n, 7)``; the same ones every time."""
+    """Returns n camera-to-world poses, rows ``x y z qx qy qz qw``, shape ``(n, 7)``, deterministically."""
 
     def build(self, device: Any = "cpu") -> Scene:
-        """The scene on a device."""
+        """Build the scene on a device."""
         scene = Scene(device=device)
         self.add_objects(scene)
         return scene
 
     def poses(self, count: int = 1) -> NDArray[np.float32]:
-        """Camera-to-world poses, shape ``(count, 7)`` float32."""
+        """Return camera-to-world poses, shape ``(count, 7)`` float32."""
         return self.pose_rows(count).astype(np.float32)

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moving robots: a hall with obstacles, in which robots of four parts are somewhere else in every world.
+"""A hall with obstacles and moving robots of four parts, with different positions in every world.
 
-The first robot carries a lidar, the site ``lidar`` on its mast. It is a MuJoCo model, so that lidars of other libraries
-see the very same.
+The first robot has a lidar, the site ``lidar`` on its mast. The hall is a MuJoCo model, so that lidars of other
+libraries can use the same scene.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 _HALL = 10.0  # half of its length and width [m]
-_FREE = 8.0  # robots keep within this of the middle [m]
+_FREE = 8.0  # maximum coordinate of robots and obstacles [m]
 _WALL = 1.5  # half of a wall's height [m]
 
 
 def moving_robots_xml(robots: int = 8, obstacles: int = 16) -> str:
-    """Write the model as MJCF; every robot has three joints, along x, along y and about z.
+    """Return the model as MJCF; every robot has three joints, along x, along y and about z.
 
     Args:
-        robots: How many there are.
-        obstacles: How many boxes and pillars stand in the hall, at the same places each time.
+        robots: Number of robots.
+        obstacles: Number of boxes and pillars, with deterministic positions.
     """
     rng = np.random.default_rng(0)
     parts = [f'<geom name="floor" type="plane" size="{_HALL} {_HALL} 1"/>']
@@ -57,7 +57,7 @@ def _robot(number: int) -> str:
 
 
 def robot_joints(worlds: int, robots: int = 8) -> NDArray[np.float64]:
-    """Joint positions of worlds, robots anywhere in the hall and turned anyhow, shape ``(worlds, 3 robots)``."""
+    """Return random joint positions in worlds, shape ``(worlds, 3 * robots)``."""
     rng = np.random.default_rng(1)
     reach = np.array([_FREE, _FREE, np.pi])
     return rng.uniform(-reach, reach, (worlds, robots, 3)).reshape(worlds, -1)

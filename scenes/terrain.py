@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hilly ground from the air: meshes so fine that most triangles are smaller than a pixel."""
+"""Hilly terrain from the air, with meshes so fine that most triangles are smaller than a pixel."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from warpvis.scenes.preset import ScenePreset
 
 _WIDTH = 1000.0
 _WAVES = 12
-_ROUGHNESS = 0.15  # of a step of the grid
+_ROUGHNESS = 0.15  # relative to the grid spacing
 _FLIGHT_HEIGHT = 40.0
-_DOWN = 0.25  # by which cameras look, to 1 ahead
+_DOWN = 0.25  # downward component of viewing directions, per unit forward
 
 
 def _waves() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Make directions and wavelengths as one vector each, heights and phases of the waves that hills are made of."""
+    """Return wave vectors, amplitudes and phases of the waves that form the hills."""
     rng = np.random.default_rng(0)
     octave = 2.0 ** (np.arange(_WAVES) / 2)
     return (
@@ -34,7 +34,7 @@ def _waves() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float
 
 
 def _heights(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The smooth part of the ground's height [m]."""
+    """Compute the smooth part of the terrain's height [m]."""
     heights = np.zeros(np.broadcast_shapes(x.shape, y.shape))
     for (along_x, along_y), height, phase in zip(*_waves(), strict=True):
         heights += height * np.sin(along_x * x + along_y * y + phase)
@@ -42,7 +42,7 @@ def _heights(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float
 
 
 def ground(side: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Make a rough square of 1 km of ``side * side`` corners, as vertices [m] and faces."""
+    """Build a rough square of 1 km with ``side * side`` vertices; return vertices [m] and faces."""
     x = np.linspace(-_WIDTH / 2, _WIDTH / 2, side)
     rough = np.random.default_rng(1).normal(size=(side, side)) * (_ROUGHNESS * _WIDTH / side)
     vertices = np.empty((side, side, 3), dtype=np.float32)
@@ -52,7 +52,7 @@ def ground(side: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
 
 
 def grid_faces(side: int) -> NDArray[np.int32]:
-    """Make the triangles of a square of ``side * side`` corners, row by row, two of every four corners."""
+    """Return the faces of a grid of ``side * side`` vertices in row-major order, two per cell."""
     index = np.arange(side * side, dtype=np.int32).reshape(side, side)
     a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
     return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
@@ -63,7 +63,7 @@ def _add_ground(side: int, scene: Scene) -> None:
 
 
 def _flight(count: int) -> NDArray[np.float64]:
-    """Cameras 40 m above the ground's middle part, that look ahead and a little down."""
+    """Return poses of cameras 40 m above the central part of the terrain, that look forward and slightly down."""
     rng = np.random.default_rng(1)
     poses = []
     for _ in range(count):
@@ -86,4 +86,4 @@ TERRAINS: tuple[ScenePreset, ...] = (
     _preset("terrain_10m", "10 M", 2237),
     _preset("terrain_50m", "50 M", 5001),
 )
-"""The same hills in ever finer steps: 3.2, 1, 0.45 and 0.2 m."""
+"""The same hills with grid spacings of 3.2, 1, 0.45 and 0.2 m."""

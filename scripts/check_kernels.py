@@ -18,7 +18,7 @@ GROUPS = ["# Scene:", "# Cameras:", "# In:", "# Out:"]
 MAX_PARAMETERS = 12
 MAX_NATIVE_PARAMETERS, MAX_NATIVE_LINES, MAX_COLUMNS, MAX_LINES = 8, 60, 120, 400
 MIN_KERNELS, MIN_NATIVE_FUNCTIONS = 100, 250
-"""How many the repository has at least. A check that finds fewer of them is broken."""
+"""Minimum numbers in the repository; finding fewer indicates a broken check."""
 
 _NOT_FUNCTIONS = {"if", "for", "while", "switch", "return", "sizeof", "alignof", "static_assert", "decltype"}
 

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Install a Clang with sanitizers, which the tests of native code need: ensure_clang.sh PYTHON
-# Never fails: without it they are skipped. Clang 17 is the first with all vector builtins of the headers.
+# Never fails: without it, these tests are skipped. Clang 17 is the first version with all required vector builtins.
 here=$(dirname "$0")
 "${1:-python3}" "$here/../tests/native_build.py" --has-clang >/dev/null 2>&1 && exit 0
 [ "$(id -u)" -ne 0 ] || apt-get update -qq  # lists of packages may be missing, as in a container

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Install the peers that `make bench` compares with, as far as this machine takes them: ensure_peers.sh PYTHON
-# Never fails: the table names a peer that is missing.
+# Install the libraries that `make bench` compares with, where the platform supports them: ensure_peers.sh PYTHON
+# Never fails: the table lists missing libraries.
 python=$1
 for peer in open3d mitsuba; do
     "$python" -c "import importlib.util as u, sys; sys.exit(u.find_spec('$peer') is None)" ||

@@ -26,7 +26,7 @@ def generate(header: str) -> str:
         for line in body.splitlines():
             member = _MEMBER.fullmatch(line)
             if member is None:
-                raise ValueError(f"{HEADER.name}: {line.strip()!r} in enum {name} is not NAME = NUMBER,")
+                raise ValueError(f"{HEADER.name}: members of enum {name} must be NAME = NUMBER, got {line.strip()!r}")
             lines.append(f"{member[1]} = {member[2]}" + (f"  # {member[3]}" if member[3] else ""))
         parts.append("\n".join(lines) + "\n")
     for comment, name, value in _FLOAT.findall(header):

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Make a virtual environment with the newest Python from 3.11 up that this machine has: make_venv.sh FOLDER
+# Create a virtual environment with the first suitable Python (3.11 or later): make_venv.sh FOLDER
 set -eu
 folder=$1
 
@@ -10,7 +10,7 @@ for name in python3 python3.14 python3.13 python3.12 python3.11; do
     if fits "$name"; then python=$name; break; fi
 done
 if [ -z "$python" ]; then
-    echo "warpvis needs Python 3.11 or later, and this machine has none: install python3.11 or later" >&2
+    echo "warpvis needs Python 3.11 or later, which was not found: install python3.11 or later" >&2
     exit 1
 fi
 

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mutants: single small mistakes that a program's text could hold, in C++ headers and in Python.
+"""Mutants of C++ headers and Python modules: single small faults.
 
-Only code is changed: no comment, no string, no include, no static assertion.
+Only code is mutated, not comments, strings, includes or static assertions.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 RELATIONS = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "=="}
-"""Mistakes at a border, or of what is compared."""
+"""Faults of comparisons."""
 
 SIGNS = {"+": "-", "-": "+", "+=": "-=", "-=": "+="}
 
@@ -24,21 +24,21 @@ LOGIC = {"&": "|", "|": "&", "&=": "|=", "|=": "&=", "&&": "||", "||": "&&", "an
 
 EXTREMES = {"least": "most", "min": "max", "minimum": "maximum", "floor": "ceil"}
 EXTREMES |= {other: one for one, other in EXTREMES.items()}
-"""Names of functions, or parts of builtins' names between underscores, whose meanings are opposite."""
+"""Opposite names of functions, or opposite parts of builtins' names between underscores."""
 
 TRUTHS = {"true": "false", "false": "true", "True": "False", "False": "True"}
 
 SCALES = ("0.5", "2")
-"""What constants with a point are multiplied by."""
+"""Factors for floating-point constants."""
 
 _TOKEN = re.compile(
-    r"""//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'          # left alone
+    r"""//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'          # not mutated
     |(?:0[xX][0-9a-fA-F]+|(?:\d+\.\d*|\.\d+|\d+)(?:[eE][+-]?\d+)?)[uUlLfF]*
     |[A-Za-z_]\w*|<<=|>>=|<<|>>|->|\+\+|--|[-+*/%&|^<>=!]=|&&|\|\||::|\S""",
     re.VERBOSE | re.DOTALL,
 )
 _NUMBER = re.compile(r"^(0[xX][0-9a-fA-F]+|\.?\d[\d.]*(?:[eE][+-]?\d+)?)([uUlLfF]*)$")
-_KEPT_LINES = re.compile(r"^\s*(#|static_assert|typedef|using|import |from |__all__)")
+_UNCHANGED_LINES = re.compile(r"^\s*(#|static_assert|typedef|using|import |from |__all__)")
 _DECLARATIONS = re.compile(
     r"^(?:(?:const|static|typedef|using|enum|struct|auto|inline|constexpr|unsigned|return)\b"
     r"|(?:float|double|int|bool|char|long long|v4|v8|i4|[A-Z]\w*)[\s*&]+\w+[^(]*[=;,\[({])"
@@ -47,25 +47,25 @@ _DECLARATIONS = re.compile(
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of one line."""
+    """A fault in one line."""
 
     path: str
     number: int
-    """Of the line, from 1 up."""
+    """Line number, from 1."""
     kind: str
     before: str
     after: str
-    """The line, without its end."""
+    """The line without its line break."""
     above: str = ""
-    """The line before it."""
+    """The previous line."""
 
     @property
     def place(self) -> str:
-        """Where it is, as editors take it."""
+        """Path and line number."""
         return f"{self.path}:{self.number}"
 
     def apply(self, text: str) -> str:
-        """The file's text with the mistake in it."""
+        """Return the file's text with the fault."""
         lines = text.split("\n")
         assert lines[self.number - 1] == self.before
         lines[self.number - 1] = self.after
@@ -78,7 +78,7 @@ class _Token:
     number: int
     column: int
     previous: str
-    """The token before it, empty at the text's beginning."""
+    """The previous token; empty at the beginning of the text."""
     line: str
 
     @property
@@ -87,7 +87,7 @@ class _Token:
 
     @property
     def spaced(self) -> bool:
-        """Whether blanks are around it: formatters put them around operators of two sides, and not around others."""
+        """Whether it is surrounded by blanks, which formatters write around binary operators only."""
         before, after = self.line[: self.column], self.line[self.end :]
         return (not before.strip() or before[-1] == " ") and (not after or after[0] == " ")
 
@@ -96,11 +96,11 @@ class _Token:
 
 
 def mutants_of(path: str, text: str) -> list[Mutant]:
-    """All mutants of a file, C++ or Python by its name, without those that change nothing.
+    """Return all mutants of a C++ or Python file that differ from the original.
 
     Args:
-        path: What to call the file.
-        text: What is in it.
+        path: Path of the file, whose suffix determines the language.
+        text: Text of the file.
     """
     is_python = path.endswith(".py")
     tokens = list(_python_tokens(text) if is_python else _tokens(text))
@@ -115,7 +115,7 @@ def mutants_of(path: str, text: str) -> list[Mutant]:
 
 
 def choose(mutants: Iterable[Mutant], count: int, seed: int) -> list[Mutant]:
-    """So many of the mutants: a random kind each time, then a random one of that kind, since constants are many."""
+    """Choose `count` mutants: each time a random kind, then a random mutant of it, since most mutate constants."""
     by_kind: dict[str, list[Mutant]] = {}
     for mutant in mutants:
         by_kind.setdefault(mutant.kind, []).append(mutant)
@@ -131,7 +131,7 @@ def choose(mutants: Iterable[Mutant], count: int, seed: int) -> list[Mutant]:
 
 
 def _tokens(text: str) -> Iterator[_Token]:
-    """The tokens of C++ code."""
+    """Yield the tokens of C++ code."""
     lines, previous = text.split("\n"), ""
     starts = [0]
     for line in lines:
@@ -143,13 +143,13 @@ def _tokens(text: str) -> Iterator[_Token]:
             continue
         while starts[number + 1] <= match.start():
             number += 1
-        if not _KEPT_LINES.match(lines[number]):
+        if not _UNCHANGED_LINES.match(lines[number]):
             yield _Token(word, number + 1, match.start() - starts[number], previous, lines[number])
         previous = word
 
 
 def _python_tokens(text: str) -> Iterator[_Token]:
-    """The tokens of Python code, without annotations' bars."""
+    """Yield the tokens of Python code, except in lines with annotations."""
     lines, previous = text.split("\n"), ""
     skipped = _annotated_lines(text)
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
@@ -157,13 +157,13 @@ def _python_tokens(text: str) -> Iterator[_Token]:
             continue
         number, column = token.start
         line = lines[number - 1]
-        if number not in skipped and not _KEPT_LINES.match(line):
+        if number not in skipped and not _UNCHANGED_LINES.match(line):
             yield _Token(token.string, number, column, previous, line)
         previous = token.string
 
 
 def _annotated_lines(text: str) -> set[int]:
-    """Lines that annotations of parameters, results and fields begin on: what is said of types has no effect."""
+    """Return the first lines of annotations of parameters, results and fields, since mutated types have no effect."""
     lines: set[int] = set()
     for node in ast.walk(ast.parse(text)):
         notes: list[ast.expr | None] = []
@@ -200,7 +200,7 @@ def _of_token(path: str, token: _Token) -> Iterator[Mutant]:
 
 
 def _opposite(word: str) -> str:
-    """The name of a function that does the opposite; empty if there is none."""
+    """Return the name of the opposite function, or an empty text."""
     if word in ("__builtin_fminf", "__builtin_fmaxf"):
         return "__builtin_fmaxf" if "min" in word else "__builtin_fminf"
     parts = word.split("_")
@@ -225,7 +225,7 @@ def _of_number(path: str, token: _Token, digits: str, suffix: str) -> Iterator[M
 
 
 def _statements(path: str, text: str) -> Iterator[Mutant]:
-    """C++ statements of one line, left out; declarations are none, for what follows would not compile."""
+    """Yield mutants without a one-line C++ statement, except declarations, whose removal would not compile."""
     lines, inside = text.split("\n"), False
     for number, line in enumerate(lines, 1):
         code = line.split("//")[0].rstrip()
@@ -233,12 +233,12 @@ def _statements(path: str, text: str) -> Iterator[Mutant]:
         whole = stripped.endswith(";") and stripped.count("(") == stripped.count(")") and not inside
         if stripped:
             inside = not stripped.endswith((";", "{", "}", ":"))
-        if whole and not _KEPT_LINES.match(line) and not _DECLARATIONS.match(stripped):
+        if whole and not _UNCHANGED_LINES.match(line) and not _DECLARATIONS.match(stripped):
             yield Mutant(path, number, "statement", line, line[: len(line) - len(line.lstrip())] + ";")
 
 
 def _python_statements(path: str, text: str) -> Iterator[Mutant]:
-    """Python statements of one line, left out; docstrings and definitions are none."""
+    """Yield mutants without a one-line Python statement, except docstrings and definitions."""
     lines = text.split("\n")
     for node in ast.walk(ast.parse(text)):
         droppable = isinstance(node, ast.Expr | ast.Assign | ast.AugAssign | ast.Raise | ast.Continue | ast.Break)
@@ -247,5 +247,5 @@ def _python_statements(path: str, text: str) -> Iterator[Mutant]:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             continue
         line = lines[node.lineno - 1]
-        if line.strip() == ast.get_source_segment(text, node) and not _KEPT_LINES.match(line):
+        if line.strip() == ast.get_source_segment(text, node) and not _UNCHANGED_LINES.match(line):
             yield Mutant(path, node.lineno, "statement", line, line[: node.col_offset] + "pass")

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Make small mistakes in the code, one at a time, and see whether the tests notice.
+"""Insert small faults into the code, one at a time, and check that the tests detect them.
 
     python scripts/mutate.py --count 40 --seed 7
     python scripts/mutate.py --at kernels/native/cpu/raster.h:239
 
-Each mistake is made in a copy of the tree, never in the tree itself. One that no test notices has survived: either a
-test is missing, or nothing that is asked of the code depends on it. `scripts/equivalent_mutants.toml` lists the latter,
-each with its reason; any other survivor makes this exit with 1.
+Faults are inserted in copies of the tree only. A fault that no test detects has survived: either a test is missing, or
+the mutant is equivalent. `scripts/equivalent_mutants.toml` lists equivalent mutants with reasons; other survivors give
+exit status 1.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ROOT = Path(__file__).resolve().parent.parent
 EQUIVALENTS = Path(__file__).resolve().parent / "equivalent_mutants.toml"
 FILES = ("kernels/native/cpu/*.h", "kernels/native/shared/*.h", "warpvis/rendering/**/*.py")
 STILLBORN = 3
-"""Exit status of a command that finds that the code does not compile: that is no test."""
+"""Exit status of a command if the code does not compile, which does not count as a detection."""
 PYTHON = shlex.quote(sys.executable)
 PYTEST = f"{PYTHON} -m pytest -q -x -p no:cacheprovider"
 NATIVE = f"{PYTHON} tests/native_build.py"
@@ -47,7 +47,7 @@ _RENDER += ("threads", "bad_input", "small_calls")
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a mutant: "killed", "survived", "equivalent", or "stillborn" where it does not compile."""
+    """The outcome of a mutant: "killed", "survived", "equivalent", or "stillborn" if it does not compile."""
 
     mutant: Mutant
     outcome: str
@@ -56,10 +56,10 @@ class Verdict:
 
 
 class Copies:
-    """Copies of the tree, each with a cache of its own for what is compiled, and the processes that run in them."""
+    """Copies of the tree with separate caches of compiled code, and the processes that run in them."""
 
     def __init__(self, folder: Path, count: int) -> None:
-        """Copy what is tracked, and what is new and not ignored."""
+        """Copy tracked files, and untracked files that are not ignored."""
         names = subprocess.run(
             ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
             cwd=ROOT,
@@ -69,22 +69,22 @@ class Copies:
         self._running: set[subprocess.Popen[str]] = set()
         self._lock = threading.Lock()
         self.stopped = False
-        self.idle: queue.SimpleQueue[Path] = queue.SimpleQueue()
+        self.free: queue.SimpleQueue[Path] = queue.SimpleQueue()
         for number in range(count):
             copy = folder / f"copy_{number}" / "tree"
             for name in filter(None, names.split("\0")):
                 if (ROOT / name).is_file():
                     (copy / name).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy2(ROOT / name, copy / name)
-            self.idle.put(copy)
+            self.free.put(copy)
 
     def run(self, command: str, copy: Path, limit: float) -> tuple[int, str]:
-        """Run a command in a copy: its exit status and its output; 124 if it took too long."""
+        """Run a command in a copy; return its exit status (124 after a timeout) and its output."""
         environment = {
             **os.environ,
             "WARP_CACHE_PATH": str(copy.parent / "warp"),
             "WARPVIS_NATIVE_CACHE": str(copy.parent / "native"),
-            "WARPVIS_NATIVE_FLAGS": "-w",  # a mutant is not noticed by what it leaves unused
+            "WARPVIS_NATIVE_FLAGS": "-w",  # warnings about unused code do not count as a detection
             "PYTHONDONTWRITEBYTECODE": "1",
         }
         with self._lock:
@@ -108,7 +108,7 @@ class Copies:
                 self._running.discard(process)
 
     def stop(self) -> None:
-        """End what runs, and start nothing more."""
+        """End running processes, and start no others."""
         with self._lock:
             self.stopped = True
             for process in self._running:
@@ -126,13 +126,13 @@ def _finish(process: subprocess.Popen[str], limit: float) -> tuple[int, str]:
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """End a process and what it started: it leads a session of its own."""
+    """End a process and its children, which are in its session."""
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
 def tests_for(path: str, copy: Path) -> list[str]:
-    """Commands that are to notice a mistake in a file, the quickest first."""
+    """Return the commands that test a file, fastest first."""
     names = _RENDER if path.endswith(".py") else _PICTURES
     files = [f"tests/test_{name}.py" for name in names if (copy / f"tests/test_{name}.py").is_file()]
     first = [] if path.endswith(".py") else [NATIVE]
@@ -140,7 +140,7 @@ def tests_for(path: str, copy: Path) -> list[str]:
 
 
 def is_program(path: str, text: str) -> bool:
-    """Whether a Python file can be compiled. Of C++, its tests say so."""
+    """Return whether a Python file compiles; C++ is checked by its tests."""
     try:
         return not path.endswith(".py") or bool(compile(text, path, "exec"))
     except SyntaxError:
@@ -148,8 +148,8 @@ def is_program(path: str, text: str) -> bool:
 
 
 def judge(mutant: Mutant, copies: Copies, commands: list[str] | None, limits: dict[str, float]) -> Verdict:
-    """Make one mistake in a copy of the tree, run the tests there, and take it back."""
-    copy, begun = copies.idle.get(), time.monotonic()
+    """Insert a fault in a copy of the tree, run the tests there, and revert it."""
+    copy, begun = copies.free.get(), time.monotonic()
     target = copy / mutant.path
     original = target.read_text(encoding="utf-8")
     try:
@@ -166,7 +166,7 @@ def judge(mutant: Mutant, copies: Copies, commands: list[str] | None, limits: di
         return Verdict(mutant, "survived", "", time.monotonic() - begun)
     finally:
         target.write_text(original, encoding="utf-8")
-        copies.idle.put(copy)
+        copies.free.put(copy)
 
 
 def _first_failure(output: str) -> str:
@@ -177,9 +177,7 @@ def _first_failure(output: str) -> str:
 
 @dataclass(frozen=True)
 class Equivalent:
-    """A mutant that no test can notice, known by its line, without indentation, and where that is not enough, by what
-    stands above it.
-    """
+    """A mutant that no test can detect, identified by its stripped line and, if ambiguous, the previous line."""
 
     line: str
     becomes: str
@@ -187,19 +185,19 @@ class Equivalent:
     above: str = ""
 
     def excuses(self, mutant: Mutant) -> bool:
-        """Tell whether it is this mutant."""
+        """Return whether it is the given mutant."""
         same = (self.line, self.becomes) == (mutant.before.strip(), mutant.after.strip())
         return same and self.above in ("", mutant.above.strip())
 
 
 def known_equivalents(path: Path = EQUIVALENTS) -> list[Equivalent]:
-    """Return what the list says."""
+    """Read the list of equivalent mutants."""
     entries = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", []) if path.is_file() else []
     return [Equivalent(**entry) for entry in entries]
 
 
 def collect(patterns: list[str], at: list[str]) -> list[Mutant]:
-    """All mutants of the files, or those at some places."""
+    """Return all mutants of files, or those of given lines."""
     places = [place.rsplit(":", 1) for place in at]
     paths = {name for name, _ in places} or {
         str(path.relative_to(ROOT)) for pattern in patterns for path in sorted(ROOT.glob(pattern))
@@ -209,8 +207,8 @@ def collect(patterns: list[str], at: list[str]) -> list[Mutant]:
 
 
 def check_baseline(mutants: list[Mutant], copies: Copies, commands: list[str] | None, limit: float) -> dict[str, float]:
-    """Run the tests without a mistake, which have to pass; what each command may take with one."""
-    copy = copies.idle.get()
+    """Run the tests without a fault, which must pass; return the time limit [s] of each command."""
+    copy = copies.free.get()
     limits: dict[str, float] = {}
     for path in dict.fromkeys(mutant.path for mutant in mutants):
         for command in commands or tests_for(path, copy):
@@ -221,12 +219,12 @@ def check_baseline(mutants: list[Mutant], copies: Copies, commands: list[str] | 
             if status:
                 sys.exit(f"without any mutant, this fails:\n{command}\n{output[-3000:]}")
             limits[command] = 60.0 + 5.0 * (time.monotonic() - begun)
-    copies.idle.put(copy)
+    copies.free.put(copy)
     return limits
 
 
 def report(verdicts: list[Verdict]) -> int:
-    """Print what survived and how many of each there are; the number of survivors that nothing excuses."""
+    """Print survivors and counts; return the number of survivors."""
     for verdict in verdicts:
         if verdict.outcome == "survived":
             mutant = verdict.mutant
@@ -241,14 +239,16 @@ def report(verdicts: list[Verdict]) -> int:
 def main() -> int:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--files", nargs="+", default=list(FILES), help="patterns of files to make mistakes in")
+    parser.add_argument("--files", nargs="+", default=list(FILES), help="patterns of files to mutate")
     parser.add_argument("--at", nargs="+", default=[], metavar="FILE:LINE", help="all mutants of these lines")
-    parser.add_argument("--count", type=int, default=20, help="how many mutants to choose")
-    parser.add_argument("--seed", type=int, default=0, help="which ones")
-    parser.add_argument("--jobs", type=int, default=1, help="mutants at a time, each in a copy of its own")
-    parser.add_argument("--limit", type=float, default=1200.0, help="seconds that tests without mutants may take")
-    parser.add_argument("--command", action="append", help="what is to notice mistakes, instead of the tests")
-    parser.add_argument("--list", action="store_true", help="print the mutants, and make none")
+    parser.add_argument("--count", type=int, default=20, help="number of mutants")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the choice")
+    parser.add_argument(
+        "--jobs", type=int, default=1, help="number of mutants tested in parallel, each in a separate copy"
+    )
+    parser.add_argument("--limit", type=float, default=1200.0, help="time limit of tests without mutants [s]")
+    parser.add_argument("--command", action="append", help="test command, instead of the default tests")
+    parser.add_argument("--list", action="store_true", help="print the mutants without testing them")
     arguments = parser.parse_args()
 
     mutants = collect(arguments.files, arguments.at)
@@ -264,7 +264,7 @@ def main() -> int:
         sys.exit("no mutants: no such files or lines")
 
     verdicts: list[Verdict] = []
-    for number in (signal.SIGINT, signal.SIGTERM):  # also where a shell has them ignored
+    for number in (signal.SIGINT, signal.SIGTERM):  # even if the shell ignores them
         signal.signal(number, signal.default_int_handler)
     with tempfile.TemporaryDirectory(prefix="warpvis_mutants_") as folder:
         copies = Copies(Path(folder), arguments.jobs)

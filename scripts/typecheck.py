@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Check types as a user's editor sees them: of a copy laid out as installed, from another folder.
+"""Check types in a copy of the package laid out as installed.
 
-Type checkers do not follow the mapping of `kernels/` and `scenes/` into `warpvis` that an editable installation makes.
+Type checkers do not support the mapping of `kernels/` and `scenes/` into `warpvis` by an editable installation.
 """
 
 import shutil

@@ -17,9 +17,9 @@ from warpvis.scenes.experiments import BALL_DIAMETER, CAMERA_HEIGHT, PERSON_HEIG
 
 FOLDER = Path(__file__).parent.parent / "examples" / "webots" / "worlds"
 DISPLAYS = {"labels": (320, 240), "floor map": (200, 200), "person's view": (200, 200)}
-"""Name and size [px] of the controller's pictures."""
+"""Names and sizes [px] of the controller's pictures."""
 OVERLAYS = {"range-finder": (0, 0), "labels": (0, 0.55), "floor map": (0.75, 0), "person's view": (0.75, 0.55)}
-"""Where the pictures are in the 3D view, as shares of it from its left and upper edge: Webots puts all on one place."""
+"""Positions of the pictures in the 3D view, relative to its size, from its upper left corner."""
 COLORS = {
     "floor": (0.8, 0.8, 0.8),
     "low obstacle": (0.6, 0.45, 0.3),
@@ -29,19 +29,19 @@ COLORS = {
     "robot": (0.3, 0.5, 0.4),
 }
 _EYE, _TARGET = (-4.3, -3.7, 3.4), (-0.3, -0.4, 0.1)
-_FORWARD_LEFT_UP = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # in the axes of an OpenCV camera
+_FORWARD_LEFT_UP = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # in OpenCV camera axes
 
 
 def world_of(experiment: Experiment) -> str:
-    """Write an experiment as a world, of Webots' own shapes."""
-    eye, turn = _placed(look_at(_EYE, _TARGET))
+    """Return the text of an experiment's world, with Webots' shapes."""
+    eye, rotation = _placed(look_at(_EYE, _TARGET))
     lines = [
         "#VRML_SIM R2023b utf8",
         f"# {experiment.title}: {experiment.shows}. The person looks {experiment.gaze}.",
         "# Made by scripts/write_webots_worlds.py of warpvis.",
         "",
         *_node("WorldInfo", info=[_quoted(experiment.shows)], title=_quoted(experiment.title)),
-        *_node("Viewpoint", orientation=turn, position=eye),
+        *_node("Viewpoint", orientation=rotation, position=eye),
         *_node("Background", skyColor=["0.6 0.7 0.8"]),
         *_node("DirectionalLight", ambientIntensity="1", direction="0.4 0.3 -1", intensity="2", castShadows="TRUE"),
     ]
@@ -62,7 +62,7 @@ def world_of(experiment: Experiment) -> str:
 
 
 def project_of(experiment: Experiment) -> str:
-    """Write how Webots shows an experiment's world: with a console, and with the pictures beside each other."""
+    """Return the text of the project file of an experiment's world: with a console, and separated pictures."""
     lines = ["Webots Project File version R2023b", "maximizedDockId: -1", "centralWidgetVisible: 1"]
     lines += ["orthographicViewHeight: 1", "consoles: Console:All:All"]
     lines += [f"renderingDevicePerspectives: robot:{name};1;1;{x:g};{y:g}" for name, (x, y) in OVERLAYS.items()]
@@ -70,7 +70,7 @@ def project_of(experiment: Experiment) -> str:
 
 
 def _thing(name: str, place: NDArray, geometry: list[str], color: tuple[float, ...] = ()) -> list[str]:
-    """Make a Solid of one shape, which is its bounding object, too."""
+    """Build a Solid of one shape, which is also its bounding object."""
     used = [f"USE {geometry[0].split()[1]}"]
     fields = {"recognitionColors": [_numbers(color)]} if color else {}
     solid = _node(
@@ -85,7 +85,7 @@ def _thing(name: str, place: NDArray, geometry: list[str], color: tuple[float, .
 
 
 def _person(experiment: Experiment) -> list[str]:
-    """Make a Solid of capsules and a head, with the eyes' pose in it."""
+    """Build a Solid of capsules and a head, with a Pose of the eyes."""
     middle, radius = shapes.PERSON_HEAD
     head = _node("Sphere", radius=_numbers([PERSON_HEIGHT * radius]), subdivision="2")
     body = _node("Pose", translation=_numbers([0, 0, PERSON_HEIGHT * middle]), children=_shape("person", head))
@@ -95,14 +95,14 @@ def _person(experiment: Experiment) -> list[str]:
         length = float(np.linalg.norm(along))
         capsule = _node("Capsule", height=_numbers([length]), radius=_numbers([PERSON_HEIGHT * thick]))
         fields = {"translation": _numbers(ends.mean(axis=0))}
-        turn = trimesh.geometry.align_vectors([0, 0, 1], along)[:3, :3]
-        if not np.allclose(turn, np.eye(3)):
-            fields["rotation"] = _rotation(turn)
+        rotation = trimesh.geometry.align_vectors([0, 0, 1], along)[:3, :3]
+        if not np.allclose(rotation, np.eye(3)):
+            fields["rotation"] = _rotation(rotation)
         body += _node("Pose", **fields, children=_shape("person", capsule))
     place = np.array([*experiment.human_pose[:2], 0.0])
-    eyes, turn = _placed(experiment.human_pose, -place)
+    eyes, eye_rotation = _placed(experiment.human_pose, -place)
     parts = _defined("PERSON_SHAPE", _node("Group", children=body))
-    parts += _defined("EYES", _node("Pose", translation=eyes, rotation=turn))
+    parts += _defined("EYES", _node("Pose", translation=eyes, rotation=eye_rotation))
     person = _node(
         "Solid",
         translation=_numbers(place),
@@ -115,20 +115,20 @@ def _person(experiment: Experiment) -> list[str]:
 
 
 def _robot(experiment: Experiment) -> list[str]:
-    """Make a Robot with the range finder, the pictures' displays, and the controller."""
+    """Build a Robot with range finder, displays of pictures, and controller."""
     radius, height, middle = shapes.ROBOT_BASE
     place = np.array([*ROBOT_AT, 0.0])
     base = _node("Cylinder", height=_numbers([height]), radius=_numbers([radius]), subdivision="32")
     body = _node("Pose", translation=_numbers([0, 0, middle]), children=_shape("robot", base))
-    for size, at in shapes.robot_boxes(CAMERA_HEIGHT):
+    for size, center in shapes.robot_boxes(CAMERA_HEIGHT):
         box = _node("Box", size=_numbers(size))
-        body += _node("Pose", translation=_numbers(at), children=_shape("robot", box))
+        body += _node("Pose", translation=_numbers(center), children=_shape("robot", box))
     camera = experiment.camera
-    eye, turn = _placed(experiment.pose_rows(1)[0], -place)
+    eye, rotation = _placed(experiment.pose_rows(1)[0], -place)
     devices = _node(
         "RangeFinder",
         translation=eye,
-        rotation=turn,
+        rotation=rotation,
         fieldOfView=_numbers([2 * np.arctan(camera.width / (2 * camera.fx))]),
         width=str(camera.width),
         height=str(camera.height),
@@ -150,22 +150,23 @@ def _robot(experiment: Experiment) -> list[str]:
 
 
 def _placed(pose: NDArray | tuple[float, ...], moved: NDArray | float = 0.0) -> tuple[str, str]:
-    """Write an OpenCV camera's pose as the translation and the rotation of a device that looks along x, z up."""
+    """Format an OpenCV camera's pose as translation and rotation of a device that looks along x, with z up."""
     matrix = poses_to_matrices(np.asarray(pose, dtype=np.float64))
     return _numbers(matrix[:3, 3] + moved), _rotation(matrix[:3, :3] @ _FORWARD_LEFT_UP)
 
 
-def _rotation(turn: NDArray) -> str:
-    """Write a rotation matrix as axis and angle."""
-    twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])  # axis * 2 sin
-    angle = np.arctan2(np.linalg.norm(twice), np.trace(turn) - 1)
-    assert np.linalg.norm(twice) > 1e-3, "a turn by 180 degrees, whose axis this does not find"
+def _rotation(matrix: NDArray) -> str:
+    """Format a rotation matrix as axis and angle."""
+    m = matrix
+    twice = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])  # axis * 2 sin
+    angle = np.arctan2(np.linalg.norm(twice), np.trace(m) - 1)
+    assert np.linalg.norm(twice) > 1e-3, "rotations by 180 degrees are not supported"
     return _numbers([*(twice / np.linalg.norm(twice)), angle])
 
 
 def _shape(name: str, geometry: list[str]) -> list[str]:
-    look = _node("PBRAppearance", baseColor=_numbers(COLORS[name]), roughness="1", metalness="0")
-    return _node("Shape", appearance=look, geometry=geometry)
+    appearance = _node("PBRAppearance", baseColor=_numbers(COLORS[name]), roughness="1", metalness="0")
+    return _node("Shape", appearance=appearance, geometry=geometry)
 
 
 def _defined(name: str, lines: list[str]) -> list[str]:
@@ -173,7 +174,7 @@ def _defined(name: str, lines: list[str]) -> list[str]:
 
 
 def _node(kind: str, **fields: str | list[str]) -> list[str]:
-    """Write a node as Webots does: a field a line, lists in brackets, two spaces a level."""
+    """Format a node as Webots does: one field per line, lists in brackets, indented by two spaces."""
     lines = [f"{kind} {{"]
     for name, value in fields.items():
         if isinstance(value, str):

@@ -239,7 +239,10 @@ NO_EFFECT = {
     ),
     "experiment": (("perspective", "experiment_1", "--strict"), "so it takes no --strict"),
     "labels": (("info", "--labels", "a=human"), "info of this machine takes no --labels"),
-    "other XML": (("info", "scene.xml"), "scene.xml: is XML of <scene>"),
+    "other XML": (
+        ("info", "scene.xml"),
+        "scene.xml: must be MJCF, which begins with <mujoco>, or URDF, with <robot>, got XML of <scene>",
+    ),
     "missing mesh": (("info", "cart.urdf", "--strict"), "left out package://far/box.stl"),
     "nothing left": (("info", "cart.urdf"), "cart.urdf: left out package://far/box.stl"),
 }

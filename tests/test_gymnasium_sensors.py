@@ -145,7 +145,7 @@ def test_environments_that_are_not_reset_go_on():
 
 
 def test_what_is_refused():
-    with pytest.raises(wv.errors.ArrayError, match='fill="inf" leaves NaN where a sensor lost depth'):
+    with pytest.raises(wv.errors.ArrayError, match='fill must be "far" or a number with a sensor, got "inf"'):
         DepthObservation(Cup(), **LOOK, fill="inf")
     with pytest.raises(wv.errors.ArrayError, match="sensor must be a model of"):
         DepthObservation(Cup(), **(LOOK | {"sensor": "d435"}))

@@ -319,11 +319,11 @@ def test_parts_of_a_model_are_found_on_the_search_path(tmp_path):
         '<mujoco><compiler meshdir="assets"/><include file="parts.xml"/>'
         '<worldbody><geom name="crate" type="mesh" mesh="crate" pos="0 0 5"/></worldbody></mujoco>'
     )
-    with pytest.raises(FileFormatError, match=r"room.xml: MuJoCo does not compile it: .*parts.xml"):
+    with pytest.raises(FileFormatError, match=r"room.xml: MuJoCo cannot compile it: .*parts.xml"):
         load(path)
     for search_path in (tmp_path / "lib", [tmp_path / "lib", tmp_path / "lib" / "assets"]):
         assert bounds(load(path, search_path=search_path), "crate") == [[-1, -1, 4], [1, 1, 6]]
-    with pytest.raises(FileFormatError, match=r"parts.xml: is a part that MJCF files include: give the file that"):
+    with pytest.raises(FileFormatError, match=r"parts.xml: is a part that MJCF files include; load the file that"):
         load(tmp_path / "lib" / "parts.xml")
 
 
@@ -343,7 +343,7 @@ BAD = {
         "lab.xml",
         "<scene/>",
         {},
-        r"lab.xml: is XML of <scene>, and neither MJCF, .* nor URDF, with <robot>",
+        r"lab.xml: must be MJCF, .* or URDF, with <robot>, got XML of <scene>",
     ),
     "no XML": ("lab.xml", "<mujoco>\n<worldbody>\n</mujoco>", {}, r"lab.xml:3: cannot be read as XML: mismatched tag"),
     "no text": ("lab.urdf", "\x00\x01", {}, r"lab.urdf:1: cannot be read as XML"),
@@ -351,10 +351,10 @@ BAD = {
         "lab.urdf",
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>',
         {},
-        "lab.urdf: is a xacro file, of which xacro makes URDF first",
+        "lab.urdf: is a xacro file; convert it to URDF first",
     ),
-    "MJCF": ("lab.xml", "<mujoco><worldbody><geom/></worldbody></mujoco>", {}, "lab.xml: MuJoCo does not compile it: "),
-    "URDF": ("lab.urdf", LINK % "<geometry><torus/></geometry>", {}, "lab.urdf: MuJoCo does not compile it: XML Error"),
+    "MJCF": ("lab.xml", "<mujoco><worldbody><geom/></worldbody></mujoco>", {}, "lab.xml: MuJoCo cannot compile it: "),
+    "URDF": ("lab.urdf", LINK % "<geometry><torus/></geometry>", {}, "lab.urdf: MuJoCo cannot compile it: XML Error"),
     "nothing": ("lab.xml", "<mujoco/>", {}, "lab.xml: holds no triangles"),
     "no geometry": ("lab.urdf", '<robot name="r"><link name="a"/></robot>', {}, "lab.urdf: holds no triangles"),
     "scale": (

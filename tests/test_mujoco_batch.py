@@ -105,7 +105,9 @@ def test_what_was_moved_and_is_fixed_in_the_scene_is_said():
     for _, data in worlds:
         data.qpos[:] = qpos[0]
     batch = batch_of(task()[0])
-    match = r"geom '\w+' is elsewhere in world 0 than in the model, and fixed in the scene; make the BatchRenderer with"
+    match = (
+        r"geom '\w+' is static and must have the model's pose, got another in world 0; create the BatchRenderer with"
+    )
     with pytest.raises(wv.WarpvisError, match=match):
         batch.render(qpos, model=fields(worlds))
     for model, data in worlds:
@@ -220,7 +222,7 @@ def test_cameras_of_viewers(device):
     fields = ("geom_xpos", "geom_xmat", "cam_xpos", "cam_xmat")
     without = WorldPoses(**{name: getattr(stacked, name) for name in fields})
     assert_same(batch, batch.render(without, cameras=free()), worlds, [free()], device)
-    with pytest.raises(wv.WarpvisError, match="what else has subtree_com"):
+    with pytest.raises(wv.WarpvisError, match="an object with subtree_com"):
         batch.render(without, cameras=tracking)
 
 
@@ -328,16 +330,19 @@ MODEL, DATA = task()
 QPOS = np.stack([DATA.qpos] * 2)
 RGBA = MODEL.geom_rgba[None].repeat(2, axis=0)
 BAD = {
-    "meshes": ({"geom_dataid": np.zeros((2, MODEL.ngeom))}, "geom_dataid cannot differ from the renderer's model"),
-    "meshes as lists": ({"geom_dataid": [[7] * MODEL.ngeom]}, "geom_dataid cannot differ from the renderer's"),
-    "another model's meshes": (SimpleNamespace(geom_dataid=MODEL.geom_dataid[None] + 1), "geom_dataid cannot differ"),
-    "one mesh": ({"geom_dataid": 2}, "geom_dataid cannot differ from the renderer's model"),
+    "meshes": ({"geom_dataid": np.zeros((2, MODEL.ngeom))}, "geom_dataid must equal that of the renderer's model"),
+    "meshes as lists": ({"geom_dataid": [[7] * MODEL.ngeom]}, "geom_dataid must equal that of the renderer's"),
+    "another model's meshes": (
+        SimpleNamespace(geom_dataid=MODEL.geom_dataid[None] + 1),
+        "geom_dataid must equal that of the renderer",
+    ),
+    "one mesh": ({"geom_dataid": 2}, "geom_dataid must equal that of the renderer's model"),
     "no rotation": ({"geom_quat": np.zeros((1, MODEL.ngeom, 4))}, "geom_quat must be quaternions, got one of length 0"),
-    "unknown": ({"geom_colour": RGBA}, "model must have some of body_pos, .*; got geom_colour"),
-    "a model": (MODEL, "got a mujoco.MjModel"),
-    "a word": ("model", "model must have some of body_pos, .*; got str"),
+    "unknown": ({"geom_colour": RGBA}, "model must have keys among body_pos, .*, got geom_colour"),
+    "a model": (MODEL, "got an MjModel"),
+    "a word": ("model", "model must have attributes among body_pos, .*, got str"),
     "shape": ({"cam_fovy": np.ones((2, 9))}, r"cam_fovy must be numbers of shape \(W, 2\), got float64 of shape"),
-    "worlds": ({"cam_fovy": np.ones((3, 2))}, "cam_fovy must be of 1 world or of 2, as the poses are, got 3"),
+    "worlds": ({"cam_fovy": np.ones((3, 2))}, "cam_fovy must be of 1 world or of 2, like the poses, got 3"),
     "colours": ({"geom_rgba": RGBA[:, :3]}, "geom_rgba must have shape"),
     "colours of worlds": ({"geom_rgba": RGBA[[0, 0, 0]]}, "geom_rgba must be of 1 world or of 2"),
     "NaN": ({"body_pos": np.full((2, MODEL.nbody, 3), np.nan)}, "body_pos must be finite"),
@@ -369,19 +374,22 @@ def test_what_cannot_differ_is_named(name):
 
 def test_other_bad_input_is_named():
     batch = batch_of(MODEL)
-    with pytest.raises(wv.WarpvisError, match=r"worlds must say which of 2 to render, got 0 of \(2,\)"):
+    with pytest.raises(wv.WarpvisError, match=r"worlds must be a mask of 2 with a True, got 0 in shape \(2,\)"):
         batch.render(QPOS, worlds=[False, False])
-    with pytest.raises(wv.WarpvisError, match=r"worlds must say which of 2 to render, got 3 of \(3,\)"):
+    with pytest.raises(wv.WarpvisError, match=r"worlds must be a mask of 2 with a True, got 3 in shape \(3,\)"):
         batch.render(QPOS, worlds=[True] * 3)
-    with pytest.raises(wv.WarpvisError, match="scene_option has groups of geoms, so geom_groups must not be given"):
+    with pytest.raises(wv.WarpvisError, match="geom_groups must not be given with scene_option"):
         batch_of(MODEL, geom_groups=(1,), scene_option=mujoco.MjvOption())
     with pytest.raises(wv.WarpvisError, match=r"scene_option must be a mujoco\.MjvOption, got str"):
         batch_of(MODEL, scene_option="all")
     views = batch.render(QPOS)
-    for classes, match in (({"nobody": 1}, "'nobody' in classes fits no geom"), ({"palm": -1}, "from 0 up, got -1")):
+    for classes, match in (
+        ({"nobody": 1}, "'nobody' in classes must match a geom"),
+        ({"palm": -1}, "from 0 up, got -1"),
+    ):
         with pytest.raises(wv.WarpvisError, match=match):
             batch.semantic_ids(views, classes)
-    with pytest.raises(wv.WarpvisError, match="'nobody' in movable fits no geom"):
+    with pytest.raises(wv.WarpvisError, match="'nobody' in movable must match a geom"):
         batch_of(MODEL, movable=["nobody"])
 
 

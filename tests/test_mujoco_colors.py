@@ -122,9 +122,7 @@ def test_colors_of_worlds_that_are_not_the_models_are_refused(given, geom, outpu
         if any(isinstance(array, wp.array) for array in rows.values()):
             dtype = {"geom_matid": wp.int32}.get(next(iter(rows)), wp.vec4)
             rows = {name: wp.array(array, dtype=dtype, device="cpu") for name, array in given.items()}
-        said = (
-            f"own colors and materials if the outputs color or albedo are made, got others for geom '{geom}' in world 1"
-        )
+        said = f"colors and materials for the outputs color and albedo, got others for geom '{geom}' in world 1"
         with pytest.raises(wv.WarpvisError, match=said):
             batch.render([data] * 2, model=rows)
     assert BatchRenderer(model, **SIZE, device=device).render([data] * 2, model=given).worlds == 2
@@ -155,7 +153,7 @@ def test_colors_on_a_gpu_are_refused(cuda):
     model, data = model_of(WORLDS)
     batch = BatchRenderer(model, **SIZE, outputs=("color",), device=cuda)
     given = {"geom_rgba": wp.array(model.geom_rgba[None], dtype=wp.vec4, device=cuda)}
-    with pytest.raises(wv.WarpvisError, match="geom_rgba must be in the host's memory, or left out, if the outputs"):
+    with pytest.raises(wv.WarpvisError, match="geom_rgba must be in host memory, or omitted, for the outputs"):
         batch.render(data, model=given)
 
 
@@ -188,7 +186,7 @@ def test_colors_after_edits_of_the_model_are_refused(name, device):
     before = batch.render(data).color.numpy()
     copies = [copy.deepcopy(batch), pickle.loads(pickle.dumps(batch))]
     EDITS[name](model)
-    said = f"{name} of the model must be as it was when the BatchRenderer was made"
+    said = f"{name} of the model must not change after the BatchRenderer was created"
     for edited in (batch, copy.deepcopy(batch), pickle.loads(pickle.dumps(batch))):
         with pytest.raises(wv.WarpvisError, match=said):
             edited.render(data)

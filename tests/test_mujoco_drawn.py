@@ -341,7 +341,7 @@ def test_what_cannot_be_drawn_is_named_once(monkeypatch):
     renderer, option = Renderer(model, HEIGHT, WIDTH), option_with({"BODYBVH": 1})
     renderer.update_scene(data, "front")
     with pytest.warns(
-        UserWarning, match=r"not rendered, which mujoco\.Renderer draws: mjGEOM_LINEBOX of mjOBJ_"
+        UserWarning, match=r"elements of mujoco\.Renderer that are not rendered: mjGEOM_LINEBOX of mjOBJ_"
     ) as caught:
         renderer.update_scene(data, "front", option)
     assert caught[0].filename == __file__
@@ -381,9 +381,11 @@ def test_batches_show_sites_if_asked(device):
     on_table = (expected[1][1] == [model.site("on_table").id, SITE]).all(axis=-1)
     assert on_table.any() and np.array_equal(marked[1] == 7, on_table)
     poses.site_xpos[1, model.site("on_table").id] += 0.5
-    with pytest.raises(wv.WarpvisError, match="site 'on_table' is elsewhere in world 1 than in the model"):
+    with pytest.raises(
+        wv.WarpvisError, match="site 'on_table' is static and must have the model's pose, got another in world 1"
+    ):
         batch.render(poses, cameras="front")
-    with pytest.raises(wv.WarpvisError, match="or what else has site_xpos"):
+    with pytest.raises(wv.WarpvisError, match="or an object with site_xpos"):
         batch.render(
             WorldPoses(*(getattr(poses, f"{name}") for name in ("geom_xpos", "geom_xmat", "cam_xpos", "cam_xmat")))
         )
@@ -409,7 +411,7 @@ def test_what_a_batch_has_not_is_named(make):
     expected["flexes"] = "flex 'rope', flex 'cloth', flex 'jelly'"
     for name, soft in expected.items():
         model, _ = model_of(name)
-        with pytest.warns(UserWarning, match=f"warpvis.mujoco.Renderer draw: {soft}$") as caught:
+        with pytest.warns(UserWarning, match=f"warpvis.mujoco.Renderer that are not rendered: {soft}$") as caught:
             make(model)
         assert caught[0].filename == __file__ and len(caught) == 1
     with warnings.catch_warnings():

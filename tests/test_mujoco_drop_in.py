@@ -281,5 +281,7 @@ def test_no_opengl_is_said(monkeypatch):
         raise mujoco.FatalError("an OpenGL platform library has not been loaded")
 
     monkeypatch.setattr(mujoco, "Renderer", fail)
-    with pytest.raises(wv.WarpvisError, match=r"fallback=True needs OpenGL, and there is none \(an OpenGL platform"):
+    with pytest.raises(
+        wv.WarpvisError, match=r"fallback=True needs OpenGL, which is not available \(an OpenGL platform"
+    ):
         ready(fallback=True)

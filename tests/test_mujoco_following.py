@@ -248,7 +248,7 @@ def test_a_name_that_a_geom_needs_is_named():
     shown(renderer, model, data)
     renderer.scene.add(trimesh.creation.box((0.1, 0.1, 0.1)), name="spare")
     model.geom("spare").group = 0
-    with pytest.raises(wv.WarpvisError, match="the model shows a geom named 'spare' now"):
+    with pytest.raises(wv.WarpvisError, match="must not have names of visible geoms, got 'spare'"):
         renderer.update_scene(data, "front")
     model.geom("spare").group = 4
     shown(renderer, model, data)

@@ -87,7 +87,7 @@ def test_the_noise_is_that_of_the_model(device):
 def test_what_is_refused():
     with pytest.raises(wv.WarpvisError, match="outputs must not contain reasons without a sensor"):
         BatchRenderer(MODEL, **SIZE, outputs=("depth", "reasons"))
-    with pytest.raises(wv.WarpvisError, match="frame and view_index are of a sensor's random numbers: give Batch"):
+    with pytest.raises(wv.WarpvisError, match="frame and view_index require a sensor: pass sensor= to Batch"):
         BatchRenderer(MODEL, **SIZE).render(QPOS, frame=1)
     with pytest.raises(wv.WarpvisError, match="sensor must be a model of"):
         BatchRenderer(MODEL, **SIZE, sensor="d435").render(QPOS)
@@ -162,9 +162,9 @@ def test_a_renderers_segmentation_stays_exact():
         renderer.enable_segmentation_rendering()
     np.testing.assert_array_equal(sensed.render(), clean.render())
     assert sensed.frame == 0  # which counts images of depth
-    with pytest.raises(wv.WarpvisError, match="reasons is of a sensor's depth: render depth first"):
+    with pytest.raises(wv.WarpvisError, match="reasons requires depth of a sensor: render depth first"):
         sensed.reasons  # noqa: B018
-    with pytest.raises(wv.WarpvisError, match="true_depth is of a sensor's depth: give Renderer a sensor"):
+    with pytest.raises(wv.WarpvisError, match="true_depth requires depth of a sensor: pass sensor= to Renderer"):
         clean.true_depth  # noqa: B018
 
 

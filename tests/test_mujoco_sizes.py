@@ -245,7 +245,7 @@ def test_mujoco_warps_model_says_how_large(device):
     assert_as_their_own(batch, views, worlds)
     np.testing.assert_array_equal(own, batch.render(warp_data).depth.numpy())
     if device != "cpu":
-        with pytest.raises(wv.errors.ArrayError, match="geom_size is of several worlds and no geom is resizable"):
+        with pytest.raises(wv.errors.ArrayError, match="geom_size must be of 1 world if no geom is resizable"):
             batch_of(plain, device=device).render(warp_data, model=warp_model)
 
 
@@ -290,22 +290,22 @@ def changed(name, value):
 BAD_SIZES = {
     "fixed size": (
         changed("wall", 1),
-        "geom_size of 'wall' is another one in world 1 than the model's; make the Batch",
+        "geom_size of 'wall' must equal the model's, got another in world 1; create the Batch",
     ),
     "fixed, as lists": (changed("wall", 1).tolist(), "with resizable=['wall'] or resizable=\"all\""),
-    "a plane": (changed("floor", 1), "planes, height fields and meshes keep their sizes"),
-    "a mesh": (changed("hook", 1), "planes, height fields and meshes keep their sizes"),
+    "a plane": (changed("floor", 1), "planes, height fields and meshes cannot be resized"),
+    "a mesh": (changed("hook", 1), "planes, height fields and meshes cannot be resized"),
     "zero": (
         changed("block", 0),
-        "geom_size of 'block' must be positive numbers of metres in every world, got [0.0,",
+        "geom_size of 'block' must be positive lengths [m] in every world, got [0.0,",
     ),
     "negative": (changed("block", (1, -1, 1)), "got [1.0, -1.0, 1.0] in world 1"),
-    "NaN": (changed("block", np.nan), "'block' must be positive numbers of metres in every world, got [nan, nan, nan]"),
+    "NaN": (changed("block", np.nan), "'block' must be positive lengths [m] in every world, got [nan, nan, nan]"),
     "beyond single precision": (changed("block", 1e39), "got [inf, inf, inf] in world 1"),
-    "worlds": (np.stack([OWN] * 3), "geom_size must be of 1 world or of 2, as the poses are, got 3"),
+    "worlds": (np.stack([OWN] * 3), "geom_size must be of 1 world or of 2, like the poses, got 3"),
     "shape": (OWN[None, :, :2], f"geom_size must be numbers of shape (W, {len(OWN)}, 3), got float64 of shape"),
-    "of no world": (OWN, "geom_size must be of 1 world or of 2, as the poses are, got"),
-    "one number": (2.0, "geom_size must be an array of 1 world or of 2, got 2.0"),
+    "of no world": (OWN, "geom_size must be of 1 world or of 2, like the poses, got"),
+    "one number": (2.0, "geom_size must be an array of 1 or 2 worlds, got 2.0"),
     "words": ("large", "geom_size must be an array of numbers"),
     "flags": (OWN[None] > 0, f"geom_size must be numbers of shape (W, {len(OWN)}, 3), got bool"),
 }
@@ -324,8 +324,11 @@ def test_bad_sizes_are_named(name):
 @pytest.mark.parametrize(
     ("resizable", "said"),
     [
-        (["nobody"], "'nobody' in resizable fits no geom and no body of the model"),
-        (["block", "floor"], "'floor' in resizable fits no geom that is a box, sphere, capsule, cylinder or ellipsoid"),
+        (["nobody"], "'nobody' in resizable must match a geom or body of the model"),
+        (
+            ["block", "floor"],
+            "'floor' in resizable must match a geom that is a box, sphere, capsule, cylinder or ellipsoid",
+        ),
         ("block", "resizable must be \"all\", or a list of names or patterns of names, got 'block'"),
         ([3], "resizable must be names or patterns of names, got 3"),
         (None, "resizable must be"),

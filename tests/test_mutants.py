@@ -101,9 +101,9 @@ class Tree:
     """A tree of one file, whose test is a program that reads it."""
 
     def __init__(self, folder: Path) -> None:
-        self.idle = mutate.queue.SimpleQueue()
+        self.free = mutate.queue.SimpleQueue()
         (folder / "x.py").write_text("value = 1 < 2\n", encoding="utf-8")
-        self.idle.put(folder)
+        self.free.put(folder)
         self.folder = folder
 
     def run(self, command: str, copy: Path, limit: float) -> tuple[int, str]:
@@ -118,7 +118,7 @@ def test_a_mutant_is_judged_by_a_command_and_taken_back(tmp_path, command, outco
     verdict = mutate.judge(mutant, tree, [command], {command: 1.0})
     assert verdict.outcome == outcome
     assert (tmp_path / "x.py").read_text(encoding="utf-8") == "value = 1 < 2\n"
-    assert tree.idle.get_nowait() == tmp_path
+    assert tree.free.get_nowait() == tmp_path
 
 
 def test_what_does_not_compile_is_no_mutant(tmp_path):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Render depth and segmentation of MuJoCo models without OpenGL: one world or thousands.
+"""Depth and segmentation of MuJoCo models without OpenGL, for one world or thousands.
 
 >>> from warpvis.mujoco import Renderer  # instead of: from mujoco import Renderer
 >>> with Renderer(model, 240, 320) as renderer:

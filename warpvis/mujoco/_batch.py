@@ -171,7 +171,7 @@ class BatchRenderer:
         sites = () if scene_option is None else sites
         if geom_groups is not None:
             if scene_option is not None:
-                raise SceneError("scene_option has groups of geoms, so geom_groups must not be given too")
+                raise SceneError("geom_groups must not be given with scene_option, which has groups of geoms")
             groups = check_groups(geom_groups)
         chosen: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": exclude, "static": static}
         chosen["label_names"] = label_names
@@ -286,8 +286,8 @@ class BatchRenderer:
         changed = [] if self._appearance is None else self._appearance.changed()
         if changed:
             raise SceneError(
-                f"{changed[0]} of the model must be as it was when the BatchRenderer was made, whose colors do not "
-                "follow it; make another BatchRenderer after the change"
+                f"{changed[0]} of the model must not change after the BatchRenderer was created, whose colors do not "
+                "follow it; create another BatchRenderer after the change"
             )
 
     def _number(
@@ -300,7 +300,7 @@ class BatchRenderer:
         """Return number and frame of every view, which determine a sensor's random numbers; None without a sensor."""
         if self._sensor is None:
             if frame is not None or view_index is not None:
-                raise ArrayError("frame and view_index are of a sensor's random numbers: give BatchRenderer a sensor")
+                raise ArrayError("frame and view_index require a sensor: pass sensor= to BatchRenderer")
             return None
         if view_index is None:
             view_index = (worlds.astype(np.int64) * cameras + np.arange(cameras)[:, None]).ravel()
@@ -391,7 +391,9 @@ class BatchRenderer:
         from warpvis.kernels.mujoco import geoms_of_objects
 
         if not isinstance(views, Views) or views.segmentation is None:
-            raise ArrayError('views must have segmentation; make the BatchRenderer with outputs=("segmentation", ...)')
+            raise ArrayError(
+                'views must have segmentation, got none; create the BatchRenderer with outputs=("segmentation", ...)'
+            )
         shape, device = views.segmentation.shape, views.segmentation.device
         out = empty(shape, wp.int32, name="ids", device=device) if out is None else out
         check_out(out, wp.int32, shape, name="out", device=device)
@@ -426,23 +428,23 @@ class BatchRenderer:
         if scattered:
             rows = wp.array(views, dtype=wp.int32, device=self.scene.device)
 
-        def some(array: wp.array) -> wp.array:
+        def select(array: wp.array) -> wp.array:
             return array[rows].contiguous() if scattered else array[rows]
 
         options: dict[str, Any] = {}
         if drawn is not None:
             options["view_index"], options["frame"] = drawn[views].T
         if place.objects.size:
-            options |= {"object_poses": place.objects, "world_index": some(place.world_of_view)}
+            options |= {"object_poses": place.objects, "world_index": select(place.world_of_view)}
             options["object_sizes"] = place.sizes
         if place.hidden is not None:
-            options["exclude"] = some(place.hidden)
+            options["exclude"] = select(place.hidden)
         images = {name: getattr(out, name) for name in self._outputs}
         if not scattered:
             part = Views(**{name: image[rows] for name, image in images.items()})
-            renderer.render_sizes(some(eyes), **options, out=part)
+            renderer.render_sizes(select(eyes), **options, out=part)
             return
-        part = renderer.render_sizes(some(eyes), **options)
+        part = renderer.render_sizes(select(eyes), **options)
         for name, image in images.items():
             wp.copy(image[rows], getattr(part, name))
 
@@ -498,7 +500,7 @@ class BatchRenderer:
     def _chosen_worlds(self, worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
         """Check `worlds` and return the indices of the worlds to render, out of `count`."""
         if self.nworld not in (None, count):
-            raise ArrayError(f"poses must be of as many worlds as nworld says, {self.nworld}, got {count}")
+            raise ArrayError(f"poses must be of nworld worlds, {self.nworld}, got {count}")
         return check_worlds(worlds, count)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -52,7 +52,7 @@ def choose_cameras(
         cameras = [cameras]
     chosen = [_choose(model, camera, width, height) for camera in as_items(cameras, "cameras", CameraError)]
     if not chosen:
-        raise CameraError("there must be a camera to render; the model or the list of cameras has none")
+        raise CameraError("cameras must contain at least one camera, got none in the model or the list")
     return chosen
 
 
@@ -94,11 +94,11 @@ def views_by_intrinsics(
 
 def check_fovy(model: mujoco.MjModel, fovy: NDArray[np.float64]) -> None:
     """Raise an `ArrayError` unless all fields of view are above 0 and, if they are angles, below 180 degrees."""
-    most = np.where(model.cam_projection == _ORTHOGRAPHIC, np.inf, 180.0)
-    bad = np.argwhere(~((fovy > 0) & (fovy < most)))
+    upper = np.where(model.cam_projection == _ORTHOGRAPHIC, np.inf, 180.0)
+    bad = np.argwhere(~((fovy > 0) & (fovy < upper)))
     if len(bad):
         world, camera = bad[0].tolist()
-        limits = "from 0 to 180 degrees" if most[camera] == 180 else "a number of metres above 0"
+        limits = "from 0 to 180 degrees" if upper[camera] == 180 else "a number of metres above 0"
         raise ArrayError(f"cam_fovy must be {limits}, got {fovy[world, camera]} for camera {camera} in world {world}")
 
 

@@ -59,8 +59,8 @@ class FixedGeoms:
         row, column = bad[0].tolist()
         name = self._names[column]
         raise ArrayError(
-            f"{self._kind} {name!r} is elsewhere in world {worlds[row]} than in the model, and fixed in the scene; "
-            f'make the BatchRenderer with movable=[{name!r}] or movable="all"'
+            f"{self._kind} {name!r} is static and must have the model's pose, got another in world {worlds[row]}; "
+            f'create the BatchRenderer with movable=[{name!r}] or movable="all"'
         )
 
 
@@ -75,7 +75,9 @@ def check_worlds(worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
     chosen = as_numpy(worlds, name="worlds")
     if chosen.dtype == bool:
         if chosen.shape != (count,) or not chosen.any():
-            raise ArrayError(f"worlds must say which of {count} to render, got {chosen.sum()} of {chosen.shape}")
+            raise ArrayError(
+                f"worlds must be a mask of {count} with a True, got {chosen.sum()} in shape {chosen.shape}"
+            )
         return np.flatnonzero(chosen).astype(np.int32)
     if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or not len(chosen):
         raise ArrayError(f"worlds must be one or more indices, got {chosen.dtype} of shape {chosen.shape}")

@@ -187,10 +187,10 @@ def _image_size(
     model: mujoco.MjModel, viewer: mujoco.MjvCamera, width: int | None, height: int | None
 ) -> tuple[int, int]:
     if (width is None) != (height is None):
-        raise CameraError("give both width and height, or neither for the camera's own resolution")
+        raise CameraError("width and height must both be given, or neither for the camera's resolution")
     if width is not None and height is not None:
         return check_size(width, "width"), check_size(height, "height")
     own = model.cam_resolution[viewer.fixedcamid].tolist() if viewer.type == _FIXED else [1, 1]
     if own == [1, 1]:  # MuJoCo's default
-        raise CameraError("the camera has no resolution of its own; give width and height")
+        raise CameraError("width and height must be given for a camera without a resolution")
     return own[0], own[1]

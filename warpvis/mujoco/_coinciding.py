@@ -87,8 +87,8 @@ def find_pairs(
     found, faces = dict[tuple[int, int], _Floats](), dict[int, _Ints]()
     for kinds, pairs_of_kind in ((pieces, ~is_across), (together, is_across)):
         chosen = compared & pairs_of_kind
-        some, of_later = _find_planes(objects, kinds, (i[chosen], j[chosen]), (low, high))
-        found |= some
+        new, of_later = _find_planes(objects, kinds, (i[chosen], j[chosen]), (low, high))
+        found |= new
         faces |= {index: np.union1d(numbers, faces.get(index, _NOBODY)) for index, numbers in of_later.items()}
     solids = [pair for pair in zip(i[both].tolist(), j[both].tolist(), strict=True) if _share_surface(objects, pair)]
     # The triangles at the ends of cylinders do not include the rims.
@@ -150,9 +150,9 @@ def _share_surface(objects: Sequence[SceneObject], pair: tuple[int, int]) -> boo
     """Return whether part of a solid's true surface lies on that of another one."""
     one, other = (objects[index] for index in pair)
     assert one.solid is not None and other.solid is not None and one.pose is not None and other.pose is not None
-    place, there = poses_to_matrices(one.pose), poses_to_matrices(other.pose)
-    points = _samples(one.solid) @ place[:3, :3].T + place[:3, 3]
-    shape = ((points - there[:3, 3]) @ there[:3, :3]) / other.solid.radii
+    one_pose, other_pose = poses_to_matrices(one.pose), poses_to_matrices(other.pose)
+    points = _samples(one.solid) @ one_pose[:3, :3].T + one_pose[:3, 3]
+    shape = ((points - other_pose[:3, 3]) @ other_pose[:3, :3]) / other.solid.radii
     across, along = np.hypot(shape[:, 0], shape[:, 1]), np.abs(shape[:, 2]) - other.solid.half
     beyond = np.hypot(across, np.maximum(along, 0)) - 1
     if other.solid.kind == SolidKind.CYLINDER:
@@ -162,8 +162,8 @@ def _share_surface(objects: Sequence[SceneObject], pair: tuple[int, int]) -> boo
 
 def _samples(solid: Solid) -> _Floats:
     """Sample points on a solid's surface, none of them on an edge or a line of symmetry, in its frame [m]."""
-    turn, up = (part.ravel() for part in np.meshgrid(np.arange(9) * 0.7 + 0.1, np.linspace(-0.93, 0.97, 8)))
-    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    azimuth, up = (part.ravel() for part in np.meshgrid(np.arange(9) * 0.7 + 0.1, np.linspace(-0.93, 0.97, 8)))
+    circle = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     ball = np.c_[np.sqrt(1 - up**2)[:, None] * circle, up]
     if solid.kind == SolidKind.BALL:
         return ball * solid.radii
@@ -221,11 +221,11 @@ class _Triangles:
         middle = start[dense[owners]]
         offset = np.einsum("nk,nk->n", normal, a - middle)
         matches = _may_match(normal, offset, np.linalg.norm(a - middle, axis=1), pieces[owners], owners)
-        kept = np.flatnonzero(matches & (length > 0))
-        a, b, c = a[kept], b[kept], c[kept]
+        chosen = np.flatnonzero(matches & (length > 0))
+        a, b, c = a[chosen], b[chosen], c[chosen]
         low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-        owners = owners[kept]
-        return cls(owners, pieces[owners], faces[kept], low, high, normal[kept], offset[kept], middle[kept])
+        owners = owners[chosen]
+        return cls(owners, pieces[owners], faces[chosen], low, high, normal[chosen], offset[chosen], middle[chosen])
 
     def take(self, chosen: NDArray[np.int64 | np.bool_]) -> _Triangles:
         """Return the selected triangles."""
@@ -254,8 +254,8 @@ def _find_planes(
     planes, plane_of = _join_planes(triangles)
     p, q = _matching(planes)
     # Encode a pair of objects as one number.
-    kept = np.isin(planes.owner[p] * len(objects) + planes.owner[q], pairs[0] * len(objects) + pairs[1])
-    p, q = p[kept], q[kept]
+    is_pair = np.isin(planes.owner[p] * len(objects) + planes.owner[q], pairs[0] * len(objects) + pairs[1])
+    p, q = p[is_pair], q[is_pair]
     found, pair_of = np.unique(planes.owner[p] * len(objects) + planes.owner[q], return_inverse=True)
     shared = np.stack([np.full((len(found), 3), np.inf), np.full((len(found), 3), -np.inf)], axis=1)
     np.minimum.at(shared[:, 0], pair_of, np.maximum(planes.low[p], planes.low[q]))
@@ -277,11 +277,11 @@ def _read_triangles(
     """Read an object's flat triangles near other objects: corners ``(n, 3, 3)``, face indices, and object indices."""
     item, (low, high) = objects[index], boxes
     others = np.r_[pairs[1][pairs[0] == index], pairs[0][pairs[1] == index]]
-    least, most = low[others].min(axis=0), high[others].max(axis=0)
+    lower, upper = low[others].min(axis=0), high[others].max(axis=0)
     triangles = _flat_faces(item)
-    inside = (item.vertices <= most) & (item.vertices >= least)
+    inside = (item.vertices <= upper) & (item.vertices >= lower)
     if not inside.all():
-        below, above = item.vertices < least, item.vertices > most
+        below, above = item.vertices < lower, item.vertices > upper
         outside = np.zeros(len(triangles), dtype=bool)
         for axis, side in product(range(3), (below, above)):
             outside |= side[:, axis][triangles].all(axis=1)
@@ -341,8 +341,8 @@ def _matching(planes: _Triangles) -> tuple[_Ints, _Ints]:
     p, q = np.where(planes.owner[p] < planes.owner[q], (p, q), (q, p))
     different = planes.owner[p] != planes.owner[q]
     p, q = p[different], q[different]
-    least, most = np.maximum(planes.low[p], planes.low[q]), np.minimum(planes.high[p], planes.high[q])
-    middle, size = (least + most) / 2, np.linalg.norm(most - least, axis=1)
+    lower, upper = np.maximum(planes.low[p], planes.low[q]), np.minimum(planes.high[p], planes.high[q])
+    middle, size = (lower + upper) / 2, np.linalg.norm(upper - lower, axis=1)
     above = [np.einsum("nk,nk->n", planes.normal[k], middle - planes.middle[p]) - planes.offset[k] for k in (p, q)]
     close = np.abs(above[0] - above[1]) <= _CLOSENESS * (np.linalg.norm(middle, axis=1) + size)
     close &= np.abs(planes.normal[p] - planes.normal[q]).max(axis=1, initial=0.0) <= _TURN
@@ -365,9 +365,9 @@ def _overlapping(low: _Floats, high: _Floats, kinds: NDArray[np.integer[Any]]) -
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     _, kind = np.unique(kinds, return_inverse=True)
     axis = int(np.std(low, axis=0).argmax())
-    least, span = low[:, axis].min(), np.ptp(np.r_[low[:, axis], high[:, axis]])
+    origin, span = low[:, axis].min(), np.ptp(np.r_[low[:, axis], high[:, axis]])
     scale = 0.5 / span if span > 0 else 0.0
-    begin, end = (kind + (part[:, axis] - least) * scale for part in (low, high))
+    begin, end = (kind + (part[:, axis] - origin) * scale for part in (low, high))
     order = np.argsort(begin, kind="stable")
     last = np.searchsorted(begin[order], end[order], side="right")
     counts = last - np.arange(1, len(order) + 1)

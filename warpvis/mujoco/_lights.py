@@ -72,13 +72,13 @@ def model_background(model: mujoco.MjModel) -> Background:
 
 
 def _headlight(model: mujoco.MjModel) -> Light:
-    said = model.vis.headlight
+    headlight = model.vis.headlight
     return Light(
         "headlight",
         "headlight",
-        color=_color(said.diffuse),
-        ambient=_color(said.ambient),
-        specular=_color(said.specular),
+        color=_color(headlight.diffuse),
+        ambient=_color(headlight.ambient),
+        specular=_color(headlight.specular),
         cast_shadow=False,
     )
 

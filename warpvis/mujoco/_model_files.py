@@ -63,7 +63,7 @@ def read_model(
         if isinstance(error, FileFormatError):
             raise
         _require_assets(path, root, folders)
-        raise FileFormatError(f"{path}: MuJoCo does not compile it: {describe_exception(error)}") from None
+        raise FileFormatError(f"{path}: MuJoCo cannot compile it: {describe_exception(error)}") from None
     soft = [f"{count} {what}" for count, what in ((model.nflex, "flexes"), (model.nskin, "skins")) if count]
     left_out += [f"{' and '.join(soft)}, which have no fixed shape"] if soft else []
     message = f"{path}: left out {'; '.join(left_out)}" if left_out else ""
@@ -116,12 +116,12 @@ def _parse(path: Path) -> ElementTree.Element:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     if any(str(element.tag).startswith(_XACRO) for element in root.iter()):
-        raise FileFormatError(f"{path}: is a xacro file, of which xacro makes URDF first: xacro in.xacro > out.urdf")
+        raise FileFormatError(f"{path}: is a xacro file; convert it to URDF first: xacro in.xacro > out.urdf")
     if root.tag == "mujocoinclude":
-        raise FileFormatError(f"{path}: is a part that MJCF files include: give the file that includes it")
+        raise FileFormatError(f"{path}: is a part that MJCF files include; load the file that includes it")
     if root.tag not in ("mujoco", "robot"):
         raise FileFormatError(
-            f"{path}: is XML of <{root.tag}>, and neither MJCF, which begins with <mujoco>, nor URDF, with <robot>"
+            f"{path}: must be MJCF, which begins with <mujoco>, or URDF, with <robot>, got XML of <{root.tag}>"
         )
     return root
 

@@ -56,6 +56,6 @@ def shown_by(option: mujoco.MjvOption | None) -> tuple[tuple[int, ...], bool, tu
     if not isinstance(option, mujoco.MjvOption):
         raise SceneError(f"scene_option must be a mujoco.MjvOption, got {type(option).__name__}")
     if option.flags[_HULLS]:
-        raise SceneError("scene_option asks for convex hulls (mjVIS_CONVEXHULL), which are not rendered")
+        raise SceneError("scene_option must not enable convex hulls (mjVIS_CONVEXHULL), which are not rendered")
     groups, sites = (tuple(np.flatnonzero(shown).tolist()) for shown in (option.geomgroup, option.sitegroup))
     return groups, bool(option.flags[_STATIC]), sites

@@ -108,7 +108,7 @@ def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
             a GPU are not checked for that).
     """
     if not hasattr(scene, "movable_geoms"):
-        raise ArrayError(f"scene must be what scene_from_mujoco made, got {type(scene).__name__}")
+        raise ArrayError(f"scene must be a MujocoScene from scene_from_mujoco, got {type(scene).__name__}")
     rows = object_transforms(source, scene).numpy()
     check_computed(source, ("geom", "site") if len(scene.movable_sites) else ("geom",))
     return rows[0] if isinstance(source, mujoco.MjData) else rows
@@ -276,7 +276,7 @@ class Kinematics:
                 parts[name] = _check_rows(value, (self._model.nmocap, size), name)
                 if len(parts[name]) != len(rows):
                     raise ArrayError(
-                        f"{name} must be of {pluralize(len(rows), 'world')} as qpos is, got {len(parts[name])}"
+                        f"{name} must be of {pluralize(len(rows), 'world')} like qpos, got {len(parts[name])}"
                     )
 
         def place(data: mujoco.MjData, world: int) -> None:
@@ -457,7 +457,7 @@ def _get(source: PoseSource, name: str) -> ArrayInput:
     value = getattr(source, name, None)
     if value is None:
         raise ArrayError(
-            f"poses must come from a mujoco.MjData, a WorldPoses, or what else has {name}, got {type(source).__name__}"
+            f"poses must be a mujoco.MjData, a WorldPoses, or an object with {name}, got {type(source).__name__}"
         )
     return value
 
@@ -481,6 +481,6 @@ def _check_rows(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
     bad = np.flatnonzero(~np.isfinite(rows).all(axis=tuple(range(1, rows.ndim))))
     if len(bad):
         raise ArrayError(
-            f"{name} must be finite: not so in {len(bad)} of {pluralize(len(rows), 'world')}, the first {bad[0]}"
+            f"{name} must be finite, got others in {len(bad)} of {pluralize(len(rows), 'world')}, the first {bad[0]}"
         )
     return rows

@@ -79,7 +79,7 @@ class Rangefinders:
             raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         found = np.flatnonzero(model.sensor_type == _RANGEFINDER)
         if not len(found):
-            raise SceneError(f"model must have rangefinder sensors, and none of its {model.nsensor} sensors is one")
+            raise SceneError(f"model must have rangefinder sensors, got none among {model.nsensor} sensors")
         self.model = model
         self.sensors: NDArray[np.int32] = np.repeat(found, model.sensor_dim[found]).astype(np.int32)
         """The sensor of every number of a reading, shape ``(N,)``."""
@@ -255,8 +255,8 @@ def _refuse_distance_fields(model: mujoco.MjModel, bodies: NDArray[np.int32]) ->
     for geom in np.flatnonzero(model.geom_type == int(_GEOM.mjGEOM_SDF)).tolist():
         if _is_met(model, geom) and (bodies != model.geom_bodyid[geom]).any():
             raise SceneError(
-                f"geom {model.geom(geom).name or geom!r} is a signed distance field, through which MuJoCo marches in "
-                "steps; rangefinders are read of models whose geoms are of other types"
+                f"geoms must not be signed distance fields, in which MuJoCo marches rays in steps, "
+                f"got {model.geom(geom).name or geom!r}; rangefinders support the other types"
             )
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""`mujoco.Renderer`'s depth and segmentation without OpenGL, under the same names."""
+"""A drop-in replacement of `mujoco.Renderer` for depth and segmentation, without OpenGL."""
 
 from __future__ import annotations
 
@@ -42,21 +42,22 @@ from warpvis.rendering import (
 )
 from warpvis.sensors import Reason
 
-_MADE_ANEW = ("_stages", "_stage", "_viewer", "_fallback", "_visuals")
+_REBUILT = ("_stages", "_stage", "_viewer", "_fallback", "_visuals")
 _OF_SENSOR: tuple[Output, ...] = ("reasons", "true_depth")
-_MAX_RENDERERS = 64  # a camera whose field of view changes all the time must not fill the memory
+_MAX_RENDERERS = 64  # bounds the memory if the camera's field of view keeps changing
 
 
 class Renderer:
-    """Depth and segmentation images of a MuJoCo model, as `mujoco.Renderer` makes them.
+    """Depth and segmentation images of a MuJoCo model, with the interface of `mujoco.Renderer`.
 
-    Change ``mujoco.Renderer`` to ``warpvis.mujoco.Renderer`` and keep the rest. What differs:
+    Replace ``mujoco.Renderer`` by ``warpvis.mujoco.Renderer``; other code is unchanged. Differences:
 
-    - Colours are `mujoco.Renderer`'s, which makes them for this one with ``fallback=True``.
-    - All is seen that MuJoCo draws by the flags of `mujoco.MjvOption`, but for what plugins draw, and convex hulls.
-    - `scene` is a `warpvis.Scene`: it has `flags` and `camera` of MuJoCo's, and no `geoms`; see `scene`.
-    - Round shapes are exactly round, where MuJoCo draws 28 slices of them.
-    - What the model says of geoms and sites is followed, meshes and height fields too, which MuJoCo uploads on demand.
+    - Colors are rendered by a `mujoco.Renderer`, if ``fallback=True``.
+    - Everything is rendered that MuJoCo draws with the flags of `mujoco.MjvOption`, except plugins and convex hulls.
+    - `scene` is a `warpvis.Scene` with the `flags` and `camera` of MuJoCo's scene, but without `geoms`; see `scene`.
+    - Round shapes are exact; MuJoCo draws them with 28 slices.
+    - Changes of the model's geoms and sites are followed, including meshes and height fields, which MuJoCo uploads only
+      on request.
     """
 
     def __init__(
@@ -80,33 +81,34 @@ class Renderer:
         device: DeviceLike = "cpu",
         threads: int | None = None,
     ) -> None:
-        """Prepare to render.
+        """Initialize a renderer.
 
         Args:
             model: A `mujoco.MjModel`.
-            height: Image height [px]; the model's ``offheight`` sets no limit.
+            height: Image height [px], not limited by the model's ``offheight``.
             width: Image width [px].
-            max_geom: Of no effect but on `fallback`: every geom is rendered.
-            font_scale: Of no effect but on `fallback`: nothing is written in the images.
-            tolerance: Most distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
+            max_geom: Used by `fallback` only; all geoms are rendered.
+            font_scale: Used by `fallback` only; images contain no text.
+            tolerance: Maximum distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels for the objects of `scene`; see `scene_from_mujoco`.
-            label_names: Names of classes of your own, as for `warpvis.Scene`.
+            label_names: Names of user-defined classes, as for `warpvis.Scene`.
             exclude: Names or patterns of geoms, sites, tendons, skins, flexes or bodies not to render.
-            cull_backfaces: See through surfaces from behind, as in MuJoCo: out of a head that a camera is in.
-            near_plane: ``"clip"``: what is nearer than MuJoCo's near plane is cut away, and what is behind is seen, as
-                in MuJoCo; ``"occlude"``: it is seen where it is.
-            fill: Depth of pixels without: ``"far"``, MuJoCo's far value, and the near plane's of what is too near to a
-                sensor; ``"inf"``, +inf, -inf, and NaN of what a sensor lost; or a number [m].
-            sensor: A model of a depth camera, as for `warpvis.Renderer`: depth is what such a device would say through
-                MuJoCo's cameras, whose near plane is the model's; `reasons` says why a pixel has none, and `true_depth`
-                what is there. Segmentation stays exact.
-            seed: What its random numbers follow from, together with `frame`, which counts images of depth.
-            fallback: Have colours made by a `mujoco.Renderer`, which needs OpenGL.
-            device: Where to render: ``"cpu"``, ``"cuda:0"``, ...
-            threads: CPU threads to use; all cores of this process by default.
+            cull_backfaces: Whether back faces are invisible, as in MuJoCo, for example from inside a robot's head.
+            near_plane: ``"clip"`` to clip geometry nearer than MuJoCo's near plane, as MuJoCo does; ``"occlude"`` to
+                render it.
+            fill: Depth of pixels without depth: ``"far"`` for MuJoCo's far value (for a sensor, the near plane where a
+                surface is too near); ``"inf"`` for +inf (-inf where too near, and NaN where a sensor lost depth); or a
+                number [m].
+            sensor: A depth camera model, as for `warpvis.Renderer`, which computes depth for MuJoCo's cameras with the
+                model's near plane. `reasons` has the reasons for missing depth, and `true_depth` the exact depth.
+                Segmentation remains exact.
+            seed: Seed of the sensor's random numbers, which also depend on `frame`, the number of depth images.
+            fallback: Whether to render colors with a `mujoco.Renderer`, which needs OpenGL.
+            device: Device for rendering: ``"cpu"``, ``"cuda:0"``, ...
+            threads: Number of CPU threads; by default all cores available to the process.
 
         Raises:
-            WarpvisError: An argument is not what it has to be.
+            WarpvisError: If an argument is invalid.
         """
         if not isinstance(model, mujoco.MjModel):
             raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
@@ -122,7 +124,7 @@ class Renderer:
         self._sensor = None if sensor is None else require_sensor(sensor)
         self._seed = check_word(seed, "seed")
         self.frame = 0
-        """The frame that a sensor's random numbers are of in the next image of depth; each one adds 1."""
+        """Frame number for a sensor's random numbers in the next depth image; incremented with every depth image."""
         self._sensed: dict[str, np.ndarray] = {}
         self._threads = check_threads(threads)
         self._viewer = ViewerScene(model)
@@ -144,44 +146,44 @@ class Renderer:
 
     @property
     def fallback(self) -> mujoco.Renderer | None:
-        """The `mujoco.Renderer` that makes colours; None without."""
+        """The `mujoco.Renderer` for colors, or None."""
         return self._fallback
 
     @property
     def scene(self) -> RendererScene:
-        """What the last `update_scene` chose to show: a `warpvis.Scene` with `flags` and `camera` of MuJoCo's.
+        """The scene of the last `update_scene`: a `warpvis.Scene` with the `flags` and `camera` of MuJoCo's scene.
 
-        Of `flags`, mjRND_CULL_FACE has an effect; none of the others would have one on depth or segmentation, but for
-        mjRND_WIREFRAME, of which a warning tells. What is written into `camera` is rendered until the next
-        `update_scene`. Of `geoms`, there are none: add shapes by `add`.
+        Among `flags`, only mjRND_CULL_FACE has an effect. mjRND_WIREFRAME is ignored with a warning; the others do not
+        affect depth or segmentation. Changes of `camera` apply until the next `update_scene`. There are no `geoms`: use
+        `add` for additional shapes.
 
-        Objects may be added to it, which stay behind the model's own, and show while `update_scene` chooses the same
-        groups of geoms and sites. Movable ones stay where they were added.
+        Added objects follow the model's objects, and are visible while `update_scene` selects the same groups of geoms
+        and sites. Movable ones keep their initial poses.
         """
         return self._stage.scene
 
     @property
     def reasons(self) -> NDArray[np.uint8]:
-        """Why pixels of the last image of depth have none, `warpvis.sensors.Reason`, shape ``(height, width)`` uint8.
+        """Reasons for missing depth in the last depth image, `warpvis.sensors.Reason`, ``(height, width)`` uint8.
 
         Raises:
-            WarpvisError: There is no sensor, or no depth was rendered.
+            WarpvisError: If there is no sensor, or no depth was rendered.
         """
         return self._of_sensor("reasons")
 
     @property
     def true_depth(self) -> NDArray[np.float32]:
-        """What the exact rays of the last image of depth met [m], shape ``(height, width)`` float32; +inf of nothing.
+        """Exact depth of the last depth image [m], shape ``(height, width)`` float32; +inf for no hit.
 
         Raises:
-            WarpvisError: There is no sensor, or no depth was rendered.
+            WarpvisError: If there is no sensor, or no depth was rendered.
         """
         return self._of_sensor("true_depth")
 
     def _of_sensor(self, name: str) -> np.ndarray:
         if not self._sensed:
-            why = "give Renderer a sensor" if self._sensor is None else "render depth first"
-            raise WarpvisError(f"{name} is of a sensor's depth: {why}")
+            remedy = "pass sensor= to Renderer" if self._sensor is None else "render depth first"
+            raise WarpvisError(f"{name} requires depth of a sensor: {remedy}")
         return self._sensed[name]
 
     @property
@@ -199,7 +201,7 @@ class Renderer:
         self._mode = "depth"
 
     def disable_depth_rendering(self) -> None:
-        """Stop to render depth."""
+        """Stop rendering depth."""
         self._mode = "color" if self._mode == "depth" else self._mode
 
     def enable_segmentation_rendering(self) -> None:
@@ -207,7 +209,7 @@ class Renderer:
         self._mode = "segmentation"
 
     def disable_segmentation_rendering(self) -> None:
-        """Stop to render segmentation."""
+        """Stop rendering segmentation."""
         self._mode = "color" if self._mode == "segmentation" else self._mode
 
     def update_scene(
@@ -216,17 +218,17 @@ class Renderer:
         camera: int | str | mujoco.MjvCamera = -1,
         scene_option: mujoco.MjvOption | None = None,
     ) -> None:
-        """Take over where everything is now.
+        """Update the scene and the camera from simulation data.
 
         Args:
             data: A `mujoco.MjData` of the model, after `mj_forward` or a step.
             camera: A camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`.
-            scene_option: A `mujoco.MjvOption`: what is drawn. If MuJoCo draws what this renderer cannot, a warning
-                names it, once.
+            scene_option: A `mujoco.MjvOption` that selects visible elements. Elements that this renderer cannot draw
+                are listed in a warning, once.
 
         Raises:
-            WarpvisError: There is no such camera, poses of the data were never computed, numbers of the model are not
-                finite, or the options ask for convex hulls.
+            WarpvisError: If there is no such camera, poses of the data were never computed, values of the model are not
+                finite, or the options enable convex hulls.
         """
         if self._closed:
             raise WarpvisError("update_scene cannot be called after close")
@@ -245,21 +247,21 @@ class Renderer:
             self._fallback.update_scene(data, camera, scene_option)
 
     def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
-        """Render what `update_scene` took over.
+        """Render the scene of the last `update_scene`.
 
         Args:
-            out: An array to write into, cast to its dtype.
+            out: Output array; the image is cast to its dtype.
 
         Returns:
-            Depth: planar, in metres, shape ``(height, width)`` float32, with MuJoCo's far value where nothing is, or
-            what `fill` says; of `sensor`, what that says.
-            Colours, of `fallback` only: shape ``(height, width, 3)`` uint8.
-            Segmentation: pairs of an id and its `mujoco.mjtObj` (mjOBJ_GEOM, mjOBJ_SITE, mjOBJ_SKIN, ...), as
-            `mujoco.Renderer` has them; -1 and mjOBJ_UNKNOWN for objects that were added to `scene`, -1 and -1 for
-            nothing, shape ``(height, width, 2)`` int32.
+            Depth: planar depth [m], or the depth of `sensor`, shape ``(height, width)`` float32, with MuJoCo's far
+            value or `fill` where there is none.
+            Color, with `fallback` only: shape ``(height, width, 3)`` uint8.
+            Segmentation: pairs of an id and its `mujoco.mjtObj` (mjOBJ_GEOM, mjOBJ_SITE, mjOBJ_SKIN, ...), as from
+            `mujoco.Renderer`; -1 and mjOBJ_UNKNOWN for objects added to `scene`, -1 and -1 for no object, shape
+            ``(height, width, 2)`` int32.
 
         Raises:
-            WarpvisError: Neither is enabled, `update_scene` was not called, or `out` has another shape.
+            WarpvisError: If neither is enabled, `update_scene` was not called, or `out` has a wrong shape.
         """
         if self._closed:
             raise WarpvisError("render cannot be called after close")
@@ -267,11 +269,11 @@ class Renderer:
             if self._fallback is not None:
                 return cast("np.ndarray", self._fallback.render(out=out))
             raise WarpvisError(
-                "warpvis renders depth and segmentation: call enable_depth_rendering() or "
-                "enable_segmentation_rendering(), and take mujoco.Renderer for colours, or fallback=True"
+                "render requires enable_depth_rendering() or enable_segmentation_rendering(); "
+                "for colors, use mujoco.Renderer or fallback=True"
             )
         if self._camera is None:
-            raise WarpvisError("call update_scene() before render()")
+            raise WarpvisError("update_scene() must be called before render()")
         shape = self._size if self._mode == "depth" else (*self._size, 2)
         if out is not None and getattr(out, "shape", None) != shape:
             raise ArrayError(f"out must have shape {shape}, got {getattr(out, 'shape', type(out).__name__)}")
@@ -282,7 +284,7 @@ class Renderer:
         return out
 
     def close(self) -> None:
-        """Let go of the memory."""
+        """Release memory."""
         self._closed = True
         self._stages.clear()
         self._stage.renderers.clear()
@@ -296,10 +298,10 @@ class Renderer:
         self.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process makes the same of: what was added to scenes, and no memory to work with."""
-        kept = {name: value for name, value in self.__dict__.items() if name not in _MADE_ANEW}
+        """Return the picklable state, which includes objects added to scenes but no caches."""
+        copied = {name: value for name, value in self.__dict__.items() if name not in _REBUILT}
         current = [key for key, stage in self._stages.items() if stage is self._stage]
-        return kept | {
+        return copied | {
             "_fallback": self._fallback is not None,
             "_current": current[0] if current else None,
             "_states": {key: stage.state() for key, stage in self._stages.items()},
@@ -307,15 +309,15 @@ class Renderer:
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the scenes, as the model is now."""
+        """Rebuild the scenes from the model's current values."""
         states, current, fallback = state.pop("_states"), state.pop("_current"), state.pop("_fallback")
         flags = state.pop("_flags")
         self.__dict__ |= state
         self._viewer, self._stages = ViewerScene(self._model), {}
         self._visuals = Visuals(self._model, tolerance=self._options["tolerance"])
         self._viewer.set_flags(flags)
-        for (groups, static, sites), kept in states.items():
-            self._stage_of(groups, static=static, sites=sites).restore(kept)
+        for (groups, static, sites), stage_state in states.items():
+            self._stage_of(groups, static=static, sites=sites).restore(stage_state)
         if current is not None:
             self._stage = self._stages[current]
         self._fallback = self._make_fallback() if fallback and not self._closed else None
@@ -325,18 +327,19 @@ class Renderer:
             return mujoco.Renderer(self._model, *self._size, **self._fallback_options)
         except mujoco.FatalError as error:
             raise WarpvisError(
-                f"fallback=True needs OpenGL, and there is none ({error}); MUJOCO_GL=egl finds that of a GPU or of Mesa"
+                f"fallback=True needs OpenGL, which is not available ({error}); "
+                "MUJOCO_GL=egl uses that of a GPU or of Mesa"
             ) from None
         except (AttributeError, OverflowError, TypeError) as error:
             given = ", ".join(f"{name}={truncate(repr(value))}" for name, value in self._fallback_options.items())
             raise ArrayError(
-                f"mujoco.Renderer, which fallback=True makes, refuses {given}: {describe_exception(error)}"
+                f"{given} must be valid for mujoco.Renderer, which fallback=True uses: {describe_exception(error)}"
             ) from None
 
     def _draw(
         self, stage: Stage, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None
     ) -> None:
-        """Take over what MuJoCo draws beside geoms and sites, and name what cannot be, each once."""
+        """Update visual elements other than geoms and sites; warn once of each that cannot be rendered."""
         if not self._visuals.may_draw(option):
             if len(stage.visuals):
                 stage.draw({})
@@ -346,7 +349,7 @@ class Renderer:
         new = [name for name in self._visuals.undrawn if name not in self._warned]
         if new:
             self._warned.update(new)
-            warnings.warn(f"not rendered, which mujoco.Renderer draws: {', '.join(new)}", stacklevel=3)
+            warnings.warn(f"elements of mujoco.Renderer that are not rendered: {', '.join(new)}", stacklevel=3)
 
     def _depth(self) -> NDArray[np.float32]:
         assert self._camera is not None
@@ -364,12 +367,12 @@ class Renderer:
         images = self._cast("segmentation")
         if images is None:
             return np.full((*self._size, 2), -1, dtype=np.int32)
-        # A pair as one number: to gather pairs takes longer than to render a small image.
+        # Pairs as int64, since gathering pairs takes longer than rendering a small image.
         pairs = self._stage.meanings().view(np.int64)[:, 0]
         return pairs[images["segmentation"]].view(np.int32).reshape(*self._size, 2)
 
     def _cast(self, *outputs: Output) -> dict[str, np.ndarray] | None:
-        """Cast images of one view, by the sensor if reasons are one of them; None if there are no geoms."""
+        """Render outputs of one view, with the sensor if they include reasons; return None without geoms."""
         stage = self._stage
         assert self._camera is not None
         camera, pose = self._viewer.seen(self._camera, self._pose)
@@ -379,7 +382,7 @@ class Renderer:
         key = (outputs, camera, culls)
         sensor = self._sensor if "reasons" in outputs else None
         if key not in stage.renderers:
-            # What is not cut away is seen where it is: depth is always a number.
+            # Near geometry is clipped, or rendered at its depth: depth is always a number.
             seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
             renderer = GeomRenderer(
                 stage.scene,
@@ -406,7 +409,7 @@ class Renderer:
         return self._stage_of(groups, static=static, sites=sites)
 
     def _stage_of(self, groups: Iterable[int], *, static: bool, sites: Iterable[int]) -> Stage:
-        """Return the stage of some groups, made when first needed."""
+        """Return the cached stage of the given groups."""
         key = (check_groups(groups), static, check_groups(sites) if self._model.nsite else ())
         if key not in self._stages:
             selection = select_geoms(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Geoms whose sizes differ between worlds: which they are, and how large."""
+"""Geoms whose sizes differ between worlds."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from warpvis.mujoco._world_models import WorldModels
 Resizable = Literal["all"] | Iterable[str]
 
 _GEOM = mujoco.mjtGeom
-# How many numbers of geom_size say how large a geom is.
+# Number of elements of geom_size that define the size of a geom.
 _NUMBERS = {_GEOM.mjGEOM_SPHERE: 1, _GEOM.mjGEOM_CAPSULE: 2, _GEOM.mjGEOM_CYLINDER: 2}
 _NUMBERS |= {_GEOM.mjGEOM_ELLIPSOID: 3, _GEOM.mjGEOM_BOX: 3}
 
 
 def resizable_geoms(model: mujoco.MjModel, selection: Selection, resizable: Resizable) -> tuple[int, ...]:
-    """List the geoms that are asked for by name or pattern, ascending; with ``"all"``, all that can be resized.
+    """List the geoms selected by name or pattern, or all resizable geoms with ``"all"``, in ascending order.
 
     Raises:
-        SceneError: The argument is not what it has to be, or a pattern fits nothing that can be resized.
+        SceneError: If the argument is invalid, or a pattern matches no resizable geom.
     """
     numbers = {int(kind): count for kind, count in _NUMBERS.items()}
     primitive = {geom for geom in range(model.ngeom) if int(model.geom_type[geom]) in numbers}
@@ -43,18 +43,18 @@ def resizable_geoms(model: mujoco.MjModel, selection: Selection, resizable: Resi
         found = primitive.intersection(fitting(model, selection.names, pattern, "resizable"))
         if not found:
             raise SceneError(
-                f"{pattern!r} in resizable fits no geom that is a box, sphere, capsule, cylinder or ellipsoid, and "
-                "nothing else can be of another size"
+                f"{pattern!r} in resizable must match a geom that is a box, sphere, capsule, cylinder or ellipsoid; "
+                "other geoms cannot be resized"
             )
         chosen |= found
     return tuple(sorted(chosen))
 
 
 class ResizableGeoms:
-    """The geoms of a scene that are of another size in some worlds, and the sizes of all as the scene has them."""
+    """The resizable geoms of a scene, and the sizes of all geoms in the scene."""
 
     def __init__(self, model: mujoco.MjModel, mujoco_scene: MujocoScene, geoms: Iterable[int]) -> None:
-        """Take note of the sizes that a scene was just made of."""
+        """Initialize with the sizes of a newly built scene."""
         self._scene = mujoco_scene
         self._geoms = np.array(sorted(set(geoms) & set(mujoco_scene.geom_ids.tolist())), dtype=np.int64)
         self._kinds = np.array(model.geom_type, dtype=np.int32)
@@ -63,21 +63,21 @@ class ResizableGeoms:
 
     @property
     def objects(self) -> NDArray[np.int64]:
-        """Indices of the objects that they are."""
+        """Indices of their objects."""
         return np.flatnonzero(np.isin(self._scene.geom_ids, self._geoms))
 
     def sizes(self, models: WorldModels, rows: NDArray[np.int32]) -> wp.array | None:
-        """Return how large all that moves is in some worlds, as `warpvis.kernels.worlds.Worlds` has it.
+        """Return the sizes of all movable objects in some worlds, for `warpvis.kernels.worlds.Worlds`.
 
         Args:
-            models: What differs between worlds.
+            models: The arrays that differ between worlds.
             rows: The worlds, as rows of its arrays.
 
         Returns:
-            Shape ``(worlds, M)`` vec4 on the scene's device; None if all are as the scene has them.
+            Sizes, shape ``(worlds, M)`` vec4 on the scene's device; None if all equal the scene's.
 
         Raises:
-            ArrayError: A size is none, or of a geom that keeps its own.
+            ArrayError: If a size is invalid, or differs for a geom that is not resizable.
         """
         from warpvis.kernels.mujoco import geom_sizes
 
@@ -93,7 +93,7 @@ class ResizableGeoms:
         return sizes
 
     def _on_device(self, movable: int) -> list[wp.array]:
-        """Return the resizable geom of everything that moves, -1 for none, and all geoms' types and own sizes."""
+        """Return the resizable geom of each movable object, -1 for none, and types and model sizes of all geoms."""
         if self._arrays is None or len(self._arrays[0]) != movable:
             device, columns = self._scene.scene.device, np.full(movable, -1, dtype=np.int32)
             moving = self._scene.movable_geoms
@@ -103,11 +103,11 @@ class ResizableGeoms:
         return self._arrays
 
     def _checked(self, given: Any) -> bool:
-        """Tell whether sizes say anything new; those on a GPU are not read for that."""
+        """Check sizes, except on a GPU; return whether there are resizable geoms."""
         if on_gpu(given):
             if not len(self._geoms) and given.shape[0] > 1:
                 raise ArrayError(
-                    "geom_size is of several worlds and no geom is resizable; make the BatchRenderer with "
+                    "geom_size must be of 1 world if no geom is resizable; create the BatchRenderer with "
                     'resizable=["box*", ...] or resizable="all"'
                 )
             return len(self._geoms) > 0
@@ -118,33 +118,33 @@ class ResizableGeoms:
             )
         with np.errstate(over="ignore"):
             rows = rows.astype(np.float32)
-        self._check_kept(rows)
+        self._check_constant(rows)
         self._check_positive(rows)
         return len(self._geoms) > 0
 
-    def _check_kept(self, rows: NDArray[np.float32]) -> None:
-        """Raise an `ArrayError` if a geom of the scene that keeps its size has another one."""
-        kept = np.setdiff1d(self._scene.geom_ids, self._geoms)
-        other = np.argwhere((rows[:, kept] != self._own[kept]).any(axis=2))
+    def _check_constant(self, rows: NDArray[np.float32]) -> None:
+        """Raise an `ArrayError` if a geom that is not resizable differs from the model."""
+        constant = np.setdiff1d(self._scene.geom_ids, self._geoms)
+        other = np.argwhere((rows[:, constant] != self._own[constant]).any(axis=2))
         if not len(other):
             return
         world, place = other[0].tolist()
-        name = self._name(int(kept[place]))
-        said = f"geom_size of {name!r} is another one in world {world} than the model's"
-        if int(self._kinds[kept[place]]) not in map(int, _NUMBERS):
-            raise ArrayError(f"{said}; planes, height fields and meshes keep their sizes")
-        raise ArrayError(f'{said}; make the BatchRenderer with resizable=[{name!r}] or resizable="all"')
+        name = self._name(int(constant[place]))
+        message = f"geom_size of {name!r} must equal the model's, got another in world {world}"
+        if int(self._kinds[constant[place]]) not in map(int, _NUMBERS):
+            raise ArrayError(f"{message}; planes, height fields and meshes cannot be resized")
+        raise ArrayError(f'{message}; create the BatchRenderer with resizable=[{name!r}] or resizable="all"')
 
     def _check_positive(self, rows: NDArray[np.float32]) -> None:
         for kind, count in _NUMBERS.items():
-            some = self._geoms[self._kinds[self._geoms] == int(kind)]
-            numbers = rows[:, some, :count]
+            geoms = self._geoms[self._kinds[self._geoms] == int(kind)]
+            numbers = rows[:, geoms, :count]
             bad = np.argwhere(~((numbers > 0) & np.isfinite(numbers)).all(axis=2))
             if len(bad):
                 world, place = bad[0].tolist()
-                got = rows[world, some[place], :count].tolist()
+                got = rows[world, geoms[place], :count].tolist()
                 raise ArrayError(
-                    f"geom_size of {self._name(int(some[place]))!r} must be positive numbers of metres in every world, "
+                    f"geom_size of {self._name(int(geoms[place]))!r} must be positive lengths [m] in every world, "
                     f"got {got} in world {world}"
                 )
 
@@ -153,5 +153,5 @@ class ResizableGeoms:
         return self._scene.scene.objects[place].name
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process makes the same of: no memory to work with."""
+        """Return the picklable state, without device arrays."""
         return self.__dict__ | {"_arrays": None}

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The appearance of all objects of a mesh file together, which are one object of a robot."""
+"""The joint appearance of all objects of a mesh file, which become one object of a robot."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance, Material
 
 _GRAY = Material(base_color=(0.5, 0.5, 0.5, 1.0))
-"""Of what has no color, as MuJoCo has it."""
+"""MuJoCo's default material."""
 
 
 def join_appearances(items: Sequence[SceneObject]) -> LazyAppearance | None:
-    """Return the look of objects whose vertices and faces are joined in their order; None if none has any."""
+    """Return the lazily loaded appearance of objects that are concatenated in order; None if no object has any."""
     return LazyAppearance(partial(_joined, items)) if any(item.lazy_appearance is not None for item in items) else None
 
 
@@ -38,8 +38,8 @@ def _joined(items: Sequence[SceneObject]) -> Appearance | None:
         corners = [appearance.corner_uv(item.faces) for item, appearance in zip(items, appearances, strict=True)]
         uv = np.concatenate(
             [
-                np.zeros((len(item.faces), 3, 2), dtype=np.float32) if part is None else part
-                for item, part in zip(items, corners, strict=True)
+                np.zeros((len(item.faces), 3, 2), dtype=np.float32) if corner is None else corner
+                for item, corner in zip(items, corners, strict=True)
             ]
         )
     return Appearance(
@@ -52,7 +52,7 @@ def _joined(items: Sequence[SceneObject]) -> Appearance | None:
 
 
 def _colors(parts: Sequence[NDArray | None], counts: Sequence[int]) -> NDArray[np.float32] | None:
-    """Join colors as floats, with white where a part has none; None if no part has any."""
+    """Concatenate colors as floats, with white for parts without any; None if no part has any."""
     if all(part is None for part in parts):
         return None
     joined = []

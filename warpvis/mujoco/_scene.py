@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A MuJoCo model's geoms as a scene."""
+"""Conversion of a MuJoCo model's geoms and sites to a scene."""
 
 from __future__ import annotations
 
@@ -45,42 +45,42 @@ Movable = Literal["bodies", "all"] | Iterable[str]
 
 @dataclass(frozen=True, eq=False)
 class MujocoScene:
-    """A MuJoCo model's geoms and sites as a scene, and which is which object; `scene_from_mujoco` makes it.
+    """A scene of a MuJoCo model's geoms and sites, with their ids; from `scene_from_mujoco`.
 
-    Objects that are added to `scene` come after the model's own.
+    Objects added to `scene` follow those of the model.
     """
 
     scene: Scene
-    """The geoms as objects, in the order of `geom_ids`, then the sites, and whatever was added to them."""
+    """Objects of the geoms, in the order of `geom_ids`, then of the sites, then added objects."""
     geom_ids: NDArray[np.int32]
-    """The geom of each of the scene's first objects, shape ``(G,)``."""
+    """Geom ids of the scene's first objects, shape ``(G,)``."""
     movable_geoms: NDArray[np.int32]
-    """The geoms whose poses say where all that moves is: the first columns of object poses, shape ``(M,)``."""
+    """Geom ids of the first columns of object poses, shape ``(M,)``; other geoms are attached to these."""
     geom_count: int
-    """How many geoms the model has, shown or not."""
+    """Number of geoms of the model, visible or not."""
     site_ids: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
-    """The site of each of the next objects, shape ``(S,)``."""
+    """Site ids of the next objects, shape ``(S,)``."""
     movable_sites: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
-    """The sites whose poses are the next columns of object poses."""
+    """Site ids of the next columns of object poses."""
     site_count: int = 0
-    """How many sites the model has, shown or not."""
+    """Number of sites of the model, visible or not."""
 
     def __copy__(self) -> MujocoScene:
-        """Share the meshes only: what is added to the copy is not in this one."""
+        """Return a copy that shares meshes but not later additions of objects."""
         return replace(self, scene=copy.copy(self.scene))
 
     def to(self, device: DeviceLike) -> MujocoScene:
-        """Return the same scene for another device."""
+        """Return a copy on another device."""
         return replace(self, scene=self.scene.to(device))
 
     def geoms_of_objects(self) -> NDArray[np.int32]:
-        """List the geom of every object of the scene, shape ``(objects,)``; -1 of sites and what was added to it."""
+        """List the geom id of every object of the scene, shape ``(objects,)``; -1 for sites and added objects."""
         geoms = np.full(len(self.scene), -1, dtype=np.int32)
         geoms[: len(self.geom_ids)] = self.geom_ids
         return geoms
 
     def shapes(self) -> NDArray[np.int32]:
-        """List the geoms and sites of the scene's first objects, sites behind all geoms, shape ``(G + S,)``."""
+        """List the shape numbers of geoms and sites (numbered after all geoms) of the first objects, ``(G + S,)``."""
         return np.concatenate([self.geom_ids, self.geom_count + self.site_ids])
 
 
@@ -97,43 +97,44 @@ def scene_from_mujoco(
     static: bool = True,
     device: DeviceLike = "cpu",
 ) -> MujocoScene:
-    """Make a scene of a MuJoCo model's geoms, one object each, whether or not they collide.
+    """Build a scene of a MuJoCo model's geoms, one object each, regardless of whether they collide.
 
-    What MuJoCo's renderer leaves out is left out: geoms whose colour has alpha 0 (`addGeomGeoms` in
-    src/engine/engine_vis_visualize.c). So are sites, unless `site_groups` names theirs, and tendons, skins and flexes,
-    which MuJoCo draws, and `Renderer` too. Sizes, meshes, heights and colours are read once, and so is where geoms are
-    in their bodies; make another scene after changing them, or take `Renderer`, which follows them.
+    Geoms whose color has alpha 0 are skipped, as by MuJoCo's renderer (`addGeomGeoms` in
+    src/engine/engine_vis_visualize.c). Sites are skipped unless their group is in `site_groups`. Tendons, skins and
+    flexes are skipped, although MuJoCo and `Renderer` draw them. Sizes, meshes, heights, colors and local poses of
+    geoms
+    are read once; build another scene after changing them, or use `Renderer`, which follows changes.
 
-    All shapes are exact, but for planes from below, which are 0.1 mm lower there, and infinite ones, which end at 10
-    times the distance of MuJoCo's far clipping plane from their origin. From inside of a round shape, and on export,
-    its triangles stand for it; they are nowhere farther from it than `tolerance`, or 1e-4 of its largest radius if that
-    is more.
+    All shapes are exact, except that planes are 0.1 mm lower when seen from below, and that infinite planes end at 10
+    times the distance of MuJoCo's far clipping plane from their origin. From inside a round shape, and on export, its
+    triangles are used; their distance from it is at most `tolerance`, or 1e-4 of its largest radius if that is greater.
 
-    An object is named as its geom, or as the geom's body if the geom has no name, with ``_1``, ``_2``, ... where that
-    is taken. Planes, height fields, and what has "floor" or "ground" in its name are `Label.GROUND`; the rest are
-    `Label.OBSTACLE`, unless `labels` says otherwise.
+    The name of an object is that of its geom, or of the geom's body if the geom has no name, with ``_1``, ``_2``, ...
+    appended to duplicates. Planes, height fields, and names with "floor" or "ground" are `Label.GROUND`; others are
+    `Label.OBSTACLE`, unless specified by `labels`.
 
     Args:
         model: A `mujoco.MjModel`.
-        geom_groups: Groups of geoms to show, of 0 to 5; 0, 1 and 2 by default, as in MuJoCo.
-        site_groups: Groups of sites to show, none by default: they are marks, which no sensor sees.
-        tolerance: Most distance between round shapes and their triangles [m].
-        labels: Labels by name of the object or its body; a name may be a pattern (``"wall_*"``), and the last one that
-            fits counts. Or a file of them, as for `Scene.load`.
-        label_names: Names of classes of your own, as for `Scene`.
-        exclude: Names or patterns of objects or bodies to leave out, and of tendons, skins and flexes not to be warned
-            of.
-        movable: ``"bodies"``: geoms of bodies that are not welded to the world, and of mocap bodies, move, and all
-            round ones; ``"all"``: so does every other geom, each by itself, for models whose geoms are moved by hand;
-            names or patterns: so do these bodies, each of one piece, and these geoms, each by itself.
-        static: Whether geoms show whose body is welded to the world.
-        device: Where the scene is rendered.
+        geom_groups: Groups of visible geoms, from 0 to 5; 0, 1 and 2 by default, as in MuJoCo.
+        site_groups: Groups of visible sites; none by default, since sites are markers that sensors do not see.
+        tolerance: Maximum distance between round shapes and their triangles [m].
+        labels: Labels by name of the object or its body; a name may be a pattern (``"wall_*"``), and the last match
+            applies. Or a file of labels, as for `Scene.load`.
+        label_names: Names of user-defined classes, as for `Scene`.
+        exclude: Names or patterns of objects or bodies to skip, and of tendons, skins and flexes not to warn of.
+        movable: ``"bodies"`` for geoms of bodies that are not welded to the world, geoms of mocap bodies, and all round
+            geoms; ``"all"`` for all geoms, where each of the others moves independently, for models whose geoms are
+            moved by the user; or names or patterns of additional bodies, each of which moves rigidly, and geoms, each
+            of
+            which moves independently.
+        static: Whether geoms of bodies welded to the world are visible.
+        device: Device on which the scene is rendered.
 
     Warns:
-        UserWarning: The model has skins, flexes or tendons that MuJoCo draws, and `exclude` does not name them.
+        UserWarning: If the model has skins, flexes or tendons that MuJoCo draws and that are not in `exclude`.
 
     Raises:
-        SceneError: An argument is invalid, a pattern fits nothing, or numbers of the model are not finite.
+        SceneError: If an argument is invalid, a pattern has no match, or values of the model are not finite.
     """
     selection = select_geoms(
         model,
@@ -152,21 +153,21 @@ def scene_from_mujoco(
 def make_scene(
     model: mujoco.MjModel, selection: Selection, *, movable: Movable, device: DeviceLike, alone: Iterable[int] = ()
 ) -> MujocoScene:
-    """Make the scene of `scene_from_mujoco`, and say nothing of what is not in it; some geoms move by themselves."""
+    """Build the scene of `scene_from_mujoco` without warnings; the geoms in `alone` move independently."""
     pieces = _choose_pieces(model, selection.names, movable)
     single = list(alone)
     pieces[single] = model.nbody + np.array(single, dtype=np.int32)
     scene = Scene(device=device)
     scene.use_labels(selection.rules)
     scene.lights, scene.background = model_lights(model), model_background(model)
-    kept = []
+    added = []
     parts = geom_parts(
         model, selection.shown(model), selection.names, selection.labels, tolerance=selection.tolerance, pieces=pieces
     )
     for geom, part in parts:
         scene.add(**part.arguments())
-        kept.append(geom)
-    shapes = np.array(kept, dtype=np.int32)
+        added.append(geom)
+    shapes = np.array(added, dtype=np.int32)
     moving, count = shapes[list(scene.movable)], int(model.ngeom)
     geom_ids, site_ids = shapes[shapes < count], shapes[shapes >= count] - count
     movable_geoms, movable_sites = moving[moving < count], moving[moving >= count] - count
@@ -175,27 +176,27 @@ def make_scene(
 
 @dataclass(frozen=True)
 class Selection:
-    """Which of a model's geoms a scene shows, and as what."""
+    """The visible geoms of a model, with their names and labels."""
 
     names: list[str]
-    """Names of all that is drawn, as `object_names` counts."""
+    """Names of all visual elements, in the numbering of `object_names`."""
     labels: list[int]
     """Their labels."""
     rules: LabelRules
-    """What was said of labels, and of the classes that they are."""
+    """Rules for labels and class names."""
     left_out: frozenset[int]
-    """What is not shown, whatever its group."""
+    """Numbers of elements that are excluded regardless of their group."""
     groups: tuple[int, ...]
-    """Groups of geoms that are."""
+    """Groups of visible geoms."""
     site_groups: tuple[int, ...]
-    """Groups of sites that are."""
+    """Groups of visible sites."""
     static: bool
-    """Whether geoms show whose body is welded to the world."""
+    """Whether geoms of bodies welded to the world are visible."""
     tolerance: float
-    """Most distance between round shapes and their triangles [m]."""
+    """Maximum distance between round shapes and their triangles [m]."""
 
     def shown(self, model: mujoco.MjModel) -> list[int]:
-        """List the geoms and sites that the model shows now."""
+        """List the currently visible geoms and sites."""
         moves = movable_bodies(model)[shape_bodies(model)]
         return [
             geom
@@ -215,10 +216,10 @@ def select_geoms(
     exclude: Iterable[str] = (),
     static: bool = True,
 ) -> Selection:
-    """Check and read the arguments of `scene_from_mujoco` that say what a scene shows, and as what.
+    """Parse the arguments of `scene_from_mujoco` that select visible geoms, names and labels.
 
     Raises:
-        SceneError: An argument is invalid, a pattern fits nothing, or numbers of the model are not finite.
+        SceneError: If an argument is invalid, a pattern has no match, or values of the model are not finite.
     """
     if not isinstance(model, mujoco.MjModel):
         raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
@@ -237,16 +238,18 @@ def select_geoms(
 
 
 def warn_of_soft(model: mujoco.MjModel, selection: Selection, option: mujoco.MjvOption | None) -> None:
-    """Name the skins, flexes and tendons that MuJoCo draws and that move in no way that a scene's objects do."""
+    """Warn of the skins, flexes and tendons that MuJoCo draws and that cannot be rigid objects of a scene."""
     found = soft_names(model, selection.names, option)
     names = [name for number, name in found.items() if number not in selection.left_out]
     if names:
-        some = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
-        warnings.warn(f"not rendered, which mujoco.Renderer and warpvis.mujoco.Renderer draw: {some}", stacklevel=3)
+        listed = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+        warnings.warn(
+            f"elements of mujoco.Renderer and warpvis.mujoco.Renderer that are not rendered: {listed}", stacklevel=3
+        )
 
 
 def _choose_pieces(model: mujoco.MjModel, names: list[str], movable: Movable) -> NDArray[np.int32]:
-    """Give a number to what moves together, ``(shapes,)``, as `scene_from_mujoco` is asked for it."""
+    """Return the number of the rigid piece of each shape, ``(shapes,)``, by the argument of `scene_from_mujoco`."""
     if isinstance(movable, str):
         check_choice(movable, "movable", ("bodies", "all"), SceneError)
         return rigid_pieces(model, alone=range(len(shape_bodies(model))) if movable == "all" else ())
@@ -264,15 +267,15 @@ def _choose_pieces(model: mujoco.MjModel, names: list[str], movable: Movable) ->
 
 
 def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str = "classes") -> NDArray[np.int32]:
-    """Give every shape the number of the last pattern that fits its object or body, ``(shapes,)``; -1 if none does.
+    """Return for every shape the number of the last pattern that matches its object or body, ``(shapes,)``; else -1.
 
     Args:
         model: The model.
         classes: Numbers by name or pattern.
-        name: What messages call them: the argument of who asks.
+        name: Name of the argument, for messages.
 
     Raises:
-        SceneError: A pattern fits nothing, or a number is none.
+        SceneError: If a pattern has no match, or a number is invalid.
     """
     numbers = np.full(len(shape_bodies(model)), -1, dtype=np.int32)
     names = object_names(model)[: len(numbers)]
@@ -285,10 +288,10 @@ def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str 
 
 
 def check_patterns(patterns: Any, name: str = "exclude") -> tuple[str, ...]:
-    """Return names or patterns of names.
+    """Check names or patterns of names, and return them as a tuple.
 
     Raises:
-        SceneError: They are none.
+        SceneError: If an item is not a text.
     """
     items = as_items(patterns, name, SceneError)
     wrong = [item for item in items if not isinstance(item, str)]
@@ -300,7 +303,7 @@ def check_patterns(patterns: Any, name: str = "exclude") -> tuple[str, ...]:
 def _assign_labels(
     model: mujoco.MjModel, names: list[str], rules: LabelRules, exclude: tuple[str, ...]
 ) -> tuple[list[int], set[int]]:
-    """Choose labels of all that is drawn, and what is left out."""
+    """Return labels of all visual elements, and numbers of excluded ones."""
     classes = LabelNames(rules.label_names)
     wanted: list[int] = [default_label(model, geom, name) for geom, name in enumerate(names)]
     for pattern, label in rules.labels.items():
@@ -310,7 +313,7 @@ def _assign_labels(
 
 
 def fitting(model: mujoco.MjModel, names: list[str], pattern: str, argument: str) -> list[int]:
-    """Find the geoms and sites whose object or body has a name that fits, and what else is drawn of such a name."""
+    """Find the numbers of visual elements whose name, or body's name, matches a pattern."""
     of_bodies = [model.body(body).name for body in range(model.nbody)]
     bodies = [of_bodies[body] for body in shape_bodies(model)]
     bodies += names[len(bodies) :]  # skins, flexes and tendons have none
@@ -320,6 +323,6 @@ def fitting(model: mujoco.MjModel, names: list[str], pattern: str, argument: str
         if fits(name, (pattern,)) or fits(body, (pattern,))
     ]
     if not fitting:
-        some = ", ".join(map(repr, names[:10])) or "none"
-        raise SceneError(f"{pattern!r} in {argument} fits no geom and no body of the model, which has {some}")
+        known = ", ".join(map(repr, names[:10])) or "none"
+        raise SceneError(f"{pattern!r} in {argument} must match a geom or body of the model, which has {known}")
     return fitting

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Geoms and sites of a model in one numbering: geoms have their ids, and sites follow them.
 
-MuJoCo draws both alike, sites after geoms (`mjv_addGeoms` in src/engine/engine_vis_visualize.c). Skins, flexes and
-tendons, which have no pose of their own, have the numbers behind.
+MuJoCo draws sites like geoms, after them (`mjv_addGeoms` in src/engine/engine_vis_visualize.c). Skins, flexes and
+tendons, which have no pose, have the numbers after the sites.
 """
 
 from __future__ import annotations
@@ -19,44 +19,44 @@ _SKIN, _FLEX, _TENDON = (int(getattr(mujoco.mjtObj, f"mjOBJ_{name}")) for name i
 
 
 def shape_count(model: mujoco.MjModel) -> int:
-    """Count geoms and sites."""
+    """Return the number of geoms and sites."""
     return int(model.ngeom + model.nsite)
 
 
 def shape_value(model: mujoco.MjModel, name: str, shape: int) -> Any:
-    """Return what the model says now of one shape, of the fields ``geom_<name>`` and ``site_<name>``."""
+    """Return the current value of a shape's field, ``geom_<name>`` or ``site_<name>``."""
     if shape < model.ngeom:
         return getattr(model, f"geom_{name}")[shape]
     return getattr(model, f"site_{name}")[shape - model.ngeom]
 
 
 def shape_data(model: mujoco.MjModel, shape: int) -> int:
-    """Return the mesh or height field of a shape; -1 without."""
+    """Return the id of a shape's mesh or height field; -1 for none."""
     return int(model.geom_dataid[shape]) if shape < model.ngeom else -1
 
 
 def shape_bodies(model: mujoco.MjModel) -> NDArray[np.int32]:
-    """Return the body of every shape, ``(shapes,)``."""
+    """Return the body id of every shape, ``(shapes,)``."""
     return np.concatenate([model.geom_bodyid, model.site_bodyid])
 
 
 def shape_meaning(model: mujoco.MjModel, shape: int) -> tuple[int, int]:
-    """Return id and `mujoco.mjtObj` of a shape."""
+    """Return the id and `mujoco.mjtObj` of a shape."""
     return (shape, GEOM) if shape < model.ngeom else (shape - int(model.ngeom), SITE)
 
 
 def shape_places(data: mujoco.MjData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Copy where all shapes are: positions [m], ``(shapes, 3)``, and rotations, ``(shapes, 9)``."""
+    """Copy the poses of all shapes: positions [m], ``(shapes, 3)``, and rotations, ``(shapes, 9)``."""
     return np.concatenate([data.geom_xpos, data.site_xpos]), np.concatenate([data.geom_xmat, data.site_xmat])
 
 
 def drawn_number(model: mujoco.MjModel, kind: int, index: int) -> int | None:
-    """Return the number of what is drawn, as `object_names` counts; None for decorations.
+    """Return the number of a visual element in the numbering of `object_names`; None for decorations.
 
     Args:
         model: The model.
-        kind: Its `mujoco.mjtObj`.
-        index: Its id.
+        kind: `mujoco.mjtObj` of the element.
+        index: Id of the element.
     """
     first = 0
     for known, count in _counts(model).items():
@@ -67,7 +67,7 @@ def drawn_number(model: mujoco.MjModel, kind: int, index: int) -> int | None:
 
 
 def object_names(model: mujoco.MjModel) -> list[str]:
-    """Name all that is drawn, all differently: geoms, sites, skins, flexes and tendons."""
+    """Return unique names of all visual elements: geoms, sites, skins, flexes and tendons."""
     names = [model.geom(geom).name for geom in range(model.ngeom)]
     taken, last = {name for name in names if name}, dict.fromkeys(range(model.nbody), -1)
     for geom, body in enumerate(model.geom_bodyid.tolist()):
@@ -87,7 +87,7 @@ def object_names(model: mujoco.MjModel) -> list[str]:
 
 
 def free_name(wanted: str, taken: set[str]) -> str:
-    """Return the name, or with ``_1``, ``_2``, ... where it is taken."""
+    """Return `wanted`, with ``_1``, ``_2``, ... appended if it is taken."""
     name, number = wanted, 0
     while name in taken:
         number += 1
@@ -106,6 +106,6 @@ def _own_name(model: mujoco.MjModel, kind: int, index: int) -> str:
 
 
 def _counts(model: mujoco.MjModel) -> dict[int, int]:
-    """Count all that is drawn, by type and in order."""
+    """Return the numbers of visual elements by type, in order."""
     counts = (model.ngeom, model.nsite, model.nskin, model.nflex, model.ntendon)
     return dict(zip((GEOM, SITE, _SKIN, _FLEX, _TENDON), map(int, counts), strict=True))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A model's scene that follows the model: what is where, how large, and what shows."""
+"""A scene that follows changes of a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -29,36 +29,36 @@ from warpvis.rendering import AnyCamera, Output
 from warpvis.scene import Part, Scene, SceneObject, as_it_is
 from warpvis.scene.solids import Solid
 
-# Entries of poses in double precision differ by less than this where nothing has moved [m, or none].
+# Tolerance of comparisons of double-precision poses [m; rotations: 1].
 _STILL = 1e-9
 
 
 class _Made(NamedTuple):
-    """What a geom's object was made of."""
+    """The shape and rigid piece from which a geom's object was built."""
 
     shape: tuple[float, ...]
     piece: int
 
 
 class StageState(NamedTuple):
-    """What a stage cannot make of its model."""
+    """State of a stage that does not follow from its model."""
 
     geoms: list[int]
-    """The geoms that have objects, shown or not."""
+    """Geoms with objects, visible or not."""
     added: list[tuple[SceneObject, str | None]]
-    """Objects that were added, and what they are attached to."""
+    """Added objects, with the names of the objects to which they are attached."""
     visuals: dict[VisualKey, Blocks]
-    """What else was drawn."""
+    """Other visual elements."""
     position: NDArray[np.float32]
     rotation: NDArray[np.float32]
 
 
 class Stage:
-    """A scene of a model's geoms and sites and what else MuJoCo draws, where it is now, and the renderers for it.
+    """A scene of a model's geoms, sites and other visual elements at their current poses, with its renderers.
 
-    The scene is made for speed: what is fixed lies in one tree, and what moves together shares one. When the model says
-    otherwise than it did, as much of it is made anew as has to be: fixed bodies that were moved, and geoms that were
-    moved in their bodies or changed their shape, are movable from there on, and to move them again costs nothing.
+    For speed, all static geoms are in one tree, and each rigid piece has one tree. When the model changes, only the
+    affected objects are rebuilt: static bodies that moved, and geoms that moved within their bodies or changed shape,
+    become movable, so that later moves are cheap.
     """
 
     def __init__(self, model: mujoco.MjModel, selection: Selection, scene: RendererScene) -> None:
@@ -66,7 +66,7 @@ class Stage:
 
         Args:
             model: The model.
-            selection: What to show of it.
+            selection: The visible geoms.
             scene: An empty scene.
         """
         self.scene = scene
@@ -80,9 +80,9 @@ class Stage:
         self._loose_bodies: set[int] = set()
         self._alone: set[int] = set()
         pieces, self._poses = rigid_pieces(model), initial_poses(model, self._spare)
-        """Geoms to world as they were when their objects were made, ``(ngeom, 4, 4)``."""
+        """Geom-to-world poses from which the objects were built, ``(ngeom, 4, 4)``."""
         self._made: dict[int, _Made] = {}
-        """What the objects were made of, by geom, in the order of the objects."""
+        """Shapes and pieces from which the objects were built, by geom, in the order of the objects."""
         for geom, part in self._parts(selection.shown(model), pieces, self._poses):
             scene.add(**part.arguments())
             self._made[geom] = _Made(shape_key(model, geom), int(pieces[geom]))
@@ -91,11 +91,11 @@ class Stage:
 
     @property
     def hidden(self) -> list[int]:
-        """Objects that the model does not show now."""
+        """Indices of the objects that are not visible now."""
         return self._hidden + self.visuals.hidden(len(self._made))
 
     def meanings(self) -> NDArray[np.int32]:
-        """List the id and type of every object, and at last of none, which is object -1."""
+        """List the id and type of every object, with a last row for no object (index -1)."""
         pairs = np.full((len(self.scene) + 1, 2), -1, dtype=np.int32)
         pairs[:-1, 1] = UNKNOWN
         known = [*(shape_meaning(self._model, geom) for geom in self._made), *self.visuals.meanings()]
@@ -103,13 +103,13 @@ class Stage:
         return pairs
 
     def update(self, data: mujoco.MjData) -> None:
-        """Update the poses of the geoms, and what follows from the model.
+        """Update the poses of the geoms, and follow changes of the model.
 
         Args:
             data: Computed data of the model.
 
         Raises:
-            SceneError: Numbers of the model are not finite.
+            SceneError: If values of the model are not finite.
         """
         if self._watch.changed():
             self._follow_model()
@@ -123,11 +123,11 @@ class Stage:
             self._rotation[count:] = data.site_xmat.reshape(-1, 3, 3)
 
     def draw(self, drawn: Mapping[VisualKey, Blocks]) -> None:
-        """Take over what MuJoCo draws beside geoms and sites."""
+        """Update the visual elements other than geoms and sites."""
         self.visuals.update(drawn, len(self._made))
 
     def object_poses(self) -> NDArray[np.float32] | None:
-        """Make rows of the movable objects, shape ``(1, M, 7)``; None if nothing moves."""
+        """Return poses of the movable objects, shape ``(1, M, 7)``; None without movable objects."""
         geoms = self._places.shape[1]
         if geoms:
             self._place.launch()
@@ -139,7 +139,7 @@ class Stage:
         return np.concatenate([self._places, rows], axis=1)
 
     def state(self) -> StageState:
-        """Return what `restore` makes of a new stage what this one is."""
+        """Return the state for `restore`."""
         objects = self.scene.objects
         carriers = [None if item.carrier is None else objects[item.carrier].name for item in objects]
         items = [(as_it_is(item), carrier) for item, carrier in zip(objects, carriers, strict=True)]
@@ -147,8 +147,8 @@ class Stage:
         return StageState(list(self._made), added, self.visuals.state(), *places)
 
     def restore(self, state: StageState) -> None:
-        """Take over the state of another stage of the same model."""
-        # Those that were hidden when this stage was made: objects may be attached to them.
+        """Restore the state of another stage of the same model."""
+        # Add geoms that are hidden in this stage, since objects may be attached to them.
         shown = set(self._made)
         self._replace(set(), set(state.geoms) - shown, initial_poses(self._model, self._spare))
         self._hide_all_but(shown)
@@ -172,7 +172,7 @@ class Stage:
         return geom_parts(self._model, geoms, names, labels, tolerance=tolerance, pieces=pieces, poses=poses)
 
     def _get_ready(self) -> None:
-        """Make what updates work with, for the geoms' objects as they are."""
+        """Allocate the arrays and the launch of updates for the current objects."""
         from warpvis.kernels.mujoco import geom_transforms
 
         geoms, objects = np.array(list(self._made), dtype=np.int32), self.scene.objects[: len(self._made)]
@@ -194,7 +194,7 @@ class Stage:
         self._place = launch(geom_transforms, places.shape, inputs, wp.get_device("cpu"), record_cmd=True)
 
     def _follow_model(self) -> None:
-        """Make the scene what the model says now."""
+        """Rebuild the parts of the scene that changed in the model."""
         check_shape_numbers(self._model)
         poses = initial_poses(self._model, self._spare)
         self._release(poses)
@@ -211,7 +211,7 @@ class Stage:
         self._hide_all_but(set(shown))
 
     def _follow_fixed(self, data: mujoco.MjData) -> None:
-        """Let go of fixed geoms that the data has elsewhere than the model."""
+        """Make static geoms movable whose poses in the data differ from the model's."""
         places = shape_places(data) if self._fixed_sites else (data.geom_xpos, data.geom_xmat)
         for place, now in zip(places, self._fixed_now, strict=True):
             place.take(self._fixed, axis=0, out=now, mode="clip")
@@ -229,7 +229,7 @@ class Stage:
             self._fixed_before = [bytearray(now.tobytes()) for now in self._fixed_now]
 
     def _release(self, poses: NDArray[np.float64]) -> None:
-        """Let go of what the model has elsewhere: fixed bodies, and geoms that have moved in their pieces."""
+        """Detach static bodies that moved, and geoms that moved within their rigid pieces."""
         fixed = self._fixed
         moved = fixed[_differs(poses[fixed], self._poses[fixed])]
         bodies = shape_bodies(self._model)[moved]
@@ -239,7 +239,7 @@ class Stage:
         self._alone.update(self._attached[_differs(now, before)].tolist())
 
     def _deform(self, geoms: Iterable[int]) -> set[int]:
-        """Give geoms another shape of the same triangles, where they have trees of their own; say which."""
+        """Update the vertices of geoms with separate trees and unchanged faces; return these geoms."""
         done, objects = set(), dict(zip(self._made, self.scene.objects, strict=False))
         alone = [geom for geom in geoms if objects[geom].points is not None]
         pieces = rigid_pieces(self._model, loose_bodies=self._loose_bodies, alone=self._alone)
@@ -253,7 +253,7 @@ class Stage:
         return done
 
     def _replace(self, reshaped: set[int], new: set[int], poses: NDArray[np.float64]) -> None:
-        """Make anew the objects of geoms that changed, or that belong to another piece now."""
+        """Rebuild the objects of geoms that changed, or that are now in another rigid piece."""
         old = rigid_pieces(self._model, loose_bodies=self._loose_bodies, alone=self._alone)
         occupied = {made.piece for made in self._made.values()} - {FIXED}
         self._alone |= reshaped | {geom for geom in new if int(old[geom]) in occupied}
@@ -275,7 +275,7 @@ class Stage:
                 self.scene.update_vertices(part.name, part.mesh[0])
 
     def _put(self, parts: Iterable[tuple[int, Part]]) -> None:
-        """Put parts in the place of their geoms' objects; what was added to the scene stays behind the geoms."""
+        """Replace the objects of geoms by parts; objects added to the scene remain after the geoms."""
         objects = self.scene.objects
         items = dict(zip(self._made, objects, strict=False))
         added = objects[len(self._made) :]
@@ -291,8 +291,8 @@ class Stage:
         taken = {item.name for item in ordered[: len(items)]} & {item.name for item in added}
         if taken:
             raise SceneError(
-                f"the model shows a geom named {min(taken)!r} now, as an object is that was added to the scene; "
-                "add it under another name"
+                f"objects added to the scene must not have names of visible geoms, got {min(taken)!r}; "
+                "add it with another name"
             )
         index = {item.name: number for number, item in enumerate(ordered)}
         self.scene.replace_objects(
@@ -300,7 +300,7 @@ class Stage:
         )
 
     def _moves_alone(self, name: str) -> bool:
-        """Tell whether nothing that was added moves with an object."""
+        """Return whether no object is attached to the given one."""
         index = self.scene.index(name)
         return all(item.carrier != index for item in self.scene.objects)
 

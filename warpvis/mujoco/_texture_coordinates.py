@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where 2D and cube textures lie on MuJoCo's shapes, as coordinates of each corner of their triangles.
+"""Texture coordinates of 2D and cube textures on MuJoCo's shapes, per triangle corner.
 
 The formulas are those of MuJoCo 4's renderer: `makeBuiltin`, `sphere`, `halfSphere`, `cylinder`, `disk` and `makePlane`
-in src/render/classic/render_context.c, and `settexture` in render_gl3.c. They count v downwards; here it goes upwards.
-Repetitions are multiplied in.
+in src/render/classic/render_context.c, and `settexture` in render_gl3.c. MuJoCo's v is downward; here it is upward.
+Coordinates include repetitions.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ _GEOM = mujoco.mjtGeom
 def plain_uv(
     kind: int, size: Corners, vertices: Corners, faces: NDArray[np.int32], repeat: Corners, *, uniform: bool
 ) -> NDArray[np.float32]:
-    """Lay a 2D texture on a shape.
+    """Compute coordinates of a 2D texture on a shape.
 
     Args:
         kind: A `mujoco.mjtGeom`.
-        size: The geom's, shape ``(3,)``.
-        vertices: Corners in the geom's frame [m], shape ``(n, 3)``.
-        faces: Corner indices, shape ``(m, 3)``.
-        repeat: How often it is repeated in u and v.
-        uniform: Whether that is for each two metres instead of for the shape.
+        size: Size of the geom, shape ``(3,)``.
+        vertices: Vertices in the geom's frame [m], shape ``(n, 3)``.
+        faces: Faces, shape ``(m, 3)``.
+        repeat: Number of repetitions in u and v.
+        uniform: Whether repetitions are per two meters instead of per shape.
 
     Returns:
-        Shape ``(m, 3, 2)``.
+        Coordinates, shape ``(m, 3, 2)``.
     """
     corners = vertices[faces]
     size = _size(kind, size)
@@ -58,7 +58,7 @@ def plain_uv(
 
 
 def stored_uv(rows: NDArray[np.floating], size: Corners, repeat: Corners, *, uniform: bool) -> NDArray[np.float32]:
-    """Repeat a mesh's own coordinates, whose v counts downwards, shape ``(m, 3, 2)``."""
+    """Apply repetitions to a mesh's coordinates, whose v is downward, shape ``(m, 3, 2)``."""
     along = np.where(repeat > 0, repeat, 1.0) * (np.where(size[:2] > 0, size[:2], 1.0) if uniform else 1.0)
     uv = np.array(rows, dtype=np.float64)
     uv[..., 1] = 1 - uv[..., 1]
@@ -66,9 +66,9 @@ def stored_uv(rows: NDArray[np.floating], size: Corners, repeat: Corners, *, uni
 
 
 def box_cube_uv(corners: Corners, size: Corners, width: int) -> NDArray[np.float32]:
-    """Lay six images, one below the other and so wide, on the sides of a box, each whole on one.
+    """Compute coordinates of six vertically stacked images of the given width, one for each side of a box.
 
-    OpenGL clamps them at their edges: coordinates end in the middle of the texels there.
+    OpenGL clamps them at their edges: coordinates end at the centers of the border texels.
     """
     unit = corners / size
     axis, sign = _sides(corners)
@@ -82,7 +82,7 @@ def box_cube_uv(corners: Corners, size: Corners, width: int) -> NDArray[np.float
 
 
 def _size(kind: int, size: Corners) -> Corners:
-    """Return what a shape of unit size is stretched by."""
+    """Return the scale of a shape relative to its unit shape."""
     if kind == _GEOM.mjGEOM_SPHERE:
         return np.repeat(size[:1], 3)
     if kind in (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER):
@@ -96,7 +96,7 @@ def _repeated(uv: Corners, along: Corners, shift: float) -> NDArray[np.float32]:
 
 
 def _sides(corners: Corners) -> tuple[NDArray[np.intp], Corners]:
-    """Return the axis that each triangle looks along, and which way."""
+    """Return the dominant axis of each triangle's normal, and its sign."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     axis = np.abs(normals).argmax(axis=1)
     return axis, np.where(np.take_along_axis(normals, axis[:, None], axis=1)[:, 0] < 0, -1.0, 1.0)
@@ -110,7 +110,10 @@ def _box(unit: Corners, size: Corners) -> Corners:
 
 
 def _azimuth(unit: Corners) -> Corners:
-    """Return the share of a turn about z, of triangles across the seam beyond 1, and of poles in between."""
+    """Compute the azimuth about z in revolutions.
+
+    Triangles across the seam get values above 1, and corners at poles the mean of the other corners.
+    """
     share = np.arctan2(unit[..., 1], unit[..., 0]) / (2 * np.pi) % 1.0
     pole = np.abs(unit[..., :2]).max(axis=-1) < 1e-6
     low, high = np.where(pole, 1.0, share).min(axis=1), np.where(pole, 0.0, share).max(axis=1)
@@ -120,7 +123,7 @@ def _azimuth(unit: Corners) -> Corners:
 
 
 def _elevation(unit: Corners) -> Corners:
-    """Return angles above the equator as shares of a quarter of a turn, -1 to 1."""
+    """Compute the elevation in units of pi/2, -1 to 1."""
     return np.arctan2(unit[..., 2], np.hypot(unit[..., 0], unit[..., 1])) / (np.pi / 2)
 
 
@@ -136,7 +139,7 @@ def _cylinder(unit: Corners, size: Corners) -> Corners:
 
 
 def _capsule(unit: Corners, size: Corners) -> Corners:
-    """Lay it on the side, and once more on each end."""
+    """Map the texture on the side, and again on each end."""
     middle = unit[..., 2].mean(axis=1)
     end = np.where(middle > 1, 1.0, np.where(middle < -1, -1.0, 0.0))[:, None]
     beyond = np.stack([unit[..., 0], unit[..., 1], (unit[..., 2] - end) * size[2] / size[0]], axis=-1)

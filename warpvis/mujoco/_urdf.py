@@ -1,9 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""URDF robots as MuJoCo compiles them, with meshes found where ROS packages have them and read by `Scene.load`.
+"""Compilation of URDF robots by MuJoCo, with meshes found in ROS packages and read by `Scene.load`.
 
-MuJoCo's own decoder keeps only the first object of an OBJ file, does not read most other formats, and takes at most
-200,000 triangles of STL.
+MuJoCo's decoder reads only the first object of an OBJ file, few other formats, and at most 200,000 triangles of STL.
 """
 
 from __future__ import annotations
@@ -29,24 +28,24 @@ from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance
 
 VISUAL_GROUP = 1
-"""The group of geoms that MuJoCo makes of visual elements; those of collision elements are in group 0."""
+"""The group of geoms of visual elements in MuJoCo; geoms of collision elements are in group 0."""
 
-_READ_BY_MUJOCO = ".msh"  # its own format
-_NO_MESHES = (".wbt", ".xml", ".urdf")  # `Scene.load` reads these, too
-_MIN_VERTICES = 4  # MuJoCo compiles no mesh with fewer
+_READ_BY_MUJOCO = ".msh"  # MuJoCo's format
+_NO_MESHES = (".wbt", ".xml", ".urdf")  # formats of `Scene.load` that are not meshes
+_MIN_VERTICES = 4  # MuJoCo's minimum for a mesh
 _SCHEME = re.compile(r"(package|model|file)://(.*)")
 
-# MuJoCo compiles no body that moves without mass.
+# MuJoCo requires mass and inertia of moving bodies.
 _MIN_MASS, _MIN_INERTIA = 1e-6, 1e-9
 
 _DEFAULT_COLOR = "0.5 0.5 0.5 1"
-"""Of geoms in MuJoCo."""
+"""MuJoCo's default color of geoms."""
 _UNCOLORED = "warpvis-without-color-"
-"""Begins the names, while MuJoCo reads the file, of elements without a color of their own."""
+"""Prefix of temporary names of elements without a color."""
 
 
 class _Mesh(NamedTuple):
-    """The triangles of a mesh file, and what they look like, if the file says it."""
+    """The triangles of a mesh file, and their appearance, if the file has any."""
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.int32]
@@ -54,31 +53,31 @@ class _Mesh(NamedTuple):
 
 
 class CompiledRobot(NamedTuple):
-    """A robot as MuJoCo compiles it."""
+    """A robot compiled by MuJoCo."""
 
     model: mujoco.MjModel
     groups: tuple[int, ...]
-    """The groups of its geoms."""
+    """Groups of its visible geoms."""
     appearances: dict[int, LazyAppearance]
-    """Appearances that mesh files give geoms without a color of their own; coordinates are of corners of faces."""
+    """Appearances from mesh files, by geom, for geoms without a color; texture coordinates are per face corner."""
     left_out: list[str]
-    """Meshes that are left out, as parts of a sentence."""
+    """Descriptions of skipped meshes, as parts of a sentence."""
     warnings: list[str]
-    """Of the meshes' readers."""
+    """Warnings of the mesh readers."""
 
 
 def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[Path], *, strict: bool) -> CompiledRobot:
-    """Compile a robot as it looks, without masses: its visual elements, or else its collision elements.
+    """Compile the visual elements of a robot, or its collision elements if it has none, without masses.
 
     Args:
         path: Its file.
-        robot: The file's root, which is changed.
-        search_path: Folders to look for packages and meshes in.
+        robot: The root element, which is modified.
+        search_path: Folders that are searched for packages and meshes.
         strict: Whether a part of a mesh file without triangles is an error.
 
     Raises:
-        ValueError: MuJoCo does not compile it.
-        FileFormatError: A mesh does not parse, or `strict` is set and a part of it has no triangles.
+        ValueError: If MuJoCo cannot compile it.
+        FileFormatError: If a mesh does not parse, or, with `strict`, a part of it has no triangles.
     """
     found = _Meshes(path, search_path, strict)
     shown, hidden, groups = "visual", "collision", (VISUAL_GROUP,)
@@ -92,7 +91,7 @@ def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[P
             link.remove(element)
         for element in link.iter(shown):
             name = element.attrib.pop("name", "")
-            if name in names:  # MuJoCo prints a warning about one that is taken; the link's name identifies it, too
+            if name in names:  # MuJoCo warns about duplicates; the link's name suffices
                 name = ""
             names.add(name)
             if not _set_color(element, colored):
@@ -100,7 +99,7 @@ def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[P
                 name = f"{_UNCOLORED}{len(uncolored) - 1}"
             if name:
                 element.set("name", name)
-    # Links keep their names, whether or not they move; what is drawn stays; paths are as they are written.
+    # Keep fixed links, visual elements, and paths.
     options = robot.find("mujoco/compiler")
     if options is None:
         options = ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler")
@@ -110,7 +109,7 @@ def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[P
     spec.compiler.boundmass, spec.compiler.boundinertia = _MIN_MASS, _MIN_INERTIA
     meshes = {asset.name: found.read.get(asset.file) for asset in spec.meshes}
     for asset in spec.meshes:
-        asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # what is open has no volume
+        asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # open meshes have no volume
         mesh = meshes[asset.name]
         if mesh is not None:
             asset.file = ""
@@ -136,11 +135,11 @@ class _Meshes:
     read: dict[str, _Mesh | None] = field(default_factory=dict)
     """Meshes by path; None for files without triangles."""
     missing: list[str] = field(default_factory=list)
-    """URLs of which there is no file."""
+    """URLs whose files were not found."""
     warnings: list[str] = field(default_factory=list)
 
     def find(self, url: str) -> str | None:
-        """Return the path of a mesh and read it; None if there is no such file, or no triangle in it."""
+        """Read a mesh and return its path; None if there is no such file, or it has no triangles."""
         found = _find_mesh(url, self.path, self.search_path)
         if found is None:
             self.missing.append(url)
@@ -151,7 +150,7 @@ class _Meshes:
         return None if self.read.get(name, ()) is None else name
 
     def left_out(self) -> list[str]:
-        """Describe what was not found and what has no triangles, as parts of a sentence."""
+        """Describe missing meshes and meshes without triangles, as parts of a sentence."""
         parts = []
         if self.missing:
             names = ", ".join(map(truncate, dict.fromkeys(self.missing)))
@@ -161,7 +160,7 @@ class _Meshes:
 
 
 def _prepare(robot: ElementTree.Element, tag: str, meshes: _Meshes) -> bool:
-    """Write paths of meshes into links' elements, and remove elements without a surface; return whether one is left."""
+    """Write paths of meshes into links' elements, and remove elements without a surface; return whether any remain."""
     count = 0
     for link in robot.iter("link"):
         for element in link.findall(tag):
@@ -179,15 +178,15 @@ def _prepare(robot: ElementTree.Element, tag: str, meshes: _Meshes) -> bool:
 def _is_zero(number: str) -> bool:
     try:
         return float(number) == 0
-    except ValueError:  # MuJoCo's error names the line
+    except ValueError:  # MuJoCo raises an error with the line
         return False
 
 
 def _set_color(element: ElementTree.Element, colored: Container[str | None]) -> bool:
-    """Give MuJoCo's default color to an element without one, to which MuJoCo gives that of the element before.
+    """Set MuJoCo's default color for an element without a color, for which MuJoCo uses the previous element's.
 
     Returns:
-        Whether it has a color of its own.
+        Whether the element has a color.
     """
     material = element.find("material")
     if material is None:
@@ -199,7 +198,7 @@ def _set_color(element: ElementTree.Element, colored: Container[str | None]) -> 
 
 
 def _compiled_appearance(model: mujoco.MjModel, geom: int, mesh: _Mesh) -> LazyAppearance:
-    """Return a mesh's look for the faces that MuJoCo compiled, whose corners it orders anew where they are mirrored."""
+    """Return a mesh's appearance for the compiled faces, whose corners MuJoCo reorders where they are mirrored."""
     number = int(model.geom_dataid[geom])
     first = int(model.mesh_faceadr[number])
     compiled = model.mesh_face[first : first + len(mesh.faces)].copy()
@@ -218,7 +217,7 @@ def _compiled_appearance(model: mujoco.MjModel, geom: int, mesh: _Mesh) -> LazyA
 
 
 def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None:
-    """Find the file of a mesh: of a package in a folder of the search path or above the file, or beside the file."""
+    """Find the file of a mesh in packages of the search path or of parent folders, or in the robot file's folder."""
     folder = path.resolve().parent
     scheme = _SCHEME.fullmatch(url)
     kind, rest = (scheme[1], scheme[2]) if scheme else ("", url)
@@ -236,12 +235,12 @@ def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None
 
 
 def _read_mesh(path: Path, warned: list[str], *, strict: bool) -> _Mesh | None:
-    """Read all triangles of a mesh file, in the file's own frame; None if it has none.
+    """Read all triangles of a mesh file in the file's frame; return None if it has none.
 
-    Where the file has no colors, vertices at the same place become one, so that MuJoCo's normals are smooth.
+    Without colors in the file, vertices at the same position are merged, so that MuJoCo's normals are smooth.
 
     Raises:
-        FileFormatError: The file does not parse, or `strict` is set and a part of it has no triangles.
+        FileFormatError: If the file does not parse, or, with `strict`, a part of it has no triangles.
     """
     if path.suffix.lower() in _NO_MESHES:
         raise FileFormatError(f"{path}: must be a mesh file, got {path.suffix}")

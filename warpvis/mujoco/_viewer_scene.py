@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What users of `mujoco.Renderer` touch of its `scene`: flags and cameras, beside what a `warpvis.Scene` has."""
+"""A `warpvis.Scene` with the flags and cameras of `mujoco.Renderer.scene`."""
 
 from __future__ import annotations
 
@@ -24,14 +24,13 @@ _WIREFRAME = int(mujoco.mjtRndFlag.mjRND_WIREFRAME)
 
 
 class NotInSceneError(SceneError, AttributeError):
-    """What a `mujoco.MjvScene` has and `Renderer.scene` has not."""
+    """An attribute of `mujoco.MjvScene` that `Renderer.scene` lacks."""
 
 
 class ViewerScene:
-    """The flags and cameras of one renderer, made when somebody asks for them."""
+    """The flags and cameras of one renderer, created lazily."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Begin without any."""
         self._model = model
         self._made: mujoco.MjvScene | None = None
         self._frustum: Frustum | None = None
@@ -40,29 +39,29 @@ class ViewerScene:
         self._warned = False
 
     def update(self, frustum: Frustum, pose: NDArray[np.float32]) -> None:
-        """Take over what the camera sees, and where it is: both of a stereo pair are that one."""
+        """Set the frustum and pose of both cameras of the stereo pair."""
         self._frustum, self._pose = frustum, pose
         if self._made is not None:
             self._fill(self._made)
 
     def mujoco_scene(self) -> mujoco.MjvScene:
-        """Return MuJoCo's scene, of which only flags and cameras are used."""
+        """Return MuJoCo's scene, used for its flags and cameras only."""
         if self._made is None:
             self._made = mujoco.MjvScene(self._model, maxgeom=1)
             self._fill(self._made)
         return self._made
 
     def flags(self) -> list[int] | None:
-        """Return the flags; None if nobody has asked for them."""
+        """Return the flags; None if they were never accessed."""
         return None if self._made is None else self._made.flags.tolist()
 
     def set_flags(self, flags: list[int] | None) -> None:
-        """Take over flags."""
+        """Set the flags."""
         if flags is not None:
             self.mujoco_scene().flags[:] = flags
 
     def seen(self, camera: AnyCamera, pose: NDArray[np.float32]) -> tuple[AnyCamera, NDArray[np.float32]]:
-        """Return the camera and its pose, as the user has set them since the update."""
+        """Return the camera and its pose, with the user's changes since the update."""
         if self._made is None or self._frustum is None or [_values(own) for own in self._made.camera] == self._before:
             return camera, pose
         middle = mujoco.mjv_averageCamera(*self._made.camera)
@@ -83,7 +82,7 @@ class ViewerScene:
         return camera_of_frustum(frustum, camera.width, camera.height), row
 
     def culls(self) -> bool:
-        """Tell whether back faces are left out, as the flag says; warn if wires are asked for."""
+        """Return whether the flag for culling back faces is set; warn if the flag for wireframes is."""
         if self._made is None:
             return True
         if self._made.flags[_WIREFRAME] and not self._warned:
@@ -108,19 +107,19 @@ class ViewerScene:
 
 
 class RendererScene(Scene):
-    """What `Renderer` shows: a `warpvis.Scene`, with the flags and cameras of MuJoCo's.
+    """The scene of a `Renderer`: a `warpvis.Scene` with the flags and cameras of MuJoCo's scene.
 
-    Of `flags`, mjRND_CULL_FACE has an effect: without it surfaces are seen from behind, too. mjRND_WIREFRAME has none,
-    and the others have none on depth and segmentation. What is written into `camera` between `update_scene` and
-    `render` is what is rendered. It has no `geoms`: shapes are added by `add`.
+    Among `flags`, only mjRND_CULL_FACE has an effect: without it, back faces are visible. mjRND_WIREFRAME is ignored,
+    and the others do not affect depth and segmentation. Changes of `camera` between `update_scene` and `render` are
+    rendered. There are no `geoms`: use `add` for additional shapes.
     """
 
     def __init__(self, viewer: ViewerScene, *, device: DeviceLike = "cpu") -> None:
-        """Make an empty scene.
+        """Create an empty scene.
 
         Args:
-            viewer: Whose flags and cameras it has.
-            device: Where it is rendered.
+            viewer: Its flags and cameras.
+            device: Device on which it is rendered.
         """
         super().__init__(device=device)
         self._viewer = viewer
@@ -132,26 +131,26 @@ class RendererScene(Scene):
 
     @property
     def camera(self) -> Sequence[mujoco.MjvGLCamera]:
-        """The cameras of a stereo pair, of which the one in their middle is rendered."""
+        """The cameras of a stereo pair; their average is rendered."""
         return self._viewer.mujoco_scene().camera
 
     @property
     def geoms(self) -> NoReturn:
-        """Say that there are none."""
+        """Raise an error: the scene has no such attribute."""
         raise _not_here("geoms")
 
     @property
     def ngeom(self) -> NoReturn:
-        """Say that there are none."""
+        """Raise an error: the scene has no such attribute."""
         raise _not_here("ngeom")
 
     @property
     def maxgeom(self) -> NoReturn:
-        """Say that there are none."""
+        """Raise an error: the scene has no such attribute."""
         raise _not_here("maxgeom")
 
     def __reduce__(self) -> tuple[Callable[..., Scene], tuple[dict[str, Any]]]:
-        """Return what makes a `warpvis.Scene` of the same objects: flags and cameras are the renderer's."""
+        """Pickle as a `warpvis.Scene` of the same objects, since flags and cameras belong to the renderer."""
         return _plain_scene, (self.__getstate__(),)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Objects of a scene for what MuJoCo draws beside geoms and sites: their vertices move, and their triangles stay."""
+"""Scene objects of MuJoCo's visual elements other than geoms and sites, with moving vertices and fixed faces."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from warpvis.scene import Scene
 
 
 @dataclass
-class _Kept:
-    """What one object is made of."""
+class _VisualObject:
+    """The data of one object."""
 
     name: str
     capacity: int
-    """How many blocks it has triangles for."""
+    """Maximum number of blocks."""
     faces: NDArray[np.int32]
-    """Those of one block."""
+    """Faces of one block."""
     vertices: NDArray[np.float32]
-    """Where they were at the last update [m], shape ``(capacity * t, 3)``."""
+    """Vertices of the last update [m], shape ``(capacity * t, 3)``."""
 
     def holds(self, blocks: Blocks) -> bool:
-        """Tell whether blocks are these triangles elsewhere."""
+        """Return whether the object can represent the blocks with its faces and capacity."""
         fits = self.capacity >= len(blocks.vertices)
         return fits and self._corners() == blocks.vertices.shape[1] and np.array_equal(self.faces, blocks.faces)
 
     def blocks(self) -> Blocks:
-        """Return what makes the same object."""
+        """Return blocks that reproduce the object."""
         return Blocks(self.vertices.reshape(self.capacity, -1, 3), self.faces)
 
     def _corners(self) -> int:
@@ -45,80 +45,80 @@ class _Kept:
 
 
 class VisualObjects:
-    """The objects that stand behind the geoms and sites of a scene, and before what was added to it.
+    """The objects of visual elements, between the geoms and sites of a scene and its added objects.
 
-    Each is made when it is first drawn, and hidden when it is not. One of several shapes, such as the segments of a
-    tendon, has triangles for twice as many once there are more than it was made for.
+    Each object is created when it is first drawn, and hidden when it is not drawn. The capacity of an object of several
+    shapes, such as the segments of a tendon, is at least doubled when it is exceeded.
     """
 
     def __init__(self, model: mujoco.MjModel, selection: Selection, scene: Scene) -> None:
-        """Begin without any.
+        """Initialize without objects.
 
         Args:
             model: The model.
-            selection: Names and labels of what is drawn, and what is left out.
-            scene: Where the objects are.
+            selection: Names, labels and exclusions of visual elements.
+            scene: The scene of the objects.
         """
         self._model, self._selection, self._scene = model, selection, scene
-        self._kept: dict[VisualKey, _Kept] = {}
+        self._items: dict[VisualKey, _VisualObject] = {}
         self._shown: set[VisualKey] = set()
 
     def __len__(self) -> int:
-        return len(self._kept)
+        return len(self._items)
 
     def meanings(self) -> list[tuple[int, int]]:
         """List id and `mujoco.mjtObj` of every object."""
-        return [(key.which, key.kind) for key in self._kept]
+        return [(key.which, key.kind) for key in self._items]
 
     def hidden(self, first: int) -> list[int]:
-        """List the objects that are not drawn now, the first of all being number `first` of the scene."""
-        if len(self._shown) == len(self._kept):
+        """List the scene indices of objects that are not drawn now, where `first` is the index of the first object."""
+        if len(self._shown) == len(self._items):
             return []
-        return [first + place for place, key in enumerate(self._kept) if key not in self._shown]
+        return [first + place for place, key in enumerate(self._items) if key not in self._shown]
 
     def state(self) -> dict[VisualKey, Blocks]:
-        """Return what `update` makes the same objects of, as they are now."""
-        return {key: self._kept[key].blocks() for key in self._kept if key in self._shown}
+        """Return the blocks with which `update` reproduces the visible objects."""
+        return {key: self._items[key].blocks() for key in self._items if key in self._shown}
 
     def update(self, drawn: Mapping[VisualKey, Blocks], first: int) -> None:
-        """Show these things and no others.
+        """Set the visible elements.
 
         Args:
-            drawn: The shapes of each.
-            first: How many objects are before these in the scene.
+            drawn: Shapes by element.
+            first: Scene index of the first object.
         """
         shown = {key: blocks for key, blocks in drawn.items() if not self._is_left_out(key)}
         self._shown = set(shown)
         new = {
-            key: blocks for key, blocks in shown.items() if key not in self._kept or not self._kept[key].holds(blocks)
+            key: blocks for key, blocks in shown.items() if key not in self._items or not self._items[key].holds(blocks)
         }
         if new:
             self._make(new, first)
         for key, blocks in shown.items():
-            kept = self._kept[key]
-            vertices = blocks.filled_up(kept.capacity)
-            if key in new or not np.array_equal(vertices, kept.vertices):
-                self._scene.update_vertices(kept.name, vertices)
-                kept.vertices = vertices
+            item = self._items[key]
+            vertices = blocks.filled_up(item.capacity)
+            if key in new or not np.array_equal(vertices, item.vertices):
+                self._scene.update_vertices(item.name, vertices)
+                item.vertices = vertices
 
     def _is_left_out(self, key: VisualKey) -> bool:
         return drawn_number(self._model, key.kind, key.which) in self._selection.left_out
 
     def _make(self, new: Mapping[VisualKey, Blocks], first: int) -> None:
-        """Make objects, or make them anew."""
+        """Create or rebuild objects."""
         scene, draft = self._scene, Scene()
         objects = scene.objects
-        mine = dict(zip(self._kept, objects[first:], strict=False))
+        mine = dict(zip(self._items, objects[first:], strict=False))
         added = objects[first + len(mine) :]
         taken = {item.name for item in objects} | set(self._selection.names[: shape_count(self._model)])
         for key, blocks in new.items():
-            before, count = self._kept.get(key), len(blocks.vertices)
+            before, count = self._items.get(key), len(blocks.vertices)
             capacity = count if before is None or count <= before.capacity else max(count, 2 * before.capacity)
             name = free_name(self._name(key), taken) if before is None else before.name
             taken.add(name)
             vertices = blocks.filled_up(capacity)
             draft.add((vertices, blocks.all_faces(capacity)), name=name, label=self._label(key), movable=True)
-            self._kept[key] = _Kept(name, capacity, np.array(blocks.faces), vertices)
+            self._items[key] = _VisualObject(name, capacity, np.array(blocks.faces), vertices)
             mine[key] = draft[name]
         ordered = [*objects[:first], *mine.values(), *added]
         index = {item.name: number for number, item in enumerate(ordered)}

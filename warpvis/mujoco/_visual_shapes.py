@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The simple shapes that MuJoCo draws, as triangles (`renderGeom` in src/render/classic/render_gl3.c).
+"""Triangles of MuJoCo's simple visual shapes (`renderGeom` in src/render/classic/render_gl3.c).
 
-Many of one kind are one mesh: so many blocks of the same triangles, which are stretched, turned and moved.
+Shapes of one kind share one mesh, in which each shape is a scaled, rotated and translated block of the same triangles.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from warpvis.scene import solids
 _GEOM = mujoco.mjtGeom
 
 ROUGHEST = 0.02
-"""Most distance between triangles and the true surface, in radii."""
+"""Maximum distance between triangles and the exact surface, in radii."""
 _HEAD = 1.75
 """Radius of an arrow's head, in radii of the arrow."""
 
@@ -33,54 +33,54 @@ class Blocks:
     """Triangles of several shapes that have the same faces."""
 
     vertices: NDArray[np.floating]
-    """Corners in the world [m], shape ``(n, t, 3)``."""
+    """Vertices in the world [m], shape ``(n, t, 3)``."""
     faces: NDArray[np.int32]
-    """Corner indices of one block's triangles, shape ``(f, 3)``."""
+    """Faces of one block, shape ``(f, 3)``."""
 
     def filled_up(self, count: int) -> NDArray[np.float32]:
-        """Return corners of so many blocks, shape ``(count * t, 3)``: the last stands for those that are missing."""
+        """Return the vertices of `count` blocks, shape ``(count * t, 3)``, padded by copies of the last block."""
         missing = np.broadcast_to(self.vertices[-1:], (count - len(self.vertices), *self.vertices.shape[1:]))
         return np.concatenate([self.vertices, missing]).reshape(-1, 3).astype(np.float32)
 
     def all_faces(self, count: int) -> NDArray[np.int32]:
-        """Return corner indices of the triangles of so many blocks, shape ``(count * f, 3)``."""
+        """Return the faces of `count` blocks, shape ``(count * f, 3)``."""
         first = np.arange(count, dtype=np.int32) * self.vertices.shape[1]
         return (self.faces + first[:, None, None]).reshape(-1, 3)
 
 
 @dataclass(frozen=True, eq=False)
 class _Unit:
-    """A shape before it is stretched."""
+    """A shape of unit size."""
 
     corners: _Floats
-    """(t, 3): what is multiplied by the sizes."""
+    """Vertices that are multiplied by the sizes, ``(t, 3)``."""
     ends: _Floats
-    """(t,): which end of a capsule's axis a corner moves with: -1, 1, or 0 if it is multiplied instead."""
+    """End of a capsule's axis to which a vertex belongs: -1, 1, or 0 for other shapes, ``(t,)``."""
     faces: NDArray[np.int32]
-    """(f, 3)."""
+    """Faces, ``(f, 3)``."""
 
 
 def is_simple(kind: int) -> bool:
-    """Tell whether `simple_shapes` makes shapes of a `mujoco.mjtGeom`."""
+    """Return whether `simple_shapes` supports a `mujoco.mjtGeom`."""
     return kind in _MAKERS
 
 
 def simple_shapes(
     kind: int, sizes: _Floats, position: _Floats, rotation: _Floats, *, tolerance: float, open_ends: bool = False
 ) -> Blocks:
-    """Make shapes of one kind.
+    """Build shapes of one kind.
 
     Args:
         kind: A `mujoco.mjtGeom` that `is_simple`.
-        sizes: Their sizes as a `mujoco.MjvGeom` has them [m], shape ``(n, 3)``.
-        position: Where they are [m], shape ``(n, 3)``.
-        rotation: Shape to world, ``(n, 3, 3)``.
-        tolerance: Most distance between their triangles and the true surface [m], or `ROUGHEST` if that is less.
-        open_ends: Leave out the ends of cylinders.
+        sizes: Sizes as in `mujoco.MjvGeom` [m], shape ``(n, 3)``.
+        position: Positions [m], shape ``(n, 3)``.
+        rotation: Shape-to-world rotations, ``(n, 3, 3)``.
+        tolerance: Maximum distance between triangles and the exact surface [m], limited by `ROUGHEST`.
+        open_ends: Whether to omit the caps of cylinders.
     """
     radius = float(sizes[:, :2].max())
     error = min(tolerance / radius, ROUGHEST) if radius > 0 else ROUGHEST
-    # Halves only, so that what becomes a little larger keeps its triangles.
+    # The error is halved in steps, so that slightly larger shapes keep their faces.
     unit = _unit(kind, ROUGHEST / 2.0 ** math.ceil(math.log2(ROUGHEST / error)), open_ends)
     stretch, half = sizes.astype(np.float64), np.zeros(len(sizes))
     if kind == _GEOM.mjGEOM_CAPSULE:
@@ -99,7 +99,7 @@ def _unit(kind: int, error: float, open_ends: bool) -> _Unit:
         ends = np.sign(corners[:, 2])
         corners = corners - np.outer(ends, [0, 0, 1])
     if open_ends:
-        faces = faces[(faces < len(corners) - 2).all(axis=1)]  # the poles are the last
+        faces = faces[(faces < len(corners) - 2).all(axis=1)]  # the poles are the last vertices
     return _Unit(corners, ends, faces)
 
 
@@ -123,12 +123,12 @@ def _box(error: float) -> tessellation.Mesh:
 
 
 def _triangle(error: float) -> tessellation.Mesh:
-    """Make the triangle of the frame's x and y axes."""
+    """Build the triangle spanned by the frame's x and y axes."""
     return np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]], dtype=np.int32)
 
 
 def _arrow(error: float, head: float = _HEAD) -> tessellation.Mesh:
-    """Make an arrow along z: a third of its size is the shaft, a sixth the head."""
+    """Build an arrow along z: the shaft is a third of its size, the head a sixth."""
     return _joined(_placed(_cylinder(error), 1.0, 1 / 6, 1 / 6), _cone(error, head, 1 / 6, 1 / 3))
 
 
@@ -143,7 +143,7 @@ def _double_arrow(error: float) -> tessellation.Mesh:
 
 
 def _cone(error: float, radius: float, height: float, base: float) -> tessellation.Mesh:
-    """Make a cone from z = base up."""
+    """Build a cone from z = base upward."""
     corners, _ = _cylinder(error)
     slices = (len(corners) - 2) // 2
     ring = corners[slices : 2 * slices] * [radius, radius, 0] + [0, 0, base]

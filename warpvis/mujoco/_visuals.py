@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What MuJoCo draws beside geoms and sites, by its own account: skins, flexes, tendons, and what options ask for.
+"""MuJoCo's visual elements other than geoms and sites: skins, flexes, tendons, and elements enabled by options.
 
-`mjv_updateScene` (src/engine/engine_vis_visualize.c) lists it, with the vertices of skins and flexes.
+They come from `mjv_updateScene` (src/engine/engine_vis_visualize.c), with the vertices of skins and flexes.
 """
 
 from __future__ import annotations
@@ -28,30 +28,30 @@ _LINES = int(_GEOM.mjGEOM_LINE), int(_GEOM.mjGEOM_LINEBOX)
 _SHAPES = int(_OBJ.mjOBJ_GEOM), int(_OBJ.mjOBJ_SITE)
 _FRAMES_OF_SHAPES = mujoco.mjtFrame.mjFRAME_GEOM, mujoco.mjtFrame.mjFRAME_SITE
 _ALL, _DECOR = int(mujoco.mjtCatBit.mjCAT_ALL), int(mujoco.mjtCatBit.mjCAT_DECOR)
-_MAX_GEOMS = 10000  # as mujoco.Renderer has it by default
-_BOX_WIDTH = 1.5  # of a model's lines, where they are edges of boxes
+_MAX_GEOMS = 10000  # the default of mujoco.Renderer
+_BOX_WIDTH = 1.5  # of lines that are edges of boxes, relative to the model's line width
 _SOFT_FLAGS = "SKIN", "TENDON", "FLEXVERT", "FLEXEDGE", "FLEXFACE", "FLEXSKIN"
 _SENSORS = [int(getattr(mujoco.mjtSensor, f"mjSENS_{name}")) for name in ("RANGEFINDER", "GEOMFROMTO")]
 _JOINT_WRAP, _CRANK = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtTrn.mjTRN_SLIDERCRANK)
 
 
 MAIN_PARTS = "skin", "faces", "capsule"
-"""Shapes of skins, flexes and tendons of which there is nothing else, for most of them."""
+"""The main, and mostly only, shapes of skins, flexes and tendons."""
 
 
 class VisualKey(NamedTuple):
-    """What a visual object is of."""
+    """Identifier of a visual object."""
 
     kind: int
     """A `mujoco.mjtObj`."""
     which: int
     """Its id."""
     part: str
-    """Which of its shapes."""
+    """Name of one of its shapes."""
 
 
 def draws_by_default(model: mujoco.MjModel) -> bool:
-    """Tell whether MuJoCo draws something of a model beside its geoms and sites if no option asks for it."""
+    """Return whether MuJoCo, by default, draws elements of a model other than geoms and sites."""
     wraps = model.wrap_type[model.tendon_adr] if model.ntendon else np.zeros(0)
     cranks, rays = (model.actuator_trntype == _CRANK).any(), np.isin(model.sensor_type, _SENSORS).any()
     spatial = (wraps != _JOINT_WRAP).any()
@@ -59,12 +59,12 @@ def draws_by_default(model: mujoco.MjModel) -> bool:
 
 
 def soft_names(model: mujoco.MjModel, names: Sequence[str], option: mujoco.MjvOption | None) -> dict[int, str]:
-    """Name the skins, flexes and spatial tendons that MuJoCo draws, by their numbers.
+    """Return the names of the skins, flexes and spatial tendons that MuJoCo draws, by their numbers.
 
     Args:
         model: The model.
-        names: Names of all that is drawn, as `object_names` counts.
-        option: What to draw; by default what MuJoCo draws by default.
+        names: Names of all visual elements, in the numbering of `object_names`.
+        option: Options of drawing; MuJoCo's defaults if None.
     """
     option = mujoco.MjvOption() if option is None else option
     flags = {name: bool(option.flags[int(getattr(mujoco.mjtVisFlag, f"mjVIS_{name}"))]) for name in _SOFT_FLAGS}
@@ -74,7 +74,7 @@ def soft_names(model: mujoco.MjModel, names: Sequence[str], option: mujoco.MjvOp
     for kind, groups, drawn in (*kinds, ("tendon", option.tendongroup, flags["TENDON"])):
         for index in range(getattr(model, f"n{kind}")):
             group, rgba, material = (getattr(model, f"{kind}_{name}")[index] for name in ("group", "rgba", "matid"))
-            if kind == "tendon":  # these show whatever their opacity
+            if kind == "tendon":  # visible regardless of opacity
                 shows = model.wrap_type[model.tendon_adr[index]] != _JOINT_WRAP
             else:
                 shows = has_opacity(model, rgba, int(material))
@@ -85,36 +85,36 @@ def soft_names(model: mujoco.MjModel, names: Sequence[str], option: mujoco.MjvOp
 
 
 class Visuals:
-    """Asks MuJoCo what it draws of a model."""
+    """Reads MuJoCo's visual elements of a model."""
 
     def __init__(self, model: mujoco.MjModel, *, tolerance: float) -> None:
-        """Ask nothing yet.
+        """Initialize for a model.
 
         Args:
             model: The model.
-            tolerance: Most distance between round shapes and their triangles [m].
+            tolerance: Maximum distance between round shapes and their triangles [m].
         """
         self._model, self._tolerance = model, tolerance
         self._default = draws_by_default(model)
         self._plain = _without_shapes(mujoco.MjvOption())
         self._scene: mujoco.MjvScene | None = None
         self.undrawn: list[str] = []
-        """What MuJoCo drew at the last `read` and is not among the shapes."""
+        """Elements of the last `read` that are not supported."""
 
     def may_draw(self, option: mujoco.MjvOption | None) -> bool:
-        """Tell whether there may be anything to draw."""
+        """Return whether there may be elements to draw."""
         return self._default or (option is not None and asks_for_more(option))
 
     def read(
         self, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None, eye: Eye
     ) -> dict[VisualKey, Blocks]:
-        """Return what MuJoCo draws now, beside geoms and sites.
+        """Return the elements other than geoms and sites that MuJoCo draws now.
 
         Args:
-            data: Where everything is.
-            viewer: The camera that looks.
-            option: What to draw; by default what MuJoCo draws by default.
-            eye: Intrinsics of the camera, and where it is.
+            data: Simulation data with current poses.
+            viewer: The camera.
+            option: Options of drawing; MuJoCo's defaults if None.
+            eye: Intrinsics and pose of the camera.
         """
         if self._scene is None:
             self._scene = mujoco.MjvScene(self._model, maxgeom=_MAX_GEOMS)
@@ -163,7 +163,7 @@ class Visuals:
         return Blocks(vertices[None], model.skin_face[faces : faces + model.skin_facenum[skin]])
 
     def _flex(self, scene: mujoco.MjvScene, flex: int, radius: float) -> Iterator[tuple[VisualKey, Blocks]]:
-        """Yield the faces of a flex, or its edges and vertices: as case mjGEOM_FLEX of `renderGeom` has them."""
+        """Yield the faces of a flex, or its edges and vertices, as in case mjGEOM_FLEX of `renderGeom`."""
         kind = int(_OBJ.mjOBJ_FLEX)
         used = int(scene.flexfaceused[flex])
         if used:
@@ -186,7 +186,7 @@ class Visuals:
         return simple_shapes(int(_GEOM.mjGEOM_SPHERE), sizes, middles, rotation, tolerance=self._tolerance)
 
     def _rods(self, ends: NDArray[np.float64], radius: float) -> Blocks:
-        """Make open cylinders between pairs of points, ``(n, 2, 3)``."""
+        """Build open cylinders between pairs of points, ``(n, 2, 3)``."""
         along = ends[:, 1] - ends[:, 0]
         length = np.linalg.norm(along, axis=1)
         sizes = np.stack([np.full_like(length, radius), np.full_like(length, radius), length / 2], axis=1)
@@ -194,14 +194,14 @@ class Visuals:
             int(_GEOM.mjGEOM_CYLINDER),
             sizes,
             ends.mean(axis=1),
-            _turned_to(along),
+            _rotations_to(along),
             tolerance=self._tolerance,
             open_ends=True,
         )
 
 
-def _turned_to(directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Make rotations ``(n, 3, 3)`` that take z to some directions, of any length."""
+def _rotations_to(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute rotations ``(n, 3, 3)`` from z to the given directions, of any length."""
     length = np.linalg.norm(directions, axis=1, keepdims=True)
     z = np.where(length > 0, directions / np.where(length > 0, length, 1), [0, 0, 1])
     across = np.where(np.abs(z[:, :1]) < 0.5, [1.0, 0, 0], [0.0, 1, 0])
@@ -211,7 +211,7 @@ def _turned_to(directions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _without_shapes(option: mujoco.MjvOption) -> mujoco.MjvOption:
-    """Copy options, without geoms, sites and text; frames of geoms and sites follow their groups."""
+    """Copy options, with geoms, sites and text disabled, unless frames of geoms or sites require their groups."""
     chosen = copy.copy(option)
     if chosen.frame not in _FRAMES_OF_SHAPES:
         chosen.geomgroup[:] = chosen.sitegroup[:] = 0

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What of a model a scene was made of, and whether it still is as it was."""
+"""Detection of changes of a model since a scene was built from it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 
-# What is shown of every geom, and how large it is.
+# Visibility and sizes of geoms.
 _FIELDS = (
     "geom_type",
     "geom_dataid",
@@ -22,9 +22,9 @@ _FIELDS = (
     "geom_group",
     "hfield_size",
 )
-# Where every geom is in its body, and every body in its parent.
+# Poses of geoms in their bodies, and of bodies in their parents.
 _POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
-# The same of sites, which no model has to have.
+# The same fields of sites, which are optional.
 _SITE_FIELDS = ("site_type", "site_size", "site_rgba", "site_matid", "site_group")
 _SITE_POSES = ("site_pos", "site_quat")
 _MESHES = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
@@ -32,48 +32,48 @@ _FIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
 
 
 class Watched:
-    """Some of a model's memory, and a copy of how it was. Models keep their arrays in one place for life.
+    """An array of a model, and a copy of its previous values. Models never reallocate their arrays.
 
-    A `bytearray` compares itself with memory as fast as it can be read, which no comparison of NumPy arrays does.
+    Comparing a `bytearray` with memory is limited by memory bandwidth only, and faster than comparing NumPy arrays.
     """
 
     def __init__(self, array: np.ndarray) -> None:
-        """Begin with how it is now.
+        """Copy the current values.
 
         Args:
-            array: The memory, contiguous.
+            array: A contiguous array.
         """
         self.array = array
         self._memory = array.reshape(-1).data.cast("B") if array.size else memoryview(b"")
         self._before = bytearray(self._memory)
 
     def changed(self) -> bool:
-        """Tell whether it is other than it was."""
+        """Return whether values have changed."""
         return self._before != self._memory
 
     def before(self) -> np.ndarray:
-        """Return how it was, without a copy, until `accept`."""
+        """Return the previous values, as a view that is valid until `accept`."""
         return np.frombuffer(self._before, dtype=self.array.dtype).reshape(self.array.shape)
 
     def accept(self) -> None:
-        """Take how it is now for how it was."""
+        """Copy the current values as the previous ones."""
         self._before = bytearray(self._memory)
 
     def restore(self, before: np.ndarray) -> None:
-        """Take these values for how it was."""
+        """Set the previous values."""
         self._before = bytearray(np.ascontiguousarray(before).tobytes())
 
 
 class ModelWatch:
-    """Everything of a model that the shapes and the visibility of some geoms and sites follow from."""
+    """Watches the fields of a model that determine shapes and visibility of geoms and sites."""
 
     def __init__(self, model: mujoco.MjModel, geoms: Iterable[int], *, sites: bool = False) -> None:
-        """Begin with how the model is now.
+        """Copy the current values.
 
         Args:
             model: The model.
-            geoms: The geoms of which meshes and height fields are watched.
-            sites: Whether sites are watched, too.
+            geoms: The geoms whose meshes and height fields are watched.
+            sites: Whether sites are watched.
         """
         self._model = model
         poses = _POSES + (_SITE_POSES if sites else ())
@@ -90,22 +90,22 @@ class ModelWatch:
         self._all = [*self._fields.values(), *(run.watched for run in runs)]
 
     def changed(self) -> bool:
-        """Tell whether anything is other than it was."""
+        """Return whether any value has changed."""
         return any(watched.changed() for watched in self._all) or self._far() != self._plane
 
     def only_poses_changed(self) -> bool:
-        """Tell whether nothing but where geoms and bodies are is other than it was."""
+        """Return whether no values except poses of geoms, sites and bodies have changed."""
         changed = [watched for watched in self._all if watched.changed()]
         return self._far() == self._plane and all(watched in self._poses for watched in changed)
 
     def accept(self) -> None:
-        """Take how the model is now for how it was."""
+        """Copy the current values as the previous ones."""
         self._plane = self._far()
         for watched in self._all:
             watched.accept()
 
     def changed_assets(self) -> set[tuple[int, int]]:
-        """List the meshes and height fields that are other than they were, as type and data of a geom."""
+        """List the changed meshes and height fields, as type and data id of a geom."""
         sizes = self._fields["hfield_size"]
         before = sizes.before()
         resized = [k for k in range(len(before)) if not np.array_equal(before[k], sizes.array[k])]
@@ -114,11 +114,11 @@ class ModelWatch:
         return changed | {(kind, index) for run in self._vertices for index in run.changed() for kind in _MESHES}
 
     def _far(self) -> float:
-        """Return what the size of infinite planes follows from."""
+        """Return the distance of the far plane, which determines the size of infinite planes."""
         return float(self._model.vis.map.zfar * self._model.stat.extent)
 
 
-# What colors follow from. MuJoCo reads images of textures once, too.
+# Fields that determine colors. Like in MuJoCo, images of textures are read once.
 _APPEARANCE_FIELDS = (
     *("geom_rgba", "geom_matid", "site_rgba", "site_matid"),
     *("mat_rgba", "mat_texid", "mat_texrepeat", "mat_texuniform"),
@@ -130,33 +130,33 @@ _HEADLIGHT_FIELDS = ("ambient", "diffuse", "specular")
 
 
 class AppearanceWatch:
-    """Everything of a model that colors follow from, apart from its shapes."""
+    """Watches the fields of a model that determine colors, except shapes."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Begin with how the model is now."""
+        """Copy the current values."""
         self._model = model
         self._fields = {name: Watched(getattr(model, name)) for name in _APPEARANCE_FIELDS}
         headlight = model.vis.headlight
         self._fields |= {f"vis.headlight.{name}": Watched(getattr(headlight, name)) for name in _HEADLIGHT_FIELDS}
 
     def changed(self) -> list[str]:
-        """List the fields that differ from how they were."""
+        """List the changed fields."""
         return [name for name, watched in self._fields.items() if watched.changed()]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the model and how it was."""
+        """Return the model and the previous values."""
         before = {name: watched.before().copy() for name, watched in self._fields.items()}
         return {"model": self._model, "before": before}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Watch the same fields of a copy of the model."""
+        """Watch the same fields of the unpickled model."""
         self.__init__(state["model"])  # type: ignore[misc]
         for name, before in state["before"].items():
             self._fields[name].restore(before)
 
 
 class _AssetRun:
-    """Meshes or height fields that lie one after the other in a model's memory."""
+    """Meshes or height fields that are contiguous in a model's memory."""
 
     def __init__(self, model: mujoco.MjModel, run: list[int], *, of_meshes: bool) -> None:
         if of_meshes:
@@ -168,7 +168,7 @@ class _AssetRun:
         self.watched = Watched(array[begin : begin + self._parts[-1][2]])
 
     def changed(self) -> list[int]:
-        """List those that are other than they were."""
+        """List the changed ones."""
         if not self.watched.changed():
             return []
         before, now = self.watched.before(), self.watched.array
@@ -176,6 +176,6 @@ class _AssetRun:
 
 
 def _runs(indices: Iterable[int]) -> list[list[int]]:
-    """Split indices into runs of successive ones."""
+    """Split indices into runs of consecutive ones."""
     places = enumerate(sorted(indices))
     return [[index for _, index in run] for _, run in groupby(places, key=lambda pair: pair[1] - pair[0])]

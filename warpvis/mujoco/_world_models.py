@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What of a model differs from world to world: arrays as MuJoCo Warp's model has them, with a dimension for worlds."""
+"""Model fields that differ between worlds: arrays of MuJoCo Warp's model, with a leading dimension for worlds."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from warpvis.core.arrays import as_numpy, as_warp, on_gpu
 from warpvis.errors import ArrayError
 
 POSE_FIELDS = ("body_pos", "body_quat", "geom_pos", "geom_quat", "cam_pos", "cam_quat")
-"""What poses follow from, where joint positions are given; who gives poses has taken account of it."""
+"""Fields that determine poses for given joint positions; given poses already include them."""
 _COLOUR_FIELDS = {"geom_rgba": wp.vec4, "geom_matid": wp.int32, "mat_rgba": wp.vec4}
-# Worlds share their meshes and lenses, and so what these say.
+# Worlds share meshes and lenses, so these fields must be equal.
 _SHARED_FIELDS = ("geom_dataid", "cam_intrinsic")
 _DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 _KNOWN = (*POSE_FIELDS, "cam_fovy", *_COLOUR_FIELDS, "geom_size")
@@ -28,15 +28,15 @@ class WorldModels:
     """The arrays of a call that differ between worlds."""
 
     def __init__(self, model: mujoco.MjModel, given: object, worlds: int) -> None:
-        """Read them.
+        """Read the arrays.
 
         Args:
             model: The model.
-            given: A mapping of names and arrays, or what has them as attributes: MuJoCo Warp's model.
-            worlds: How many worlds there are.
+            given: A mapping of names to arrays, or an object with them as attributes, like MuJoCo Warp's model.
+            worlds: Number of worlds.
 
         Raises:
-            ArrayError: They are not what they have to be.
+            ArrayError: If there are no known arrays, or an array is invalid.
         """
         self._model, self._worlds = model, worlds
         self._given = _read(given)
@@ -45,25 +45,25 @@ class WorldModels:
                 self._check_shared(name)
 
     def poses(self) -> dict[str, NDArray[np.float64]]:
-        """Return what poses follow from, arrays of shape ``(1 or W, ...)``."""
+        """Return the fields that determine poses, arrays of shape ``(1 or W, ...)``."""
         return {name: self._host(name) for name in POSE_FIELDS if name in self._given}
 
     def fovy(self) -> NDArray[np.float64] | None:
-        """Return vertical fields of view [degrees], shape ``(1 or W, ncam)``; None for the model's own."""
+        """Return vertical fields of view [degrees], shape ``(1 or W, ncam)``; None for the model's."""
         return self._host("cam_fovy") if "cam_fovy" in self._given else None
 
     def field(self, name: str) -> Any:
-        """Return an array as it was given, of one world or of all; None for the model's own."""
+        """Return a given array, of one world or of all; None for the model's."""
         value = self._given.get(name)
         if value is not None:
             value = value if hasattr(value, "shape") else as_numpy(value, name=name)
             if not value.shape:
-                raise ArrayError(f"{name} must be an array of 1 world or of {self._worlds}, got {value}")
+                raise ArrayError(f"{name} must be an array of 1 or {self._worlds} worlds, got {value}")
             self._check_worlds(name, value)
         return value
 
     def colours(self, device: wp.Device) -> list[wp.array] | None:
-        """Return colours and materials of geoms, and colours of materials; None for the model's own."""
+        """Return colors and materials of geoms, and colors of materials; None for the model's."""
         if not any(name in self._given for name in _COLOUR_FIELDS):
             return None
         arrays = []
@@ -79,7 +79,7 @@ class WorldModels:
         return arrays
 
     def _check_values(self, name: str, rows: NDArray[Any]) -> None:
-        """Raise an `ArrayError` if a color is not finite, or a material is none of the model's."""
+        """Raise an `ArrayError` if a color is not finite, or a material is not in the model."""
         count = int(self._model.nmat)
         is_material = name == "geom_matid"
         bad = np.argwhere((rows < -1) | (rows >= count) if is_material else ~np.isfinite(rows))
@@ -91,13 +91,13 @@ class WorldModels:
             )
 
     def check_own_colors(self, geoms: NDArray[np.int32]) -> None:
-        """Check that geoms that show have the model's own colors and materials in every world.
+        """Check that visible geoms have the model's colors and materials in every world.
 
         Args:
             geoms: The geoms to check.
 
         Raises:
-            ArrayError: One has others, or arrays that say so are on a GPU, where they are not read.
+            ArrayError: If colors or materials differ, or arrays are on a GPU, where they are not compared.
         """
         names = [name for name in _COLOUR_FIELDS if name in self._given]
         if not names:
@@ -105,8 +105,8 @@ class WorldModels:
         far = [name for name in names if on_gpu(self._given[name])]
         if far:
             raise ArrayError(
-                f"{far[0]} must be in the host's memory, or left out, if the outputs color or albedo are made: these "
-                "show the model's own colors, and arrays on a GPU are not compared with them"
+                f"{far[0]} must be in host memory, or omitted, for the outputs color and albedo: these "
+                "show the model's colors, and arrays on a GPU are not compared with them"
             )
         own = _effective(self._model.geom_rgba[None], self._model.geom_matid[None], self._model.mat_rgba[None], geoms)
         rows = [self._rows(name) for name in _COLOUR_FIELDS]
@@ -117,34 +117,34 @@ class WorldModels:
             world, place = bad[0].tolist()
             geom = int(geoms[place])
             raise ArrayError(
-                "worlds must have the model's own colors and materials if the outputs color or albedo are made, got "
-                f"others for geom {self._model.geom(geom).name or geom!r} in world {world}; leave out "
-                f"{', '.join(names)}, or make a BatchRenderer for each model"
+                "worlds must have the model's colors and materials for the outputs color and albedo, got "
+                f"others for geom {self._model.geom(geom).name or geom!r} in world {world}; omit "
+                f"{', '.join(names)}, or create a BatchRenderer for each model"
             )
 
     def _rows(self, name: str) -> NDArray[Any]:
-        """Return colors or materials of worlds on the host, shape ``(1 or W, ...)``, in MuJoCo's own precision."""
+        """Return colors or materials of worlds on the host, shape ``(1 or W, ...)``, in MuJoCo's dtype."""
         own = getattr(self._model, name)
         value = self._given.get(name)
         value = own[None] if value is None else value
         return np.asarray(value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name), dtype=own.dtype)
 
     def _check_shared(self, name: str) -> None:
-        """Raise an `ArrayError` if an array says of a shape what the scene's does not; a GPU's is not read for that."""
+        """Raise an `ArrayError` if a shared field differs from the model; arrays on a GPU are not compared."""
         value = self._given[name]
         on_gpu = isinstance(value, wp.array) and not value.device.is_cpu
         if (value.shape[0] > 1) if on_gpu else not self._is_own(name, value):
-            raise ArrayError(f"{name} cannot differ from the renderer's model, which all worlds share; leave it out")
+            raise ArrayError(f"{name} must equal that of the renderer's model, which all worlds share; omit it")
 
     def _is_own(self, name: str, value: Any) -> bool:
-        """Tell whether a host's array says, for every world, what the model does in single precision."""
+        """Return whether a host array equals the model's in every world, in single precision."""
         rows, own = as_numpy(value, name=name), getattr(self._model, name)
         return rows.shape[1:] == own.shape and np.array_equal(
             rows.astype(np.float32), np.broadcast_to(own.astype(np.float32), rows.shape)
         )
 
     def _host(self, name: str) -> NDArray[np.float64]:
-        """Return an array on the host; quaternions of unit length."""
+        """Return an array on the host, with quaternions normalized."""
         value = self._given[name]
         rows = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
         own = getattr(self._model, name).shape
@@ -166,7 +166,7 @@ class WorldModels:
     def _check_worlds(self, name: str, value: Any) -> None:
         count = len(value) if getattr(value, "shape", None) is None else value.shape[0]
         if count not in (1, self._worlds):
-            raise ArrayError(f"{name} must be of 1 world or of {self._worlds}, as the poses are, got {count}")
+            raise ArrayError(f"{name} must be of 1 world or of {self._worlds}, like the poses, got {count}")
 
 
 def _effective(
@@ -175,7 +175,7 @@ def _effective(
     mat_rgba: NDArray[np.float32],
     geoms: NDArray[np.int32],
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Return colors and materials that geoms show in every world: a geom of the default color has its material's."""
+    """Return effective colors and materials of geoms in every world: a geom of default color has its material's."""
     count = max(len(geom_rgba), len(geom_matid), len(mat_rgba))
     rgba = np.broadcast_to(geom_rgba[:, geoms], (count, len(geoms), 4))
     matid = np.broadcast_to(geom_matid[:, geoms], (count, len(geoms)))
@@ -187,19 +187,19 @@ def _effective(
 
 
 def _read(given: object) -> dict[str, Any]:
-    """Find the arrays by name.
+    """Collect the arrays by name.
 
     Raises:
-        ArrayError: There are none, or a mapping has others.
+        ArrayError: If there are none, or a mapping has unknown names.
     """
     if isinstance(given, mujoco.MjModel):
-        raise ArrayError("model must have arrays of every world, as MuJoCo Warp's model has; got a mujoco.MjModel")
+        raise ArrayError("model must have arrays with a dimension for worlds, like MuJoCo Warp's model, got an MjModel")
     if isinstance(given, Mapping):
         unknown = [str(name) for name in given if name not in _KNOWN + _SHARED_FIELDS]
         if unknown:
-            raise ArrayError(f"model must have some of {', '.join(_KNOWN)}; got {', '.join(unknown)}")
+            raise ArrayError(f"model must have keys among {', '.join(_KNOWN)}, got {', '.join(unknown)}")
         return dict(given)
     found = {name: getattr(given, name) for name in _KNOWN + _SHARED_FIELDS if hasattr(given, name)}
     if not found:
-        raise ArrayError(f"model must have some of {', '.join(_KNOWN)}; got {type(given).__name__}")
+        raise ArrayError(f"model must have attributes among {', '.join(_KNOWN)}, got {type(given).__name__}")
     return found

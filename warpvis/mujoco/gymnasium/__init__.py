@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth images, segmentation and visible fractions in the observations of Gymnasium's environments on MuJoCo.
+"""Gymnasium wrappers that add depth, segmentation and visible fractions to observations of MuJoCo environments.
 
 >>> env = DepthObservation(gym.make("Ant-v5"), camera="track", width=84, height=84)
 >>> observation, info = env.reset(seed=0)

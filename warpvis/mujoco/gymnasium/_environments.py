@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where an environment has its model, and what its observations become."""
+"""Access to the models of environments, and extension of their observations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gymnasium import spaces
 from warpvis.errors import SceneError
 
 STATE = "state"
-"""The key of an observation that was no dictionary, as Gymnasium's `AddRenderObservation` has it."""
+"""The key of an observation that is not a dictionary, as in Gymnasium's `AddRenderObservation`."""
 
 _PLACES = (("model", "data"), ("sim.model._model", "sim.data._data"), ("physics.model.ptr", "physics.data.ptr"))
 
@@ -22,13 +22,14 @@ _Value = TypeVar("_Value")
 
 
 def find_simulation(env: gym.Env) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """Find the model and the data that an environment has now.
+    """Find the current model and data of an environment.
 
-    Gymnasium's environments, gymnasium-robotics' and Meta-World's have ``model`` and ``data``, robosuite's ``sim``, and
-    dm_control's ``physics``. They may make others when they are reset.
+    Environments of Gymnasium, gymnasium-robotics and Meta-World have ``model`` and ``data``, those of robosuite
+    ``sim``,
+    and those of dm_control ``physics``. A reset may replace them.
 
     Raises:
-        SceneError: It has none of them.
+        SceneError: If the environment has none of them.
     """
     if not isinstance(env, gym.Env):
         raise SceneError(f"env must be a gymnasium.Env, got {type(env).__name__}")
@@ -51,10 +52,10 @@ def _get(owner: object, path: str) -> object:
 
 
 def with_entries(space: spaces.Space, added: Mapping[str, spaces.Space]) -> spaces.Dict:
-    """Return the space of observations with more entries.
+    """Return the space of observations with additional entries.
 
     Raises:
-        SceneError: It has one of that name.
+        SceneError: If it has an entry of the same name.
     """
     known = dict(space.spaces) if isinstance(space, spaces.Dict) else {STATE: space}
     taken = sorted(set(known) & set(added))
@@ -64,6 +65,6 @@ def with_entries(space: spaces.Space, added: Mapping[str, spaces.Space]) -> spac
 
 
 def add_entries(observation: Any, added: Mapping[str, _Value]) -> dict[str, Any]:
-    """Return an observation with more entries."""
+    """Return an observation with additional entries."""
     known = observation if isinstance(observation, Mapping) else {STATE: observation}
     return {**known, **added}

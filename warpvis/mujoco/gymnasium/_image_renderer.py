@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""All that an observation has of one view, of one call of the caster."""
+"""Rendering of all images of an observation in one call."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ class _Casters(NamedTuple):
 
 
 class ImageRenderer(Renderer):
-    """`warpvis.mujoco.Renderer` that makes depth, segmentation and visible fractions at once."""
+    """A `warpvis.mujoco.Renderer` that computes depth, segmentation and visible fractions at once."""
 
     _casters: dict[AnyCamera, _Casters]
 
     def images(self, outputs: Outputs, draws: NDArray[np.uint32]) -> dict[str, np.ndarray]:
-        """Render what `update_scene` took over.
+        """Render the scene of the last `update_scene`.
 
         Args:
-            outputs: What is wanted.
-            draws: The number and the frame of the view, as a sensor's random numbers go by.
+            outputs: The requested outputs.
+            draws: Number and frame of the view, for a sensor's random numbers.
 
         Returns:
-            Images ``(H, W)`` by their names, of segmentation the geom or site of every pixel, or -1; and
-            visible fractions ``(objects,)``.
+            Images ``(H, W)`` by name, with segmentation as the geom or site of every pixel, or -1; and visible
+            fractions ``(objects,)``.
         """
         stage, camera = self._stage, self._camera
         assert camera is not None
@@ -65,7 +65,7 @@ class ImageRenderer(Renderer):
         return made
 
     def _nothing(self, outputs: Outputs, camera: AnyCamera) -> dict[str, np.ndarray]:
-        """Make images of a scene without geoms."""
+        """Return the images of a scene without geoms."""
         far = {"far": camera.far, "inf": np.inf}
         fill = far[outputs.fill] if isinstance(outputs.fill, str) else outputs.fill
         return {
@@ -77,20 +77,20 @@ class ImageRenderer(Renderer):
         }
 
     def _shapes_of_objects(self) -> NDArray[np.int32]:
-        """List the geom or site of every object, -1 of those that are none, and of none at last."""
+        """List the geom or site of every object, -1 for other objects, with a last -1 for no object."""
         ids, kinds = self._stage.meanings().T
         sites = np.where(kinds == SITE, ids + self._model.ngeom, -1)
         return np.where(kinds == GEOM, ids, sites).astype(np.int32)
 
     def _casters_of(self, camera: AnyCamera, outputs: Outputs) -> _Casters:
-        kept = self.__dict__.setdefault("_casters", {})
-        if camera not in kept or kept[camera].stage is not self._stage:
-            if len(kept) >= _MAX_CAMERAS:  # a field of view that changes all the time must not fill the memory
-                kept.clear()
+        cached = self.__dict__.setdefault("_casters", {})
+        if camera not in cached or cached[camera].stage is not self._stage:
+            if len(cached) >= _MAX_CAMERAS:  # bounds the memory if the field of view keeps changing
+                cached.clear()
             options: dict[str, Any] = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
             seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
             stage = self._stage
             sensing = {"outputs": outputs.images, "fill": outputs.fill, "sensor": outputs.sensor}
             images = GeomRenderer(stage.scene, seen, stage.coinciding, **sensing, **options)
-            kept[camera] = _Casters(stage, images, VisibleFractions(stage.scene, seen, **options))
-        return cast(_Casters, kept[camera])
+            cached[camera] = _Casters(stage, images, VisibleFractions(stage.scene, seen, **options))
+        return cast(_Casters, cached[camera])

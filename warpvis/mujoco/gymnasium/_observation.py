@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""One environment, and images of it in its observations."""
+"""A wrapper that adds images to the observations of one environment."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from warpvis.rendering import DepthSensor, Fill
 
 
 class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
-    """Adds depth, segmentation and visible fractions to the observations of an environment on MuJoCo.
+    """Adds depth, segmentation and visible fractions to the observations of a MuJoCo environment.
 
-    Observations are dictionaries: what they were, under ``"state"`` if it was no dictionary (as Gymnasium's
-    `AddRenderObservation` has it), and new arrays that belong to the caller:
+    Observations are dictionaries of the original observation, under ``"state"`` if it is not a dictionary (as in
+    Gymnasium's `AddRenderObservation`), and new arrays owned by the caller:
 
     - ``"depth"``: planar depth [m], ``(height, width)`` float32.
-    - ``"segmentation"``: numbers of geoms, bodies or classes, -1 for nothing, ``(height, width)`` int32.
-    - ``"visible_fraction"``: how much of each of `objects` shows, of what would if it were alone in the world, on a
-      canvas three times as wide and as high as the image, ``(objects,)`` float32.
+    - ``"segmentation"``: numbers of geoms, bodies or classes, -1 for none, ``(height, width)`` int32.
+    - ``"visible_fraction"``: visible pixels of each of `objects`, relative to those of the isolated object on a canvas
+      three times as wide and high as the image, ``(objects,)`` float32.
 
-    They show the environment's `data` as it is, as its own `render` does, and follow what is changed in its `model`.
-    For several cameras they have a leading axis for them, as channels have in PyTorch.
+    They show the environment's current `data`, like its `render`, and follow changes of its `model`. With several
+    cameras, arrays have a leading axis for cameras, like channels in PyTorch.
 
     Example:
         >>> env = DepthObservation(gym.make("Ant-v5"), camera="track", objects=["torso"])
@@ -62,30 +62,31 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         """Wrap an environment.
 
         Args:
-            env: Whose `unwrapped` has a `mujoco.MjModel` as `model` and a `mujoco.MjData` as `data`: Gymnasium's,
-                gymnasium-robotics', Meta-World's; robosuite's `sim` and dm_control's `physics` are found, too.
+            env: An environment whose `unwrapped` has a `mujoco.MjModel` as `model` and a `mujoco.MjData` as `data`, as
+                in Gymnasium, gymnasium-robotics and Meta-World. robosuite's `sim` and dm_control's `physics` are found
+                too.
             camera: A camera's name or id, -1 for the default free camera, a `mujoco.MjvCamera`; or several.
             width: Image width [px].
             height: Image height [px].
             outputs: ``"depth"``, ``"segmentation"``, or both; with a sensor, also ``"reasons"``
-                (`warpvis.sensors.Reason`) and ``"true_depth"``, +inf where nothing is.
-            objects: Names or patterns of geoms or bodies to give visible fractions of.
+                (`warpvis.sensors.Reason`) and ``"true_depth"``, +inf for no hit.
+            objects: Names or patterns of geoms or bodies for visible fractions.
             segmentation: ``"geom"`` or ``"body"`` for their ids; or numbers by name or pattern of geoms or bodies,
-                ``{"object*": 1}``, of which the last that fits counts.
+                ``{"object*": 1}``, where the last match applies.
             fill: Depth of empty pixels: ``"far"`` for the camera's far plane, a number [m], or ``"inf"``.
-            sensor: A model of a depth camera, such as `warpvis.sensors.realsense_d435()`: depth is what it would say.
-                Noise follows from the last seed that `reset` was given, or without one from chance, and from the number
-                of resets since and of observations since the last. Pixels that were lost are filled as empty ones are,
-                for which `fill` must not be ``"inf"``.
-            scene_option: A `mujoco.MjvOption`: what shows, as for `warpvis.mujoco.Renderer`. Without it no sites do:
-                they are marks, which no sensor sees. It cannot be pickled, so workers make their own.
-            device: Where to render. A worker that was forked cannot use a GPU that its parent has used: spawn workers,
-                or render all of them in one process by `VectorDepthObservation`.
-            threads: CPU threads to use. One by default, because environments run side by side, one in each worker, and
-                more threads than cores take turns; None for all cores of a single environment.
+            sensor: A depth camera model, such as `warpvis.sensors.realsense_d435()`, which computes depth. Its noise
+                depends on the last seed of `reset` (random without a seed), and on the numbers of resets and
+                observations since. Lost pixels are filled like empty ones, for which `fill` must not be ``"inf"``.
+            scene_option: A `mujoco.MjvOption` that selects visible elements, as for `warpvis.mujoco.Renderer`. By
+                default no sites are visible, since they are markers that sensors do not see. Options cannot be pickled,
+                so each worker must create them.
+            device: Device for rendering. A forked worker cannot use a GPU that its parent has used: spawn workers, or
+                render all environments in one process with `VectorDepthObservation`.
+            threads: Number of CPU threads. The default of 1 is for parallel environments, one per worker, which would
+                otherwise oversubscribe the cores; None uses all cores, for a single environment.
 
         Raises:
-            WarpvisError: The environment has no MuJoCo model, or an argument is not what it has to be.
+            WarpvisError: If the environment has no MuJoCo model, or an argument is invalid.
         """
         model, _ = find_simulation(env)
         self._outputs = Outputs(
@@ -102,7 +103,7 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         shown_by(scene_option)
         threads = check_threads(threads)
         if device is not None and not isinstance(device, str):
-            device = get_device(device).alias  # others cannot be recorded
+            device = get_device(device).alias  # other types cannot be recorded
         gym.utils.RecordConstructorArgs.__init__(
             self,
             camera=camera,
@@ -124,16 +125,16 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         self.observation_space = with_entries(env.observation_space, self._outputs.spaces())
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
-        """Reset the environment, and render it."""
+        """Reset the environment, and render images."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._draws.reset(seed)
         return self.observation(observation), info
 
     def observation(self, observation: Any) -> dict[str, Any]:
-        """Add the images of how everything is now."""
+        """Add images of the current state."""
         model, data = find_simulation(self.env)
         if self._renderer is None or self._renderer.model is not model:
-            # Made when first needed: a vector environment makes one of its environments for its spaces alone.
+            # Created lazily, since a vector environment creates one environment only for its spaces.
             height, width = self._outputs.shape
             self._renderer = ImageRenderer(model, height, width, device=self._device, threads=self._threads)
         numbers = view_draws(self._draws.next()[None], len(self._outputs.cameras))
@@ -145,18 +146,18 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         return add_entries(observation, self._outputs.entries(images))
 
     def close(self) -> None:
-        """Close the environment, and let go of the memory."""
+        """Close the environment, and release memory."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
         super().close()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process makes the same of: environments make models of their own there."""
+        """Return the picklable state without the renderer, since unpickled environments have other models."""
         return self.__dict__ | {"_renderer": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take it over."""
+        """Restore the state."""
         self.__dict__.update(state)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What wrappers add to observations: its names, spaces, and how segmentation becomes it."""
+"""The entries that wrappers add to observations: names, spaces and values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from warpvis.rendering import SENSOR_OUTPUTS, AnyCamera, DepthSensor, Fill, Outp
 from warpvis.sensors import Reason
 
 Segmentation: TypeAlias = Literal["geom", "body"] | Mapping[str, int]
-"""Whose number a pixel has: its geom's, its body's, or the class of the last pattern that fits one of them."""
+"""Number of a pixel in segmentation: id of its geom or body, or the class of the last pattern that matches either."""
 
 DEPTH, SEGMENTATION, FRACTION, REASONS = "depth", "segmentation", "visible_fraction", "reasons"
 TRUE_DEPTH = "true_depth"
@@ -31,7 +31,7 @@ _NAMES = (DEPTH, SEGMENTATION)
 
 
 class Outputs:
-    """The entries that a wrapper adds, of one model."""
+    """The entries that a wrapper adds, for one model."""
 
     def __init__(
         self,
@@ -49,12 +49,12 @@ class Outputs:
         """Check the arguments of a wrapper.
 
         Raises:
-            WarpvisError: One is not what it has to be.
+            WarpvisError: If an argument is invalid.
         """
         single = isinstance(camera, str | int | np.integer | mujoco.MjvCamera)
         self.cameras: list[CameraChoice] = [camera] if single else as_items(camera, "camera", CameraError)
         if not self.cameras:
-            raise CameraError("camera must be a camera or several, got none")
+            raise CameraError("camera must be one or more cameras, got none")
         self.shape = (check_size(height, "height"), check_size(width, "width"))
         self.sensor = None if sensor is None else require_sensor(sensor)
         known = _NAMES if sensor is None else (*_NAMES, *SENSOR_OUTPUTS)
@@ -63,23 +63,23 @@ class Outputs:
             raise ArrayError(f"outputs must be one or more of {', '.join(known)}, each once, got {outputs!r}")
         patterns = check_patterns(objects, "objects")
         self.members = np.array([class_of_geoms(model, {name: 1}, "objects") == 1 for name in patterns], dtype=bool)
-        """Which geoms and sites each of `objects` is, ``(objects, shapes)``."""
+        """Whether each geom and site is part of each of `objects`, ``(objects, shapes)``."""
         self.members = self.members.reshape(len(patterns), shape_count(model))
-        self.numbers, self._most_number = _numbers(model, segmentation)
-        """The number of every geom and site in segmentation, and at last of none, which is shape -1."""
+        self.numbers, self._max_number = _numbers(model, segmentation)
+        """The number of every geom and site in segmentation, with a last one for no shape (index -1)."""
         self._axes = () if single else (len(self.cameras),)
         seen = [camera_from_mujoco(model, choice, width, height) for choice in self.cameras]
         self.fill, self._depths = fill, _depth_bounds(fill, seen, sensed=sensor is not None)
 
     @property
     def images(self) -> tuple[Output, ...]:
-        """What has to be rendered."""
+        """The outputs to render."""
         wanted = {*self.names, SEGMENTATION} if len(self.members) else set(self.names)
         known: tuple[Output, ...] = ("depth", "segmentation", "reasons", "true_depth")
         return tuple(name for name in known if name in wanted)
 
     def members_of(self, shapes: NDArray[np.int32]) -> NDArray[np.bool_]:
-        """Say which of some geoms and sites, or of -1 for none, each of `objects` is, shape ``(objects, shapes)``."""
+        """Return whether geoms and sites (-1 for none) are part of each of `objects`, shape ``(objects, shapes)``."""
         return np.append(self.members, np.zeros((len(self.members), 1), dtype=bool), axis=1)[:, shapes]
 
     def spaces(self) -> dict[str, spaces.Space]:
@@ -89,7 +89,7 @@ class Outputs:
         if DEPTH in self.names:
             made[DEPTH] = spaces.Box(*self._depths, size, np.float32)
         if SEGMENTATION in self.names:
-            made[SEGMENTATION] = spaces.Box(-1, self._most_number, size, np.int32)
+            made[SEGMENTATION] = spaces.Box(-1, self._max_number, size, np.int32)
         if REASONS in self.names:
             made[REASONS] = spaces.Box(0, max(Reason), size, np.uint8)
         if TRUE_DEPTH in self.names:
@@ -99,12 +99,12 @@ class Outputs:
         return made
 
     def entries(self, images: Mapping[str, np.ndarray], *, axis: int = 0) -> dict[str, np.ndarray]:
-        """Make an observation's entries, which the caller owns, of all cameras' images.
+        """Return an observation's entries, owned by the caller, from the images of all cameras.
 
         Args:
-            images: By their names, shape ``(C, ..., H, W)``: of segmentation, the geom or site of every pixel, or -1.
-                Visible fractions are ``(C, ..., objects)``. What is not an entry is left out.
-            axis: Where the cameras' axis goes, if there is one.
+            images: Images by name, shape ``(C, ..., H, W)``, with segmentation as the geom or site of every pixel, or
+                -1. Visible fractions are ``(C, ..., objects)``. Images that are not entries are ignored.
+            axis: Position of the axis for cameras, if there is one.
         """
         made = {name: images[name] for name in self.spaces()}
         if SEGMENTATION in made:
@@ -115,25 +115,25 @@ class Outputs:
 def _numbers(model: mujoco.MjModel, segmentation: Segmentation) -> tuple[NDArray[np.int32], int]:
     if isinstance(segmentation, Mapping):
         numbers = class_of_geoms(model, segmentation, "segmentation")
-        most = int(numbers.max(initial=-1))
+        highest = int(numbers.max(initial=-1))
     else:
         kind = check_choice(segmentation, "segmentation", ("geom", "body"), SceneError)
         geoms = np.r_[np.arange(model.ngeom), np.full(model.nsite, -1)]
         numbers = geoms if kind == "geom" else shape_bodies(model)
-        most = (model.ngeom if kind == "geom" else model.nbody) - 1
-    return np.append(numbers, -1).astype(np.int32), max(most, 0)
+        highest = (model.ngeom if kind == "geom" else model.nbody) - 1
+    return np.append(numbers, -1).astype(np.int32), max(highest, 0)
 
 
 def _depth_bounds(fill: Fill, cameras: Sequence[AnyCamera], *, sensed: bool) -> tuple[float, float]:
     """Return the bounds of depth.
 
     Raises:
-        ArrayError: `fill` leaves what is in no space.
+        ArrayError: If `fill` would leave NaN.
     """
     far = max(camera.far for camera in cameras)
     fill = check_fill(fill)
     if fill == "inf" and sensed:
-        raise ArrayError('fill="inf" leaves NaN where a sensor lost depth, which no space has: give "far" or a number')
+        raise ArrayError('fill must be "far" or a number with a sensor, got "inf", which leaves NaN for lost depth')
     if isinstance(fill, str):
         return (0.0, np.inf) if fill == "inf" else (0.0, far)
     return min(fill, 0.0), max(fill, far)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How the states of environments get to the process that renders them: as an entry of their observations."""
+"""Transfer of environment states to the rendering process, as an entry of their observations."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from warpvis.mujoco.gymnasium._environments import add_entries, find_simulation,
 POSES = "poses"
 _ALL_GROUPS = range(6)
 
-# What a scene's shapes are made of, which all environments share.
+# Fields that determine the shapes of a scene, which all environments share.
 _SHAPES = ("geom_type", "geom_dataid", "geom_size", "geom_bodyid", "hfield_size", "hfield_data", "mesh_vert")
 _APPEARANCE_FIELDS = ("geom_rgba", "geom_matid", "mat_rgba")
 _OTHER_SHAPES = (
-    "the environment has changed shapes of its model (sizes, meshes, height fields), which all environments of a "
-    "VectorDepthObservation share; wrap each in a DepthObservation instead"
+    "shapes of an environment's model (sizes, meshes, height fields) must not change, since all environments of a "
+    "VectorDepthObservation share them; wrap each in a DepthObservation instead"
 )
 
 
 class PoseLayout:
-    """The numbers that a row of poses holds, of one model."""
+    """The layout of a row of poses, for one model."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Lay them out."""
+        """Compute the layout."""
         shapes = {
             "geom_xpos": (model.ngeom, 3),
             "geom_xmat": (model.ngeom, 9),
@@ -64,17 +64,17 @@ class PoseLayout:
 
 
 class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
-    """Adds what `VectorDepthObservation` renders: where everything is, what shows, fields of view, and random numbers.
+    """Adds the state for `VectorDepthObservation`: poses, visibility, fields of view, and random seeds.
 
-    An entry ``"poses"`` of the observation, a few kilobytes: it comes with every observation, those before a reset and
-    after, by whichever way the vector environment has for them, which no second call to the workers would be for.
+    The state is an entry ``"poses"`` of a few kilobytes. As a part of observations, it is transferred with all of them,
+    including final observations before a reset, without another call to the workers.
     """
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment on MuJoCo, as for `DepthObservation`.
+        """Wrap a MuJoCo environment, as for `DepthObservation`.
 
         Raises:
-            SceneError: It is none, or has such an entry already.
+            SceneError: If it is not a MuJoCo environment, or already has an entry of this name.
         """
         model, _ = find_simulation(env)
         gym.utils.RecordConstructorArgs.__init__(self)
@@ -87,18 +87,18 @@ class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         self.observation_space = with_entries(env.observation_space, {POSES: box})
 
     def pose_model(self) -> tuple[bytes, mujoco.MjModel | None]:
-        """Return a digest of the model's shapes, and of the first environment the model."""
+        """Return a digest of the model's shapes and, in the first environment, the model."""
         model, _ = find_simulation(self.env)
         return shape_digest(model), model if self.pose_index == 0 else None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
-        """Reset the environment, and begin an episode of random numbers."""
+        """Reset the environment, and start an episode of random numbers."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._draws.reset(seed)
         return self.observation(observation), info
 
     def observation(self, observation: Any) -> dict[str, Any]:
-        """Add the poses as they are now."""
+        """Add the current poses."""
         model, data = find_simulation(self.env)
         if self._seen is None or self._seen.model is not model:
             self._seen = _Seen(model, None if self._seen is None else self._seen.digest)
@@ -111,22 +111,22 @@ class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         return add_entries(observation, {POSES: row})
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process makes the same of."""
+        """Return the picklable state."""
         return self.__dict__ | {"_seen": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take it over."""
+        """Restore the state."""
         self.__dict__.update(state)
 
 
 class _Seen:
-    """A model as it was last looked at."""
+    """The last seen values of a model."""
 
     def __init__(self, model: mujoco.MjModel, digest: bytes | None) -> None:
-        """Look at it, and compare it with the one before.
+        """Read the model, and compare its shapes with the previous ones.
 
         Raises:
-            SceneError: That one had other shapes.
+            SceneError: If the shapes differ.
         """
         self.model, self.digest = model, shape_digest(model)
         if digest not in (None, self.digest):
@@ -136,10 +136,10 @@ class _Seen:
         self._shown = self._read_shown()
 
     def shown(self) -> NDArray[np.float32]:
-        """Return 1 for every geom that shows now, else 0, shape ``(ngeom,)``.
+        """Return 1 for every currently visible geom, else 0, shape ``(ngeom,)``.
 
         Raises:
-            SceneError: The model has other shapes than it had.
+            SceneError: If shapes of the model have changed.
         """
         if any(watched.changed() for watched in self._shapes):
             raise SceneError(_OTHER_SHAPES)
@@ -156,7 +156,7 @@ class _Seen:
 
 
 def shape_digest(model: mujoco.MjModel) -> bytes:
-    """Return a digest of what a scene's shapes are made of."""
+    """Return a digest of the fields that determine the shapes of a scene."""
     digest = hashlib.blake2b(digest_size=16)
     for name in _SHAPES:
         array = np.ascontiguousarray(getattr(model, name))

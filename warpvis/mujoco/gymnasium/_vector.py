@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many environments, and images of all of them, rendered by one call."""
+"""A wrapper that renders images of all environments of a vector environment in one call."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ _MAX_CAMERAS = 64
 
 
 class VectorDepthObservation(gym.vector.VectorWrapper):
-    """Adds what `DepthObservation` adds, to all environments of a vector environment by one call of `BatchRenderer`.
+    """Adds the entries of `DepthObservation` to all environments of a vector environment, with one `BatchRenderer`.
 
-    Environments are simulated wherever they are, in this process or in workers; images of all are rendered in this one,
-    on all cores or on a GPU. Each must be wrapped in `PoseObservation`, whose entry is replaced by images. Observations
-    before an automatic reset (``infos["final_obs"]``, of AutoresetMode.SAME_STEP) have theirs, too.
+    Environments are simulated in this process or in workers; all images are rendered in this process, on all cores or
+    on a GPU. Each environment must be wrapped in `PoseObservation`, whose entry is replaced by images. Final
+    observations before an automatic reset (``infos["final_obs"]``, with AutoresetMode.SAME_STEP) include images.
 
     Example:
         >>> envs = gym.make_vec("Ant-v5", num_envs=8, vectorization_mode="async", wrappers=[PoseObservation])
@@ -75,15 +75,16 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             objects: As for `DepthObservation`.
             segmentation: As for `DepthObservation`.
             fill: As for `DepthObservation`.
-            sensor: As for `DepthObservation`: an environment has the noise that it would have in one.
+            sensor: As for `DepthObservation`, with the same noise for each environment.
             scene_option: As for `BatchRenderer`, which draws geoms and sites.
-            movable: Fixed bodies and geoms that environments move in their models, by name or pattern, or ``"all"``; as
-                for `BatchRenderer`.
-            device: Where to render: ``"cpu"``, ``"cuda:0"``, ...
-            threads: CPU threads to use; all cores of this process by default, since workers wait meanwhile.
+            movable: Static bodies and geoms that environments move in their models, by name or pattern, or ``"all"``;
+                as for `BatchRenderer`.
+            device: Device for rendering: ``"cpu"``, ``"cuda:0"``, ...
+            threads: Number of CPU threads; by default all cores available to the process, since workers are idle
+                during rendering.
 
         Raises:
-            WarpvisError: Environments are not as they have to be, or an argument is not.
+            WarpvisError: If environments or an argument are invalid.
         """
         if not isinstance(env, gym.vector.VectorEnv):
             raise SceneError(f"env must be a gymnasium.vector.VectorEnv, got {type(env).__name__}")
@@ -124,25 +125,25 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         self._fractions: dict[AnyCamera, VisibleFractions] = {}
         self._shown = np.zeros(model.ngeom, dtype=bool)
         self._shown[shown_geoms(model, range(6))] = True
-        kept = spaces.Dict({name: space for name, space in single.spaces.items() if name != POSES})
-        self.single_observation_space = with_entries(kept, self._outputs.spaces())
+        remaining = spaces.Dict({name: space for name, space in single.spaces.items() if name != POSES})
+        self.single_observation_space = with_entries(remaining, self._outputs.spaces())
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
     def reset(
         self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Reset the environments, and render them."""
+        """Reset the environments, and render images."""
         observations, infos = self.env.reset(seed=seed, options=options)
         return self._with_images(observations, infos)
 
     def step(self, actions: Any) -> tuple[dict[str, Any], Any, Any, Any, dict[str, Any]]:
-        """Step the environments, and render them."""
+        """Step the environments, and render images."""
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
         observations, infos = self._with_images(observations, infos)
         return observations, rewards, terminations, truncations, infos
 
     def _with_images(self, observations: Any, infos: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Replace the poses of observations, and of those before a reset, by images of all of them."""
+        """Replace the poses of observations and final observations by images."""
         final: Sequence[Any] = infos.get(_FINAL, ())
         ended = [index for index, one in enumerate(final) if one is not None]
         entries = self._render(np.concatenate([observations[POSES], *(final[index][POSES][None] for index in ended)]))
@@ -155,7 +156,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         return _replace_poses(observations, images), infos | {_FINAL: last}
 
     def _render(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
-        """Make the entries of W rows of poses, each with a leading axis for them."""
+        """Render the entries of W rows of poses, with a leading axis of length W."""
         outputs, count = self._outputs, len(rows)
         poses, changes = self._layout.read(rows), self._changes(rows)
         options: dict[str, Any] = {"cameras": outputs.cameras, "model": changes or None}
@@ -178,7 +179,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         return outputs.entries(made, axis=1)
 
     def _changes(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
-        """Say what differs from the model, as `BatchRenderer.render` takes it."""
+        """Return the differences from the model, for `BatchRenderer.render`."""
         model, changes = self._batch.model, dict[str, np.ndarray]()
         fovy = rows[:, self._layout.fovy]
         if (fovy != model.cam_fovy.astype(np.float32)).any():
@@ -189,12 +190,13 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             if len(new):
                 world, geom = new[0].tolist()
                 raise SceneError(
-                    f"geom {geom} ({model.geom(geom).name!r}) shows in environment {world}, and did not when the "
-                    "VectorDepthObservation was made, which has no shape of it; wrap each in a DepthObservation instead"
+                    f"geom {geom} ({model.geom(geom).name!r}) must be visible when the VectorDepthObservation is "
+                    f"created, got one that becomes visible later in environment {world}; "
+                    "wrap each in a DepthObservation instead"
                 )
-            colours = np.ones((*shown.shape, 4), dtype=np.float32)
-            colours[..., 3] = shown
-            changes["geom_rgba"] = colours
+            colors = np.ones((*shown.shape, 4), dtype=np.float32)
+            colors[..., 3] = shown
+            changes["geom_rgba"] = colors
             changes["geom_matid"] = np.full((1, model.ngeom), -1, dtype=np.int32)
         return changes
 
@@ -206,7 +208,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         shapes: NDArray[np.int32],
         changes: dict[str, np.ndarray],
     ) -> NDArray[np.float32]:
-        """Count visible fractions in all views, shape ``(C * W, objects)``."""
+        """Compute visible fractions in all views, shape ``(C * W, objects)``."""
         count, scene = len(poses.geom_xpos), self._batch.mujoco_scene
         eyes = np.concatenate([self._eyes(poses, camera) for camera in self._chosen])
         places = geom_poses(poses, scene) if scene.scene.movable else None
@@ -215,8 +217,8 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             is_geom = (shapes >= 0) & (shapes < self._batch.model.ngeom)
             hidden[:, is_geom] = changes["geom_rgba"][:, shapes[is_geom], 3] == 0
         fractions = np.empty((len(eyes), len(members)), dtype=np.float32)
-        everyone = np.arange(count, dtype=np.int32)
-        groups = views_by_intrinsics(self._batch.model, self._chosen, changes.get("cam_fovy"), everyone)
+        all_worlds = np.arange(count, dtype=np.int32)
+        groups = views_by_intrinsics(self._batch.model, self._chosen, changes.get("cam_fovy"), all_worlds)
         for camera, views in groups.items():
             worlds = views % count
             fractions[views] = self._fractions_of(camera).count(
@@ -229,7 +231,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         return fractions
 
     def _eyes(self, poses: WorldPoses, camera: BatchCamera) -> NDArray[np.float32]:
-        """Return where a camera is in every environment, shape ``(W, 7)``."""
+        """Return the poses of a camera in all environments, shape ``(W, 7)``."""
         if camera.camera_id >= 0:
             return camera_poses(poses, self._batch.model, [camera.camera_id])[0]
         com = np.asarray(poses.subtree_com, dtype=np.float32)
@@ -252,10 +254,10 @@ def _replace_poses(observation: dict[str, Any], images: dict[str, np.ndarray]) -
 
 
 def _shared_model(env: gym.vector.VectorEnv) -> mujoco.MjModel:
-    """Ask the environments for the model that they share.
+    """Return the model that the environments share.
 
     Raises:
-        SceneError: They have several, or cannot be asked.
+        SceneError: If their models differ, or the environment does not support calls.
     """
     base = env.unwrapped
     if not hasattr(base, "call") or not hasattr(base, "set_attr"):
@@ -265,8 +267,8 @@ def _shared_model(env: gym.vector.VectorEnv) -> mujoco.MjModel:
     different = [index for index, (digest, _) in enumerate(found) if digest != found[0][0]]
     if different:
         raise SceneError(
-            f"environment {different[0]} has another model than environment 0, or other shapes in it; wrap each in a "
-            "DepthObservation instead"
+            f"environments must have equal models and shapes, got a difference between {different[0]} and 0; "
+            "wrap each in a DepthObservation instead"
         )
     model = found[0][1]
     assert isinstance(model, mujoco.MjModel)

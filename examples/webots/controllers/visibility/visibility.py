@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Webots controller: what the robot's depth image shows, the floor that it has seen, and who sees what.
+"""A Webots controller that shows labels of the robot's depth image, a floor map, and objects visible to each agent.
 
-In Webots: open worlds/experiment_1.wbt, two folders up, and press play; Webots' Python (Tools > Preferences) has to be
-one that warpvis is installed for. Move ball, obstacles, person or robot with the mouse, and all of it follows.
+In Webots: open worlds/experiment_1.wbt, two folders up, and press play. Webots' Python (Tools > Preferences) must have
+warpvis installed. Move ball, obstacles, person or robot with the mouse to update the results.
 
-Elsewhere, `python visibility.py` says the same of the four worlds, with depth images that are rendered here.
+Without Webots, `python visibility.py` prints the same for the four worlds, with depth images rendered by warpvis.
 """
 
 from pathlib import Path
@@ -17,21 +17,21 @@ import warpvis as wv
 from warpvis.webots import DepthEye, load_webots, render_range
 
 BOUNDS = ((-2, -2), (2, 2))  # of the map of the floor [m]
-MARGIN = 1.1  # an object's points lie on its surface, and have to be inside of its sphere
+MARGIN = 1.1  # points on an object's surface must be inside its sphere
 MOVING = {"low obstacle": "LOW_OBSTACLE", "high obstacle": "HIGH_OBSTACLE", "ball": "BALL", "person": "PERSON"}
 MOVING["robot"] = "ROBOT"  # names in the scene, in its order, and DEF names in the world
 WHO = ("nobody sees", "the robot sees", "the person sees", "both see")
 COLORS = np.array([wv.maps.MAP_LEGEND[label][1] for label in wv.Label], dtype=np.uint8)
-LOOK = wv.Camera.from_fov(200, 200, hfov=np.radians(60))  # through the person's eyes
+LOOK = wv.Camera.from_fov(200, 200, hfov=np.radians(60))  # the person's view
 
 
 def load(path):
-    """Read a world as a scene in which things move."""
+    """Load a world as a scene with movable objects."""
     return wv.Scene.load(path, movable=list(MOVING))
 
 
 def make_spheres(scene, moves):
-    """Make the objects of the paper's test, where they are now: a ball, and a person in three thirds."""
+    """Build the spheres of the paper's test at current poses: one for the ball, and three for the person."""
     spheres = []
     for name, parts in (("ball", 1), ("person", 3)):
         low, high = scene[name].bounds.astype(float)
@@ -43,18 +43,18 @@ def make_spheres(scene, moves):
 
 
 def watch(scene, depth, camera, robot_pose, person, moves):
-    """Apply the method to a depth image, and ask the scene who sees what.
+    """Label a depth image, and compute the visibility of objects for robot and person.
 
     Args:
-        scene: The world, as `load` reads it.
+        scene: The world, from `load`.
         depth: The robot's depth image [m].
-        camera: Its camera.
-        robot_pose: Where that is, camera to world.
-        person: Who else looks, a `warpvis.Agent`.
-        moves: What has happened to each thing of `MOVING` since the world was loaded, a 4x4 matrix.
+        camera: The robot's camera.
+        robot_pose: Pose of the camera, camera to world.
+        person: The person, a `warpvis.Agent`.
+        moves: Motion of each object of `MOVING` since the world was loaded, a 4x4 matrix.
 
     Returns:
-        A line of text, and pictures by the names of the displays that show them.
+        A line of text, and pictures by the names of their displays.
     """
     labels = wv.classify(depth, camera, robot_pose, spheres=make_spheres(scene, moves))
     floor = wv.floor_map(wv.back_project(depth, camera, robot_pose), labels, bounds=BOUNDS)
@@ -74,7 +74,7 @@ def watch(scene, depth, camera, robot_pose, person, moves):
 
 
 def matrix_of(node):
-    """Read where a node of the simulation is, node to world."""
+    """Return the node-to-world matrix of a node of the simulation."""
     matrix = np.eye(4)
     matrix[:3, :3] = np.reshape(node.getOrientation(), (3, 3))
     matrix[:3, 3] = node.getPosition()
@@ -82,7 +82,7 @@ def matrix_of(node):
 
 
 def show(display, image):
-    """Put a picture on a display."""
+    """Show a picture on a display."""
     height, width, _ = image.shape
     handle = display.imageNew(image.tobytes(), display.RGB, width, height)
     display.imagePaste(handle, 0, 0, False)
@@ -90,7 +90,7 @@ def show(display, image):
 
 
 def run(robot):
-    """Watch until the simulation ends: print what changes, and show the pictures."""
+    """Run until the simulation ends: print changes, and show the pictures."""
     period = 4 * int(robot.getBasicTimeStep())
     range_finder = robot.getDevice("range-finder")
     range_finder.enable(period)
@@ -115,7 +115,7 @@ def run(robot):
 
 
 def run_without_webots():
-    """Say of every world what its controller would say, with depth images that are rendered here."""
+    """Print the controller's output for every world, with depth images rendered by warpvis."""
     from warpvis.scenes import EXPERIMENTS
 
     for experiment in EXPERIMENTS:
@@ -131,7 +131,7 @@ def run_without_webots():
 
 if __name__ == "__main__":
     try:
-        from controller import Supervisor  # Webots' own package, which only its controllers can import
+        from controller import Supervisor  # Webots' package, which is available to its controllers only
     except ImportError:
         run_without_webots()
     else:
