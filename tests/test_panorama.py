@@ -248,7 +248,7 @@ def test_images_of_more_than_the_scene_keeps_are_the_same(monkeypatch, projectio
     monkeypatch.setattr(_panorama, "_MAX_CACHED_RAYS", size[0] * size[1] - 1)
     other = scenes.PRESETS["room"].build(device)
     alone = render_wide(other, *size, AROUND, poses, projection=projection, outputs=ALL)
-    assert not other.kept_rays and scene.kept_rays
+    assert not other.cached_rays and scene.cached_rays
     assert (alone.segmentation.numpy() == kept.segmentation.numpy()).mean() > 0.999
     np.testing.assert_allclose(alone.depth.numpy(), kept.depth.numpy(), rtol=1e-5)
 

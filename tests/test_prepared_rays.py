@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.core.ray_camera import Kept
+from warpvis.core.ray_camera import OnceCache
 from warpvis.rendering import _cpu_table
 from warpvis.sensors import LensCamera, Rays, lenses
 
@@ -166,7 +166,7 @@ def test_tables_of_rays_are_made_once(device):
 
 
 def test_what_fails_is_made_anew():
-    kept = Kept()
+    kept = OnceCache()
     with pytest.raises(ZeroDivisionError):
         kept.get("one", lambda: 1 // 0)
     assert kept.get("one", lambda: 1) == 1

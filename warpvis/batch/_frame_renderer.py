@@ -29,7 +29,7 @@ from warpvis.rendering import (
     Output,
     Renderer,
     Views,
-    check_asked,
+    check_output_names,
     check_outputs,
 )
 from warpvis.scene import Scene, require_scene
@@ -219,7 +219,7 @@ def check_batch_outputs(outputs: object, sensor: object) -> tuple[str, ...]:
     names = check_outputs(outputs, BATCH_OUTPUTS)
     images = [name for name in names if _is_image(name)]
     if images:
-        check_asked(images, sensor)
+        check_output_names(images, sensor)
     return names
 
 

@@ -28,7 +28,7 @@ MAX_RAYS = 2**26
 _Made = TypeVar("_Made")
 
 
-class Kept:
+class OnceCache:
     """What is made once, when it is first asked for: who asks for it meanwhile waits."""
 
     def __init__(self) -> None:
@@ -102,12 +102,12 @@ class RayCamera(ABC):
         """
         return self._kept().get(name, make)
 
-    def prepare_in(self, kept: Kept) -> None:
+    def prepare_in(self, kept: OnceCache) -> None:
         """Have what is prepared kept here, where cameras of the same rays find it, too."""
         self.__dict__["_prepared"] = kept
 
-    def _kept(self) -> Kept:
-        return self.__dict__.setdefault("_prepared", Kept())  # of two threads, the first one's
+    def _kept(self) -> OnceCache:
+        return self.__dict__.setdefault("_prepared", OnceCache())  # of two threads, the first one's
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the camera's state without what was prepared, which copies prepare themselves."""

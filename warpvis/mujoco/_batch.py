@@ -59,7 +59,7 @@ from warpvis.rendering import (
     NearPlane,
     Output,
     Views,
-    check_asked,
+    check_output_names,
     view_numbers,
     views_for,
 )
@@ -184,7 +184,7 @@ class BatchRenderer:
             raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
         self.kinematics = Kinematics(model, threads=threads)
-        self._outputs, self._sensor = check_asked(outputs, sensor), sensor
+        self._outputs, self._sensor = check_output_names(outputs, sensor), sensor
         self.frame = 0
         """The frame of a sensor's random numbers in the next call of `render` without `frame`."""
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}

@@ -19,8 +19,8 @@ from warpvis.rendering._choices import (
     Fill,
     NearPlane,
     Output,
-    check_asked as check_asked,
     check_fill as check_fill,
+    check_output_names as check_output_names,
 )
 from warpvis.rendering._depth_kernels import (
     launch_back_project as launch_back_project,

@@ -36,7 +36,7 @@ _MAX_FLOAT = 3.4e38  # about the largest float32
 DEFAULT_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation")
 
 
-def check_asked(outputs: object, sensor: object) -> tuple[str, ...]:
+def check_output_names(outputs: object, sensor: object) -> tuple[str, ...]:
     """Return the names of a renderer's outputs without duplicates; `sensor` is its sensor or None.
 
     Raises:

@@ -16,7 +16,7 @@ from warpvis.core.arrays import as_numpy
 from warpvis.core.camera import check_range, check_size
 from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.core.poses import Convention, QuaternionOrder
-from warpvis.core.ray_camera import MAX_RAYS, Kept, RayCamera
+from warpvis.core.ray_camera import MAX_RAYS, OnceCache, RayCamera
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import CameraError
 from warpvis.rendering._choices import Output
@@ -187,6 +187,6 @@ def render_wide(
 def _share(scene: Scene, camera: WideCamera) -> None:
     """Share prepared rays between cameras with the same image and any range."""
     image = (camera.width, camera.height, camera.hfov, camera.projection)
-    camera.prepare_in(scene.kept_rays.setdefault(image, Kept()))
-    for old in list(scene.kept_rays)[:-_MAX_CACHED]:
-        scene.kept_rays.pop(old, None)
+    camera.prepare_in(scene.cached_rays.setdefault(image, OnceCache()))
+    for old in list(scene.cached_rays)[:-_MAX_CACHED]:
+        scene.cached_rays.pop(old, None)

@@ -30,8 +30,8 @@ from warpvis.rendering._choices import (
     NearPlane,
     Output,
     caster_class,
-    check_asked,
     check_device_bytes,
+    check_output_names,
     choose_caster,
     fill_numbers,
 )
@@ -116,7 +116,7 @@ class Renderer:
             require_camera(camera)
         self.scene = scene
         self.camera = camera
-        self.outputs = check_asked(outputs, sensor)
+        self.outputs = check_output_names(outputs, sensor)
         self.threads = check_threads(threads)
         self.caster = choose_caster(caster, camera)
         self.device_bytes = check_device_bytes(device_bytes, scene.device)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warpvis.core.ray_camera import Kept
+from warpvis.core.ray_camera import OnceCache
 from warpvis.errors import SceneError
 from warpvis.scene._drawn import draw_plan
 from warpvis.scene._object import SceneObject
@@ -35,7 +35,7 @@ class SceneTrees:
         self._movable: list[int] = []
         self._kept_trees: KeptTrees | None = None
         # Prepared ray bundles of the most recent renderers, by their inputs.
-        self.kept_rays: dict[Hashable, Kept] = {}
+        self.cached_rays: dict[Hashable, OnceCache] = {}
         self._lock = Lock()
         self._tuple: tuple[SceneObject, ...] | None = None
         self._columns: tuple[int, ...] | None = None

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.camera import Camera, check_pixel_units, check_range, check_size
 from warpvis.core.checks import as_items, check_choice, check_whole
-from warpvis.core.ray_camera import MAX_RAYS, DepthKind, Kept, LensedCamera, RayCamera
+from warpvis.core.ray_camera import MAX_RAYS, DepthKind, LensedCamera, OnceCache, RayCamera
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, IntrinsicsWarning
 from warpvis.sensors.lenses import Lens, lens_to_ros
@@ -140,11 +140,11 @@ class LensCamera(LensedCamera):
         with np.errstate(all="ignore"):  # between pixel centers, rays may be 90 degrees from the axis
             return directions / directions[..., 2:]
 
-    def _kept(self) -> Kept:
+    def _kept(self) -> OnceCache:
         """Return the cache, shared with live cameras of the same lens, image size and kind (`dataclasses.replace`)."""
         if "_prepared" not in self.__dict__:
             caches = self.lens.__dict__.setdefault("_prepared", WeakValueDictionary())
-            shared = caches.setdefault((self.width, self.height, self.kind), Kept())
+            shared = caches.setdefault((self.width, self.height, self.kind), OnceCache())
             return self.__dict__.setdefault("_prepared", shared)
         return self.__dict__["_prepared"]
 
