@@ -85,8 +85,8 @@ def show_later_along(
 
 
 def _place(scene: Scene, index: int, object_poses: NDArray) -> NDArray:
-    carrier = scene.objects[index].carrier
-    index = index if carrier is None else carrier
+    parent = scene.objects[index].parent
+    index = index if parent is None else parent
     return poses_to_matrices(object_poses[scene.movable.index(index)]) if index in scene.movable else np.eye(4)
 
 

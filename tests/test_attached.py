@@ -24,7 +24,7 @@ def test_what_is_attached_has_no_pose_of_its_own():
     scene = build("cpu", *random_poses(np.random.default_rng(0), 2))
     assert scene.movable == (1, 4)
     lamp = scene["lamp"]
-    assert lamp.movable and lamp.pose is None and lamp.carrier == 1
+    assert lamp.movable and lamp.pose is None and lamp.parent == 1
     twin = build("cpu", *random_poses(np.random.default_rng(0), 2), attached=False)["lamp"]
     np.testing.assert_allclose(lamp.vertices, twin.vertices, atol=1e-6)
 
@@ -72,7 +72,7 @@ def test_each_part_is_excluded_for_itself(device, caster, gone):
 
 def test_another_device_and_a_file_keep_them(tmp_path):
     scene = build("cpu", *random_poses(np.random.default_rng(3), 2))
-    assert scene.to("cpu")["tray"].carrier == 1
+    assert scene.to("cpu")["tray"].parent == 1
     scene.export(tmp_path / "scene.glb")
     assert len(wv.Scene.load(tmp_path / "scene.glb")) == len(scene)
 

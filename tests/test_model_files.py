@@ -55,7 +55,7 @@ def test_a_model_is_what_mujoco_compiles(tmp_path, device):
     for item in moving:
         if expected[item.name].solid is None or item.movable:
             other = expected[item.name]
-            assert (item.movable, item.carrier is None) == (other.movable, other.carrier is None)
+            assert (item.movable, item.parent is None) == (other.movable, other.parent is None)
     assert {item.name for item in expected if item.movable and not moving[item.name].movable} == {"own_colour"}
 
 

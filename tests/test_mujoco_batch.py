@@ -93,8 +93,8 @@ def test_bodies_that_move_nevertheless_are_named(device):
         model.geom("handle").pos[:] = task()[0].geom("handle").pos
     batch = batch_of(task()[0], movable=["drawer", "lid"], device=device)
     scene = batch.scene
-    assert not scene["table"].movable and scene["lid"].carrier is None
-    assert scene.objects[scene["handle"].carrier].name == "case"  # a body is of one piece
+    assert not scene["table"].movable and scene["lid"].parent is None
+    assert scene.objects[scene["handle"].parent].name == "case"  # a body is of one piece
     views = batch.render(np.stack([data.qpos for _, data in worlds]), cameras="front", model=fields(worlds))
     assert assert_same(batch, views, worlds, ["front"], device) == 3
 

@@ -72,10 +72,10 @@ def test_faces_are_those_that_the_seen_points_are_on(device, caster):
         if item.solid is not None:
             assert (faces[mask] == -1).all()
             continue
-        carrier = index if item.carrier is None else item.carrier
+        parent = index if item.parent is None else item.parent
         place = np.eye(4)
-        if carrier in geoms.scene.movable:
-            place = poses_to_matrices(rows[geoms.scene.movable.index(carrier)])
+        if parent in geoms.scene.movable:
+            place = poses_to_matrices(rows[geoms.scene.movable.index(parent)])
         local = (points[mask].astype(np.float64) - place[:3, 3]) @ place[:3, :3]
         vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
         a, b, c = np.moveaxis(vertices[item.faces[faces[mask]]].astype(np.float64), 1, 0)

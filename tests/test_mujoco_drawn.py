@@ -293,7 +293,7 @@ def test_what_is_added_stays_behind():
         depth, segmentation = images(renderer, data, "front", option)
         assert pixels(segmentation)[-1, int(OBJ.mjOBJ_UNKNOWN)] > 500
         names = [item.name for item in renderer.scene]
-        assert names[-2:] == ["mine", "worn"] and renderer.scene["worn"].carrier == len(names) - 2
+        assert names[-2:] == ["mine", "worn"] and renderer.scene["worn"].parent == len(names) - 2
         assert {"belt", "string", "actuator_0_cylinder"} <= set(names)
         counts.append((len(names), depth))
     assert counts[0][0] < counts[1][0] <= counts[2][0] == counts[3][0]

@@ -257,7 +257,7 @@ def test_a_copy_of_a_renderer_goes_on_by_itself():
     renderer = used_renderer()
     before, again = renderer.render(), copy.deepcopy(renderer)
     assert {item.name for item in again.scene} == {item.name for item in renderer.scene}
-    assert again.scene.objects[again.scene["worn"].carrier].name == "palm"
+    assert again.scene.objects[again.scene["worn"].parent].name == "palm"
     assert not again.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE]
     again.model.body("drawer").pos[0] += 0.3
     again.update_scene(mujoco_copy(again.model), "front")

@@ -173,7 +173,7 @@ def test_moving_again_what_was_moved_builds_nothing():
     assert not np.array_equal(first[0], second[0])
     # The geoms of a body that was moved go on to share a pose.
     case, handle = (renderer.scene[name] for name in ("case", "handle"))
-    assert handle.carrier is not None and renderer.scene.objects[handle.carrier] is case
+    assert handle.parent is not None and renderer.scene.objects[handle.parent] is case
 
 
 def test_only_what_changed_is_built_again(monkeypatch):

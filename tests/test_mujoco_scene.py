@@ -224,9 +224,9 @@ def test_what_moves_together_shares_a_pose():
     )
     geoms = scene_from_mujoco(model)
     scene = geoms.scene
-    carriers = [None if item.carrier is None else scene.objects[item.carrier].name for item in scene]
+    parents = [None if item.parent is None else scene.objects[item.parent].name for item in scene]
     assert [item.name for item in scene] == ["world", "a", "a_1", "b", "c", "m", "m_1"]
-    assert carriers == [None, None, None, "a", None, None, "m"]
+    assert parents == [None, None, None, "a", None, None, "m"]
     assert geoms.movable_geoms.tolist() == [1, 2, 4, 5]
     data = mujoco.MjData(model)
     data.qpos[:7] = [0.3, 0.2, 0.5, 0.5, 0.5, 0.5, 0.5]
@@ -235,7 +235,7 @@ def test_what_moves_together_shares_a_pose():
     corners = scene["b"].mesh_vertices @ place[:3, :3].T + place[:3, 3]
     true = tessellation.box((0.3, 0.2, 0.1))[0] @ data.geom_xmat[3].reshape(3, 3).T + data.geom_xpos[3]
     np.testing.assert_allclose(corners, true, atol=1e-6)
-    assert all(item.carrier is None for item in scene_from_mujoco(model, movable="all").scene)
+    assert all(item.parent is None for item in scene_from_mujoco(model, movable="all").scene)
 
 
 def test_geoms_of_one_shape_share_their_mesh():

@@ -79,12 +79,12 @@ def test_what_is_attached_is_stretched_with_it(device, caster):
     views = wv.render(scene, SMALL, eyes(2), outputs=ALL, caster=caster, object_scales=factors)
     twin = wv.Scene()
     for item in scene.objects:
-        if item.pose is None and item.carrier is None:
+        if item.pose is None and item.parent is None:
             twin.add((item.vertices, item.faces), name=item.name, label=item.label)
             continue
-        carrier = item if item.carrier is None else scene.objects[item.carrier]
-        scale = factors[scene.movable.index(scene.index(carrier.name))]
-        twin.add((item.mesh_vertices * scale, item.faces), name=item.name, label=item.label, pose=carrier.pose)
+        parent = item if item.parent is None else scene.objects[item.parent]
+        scale = factors[scene.movable.index(scene.index(parent.name))]
+        twin.add((item.mesh_vertices * scale, item.faces), name=item.name, label=item.label, pose=parent.pose)
     assert_matches_reference(views, twin, SMALL, eyes(2))
 
 

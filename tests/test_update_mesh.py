@@ -323,7 +323,7 @@ BAD = {
         CONE.faces,
         "'hat' is rigidly attached to 'second', so its mesh cannot be updated",
     ),
-    "carrier": (
+    "parent": (
         "second",
         CONE.vertices,
         CONE.faces,
@@ -336,7 +336,7 @@ BAD = {
 def test_bad_meshes_change_nothing(case):
     name, vertices, faces, message = BAD[case]
     scene = build("cpu", BOX, BOX)
-    if case in ("attached", "carrier"):
+    if case in ("attached", "parent"):
         scene.add(CONE, name="hat", attach_to="second")
     built, objects = scene.bvh(), scene.objects
     with pytest.raises(SceneError, match=message):

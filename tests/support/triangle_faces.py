@@ -67,8 +67,8 @@ def corners_in(scene, given, poses):
         if mesh is None:
             result.append(None)
             continue
-        if item.carrier is not None:  # attached to an object that was at the origin
-            place = poses_to_matrices(np.asarray(poses[column[item.carrier]], dtype=float))
+        if item.parent is not None:  # attached to an object that was at the origin
+            place = poses_to_matrices(np.asarray(poses[column[item.parent]], dtype=float))
             vertices = item.mesh_vertices
         else:
             row = poses[column[index]] if index in column else places[index]

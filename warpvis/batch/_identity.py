@@ -62,7 +62,7 @@ def object_hash(item: SceneObject) -> str:
     solid = item.solid
     shape = () if solid is None else (int(solid.kind), np.asarray(solid.radii), float(solid.half))
     mesh = item.mesh_vertices if item.movable else item.vertices
-    return hash_values(item.name, int(item.label), item.movable, mesh, item.faces, item.pose, item.carrier, *shape)
+    return hash_values(item.name, int(item.label), item.movable, mesh, item.faces, item.pose, item.parent, *shape)
 
 
 def same_meshes(scene: Scene) -> tuple[int, ...]:

@@ -127,7 +127,7 @@ def _bounds(item: SceneObject) -> _Floats:
 
 
 def frame_vertices(item: SceneObject) -> NDArray[np.float32]:
-    """Return the vertices in the frame of an object's pose: its own frame, its carrier's, or the world's."""
+    """Return the vertices in the frame of an object's pose: its own frame, its parent's, or the world's."""
     return item.vertices if item.mesh_vertices is None else item.mesh_vertices
 
 

@@ -130,7 +130,7 @@ def _boxes_in_frames(objects: Sequence[SceneObject], pairs: Pairs) -> NDArray[np
             row[:] = box
             continue
         item = objects[index]
-        pose = item.pose if item.carrier is None else objects[item.carrier].pose
+        pose = item.pose if item.parent is None else objects[item.parent].pose
         corners = np.array(list(product(*box.T)))
         margin = _BOX_MARGIN * np.abs(corners).max()
         if pose is not None:

@@ -141,8 +141,8 @@ class Stage:
     def state(self) -> StageState:
         """Return the state for `restore`."""
         objects = self.scene.objects
-        carriers = [None if item.carrier is None else objects[item.carrier].name for item in objects]
-        items = [(as_it_is(item), carrier) for item, carrier in zip(objects, carriers, strict=True)]
+        parents = [None if item.parent is None else objects[item.parent].name for item in objects]
+        items = [(as_it_is(item), parent) for item, parent in zip(objects, parents, strict=True)]
         added, places = items[len(self._made) + len(self.visuals) :], (self._position.copy(), self._rotation.copy())
         return StageState(list(self._made), added, self.visuals.state(), *places)
 
@@ -156,9 +156,7 @@ class Stage:
         if state.added:
             objects = self.scene.objects
             index = {item.name: number for number, item in enumerate([*objects, *(item for item, _ in state.added)])}
-            moved = [
-                replace(item, carrier=None if carrier is None else index[carrier]) for item, carrier in state.added
-            ]
+            moved = [replace(item, parent=None if parent is None else index[parent]) for item, parent in state.added]
             self.scene.replace_objects([*objects, *moved])
         self._position[:], self._rotation[:] = state.position, state.rotation
 
@@ -181,8 +179,8 @@ class Stage:
         self._fixed_now = np.empty((len(self._fixed), 3)), np.empty((len(self._fixed), 9))
         self._fixed_before = [bytearray(), bytearray()]
         self._fixed_sites = bool((self._fixed >= self._model.ngeom).any())
-        self._attached = geoms[[index for index, item in enumerate(objects) if item.carrier is not None]]
-        self._carriers = geoms[[item.carrier for item in objects if item.carrier is not None]]
+        self._attached = geoms[[index for index, item in enumerate(objects) if item.parent is not None]]
+        self._parents = geoms[[item.parent for item in objects if item.parent is not None]]
         movable = geoms[[index for index, item in enumerate(objects) if item.pose is not None]]
 
         position = wp.zeros((1, shape_count(self._model)), dtype=wp.vec3, device="cpu")
@@ -235,7 +233,7 @@ class Stage:
         bodies = shape_bodies(self._model)[moved]
         self._loose_bodies.update(bodies[bodies != 0].tolist())
         self._alone.update(moved[bodies == 0].tolist())
-        now, before = (np.linalg.inv(p[self._carriers]) @ p[self._attached] for p in (poses, self._poses))
+        now, before = (np.linalg.inv(p[self._parents]) @ p[self._attached] for p in (poses, self._poses))
         self._alone.update(self._attached[_differs(now, before)].tolist())
 
     def _deform(self, geoms: Iterable[int]) -> set[int]:
@@ -259,7 +257,7 @@ class Stage:
         self._alone |= reshaped | {geom for geom in new if int(old[geom]) in occupied}
         pieces = rigid_pieces(self._model, loose_bodies=self._loose_bodies, alone=self._alone)
         gone = {geom for geom, made in self._made.items() if made.piece != pieces[geom]}
-        left = {self._made[geom].piece for geom in gone & set(self._carriers.tolist())}
+        left = {self._made[geom].piece for geom in gone & set(self._parents.tolist())}
         affected = reshaped | new | gone | {geom for geom, made in self._made.items() if made.piece in left}
         if not affected:
             return
@@ -279,14 +277,14 @@ class Stage:
         objects = self.scene.objects
         items = dict(zip(self._made, objects, strict=False))
         added = objects[len(self._made) :]
-        carriers = {item.name: objects[item.carrier].name for item in objects if item.carrier is not None}
+        parents = {item.name: objects[item.parent].name for item in objects if item.parent is not None}
         draft = Scene()
         for geom, part in parts:
             draft.add(**part.arguments())
             items[geom] = draft[part.name]
-            carriers.pop(part.name, None)
+            parents.pop(part.name, None)
             if part.attach_to is not None:
-                carriers[part.name] = part.attach_to
+                parents[part.name] = part.attach_to
         ordered = [*(items[geom] for geom in sorted(items)), *added]
         taken = {item.name for item in ordered[: len(items)]} & {item.name for item in added}
         if taken:
@@ -296,13 +294,13 @@ class Stage:
             )
         index = {item.name: number for number, item in enumerate(ordered)}
         self.scene.replace_objects(
-            [replace(item, carrier=index[carriers[item.name]]) if item.name in carriers else item for item in ordered]
+            [replace(item, parent=index[parents[item.name]]) if item.name in parents else item for item in ordered]
         )
 
     def _moves_alone(self, name: str) -> bool:
         """Return whether no object is attached to the given one."""
         index = self.scene.index(name)
-        return all(item.carrier != index for item in self.scene.objects)
+        return all(item.parent != index for item in self.scene.objects)
 
 
 def _differs(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -124,7 +124,7 @@ class VisualObjects:
         index = {item.name: number for number, item in enumerate(ordered)}
         scene.replace_objects(
             [
-                item if item.carrier is None else replace(item, carrier=index[objects[item.carrier].name])
+                item if item.parent is None else replace(item, parent=index[objects[item.parent].name])
                 for item in ordered
             ]
         )

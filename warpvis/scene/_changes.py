@@ -138,9 +138,9 @@ class SceneChanges(SceneTrees):
     def _require_alone(self, index: int, what: str) -> None:
         """Raise a `SceneError`, ending in `what`, if an object is rigidly attached to others."""
         item = self._objects[index]
-        others = [self._objects[other].name for other, carrier in self.attached().items() if carrier == index]
-        if item.carrier is not None:
-            others = [self._objects[item.carrier].name]
+        others = [self._objects[other].name for other, parent in self.attached().items() if parent == index]
+        if item.parent is not None:
+            others = [self._objects[item.parent].name]
         if others:
             some = ", ".join(map(repr, others))
             raise SceneError(f"object {item.name!r} is rigidly attached to {some}, so its {what}; do not attach them")

@@ -98,14 +98,14 @@ class _Packing:
 
     def _add(self, index: int, item: SceneObject, objects: Sequence[SceneObject]) -> None:
         appearance = item.appearance or _PLAIN
-        carrier = index if item.carrier is None else item.carrier
-        self._column[index] = self._columns.get(carrier, -1)
+        parent = index if item.parent is None else item.parent
+        self._column[index] = self._columns.get(parent, -1)
         numbers = [self._material(material, item, objects) for material in appearance.materials]
         self._first[index] = numbers[0]
         if item.shared_mesh is not None:
             self._pose[index] = item.place
         elif _has_own_frame(item, appearance):
-            self._pose[index] = _pose_in_carrier(item, objects)
+            self._pose[index] = _pose_in_parent(item, objects)
         if appearance.face_materials is not None and len(set(numbers)) > 1:
             rows = np.array(numbers, dtype=np.int32)[appearance.face_materials]
             self._object_rows[index, 3] = self._share(
@@ -120,7 +120,7 @@ class _Packing:
         self.deforms |= item.points is not None
         vertices, faces = _frame_mesh(item)
         if _has_own_frame(item, appearance):
-            vertices = _in_frame(vertices, _pose_in_carrier(item, objects))
+            vertices = _in_frame(vertices, _pose_in_parent(item, objects))
         self._object_rows[index, 0] = self._share("corners", vertices[faces], (item.shared_mesh or vertices, faces))
         uv = appearance.corner_uv(faces)
         if uv is not None:
@@ -220,13 +220,13 @@ def _has_own_frame(item: SceneObject, appearance: Appearance) -> bool:
     return item.origin is not None and by_frame
 
 
-def _pose_in_carrier(item: SceneObject, objects: Sequence[SceneObject]) -> NDArray[np.float64] | None:
+def _pose_in_parent(item: SceneObject, objects: Sequence[SceneObject]) -> NDArray[np.float64] | None:
     """Return the pose an object was added with, in the world or in its parent's frame; None for the identity."""
-    if item.origin is None or item.carrier is None:
+    if item.origin is None or item.parent is None:
         return item.origin
-    carrier = objects[item.carrier].pose
-    assert carrier is not None  # it is movable
-    inner = np.linalg.inv(poses_to_matrices(carrier.astype(np.float64))) @ poses_to_matrices(item.origin)
+    parent = objects[item.parent].pose
+    assert parent is not None  # it is movable
+    inner = np.linalg.inv(poses_to_matrices(parent.astype(np.float64))) @ poses_to_matrices(item.origin)
     return poses_to_opencv(inner[None])[0]
 
 
@@ -255,7 +255,7 @@ def _cube_scale(material: Material, item: SceneObject, objects: Sequence[SceneOb
     """
     if material.texture is None or material.projection != "cube" or material.texture_uniform:
         return 1.0, 1.0, 1.0
-    origin = _pose_in_carrier(item, objects)
+    origin = _pose_in_parent(item, objects)
     half = np.abs(_in_frame(_frame_mesh(item)[0], origin)).max(axis=0).astype(np.float64)
     return tuple((1 / np.where(half > 0, half, 1.0)).tolist())
 

@@ -133,8 +133,8 @@ def draw_plan(objects: Sequence[SceneObject], device: wp.Device) -> Drawn:
         labels[first : first + count] = int(item.label)
         if item.movable if isinstance(item, Instances) else item.pose is not None:
             moving.append(run)
-        elif isinstance(item, SceneObject) and item.carrier is not None:
-            pieces.setdefault(item.carrier, [item.carrier]).append(first)
+        elif isinstance(item, SceneObject) and item.parent is not None:
+            pieces.setdefault(item.parent, [item.parent]).append(first)
         else:
             staying.append(run)
     shared = _meshes_that_pay(staying, device)

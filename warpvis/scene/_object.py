@@ -37,7 +37,7 @@ class SceneObject:
     """Corners in the frame of a movable object, or of its parent [m], shape ``(n, 3)``; None for static objects."""
     pose: NDArray[np.float32] | None = field(default=None, repr=False)
     """Initial pose of a movable object, object to world, ``x y z qx qy qz qw``; None if it is static or attached."""
-    carrier: int | None = None
+    parent: int | None = None
     """Index of the movable object that it is attached to; None if not attached."""
     solid: Solid | None = None
     """Round solid that rays hit instead of the triangles, if a movable object was added as a `solids.Solid`."""
@@ -114,7 +114,7 @@ class SceneObject:
     @property
     def movable(self) -> bool:
         """Whether the object's pose may differ between worlds."""
-        return self.pose is not None or self.carrier is not None
+        return self.pose is not None or self.parent is not None
 
     @property
     def points(self) -> wp.array | None:
@@ -153,8 +153,8 @@ def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance:
     A static object then has its vertices in the world's frame, and the identity for a pose; an instance has its shared
     mesh and its pose.
     """
-    if item.carrier is not None:
-        return replace(item, pose=objects[item.carrier].pose, carrier=None)
+    if item.parent is not None:
+        return replace(item, pose=objects[item.parent].pose, parent=None)
     shared = item.shared_mesh
     if is_instance and shared is not None:
         place = item.place.astype(np.float32)

@@ -295,7 +295,7 @@ class Scene(SceneExports):
             )
         place = poses_to_matrices(item.pose)
         inside = (placed - place[:3, 3]) @ place[:3, :3]
-        return {"mesh_vertices": inside.astype(np.float32), "carrier": index}
+        return {"mesh_vertices": inside.astype(np.float32), "parent": index}
 
     def add_parts(self, found: FileParts, rules: LabelRules, **options: Any) -> None:
         """Add the parts of a file, labeled by rules; options as for `FileParts.objects`.

@@ -145,7 +145,7 @@ class SceneTrees:
     def attached(self) -> dict[int, int]:
         """Return the parents of attached objects, by object index."""
         runs = ((first, item) for first, _, item in self._objects.runs() if isinstance(item, SceneObject))
-        return {first: item.carrier for first, item in runs if item.carrier is not None}
+        return {first: item.parent for first, item in runs if item.parent is not None}
 
     def has_solids(self) -> bool:
         """Return whether any object is rendered as a round solid."""

@@ -125,8 +125,8 @@ def pose_columns(scene: Scene) -> NDArray[np.int32]:
     """Return every object's column in the object poses: its own or its parent's, -1 for static objects."""
     columns = np.full(len(scene), -1, dtype=np.int32)
     columns[list(scene.movable)] = np.arange(len(scene.movable))
-    for index, carrier in scene.attached().items():
-        columns[index] = columns[carrier]
+    for index, parent in scene.attached().items():
+        columns[index] = columns[parent]
     return columns
 
 

@@ -180,7 +180,7 @@ class MujocoStage:
         movable_parts, static_parts = defaultdict(list), defaultdict(list)
         for index, item in enumerate(items):
             if item.movable:
-                movable_parts[index if item.carrier is None else item.carrier].append(item)
+                movable_parts[index if item.parent is None else item.parent].append(item)
             else:
                 static_parts[self._group(index, item)].append(item)
         names: set[str] = set()

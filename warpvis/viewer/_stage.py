@@ -60,7 +60,7 @@ class Stage:
     def columns(self) -> NDArray[np.int64]:
         """Row of `object_poses` that moves each object, ``(objects,)``; -1 for static objects."""
         rows = {index: row for row, index in enumerate(self.scene.movable)}
-        roots = [index if item.carrier is None else item.carrier for index, item in enumerate(self.scene.objects)]
+        roots = [index if item.parent is None else item.parent for index, item in enumerate(self.scene.objects)]
         return np.array([rows.get(root, -1) for root in roots], dtype=np.int64)
 
     def column(self, name: str) -> int:
@@ -83,7 +83,7 @@ def _choose_draggable(items: Sequence[SceneObject], bodies: set[str], movable: S
     for pattern in patterns:
         if not isinstance(pattern, str) or not any(fnmatch.fnmatchcase(item.name, pattern) for item in items):
             raise SceneError(f"{pattern!r} in movable fits no object of the scene")
-    free = [item for item in items if item.carrier is None and item.name not in bodies]
+    free = [item for item in items if item.parent is None and item.name not in bodies]
     return [item.name for item in free if any(fnmatch.fnmatchcase(item.name, pattern) for pattern in patterns)]
 
 

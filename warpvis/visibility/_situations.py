@@ -83,7 +83,7 @@ class Situations:
             corners = item.vertices if item.mesh_vertices is None else item.mesh_vertices
             center = (corners.min(axis=0).astype(np.float64) + corners.max(axis=0)) / 2
             if rows is not None and item.movable:
-                column = scene.movable.index(index if item.carrier is None else item.carrier)
+                column = scene.movable.index(index if item.parent is None else item.parent)
                 frames = poses_to_matrices(rows[:, column])
                 center = frames[:, :3, :3] @ center + frames[:, :3, 3]
             all_centers[:, k] = center
