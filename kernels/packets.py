@@ -116,7 +116,7 @@ HEADERS = (
     "cpu/output.h",
     "cpu/sparse.h",
     "cpu/ray_leaf.h",
-    "cpu/ray_drawing.h",
+    "cpu/ray_raster.h",
     "cpu/walk.h",
     "cpu/movables.h",
     "cpu/packets.h",

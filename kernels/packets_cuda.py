@@ -33,7 +33,7 @@ _SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/stretch.h", 
 
 _HEADERS = (
     "cuda/pixels.h",
-    "cuda/doubts.h",
+    "cuda/uncertain_pixels.h",
     "cuda/raster.h",
     "cuda/visits.h",
     "cuda/walk.h",

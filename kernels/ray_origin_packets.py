@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Packets of ray bundles with distinct origins: `kernels.table_packets` with ``native/cpu/apart_drawing.h``."""
+"""Packets of ray bundles with distinct origins: `kernels.table_packets` with ``native/cpu/ray_raster_origins.h``."""
 
 import warp as wp
 
@@ -67,7 +67,7 @@ const TableMemory memory = TableMemory::carve(arena, shape, scene.drawn_count, s
 TablePackets::run(drawn, shape, out, memory, job.counter.data);
 """
 
-_REPLACED_HEADERS = {"cpu/table_rays.h": "cpu/apart_rays.h", "cpu/ray_drawing.h": "cpu/apart_drawing.h"}
+_REPLACED_HEADERS = {"cpu/table_rays.h": "cpu/origin_rays.h", "cpu/ray_raster.h": "cpu/ray_raster_origins.h"}
 RAY_ORIGIN_HEADERS = tuple(_REPLACED_HEADERS.get(name, name) for name in TABLE_HEADERS)
 
 

@@ -154,7 +154,7 @@ def measure_stereo(
     measure_pixel(model, views, eyes[view], views.draws[view], view, y, x, depth_out, reasons_out)
 
 
-@wp.func_native(read_native(*_HEADERS) + PLACE + "image.show(images, view, y, x, (float*)points_out.data);")
+@wp.func_native(read_native(*_HEADERS) + PLACE + "image.project(images, view, y, x, (float*)points_out.data);")
 def place_pixel(
     camera: PinholeCamera,
     views: StereoViews,

@@ -46,7 +46,7 @@ def measure_stereo_rows(
     measure_row(model, views, eyes[view], views.draws[view], view, y, depth_out, reasons_out)
 
 
-@wp.func_native(_HEADERS + PLACE + "image.show_row(images, view, y, (float*)points_out.data);")
+@wp.func_native(_HEADERS + PLACE + "image.project_row(images, view, y, (float*)points_out.data);")
 def place_row(
     camera: PinholeCamera,
     views: StereoViews,

@@ -23,9 +23,9 @@ inline BuiltTree build(const ::Mesh& given, const std::vector<int>& owner_of,
     Exact<v8> items(count);
     Exact<Split> splits(count);
     for (int i = 0; i < count; ++i) Items::load(vertices.data, faces.data, i, items.data);
-    v8 centres[2];
+    v8 centers[2];
     Splitter::split_all(items.data, splits.data, {0, count, 0, depth, Aabb::of_centers(items.data, 0, count)}, -1,
-                        centres);
+                        centers);
     const bool exact_areas = has_exact_areas(items, splits, splits[0].child[0], 0, count);
     Exact<Collapser::Binary> binaries(count);
     Exact<int> children((size_t)count * LANES, 0x55555555), ranges(2 * (size_t)count), counts(3);

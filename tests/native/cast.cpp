@@ -30,19 +30,20 @@ static casting::Linear edge_of(const float* edge) {
     return {Lanes::all(edge[0]), Lanes::all(edge[1]), Lanes::all(edge[2])};
 }
 
-void narrow_columns(const float* edge, float doubt, float first_u, float v0, float v1, float& left, float& right) {
+void narrow_columns(const float* edge, float error_bound, float first_u, float v0, float v1, float& left,
+                    float& right) {
     using casting::Lanes;
     casting::Camera camera = casting::Camera();
     camera.first_u = first_u;
     casting::Floats from = Lanes::all(left), to = Lanes::all(right);
-    casting::Raster::narrow(camera, edge_of(edge), doubt, Lanes::all(v0), Lanes::all(v1), from, to);
+    casting::Raster::narrow(camera, edge_of(edge), error_bound, Lanes::all(v0), Lanes::all(v1), from, to);
     left = from[0], right = to[0];
 }
 
-bool is_inside(const float* edge, float doubt, float u, float v) {
+bool is_inside(const float* edge, float error_bound, float u, float v) {
     using casting::Lanes;
     const casting::Linear linear = edge_of(edge);
-    return linear.at(Lanes::all(u), linear.row(Lanes::all(v)))[0] >= -doubt;
+    return linear.at(Lanes::all(u), linear.row(Lanes::all(v)))[0] >= -error_bound;
 }
 
 // Concatenates the trees of several meshes.

@@ -57,11 +57,11 @@ BuiltTree build_tree(int lanes, const Mesh& mesh, const std::vector<int>& owner,
 unsigned turned_away(const BuiltTree& tree, int node, const float* camera);
 
 // Shrink the interval of columns of rows from v0 to v1 by an edge function u * edge[0] + v * edge[1] + edge[2],
-// positive inside. Pixels where it is at least -doubt must stay inside the interval.
-void narrow_columns(const float* edge, float doubt, float first_u, float v0, float v1, float& left, float& right);
+// positive inside. Pixels where it is at least -error_bound must stay inside the interval.
+void narrow_columns(const float* edge, float error_bound, float first_u, float v0, float v1, float& left, float& right);
 
 // Whether an edge function at a pixel is positive or uncertain.
-bool is_inside(const float* edge, float doubt, float u, float v);
+bool is_inside(const float* edge, float error_bound, float u, float v);
 
 SceneBvh cluster(const Scene& scene);
 

@@ -18,14 +18,14 @@ static void check_edge(Random& random, uint64_t seed) {
                  size = random.pick({1e-6, 1.0, 1e6});
     const float edge[3] = {(float)(random.pick({-1, 1}) * size), (float)(slope * size), 0};
     const float through[3] = {edge[0], edge[1], (float)(-edge[0] * (x + first_u) - (double)edge[1] * y)};
-    const float doubt = (float)(random.pick({0.0, 1e-6, 1e-3, 1.0}) * size);
+    const float error_bound = (float)(random.pick({0.0, 1e-6, 1e-3, 1.0}) * size);
     float left = 0, right = (float)(width - 1);
-    narrow_columns(through, doubt, first_u, v0, v1, left, right);
+    narrow_columns(through, error_bound, first_u, v0, v1, left, right);
     for (int row = 0; row < rows; ++row)
         for (int column = 0; column < width; ++column) {
             if (column >= left && column <= right) continue;
-            if (is_inside(through, doubt, (float)column + first_u, v0 + (float)row))
-                return fail(seed, row, "a pixel is left out", "column %d, not from %g to %g, slope %g", column, left,
+            if (is_inside(through, error_bound, (float)column + first_u, v0 + (float)row))
+                return fail(seed, row, "a pixel is excluded", "column %d, not from %g to %g, slope %g", column, left,
                             right, slope);
         }
 }

@@ -15,7 +15,7 @@ struct Judgement {
     Judgement(const Truth& of, const std::vector<Hit>& met, double at_u, double at_v)
         : truth(of), hits(met), u(at_u), v(at_v) {
         for (const Hit& hit : hits)
-            if (hit.sure) limit = std::min(limit, hit.high);
+            if (hit.certain) limit = std::min(limit, hit.high);
     }
 
     bool may_see(const Hit& hit, double depth) const { return hit.low <= std::min(limit, depth) && depth <= hit.high; }
@@ -33,13 +33,13 @@ struct Judgement {
     // Describe a fault in the outputs of a ray with the given depth; null if there is none.
     const char* fault(const Pictures& made, size_t at, float depth, const Scene& scene) const {
         if (depth != depth) return "depth is NaN";
-        if (made.depth.data && made.depth[at] != depth) return "depth depends on what else is asked for";
+        if (made.depth.data && made.depth[at] != depth) return "depth depends on the requested outputs";
         if (!std::isfinite(depth)) {
             if (depth > 0 ? !may_be_nothing() : !may_be_near()) return depth > 0 ? "nothing is seen" : "too near";
             return fault_of_nothing(made, at);
         }
         if (depth < truth.lens.near || depth > truth.lens.far) return "depth is out of range";
-        const char* fault = "no such surface is there";
+        const char* fault = "no such surface";
         for (const Hit& hit : hits) {
             if (!may_see(hit, depth) || (made.objects.data && made.objects[at] != hit.object)) continue;
             const bool labelled = !made.labels.data || made.labels[at] == scene.objects[hit.object].label;
@@ -53,7 +53,7 @@ struct Judgement {
   private:
     bool is_at(const float* point, double depth) const {
         const Vec ray = {u / truth.lens.fx, v / truth.lens.fy, 1};
-        const Vec wanted = truth.camera.at + truth.camera.turn(ray * depth);
+        const Vec wanted = truth.camera.at + truth.camera.rotate(ray * depth);
         const Vec off = Vec{point[0], point[1], point[2]} - wanted;
         return off.length() <= 1e-5 * depth * ray.length() + 3e-7 * wanted.length();
     }
@@ -146,8 +146,8 @@ static void check_scene(uint64_t seed) {
     set.cull = random.chance(0.2) && !set.scene.is_room;
     set.points = random.chance(0.3) ? random.pick({1, 3, 16, 17, 200, 900}) : 0;
     for (int view = 0; view < set.worlds.views && set.points; ++view) {
-        const std::vector<float> some = random_points(random, set.lens, set.points);
-        set.places.insert(set.places.end(), some.begin(), some.end());
+        const std::vector<float> chosen = random_points(random, set.lens, set.points);
+        set.places.insert(set.places.end(), chosen.begin(), chosen.end());
     }
     // If the near plane cuts a solid, its triangles are visible: see tests/test_near_plane.py.
     bool solids = false;
@@ -158,8 +158,8 @@ static void check_scene(uint64_t seed) {
         const Shares shares = random_shares(random, set.lens.height);
         return cast(set.clusters, set.worlds, set.lens, shares, set.cull, outputs, at, set.points);
     };
-    const Pictures all = render(ALL_OUTPUTS), some = render(random.whole(1, ALL_OUTPUTS));
-    check_rays(set, seed, all, some);
+    const Pictures all = render(ALL_OUTPUTS), chosen = render(random.whole(1, ALL_OUTPUTS));
+    check_rays(set, seed, all, chosen);
 }
 
 int main(int count, char** arguments) { return check_all(count, arguments, check_scene); }

@@ -31,7 +31,7 @@ static std::vector<float> random_places(Random& random, const Scene& scene, cons
         if (kind > 4) {  // in front of a camera
             const Placed camera = Placed::of(&worlds.cameras[7 * random.whole(0, worlds.views - 1)]);
             const double z = random.real(0.01, 4) * scene.scale, wide = random.pick({0.01, 0.2, 1.0}) * z;
-            const Vec at = camera.at + camera.turn({random.real(-wide, wide), random.real(-wide, wide), z});
+            const Vec at = camera.at + camera.rotate({random.real(-wide, wide), random.real(-wide, wide), z});
             p[0] = at.x, p[1] = at.y, p[2] = at.z;
         }
         const Object& object = scene.objects[random.whole(0, (int)scene.objects.size() - 1)];
@@ -66,29 +66,29 @@ static void put_on_borders(Random& random, Lens& lens, Worlds& worlds, std::vect
 // Describe a fault in a point's status; null if there is none.
 static const char* fault_of(const Truth& truth, const Aim& aim, float tolerance, int status, const int* occluder,
                             std::vector<Hit>& hits) {
-    const double margin = aim.margin(truth.lens), doubt = 1e-6, z = aim.z;
-    if (occluder && (*occluder >= 0) != (status == OCCLUDED)) return "an occluder of what is not hidden, or none";
-    if (margin < -doubt) return status == OUT_OF_VIEW ? nullptr : "out of view";
-    if (status == OUT_OF_VIEW) return margin > doubt ? "in view" : nullptr;
-    if (status == NEARER) return z < truth.lens.near * (1 + doubt) ? nullptr : "not too near";
-    if (status == FARTHER) return z > truth.lens.far * (1 - doubt) ? nullptr : "not too far";
-    if (z < truth.lens.near * (1 - doubt) || z > truth.lens.far * (1 + doubt)) return "out of range";
+    const double margin = aim.margin(truth.lens), slack = 1e-6, z = aim.z;
+    if (occluder && (*occluder >= 0) != (status == OCCLUDED)) return "occluder and status disagree";
+    if (margin < -slack) return status == OUT_OF_VIEW ? nullptr : "out of view";
+    if (status == OUT_OF_VIEW) return margin > slack ? "in view" : nullptr;
+    if (status == NEARER) return z < truth.lens.near * (1 + slack) ? nullptr : "not too near";
+    if (status == FARTHER) return z > truth.lens.far * (1 - slack) ? nullptr : "not too far";
+    if (z < truth.lens.near * (1 - slack) || z > truth.lens.far * (1 + slack)) return "out of range";
     hits.clear();
     truth.meet(aim.u, aim.v, hits);
     const Vec ray = {aim.u / truth.lens.fx, aim.v / truth.lens.fy, 1};
     const double needed = tolerance / ray.length();
     double first = ENDLESS;
-    bool surely = false;
+    bool certainly_hidden = false;
     for (const Hit& hit : hits) {
-        if (hit.sure) first = std::min(first, hit.high);
-        surely |= hit.sure && z - hit.high > needed * (1 + 1e-5);
+        if (hit.certain) first = std::min(first, hit.high);
+        certainly_hidden |= hit.certain && z - hit.high > needed * (1 + 1e-5);
     }
-    if (status == SEEN) return surely ? "hidden" : nullptr;
+    if (status == SEEN) return certainly_hidden ? "hidden" : nullptr;
     if (status != OCCLUDED) return "no such status";
     for (const Hit& hit : hits)
         if (z - hit.low >= needed * (1 - 1e-5) && hit.low <= first && (!occluder || *occluder == hit.object))
             return nullptr;
-    return "nothing hides it, or not that";
+    return "not occluded, or by another object";
 }
 
 static void check_scene(uint64_t seed) {

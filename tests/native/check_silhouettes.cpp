@@ -7,26 +7,26 @@
 
 // Number of certain pixels and greatest possible number, and their boxes.
 struct Tally {
-    int sure = 0, most = 0;
-    int sure_box[4], most_box[4];  // codes: maxima of -x, -y, x, y
+    int certain = 0, most = 0;
+    int certain_box[4], possible_box[4];  // codes: maxima of -x, -y, x, y
 
     Tally() {
-        for (int k = 0; k < 4; ++k) sure_box[k] = most_box[k] = INT32_MIN;
+        for (int k = 0; k < 4; ++k) certain_box[k] = possible_box[k] = INT32_MIN;
     }
-    void add(int x, int y, bool is_sure) {
+    void add(int x, int y, bool is_certain) {
         const int code[4] = {-x, -y, x, y};
         most += 1;
-        sure += is_sure;
+        certain += is_certain;
         for (int k = 0; k < 4; ++k) {
-            most_box[k] = std::max(most_box[k], code[k]);
-            if (is_sure) sure_box[k] = std::max(sure_box[k], code[k]);
+            possible_box[k] = std::max(possible_box[k], code[k]);
+            if (is_certain) certain_box[k] = std::max(certain_box[k], code[k]);
         }
     }
-    bool holds(int count) const { return sure <= count && count <= most; }
+    bool holds(int count) const { return certain <= count && count <= most; }
     bool holds_box(const int* code) const {
         for (int k = 0; k < 4; ++k) {
             const int value = code[k] == 0 ? INT32_MIN : code[k] - (1 << 24);
-            if (value < sure_box[k] || value > most_box[k]) return false;
+            if (value < certain_box[k] || value > possible_box[k]) return false;
         }
         return true;
     }
@@ -39,7 +39,7 @@ struct Expected {
 };
 
 // The scene in which each object is a separate movable, as in warpvis.scene.Scene.apart.
-static Scene apart(const Scene& scene) {
+static Scene separate(const Scene& scene) {
     Scene result = scene;
     result.movables.clear();
     for (int i = 0; i < (int)scene.objects.size(); ++i) {
@@ -99,13 +99,13 @@ static Compared random_comparison(Random& random, const Scene& scene, const Lens
 // Add a pixel that an object covers, with its range of depth.
 static void add_pixel(Expected& e, const Compared& with, const Lens& lens, int view, int index, int x, int y,
                       const Hit& hit) {
-    e.silhouette.add(x, y, hit.sure);
+    e.silhouette.add(x, y, hit.certain);
     if (x < 0 || y < 0 || x >= lens.width || y >= lens.height) return;
-    e.image.add(x, y, hit.sure);
+    e.image.add(x, y, hit.certain);
     const size_t pixel = ((size_t)view * lens.height + y) * lens.width + x;
     const Vec ray = {(x + 0.5 - lens.cx) / lens.fx, (y + 0.5 - lens.cy) / lens.fy, 1};
-    const bool may_near = hit.low < lens.near, is_near = hit.sure && hit.high < lens.near;
-    const bool may_far = hit.high > lens.far, is_far = hit.sure && hit.low > lens.far;
+    const bool may_near = hit.low < lens.near, is_near = hit.certain && hit.high < lens.near;
+    const bool may_far = hit.high > lens.far, is_far = hit.certain && hit.low > lens.far;
     bool is_seen = with.seen[pixel] == index, may_see = is_seen;
     if (with.depth.data) {
         const double length = ray.length(), delta = with.delta, slack = 1e-5 * (hit.high + delta);
@@ -114,11 +114,11 @@ static void add_pixel(Expected& e, const Compared& with, const Lens& lens, int v
     }
     if (may_near) e.near.add(x, y, is_near);
     if (may_far) e.far.add(x, y, is_far);
-    const bool in_range = hit.sure && !may_near && !may_far;
+    const bool in_range = hit.certain && !may_near && !may_far;
     if (may_see && !is_near && !is_far) e.visible.add(x, y, is_seen && in_range);
     if (!is_seen && !is_near && !is_far && with.seen[pixel] >= 0)
         e.hidden_by[with.seen[pixel]].add(x, y, !may_see && in_range);
-    const bool is_known = hit.sure && is_seen == may_see && is_near == may_near && is_far == may_far;
+    const bool is_known = hit.certain && is_seen == may_see && is_near == may_near && is_far == may_far;
     e.mask[y * lens.width + x] = !is_known ? -1 : is_seen && in_range ? 2 : 1;
 }
 
@@ -143,13 +143,13 @@ static Expected expect(const Scene& scene, const Worlds& worlds, const Lens& len
             if (hits.empty()) continue;
             Hit nearest = {ENDLESS, ENDLESS, false, index, {0, 0, 0}, 0};
             for (const Hit& hit : hits) {
-                nearest.sure |= hit.sure;
+                nearest.certain |= hit.certain;
                 nearest.low = std::min(nearest.low, hit.low);
-                if (hit.sure) nearest.high = std::min(nearest.high, hit.high);
+                if (hit.certain) nearest.high = std::min(nearest.high, hit.high);
             }
-            if (!nearest.sure)
+            if (!nearest.certain)
                 for (const Hit& hit : hits) nearest.high = std::min(nearest.high, hit.high);
-            if (!nearest.sure && hits.size() > 1) nearest.high = ENDLESS;
+            if (!nearest.certain && hits.size() > 1) nearest.high = ENDLESS;
             add_pixel(e, with, lens, view, index, x, y, nearest);
         }
     return e;
@@ -170,9 +170,9 @@ struct Found {
     }
 
     const char* fault(const Expected& e, const Lens& lens) const {
-        if (with.seen_only && e.visible.sure == 0 && value(VISIBLE) == 0) return fault_of_unseen(e);
+        if (with.seen_only && e.visible.certain == 0 && value(VISIBLE) == 0) return fault_of_unseen(e);
         if (!e.silhouette.holds(value(SILHOUETTE))) return "silhouette";
-        if (!box_fits(SILHOUETTE_BOX, e.silhouette)) return "box of the silhouette";
+        if (!box_fits(SILHOUETTE_BOX, e.silhouette)) return "silhouette box";
         return fault_in_image(e, lens);
     }
 
@@ -180,14 +180,14 @@ struct Found {
     // Pixels outside the image need not be counted in this case.
     const char* fault_of_unseen(const Expected& e) const {
         const int silhouette = value(SILHOUETTE);
-        if (silhouette > e.silhouette.most || silhouette < e.image.sure) return "silhouette of what is not seen";
-        return e.image.holds(value(IMAGE)) ? nullptr : "image of what is not seen";
+        if (silhouette > e.silhouette.most || silhouette < e.image.certain) return "silhouette of an invisible object";
+        return e.image.holds(value(IMAGE)) ? nullptr : "image of an invisible object";
     }
 
     const char* fault_in_image(const Expected& e, const Lens& lens) const {
         if (!e.image.holds(value(IMAGE))) return "image";
         if (!e.visible.holds(value(VISIBLE))) return "visible";
-        if (!box_fits(VISIBLE_BOX, e.visible)) return "box of what is visible";
+        if (!box_fits(VISIBLE_BOX, e.visible)) return "visible box";
         if (!e.near.holds(value(TOO_NEAR)) || !e.far.holds(value(TOO_FAR))) return "out of range";
         const size_t pair = (size_t)view * with.chosen.size() + place;
         for (int object = 0; object < objects; ++object) {
@@ -195,7 +195,7 @@ struct Found {
             const Tally& tally = e.hidden_by[object];
             // With `seen_only`, occluders are counted for the image and again for the canvas.
             if (!with.seen_only && !tally.holds(by)) return "hidden by";
-            if (with.seen_only && (by < 2 * tally.sure || by > 2 * tally.most)) return "hidden by";
+            if (with.seen_only && (by < 2 * tally.certain || by > 2 * tally.most)) return "hidden by";
         }
         for (size_t i = 0; i < e.mask.size() && with.masks; ++i) {
             const int mask = counts.masks[pair * lens.width * lens.height + i];
@@ -209,7 +209,7 @@ static void check_scene(uint64_t seed) {
     Random random(seed);
     const Scene given = random_scene(random);
     Worlds worlds = random_worlds(random, given);
-    const Scene scene = apart(given);
+    const Scene scene = separate(given);
     spread(given, worlds);
     const SceneBvh clusters = cluster(scene);
     const Lens lens = random_lens(random, scene.scale);
@@ -225,8 +225,8 @@ static void check_scene(uint64_t seed) {
             const char* fault = found.fault(expected, lens);
             if (fault)
                 fail(seed, view, fault, "of object %d: %d to %d, %d to %d in the image, %d to %d visible, not %d %d %d",
-                     with.chosen[place], expected.silhouette.sure, expected.silhouette.most, expected.image.sure,
-                     expected.image.most, expected.visible.sure, expected.visible.most, found.value(SILHOUETTE),
+                     with.chosen[place], expected.silhouette.certain, expected.silhouette.most, expected.image.certain,
+                     expected.image.most, expected.visible.certain, expected.visible.most, found.value(SILHOUETTE),
                      found.value(IMAGE), found.value(VISIBLE));
         }
 }

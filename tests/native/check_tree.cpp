@@ -70,7 +70,7 @@ struct Checker {
     bool is_flat = false;
     const char* wrong = nullptr;
 
-    void say(bool right, const char* what) {
+    void require(bool right, const char* what) {
         if (!right && !wrong) wrong = what;
     }
 
@@ -130,24 +130,25 @@ struct Checker {
 
     void add_leaf(int leaf, Under& under) {
         const int lanes = tree.lanes;
-        say(leaf < tree.leaves, "a leaf that is not there");
+        require(leaf < tree.leaves, "no such leaf");
         if (leaf >= tree.leaves) return;
         bool ended = false;
         for (int k = 0; k < lanes; ++k) {
             const int triangle = tree.triangles[leaf * lanes + k],
                       real = triangle < 0 ? tree.triangles[leaf * lanes] : triangle;
-            say(triangle >= 0 || k > 0, "an empty leaf");
-            say(!(ended && triangle >= 0), "a gap in a leaf");
+            require(triangle >= 0 || k > 0, "an empty leaf");
+            require(!(ended && triangle >= 0), "a gap in a leaf");
             ended |= triangle < 0;
-            say(real >= 0 && real < mesh.count(), "no such triangle");
+            require(real >= 0 && real < mesh.count(), "no such triangle");
             if (wrong) return;
-            say(tree.owners[leaf * lanes + k] == owner[real], "owner");
+            require(tree.owners[leaf * lanes + k] == owner[real], "owner");
             const int first = triangle < 0 ? 0 : first_corner(leaf, k, triangle);
             for (int row = 0; row < 9; ++row) {
                 const int from = mesh.faces[3 * real + (triangle < 0 ? 0 : (first + row / 3) % 3)];
-                say(tree.leaf_rows[(leaf * 9 + row) * lanes + k] == mesh.vertices[3 * from + row % 3], "corner");
+                require(tree.leaf_rows[(leaf * 9 + row) * lanes + k] == mesh.vertices[3 * from + row % 3], "corner");
             }
-            say(triangle < 0 || has_longest_side_opposite(triangle, first), "a first corner beside the longest side");
+            require(triangle < 0 || has_longest_side_opposite(triangle, first),
+                    "the first corner is not opposite to the longest side");
             if (triangle < 0) continue;
             times_seen[triangle] += 1;
             under.triangles.push_back(triangle);
@@ -162,21 +163,21 @@ struct Checker {
 
     void check_bounds(const float* row, const Under& under) {
         for (int k = 0; k < 3; ++k) {
-            say(row[k * tree.lanes] == under.low[k], "least corner");
-            say(row[(3 + k) * tree.lanes] == under.high[k], "greatest corner");
+            require(row[k * tree.lanes] == under.low[k], "least corner");
+            require(row[(3 + k) * tree.lanes] == under.high[k], "greatest corner");
         }
         const double cutoff = row[9 * tree.lanes];
         // If all triangles have the same normal, only rounding widens a cone, level by level.
-        say(!is_flat || !under.all_closed || cutoff < 1.5e-3 * (under.height + 1), "a cone that is too wide");
+        require(!is_flat || !under.all_closed || cutoff < 1.5e-3 * (under.height + 1), "a cone that is too wide");
         const Vec axis = {row[6 * tree.lanes], row[7 * tree.lanes], row[8 * tree.lanes]};
-        say(cutoff == 2.0 || under.all_closed, "a cone of what is not closed");
+        require(cutoff == 2.0 || under.all_closed, "a cone of an open object");
         if (cutoff == 2.0) return;
-        say(cutoff >= 1e-3 && cutoff < 1, "cutoff");
+        require(cutoff >= 1e-3 && cutoff < 1, "cutoff");
         for (int triangle : under.triangles) {
             const Vec n = normal(triangle);
             if (n.length() == 0) continue;
             const double cosine = n.dot(axis) / n.length() / axis.length();
-            say(cosine > 0 && std::sqrt(std::max(0.0, 1 - cosine * cosine)) <= cutoff, "a normal outside of its cone");
+            require(cosine > 0 && std::sqrt(std::max(0.0, 1 - cosine * cosine)) <= cutoff, "a normal outside its cone");
         }
     }
 
@@ -187,14 +188,15 @@ struct Checker {
             if (!(turned_away(tree, node, at) >> child & 1)) continue;
             for (int triangle : under.triangles) {
                 const Vec a = corner(triangle, 0), n = normal(triangle);
-                say(n.dot(a - Vec{at[0], at[1], at[2]}) >= -1e-6 * n.length(), "a triangle that is not turned away");
+                require(n.dot(a - Vec{at[0], at[1], at[2]}) >= -1e-6 * n.length(),
+                        "a culled triangle faces the camera");
             }
         }
     }
 
     Under visit(int node, int level) {
         Under all;
-        say(node < tree.nodes && level <= tree.levels, "a node that is not there");
+        require(node < tree.nodes && level <= tree.levels, "no such node");
         if (wrong) return all;
         times_visited[node] += 1;
         levels = std::max(levels, level);
@@ -204,12 +206,12 @@ struct Checker {
             const float* row = &tree.node_rows[(size_t)node * 10 * tree.lanes + k];
             Under under;
             if (child == 0) {
-                say(row[0] == 3e38f && row[3 * tree.lanes] == -3e38f, "bounds of no child");
+                require(row[0] == 3e38f && row[3 * tree.lanes] == -3e38f, "bounds of a missing child");
                 ended = true;
                 continue;
             }
-            say(!ended, "a gap in a node");
-            say(child < 0 || child > node, "a child before its parent");
+            require(!ended, "a gap in a node");
+            require(child < 0 || child > node, "a child before its parent");
             if (child > 0) under = visit(child, level + 1);
             if (child < 0) add_leaf(~child, under);
             if (wrong) return all;
@@ -230,14 +232,14 @@ struct Checker {
         times_seen.assign(mesh.count(), 0), times_visited.assign(tree.nodes, 0);
         is_flat = find_flat();
         visit(0, 1);
-        say(tree.exact_areas, "area of a part");
-        for (int times : times_seen) say(times == 1, "a triangle is not there once");
-        for (int times : times_visited) say(times == 1, "a node is not there once");
-        say(levels == tree.levels, "levels");
+        require(tree.exact_areas, "area of a part");
+        for (int times : times_seen) require(times == 1, "a triangle does not occur once");
+        for (int times : times_visited) require(times == 1, "a node does not occur once");
+        require(levels == tree.levels, "levels");
         // Halving from the root on gives the fewest levels: leaves that are full, except the last.
         int least = 1;
         for (long long most = tree.lanes * (long long)tree.lanes; most < mesh.count(); most *= tree.lanes) ++least;
-        say(!evenly || tree.levels <= least + 1, "more levels than even parting takes");
+        require(!evenly || tree.levels <= least + 1, "more levels than even division needs");
         return wrong;
     }
 };

@@ -45,7 +45,7 @@ struct Lane {
     unsigned mask, value, result;
     int lane;  // lane requested by the operation
     int depth;  // call stack at the operation, innermost call first
-    void* way[DEEPEST];
+    void* calls[DEEPEST];
 };
 
 Lane lanes[WARP_SIZE];
@@ -56,7 +56,7 @@ size_t outside_stack_bytes;
 Launch current;
 int current_view, current_y, current_x;
 Order current_order;
-int turn[WARP_SIZE];  // the order in which lanes run
+int lane_order[WARP_SIZE];  // the order in which lanes run
 int running;  // index in it
 int finished_count;
 void* shared;
@@ -80,9 +80,9 @@ uint32_t random_word() {
 
 void shuffle() {
     for (int i = WARP_SIZE - 1; i > 0; --i) {
-        const int k = (int)(random_word() % (unsigned)(i + 1)), kept = turn[i];
-        turn[i] = turn[k];
-        turn[k] = kept;
+        const int k = (int)(random_word() % (unsigned)(i + 1)), swapped = lane_order[i];
+        lane_order[i] = lane_order[k];
+        lane_order[k] = swapped;
     }
 }
 
@@ -118,7 +118,7 @@ NOT_INLINED void leave(Lane* from, Lane* to) {
 Lane* next_lane() {
     for (int i = 1; i <= WARP_SIZE; ++i) {
         const int place = (running + i) % WARP_SIZE;
-        Lane& lane = lanes[turn[place]];
+        Lane& lane = lanes[lane_order[place]];
         if (lane.arrived || lane.finished) continue;
         running = place;
         return &lane;
@@ -143,11 +143,11 @@ void enter() {
 }
 
 // Record the call stack of a lane from the frames on its stack.
-NOT_INLINED void find_way(Lane& lane, void** frame) {
+NOT_INLINED void record_call_stack(Lane& lane, void** frame) {
     lane.depth = 0;
     const char* end = lane.stack + STACK_BYTES;
     while ((char*)frame >= lane.stack && (char*)(frame + 2) <= end && lane.depth < DEEPEST) {
-        lane.way[lane.depth++] = frame[1];
+        lane.calls[lane.depth++] = frame[1];
         void** next = (void**)frame[0];
         if (next <= frame) break;
         frame = next;
@@ -159,7 +159,7 @@ void compare(const Lane& one, const Lane& other) {
     if (one.operation != other.operation) fail("diverge: they came to different intrinsics", a, b);
     if (one.depth != other.depth) fail("diverge: they came to one intrinsic through different calls", a, b);
     for (int i = 0; i < one.depth; ++i)
-        if (one.way[i] != other.way[i]) fail("diverge: they came to one intrinsic through different calls", a, b);
+        if (one.calls[i] != other.calls[i]) fail("diverge: they came to one intrinsic through different calls", a, b);
 }
 
 unsigned reduced(Operation operation) {
@@ -221,7 +221,7 @@ void run_warp() {
 NOT_INLINED unsigned meet(Operation operation, unsigned mask, unsigned value, int lane_asked) {
     Lane& lane = lanes[threadIdx.x];
     lane.operation = operation, lane.mask = mask, lane.value = value, lane.lane = lane_asked;
-    find_way(lane, (void**)__builtin_frame_address(0));
+    record_call_stack(lane, (void**)__builtin_frame_address(0));
     lane.arrived = true;
     for (int other = 0; finished_count && other < WARP_SIZE; ++other)
         if (lanes[other].finished) fail("diverge: one waits, the other has finished", (int)(&lane - lanes), other);
@@ -257,7 +257,7 @@ void run(const Launch& launch, Order order) {
     current = launch;
     current_order = order;
     random_state = 0x9e3779b9u + (unsigned)order;
-    for (int i = 0; i < WARP_SIZE; ++i) turn[i] = order == REVERSE ? WARP_SIZE - 1 - i : i;
+    for (int i = 0; i < WARP_SIZE; ++i) lane_order[i] = order == REVERSE ? WARP_SIZE - 1 - i : i;
     if (order >= SHUFFLED) shuffle();
     for (current_view = 0; current_view < launch.views; ++current_view)
         for (current_y = 0; current_y < launch.packets_y; ++current_y)

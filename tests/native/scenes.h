@@ -262,9 +262,9 @@ inline void random_pose(Random& random, const Scene& scene, float* row) {
     for (int k = 3; k < 7; ++k) row[k] = kind == 0 ? (k == 6) : (float)random.real(-1, 1);
     if (kind == 1) row[3] = row[4] = 0.0f, row[5] = row[6] = 0.7f;
     if (scene.has_floor && random.chance(0.7)) {  // close above the floor, looking along it
-        const float turned[4] = {0.5f, -0.5f, 0.5f, -0.5f};
+        const float rotation[4] = {0.5f, -0.5f, 0.5f, -0.5f};
         row[2] = (float)(scene.offset[2] + random.pick({1e-4, 1e-3, 1e-2, 0.1, -0.01}) * scene.scale);
-        for (int k = 3; k < 7; ++k) row[k] = turned[k - 3] + (float)random.real(-0.02, 0.02);
+        for (int k = 3; k < 7; ++k) row[k] = rotation[k - 3] + (float)random.real(-0.02, 0.02);
     }
     double length = 0;
     for (int k = 3; k < 7; ++k) length += (double)row[k] * row[k];

@@ -46,7 +46,7 @@ struct Placed {
         return p;
     }
     static Placed nowhere() { return {{0, 0, 0}, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}; }
-    Vec turn(Vec v) const { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }
+    Vec rotate(Vec v) const { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }
     Vec into(Vec v) const { return {axis[0].dot(v), axis[1].dot(v), axis[2].dot(v)}; }
 };
 
@@ -67,7 +67,7 @@ struct Lens {
 // A possible intersection of a ray.
 struct Hit {
     double low, high;  // range of depth, whatever the rounding
-    bool sure;
+    bool certain;
     int object;
     Vec normal;  // in the world, facing the camera
     double blur;  // error bound of the normal
@@ -80,7 +80,7 @@ constexpr double ENDLESS = std::numeric_limits<double>::infinity();
 struct TrueTriangle {
     Vec c[3], error[3];  // corners in camera space, x and y in pixels times depth; and their error bounds
     Vec normal, to_world;
-    double volume, doubt, x0, x1, y0, y1, nearest, farthest;
+    double volume, error_bound, x0, x1, y0, y1, nearest, farthest;
     int object;
     bool small;
 
@@ -89,7 +89,7 @@ struct TrueTriangle {
         const Vec r = {u, v, 1};
         double value[3];
         // for either sign of the volume
-        bool sure = std::fabs(volume) > doubt, maybe[2] = {volume > -doubt, volume < doubt};
+        bool certain = std::fabs(volume) > error_bound, maybe[2] = {volume > -error_bound, volume < error_bound};
         for (int k = 0; k < 3; ++k) {
             const Vec a = c[(k + 1) % 3], b = c[(k + 2) % 3], ab = a.cross(b);
             value[k] = 2 * ab.dot(r);
@@ -98,11 +98,11 @@ struct TrueTriangle {
                 2 * error[(k + 1) % 3].dot(b.cross(r).size()) + 2 * error[(k + 2) % 3].dot(a.cross(r).size());
             if (value[k] < -slack) maybe[0] = false;
             if (value[k] > slack) maybe[1] = false;
-            if (std::fabs(value[k]) <= slack) sure = false;
+            if (std::fabs(value[k]) <= slack) certain = false;
         }
         if (!maybe[0] && !maybe[1]) return;
-        Hit hit = {nearest * (1 - TOLERANCE), farthest * (1 + TOLERANCE), sure, object, to_world, 1e-4};
-        if (sure) {
+        Hit hit = {nearest * (1 - TOLERANCE), farthest * (1 + TOLERANCE), certain, object, to_world, 1e-4};
+        if (certain) {
             const double z = normal.dot(c[0]) / normal.dot(r), sum = value[0] + value[1] + value[2];
             double tilt = 0;
             for (int k = 0; k < 3 && small; ++k)
@@ -134,7 +134,7 @@ struct TrueSolid {
     }
     void consider(double z, Vec slope, Met& best) const {
         if (!(z > 0 && z < best.z)) return;
-        const Vec n = place.turn({slope.x * inverse.x, slope.y * inverse.y, slope.z * inverse.z});
+        const Vec n = place.rotate({slope.x * inverse.x, slope.y * inverse.y, slope.z * inverse.z});
         best = {z, n * (1 / n.length())};
     }
     Met meet(double u, double v) const {
@@ -177,9 +177,9 @@ struct TrueSolid {
             blur = std::max(blur, (there.normal - here.normal).length());
         }
         if (met == 0) return;
-        const bool sure = met == 9;
-        if (!sure) low = middle - reach, high = middle + reach, blur = 3;
-        hits.push_back({low * (1 - TOLERANCE), high * (1 + TOLERANCE), sure, object, here.normal, blur + 1e-3});
+        const bool certain = met == 9;
+        if (!certain) low = middle - reach, high = middle + reach, blur = 3;
+        hits.push_back({low * (1 - TOLERANCE), high * (1 + TOLERANCE), certain, object, here.normal, blur + 1e-3});
     }
 };
 
@@ -201,7 +201,7 @@ struct Truth {
             Vec there[3];
             for (int k = 0; k < 3; ++k) {
                 const float* p = &mesh.vertices[3 * mesh.faces[3 * face + k]];
-                const Vec from = place.turn({p[0], p[1], p[2]}) + (place.at - camera.at);
+                const Vec from = place.rotate({p[0], p[1], p[2]}) + (place.at - camera.at);
                 there[k] = camera.into(from);
                 t.c[k] = {there[k].x * row[0], there[k].y * row[1], there[k].z};
                 t.error[k] = Vec{row[0], row[1], row[2]} * (EPSILON * from.length());
@@ -252,16 +252,16 @@ struct Truth {
         hits.erase(std::remove_if(hits.begin(), hits.end(), [&](const Hit& hit) { return hit.high < near; }),
                    hits.end());
         for (Hit& hit : hits)
-            if (hit.low < near) hit.low = near, hit.sure = false;
+            if (hit.low < near) hit.low = near, hit.certain = false;
     }
 
     // Set up a triangle; returns false if it is invisible whatever the rounding.
     bool set_up(TrueTriangle& t, const Vec* there, bool cull) const {
         t.normal = (t.c[1] - t.c[0]).cross(t.c[2] - t.c[0]);
         t.volume = t.normal.dot(t.c[0]);
-        t.doubt = 0;
-        for (int k = 0; k < 3; ++k) t.doubt += 4 * t.error[k].dot(t.c[(k + 1) % 3].cross_size(t.c[(k + 2) % 3]));
-        if (cull && t.volume > t.doubt) return false;
+        t.error_bound = 0;
+        for (int k = 0; k < 3; ++k) t.error_bound += 4 * t.error[k].dot(t.c[(k + 1) % 3].cross_size(t.c[(k + 2) % 3]));
+        if (cull && t.volume > t.error_bound) return false;
         Vec n = (there[1] - there[0]).cross(there[2] - there[0]);
         if (n.length() == 0) return false;
         if (n.dot(there[0]) > 0) n = n * -1.0;

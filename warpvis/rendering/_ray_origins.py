@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packets of rays with distinct origins: when they can be used, and their preparation for CPU cores.
 
-Computed in double precision, once per ray table; used by ``kernels/native/cpu/apart_drawing.h``.
+Computed in double precision, once per ray table; used by ``kernels/native/cpu/ray_raster_origins.h``.
 """
 
 from __future__ import annotations

@@ -7,11 +7,11 @@
 // and a cutoff, the sine of its half angle plus a margin; the cutoff is never() if the cone does not bound the normals.
 struct Bounds {
     static constexpr float never() { return 2.0f; }
-    static constexpr double least_cosine() { return 0.0872; }  // cosine of 85 degrees
+    static constexpr double min_cosine() { return 0.0872; }  // cosine of 85 degrees
     static constexpr double margin() { return 1e-3; }
 
     static float cutoff(double cosine) {
-        if (!(cosine > least_cosine())) return never();
+        if (!(cosine > min_cosine())) return never();
         const double sine_squared = 1.0 - cosine * cosine;
         const double result = __builtin_sqrt(sine_squared > 0.0 ? sine_squared : 0.0) + margin();
         return result < 1.0 ? (float)result : never();

@@ -45,13 +45,13 @@ struct Aabb {
     }
 
     // Twice the center: lower plus upper corner.
-    static v4 centre(v8 item) { return item.lo - item.hi; }
+    static v4 center(v8 item) { return item.lo - item.hi; }
 
     static v8 of_point(v4 p) { return __builtin_shufflevector(p, -p, 0, 1, 2, 3, 4, 5, 6, 7); }
 
     static v8 of_centers(const v8* items, int begin, int end) {
         v8 box = empty();
-        for (int i = begin; i < end; ++i) box = unite(box, of_point(centre(items[i])));
+        for (int i = begin; i < end; ++i) box = unite(box, of_point(center(items[i])));
         return box;
     }
 };
@@ -101,16 +101,16 @@ struct Splitter {
     struct Grid {
         v4 origin, scale;
 
-        static Grid of(v8 centres) {
-            v4 size = -(centres.lo + centres.hi);
+        static Grid of(v8 centers) {
+            v4 size = -(centers.lo + centers.hi);
             Grid grid;
-            grid.origin = centres.lo;
+            grid.origin = centers.lo;
             for (int axis = 0; axis < 4; ++axis) grid.scale[axis] = size[axis] > 1e-30f ? BINS / size[axis] : 0.0f;
             return grid;
         }
 
-        i4 cells(v4 centre) const {
-            v4 x = (centre - origin) * scale;
+        i4 cells(v4 center) const {
+            v4 x = (center - origin) * scale;
             x = __builtin_elementwise_min(__builtin_elementwise_max(x, (v4)(0.0f)), (v4)(BINS - 1.0f));
             return __builtin_convertvector(x, i4);
         }
@@ -125,7 +125,7 @@ struct Splitter {
                 for (int k = 0; k < BINS; ++k) box[axis][k] = Aabb::empty(), count[axis][k] = 0;
             for (int i = begin; i < end; ++i) {
                 const v8 item = items[i];
-                const i4 cell = grid.cells(Aabb::centre(item));
+                const i4 cell = grid.cells(Aabb::center(item));
                 add(0, cell.x, item), add(1, cell.y, item), add(2, cell.z, item);
             }
         }
@@ -193,14 +193,14 @@ struct Splitter {
 
     // Split a small range at the cheapest position along any of the three axes; sorts the items along that axis.
     static Choice split_sorted(v8* items, int count) {
-        const v8 centres = Aabb::of_centers(items, 0, count);
+        const v8 centers = Aabb::of_centers(items, 0, count);
         const float per_item = 1.0f / count;
         int orders[3][SMALL];
         float right_area[SMALL];
         Choice best = {0, 0, 0, __builtin_inff(), 0.0f, 0.0f};
         for (int axis = 0; axis < 3; ++axis) {
             int* order = orders[axis];
-            sort(items, count, axis, centres[axis], -centres[4 + axis], order);
+            sort(items, count, axis, centers[axis], -centers[4 + axis], order);
             v8 right = Aabb::empty();
             for (int i = count - 1; i > 0; --i) {
                 right = Aabb::unite(right, items[order[i]]);
@@ -235,18 +235,18 @@ struct Splitter {
         int begin, end;
         int link;  // 2 * split + side of the parent
         int depth;
-        v8 centres;  // their bounding box
+        v8 centers;  // their bounding box
 
         int count() const { return end - begin; }
     };
 
-    // Split a range. `centres` receives bounding boxes of the centers of its parts: the intersection of the range's
+    // Split a range. `centers` receives bounding boxes of the centers of its parts: the intersection of the range's
     // box, one side of the bin, and the box of the part's items.
-    static Choice split(v8* items, const Range& range, v8* centres) {
-        centres[0] = centres[1] = range.centres;
+    static Choice split(v8* items, const Range& range, v8* centers) {
+        centers[0] = centers[1] = range.centers;
         if (range.depth >= HALVING_DEPTH) return halve(items, range.begin, range.end);
         if (range.count() <= SMALL) return split_sorted(items + range.begin, range.count());
-        const Grid grid = Grid::of(range.centres);
+        const Grid grid = Grid::of(range.centers);
         Bins bins;
         bins.fill(items, range.begin, range.end, grid);
         Choice best = {0, 0, 0, __builtin_inff(), 0.0f, 0.0f};
@@ -257,15 +257,15 @@ struct Splitter {
             v8 box = Aabb::empty();
             for (int k = side ? best.bin : 0; k < (side ? BINS : best.bin); ++k)
                 box = Aabb::unite(box, bins.box[best.axis][k]);
-            centres[side] = Aabb::intersect(range.centres, box + box);
+            centers[side] = Aabb::intersect(range.centers, box + box);
         }
         return best;
     }
 
     // Split a range and its parts recursively until all are leaves, or `max_splits` times. The smaller part is
-    // processed first, so that the stack never holds more ranges than `count` has bits. `centres` receives the boxes of
+    // processed first, so that the stack never holds more ranges than `count` has bits. `centers` receives the boxes of
     // the parts of the last split.
-    static void split_all(v8* items, Split* splits, const Range& whole, int max_splits, v8* centres) {
+    static void split_all(v8* items, Split* splits, const Range& whole, int max_splits, v8* centers) {
         Range stack[8 * sizeof(whole.end)];
         int waiting = 0;
         stack[waiting++] = whole;
@@ -275,13 +275,13 @@ struct Splitter {
             name = 0;
             if (range.count() <= LANES || max_splits == 0) continue;
             --max_splits;
-            const Choice choice = split(items, range, centres);
+            const Choice choice = split(items, range, centers);
             const int middle = range.begin + choice.left_count;
             name = middle;
             splits[middle].area[0] = choice.left_area;
             splits[middle].area[1] = choice.right_area;
-            const Range left = {range.begin, middle, 2 * middle, range.depth + 1, centres[0]};
-            const Range right = {middle, range.end, 2 * middle + 1, range.depth + 1, centres[1]};
+            const Range left = {range.begin, middle, 2 * middle, range.depth + 1, centers[0]};
+            const Range right = {middle, range.end, 2 * middle + 1, range.depth + 1, centers[1]};
             const bool left_is_smaller = left.count() < right.count();
             stack[waiting++] = left_is_smaller ? right : left;
             stack[waiting++] = left_is_smaller ? left : right;

@@ -11,7 +11,7 @@
 // its sign uncertain, it is evaluated in double precision (shared/edges.h): no ray slips between triangles.
 
 // Factor of the error bound of edge functions if u and v of the rays are rounded too.
-constexpr float ROUNDED_RAY_DOUBTS = 1.5f;
+constexpr float ROUNDED_RAY_FACTOR = 1.5f;
 
 // The images to render, in units of strips.
 struct Job {
@@ -50,7 +50,7 @@ struct Camera {
     // pixels from the principal point to the farthest side of the image, or the focal length if that is greater
     float extent;
     float per_extent;  // 1 / that
-    float edge_doubt;  // relative error bound of edge functions: see Setup::leaf
+    float edge_error_bound;  // relative error bound of edge functions: see Setup::leaf
     float far;
     float blur;  // distance by which rounding may move a corner, in pixels
     bool skip_back_faces;  // of closed objects, because the camera is outside all of them
@@ -80,7 +80,8 @@ struct Camera {
         const double reach = reach_of(job), focal = job.focal[0] < job.focal[1] ? job.focal[0] : job.focal[1];
         camera.extent = (float)(reach > focal ? reach : focal);
         camera.per_extent = 1.0f / camera.extent;
-        camera.edge_doubt = EDGE_DOUBT * (RAY_TABLE ? ROUNDED_RAY_DOUBTS : 1.0f) * (float)(1.0 + reach / focal);
+        camera.edge_error_bound =
+            EDGE_ERROR_BOUND * (RAY_TABLE ? ROUNDED_RAY_FACTOR : 1.0f) * (float)(1.0 + reach / focal);
         camera.far = job.far * 1.00001f;
         camera.blur = 6e-8f * ((float)(job.focal[0] + job.focal[1]) + (float)(job.width + job.height));
         camera.skip_back_faces = false;
@@ -127,7 +128,7 @@ struct Camera {
         return Points{x - origin[0], y - origin[1], z - origin[2]};
     }
     // Transform points relative to the rounded origin into camera space.
-    inline Points turn(Points p) const {
+    inline Points transform(Points p) const {
         const Row* m = to_camera;
         return Points{m[0][0] * p.x + (m[0][1] * p.y + (m[0][2] * p.z - rest[0])),
                       m[1][0] * p.x + (m[1][1] * p.y + (m[1][2] * p.z - rest[1])),
@@ -159,8 +160,8 @@ struct Frustum {
         frustum.least[3] = rest[1] + center_y * rest[2];
         frustum.least[4] = (image.height - center_y) * rest[2] - rest[1];
         if (RAY_ORIGINS) {
-            frustum.least[1] -= image.tree->apart.most_p, frustum.least[2] -= image.tree->apart.most_p;
-            frustum.least[3] -= image.tree->apart.most_q, frustum.least[4] -= image.tree->apart.most_q;
+            frustum.least[1] -= image.tree->origins.max_p, frustum.least[2] -= image.tree->origins.max_p;
+            frustum.least[3] -= image.tree->origins.max_q, frustum.least[4] -= image.tree->origins.max_q;
         }
         return frustum;
     }

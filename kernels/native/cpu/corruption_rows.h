@@ -20,15 +20,16 @@ struct Corruption {
             if (dropout > 0.0f) words.lost = PixelWords::draw(row.key, STREAM_LOST, row.y, x);
             if (multiplied > 0.0f) words.multiplied = PixelWords::draw(row.key, STREAM_MULTIPLIED, row.y, x);
             if (added > 0.0f) words.added = PixelWords::draw(row.key, STREAM_ADDED, row.y, x);
-            for (int k = 0; k < PixelWords::WORDS && x + k * LANES < row.width; ++k) some(row, words, k, x + k * LANES);
+            for (int k = 0; k < PixelWords::WORDS && x + k * LANES < row.width; ++k)
+                corrupt_lanes(row, words, k, x + k * LANES);
         }
     }
-    inline void some(const NoiseRow& row, const Words& words, int k, int x) const {
+    inline void corrupt_lanes(const NoiseRow& row, const Words& words, int k, int x) const {
         Floats before;
         Ints reason = Lanes::all_ints(REASON_EMPTY);
         if (row.depth) {
             const Floats exact = row.exact(x);
-            before = range.said(exact);
+            before = range.report(exact);
             reason = SensorRange::finite(exact) ? SensorRange::reason(before) : reason;
         } else {
             before = Numbers::load(row.depth_out + x, row.width - x);
@@ -37,11 +38,11 @@ struct Corruption {
         Floats depth = before;
         if (multiplied > 0.0f) depth = depth * (1.0f + multiplied * Random::normal(words.multiplied.block[k]));
         if (added > 0.0f) depth = depth + added * Random::normal(words.added.block[k]);
-        depth = range.said(depth);
+        depth = range.report(depth);
         const Ints lost = is_lost(words, k, x, row.y), there = SensorRange::finite(before);
         const Ints why = lost ? Lanes::all_ints(REASON_DROPOUT) : SensorRange::reason(depth);
         depth = lost ? Lanes::all(Numbers::no_number()) : depth;
-        row.say(x, there ? depth : before, there ? why : reason);
+        row.write(x, there ? depth : before, there ? why : reason);
     }
     inline Ints is_lost(const Words& words, int k, int x, int y) const {
         Ints lost = Lanes::all_ints(0);

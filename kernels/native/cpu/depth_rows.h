@@ -26,7 +26,7 @@ struct RowDirections {
     static inline RowDirections of_pinhole(const Pose& pose, const double* focal, const double* center, int y) {
         RowDirections row = of_table(pose, nullptr);
         const double corner[3] = {(0.5 - center[0]) / focal[0], (y + 0.5 - center[1]) / focal[1], 1.0};
-        pose.turn_out(corner, row.first);
+        pose.rotate_out(corner, row.first);
         for (int k = 0; k < 3; ++k) row.step[k] = pose.axis[0][k] / focal[0];
         return row;
     }
@@ -92,14 +92,14 @@ struct RowCases {
     // Find the spheres that contain the points most deeply, -1 if none does, and replace the labels of those points.
     inline Ints find_spheres(const Points& points, Ints* labels) const {
         Ints spheres = Lanes::all_ints(-1);
-        Floats least_ratio = Lanes::all(1.0f);
+        Floats min_ratio = Lanes::all(1.0f);
         for (int i = 0; i < sphere_count; ++i) {
             const float* center = centers + 3LL * i;
             const Points offset = Points{points.x - center[0], points.y - center[1], points.z - center[2]};
             const Floats distance = Numbers::root(offset.x * offset.x + offset.y * offset.y + offset.z * offset.z);
             const Floats ratio = distance / (0.5f * sizes[i]);
-            const Ints deeper = ratio < least_ratio;
-            least_ratio = deeper ? ratio : least_ratio;
+            const Ints deeper = ratio < min_ratio;
+            min_ratio = deeper ? ratio : min_ratio;
             spheres = deeper ? Lanes::all_ints(i) : spheres;
             *labels = deeper ? Lanes::all_ints(sphere_labels[i]) : *labels;
         }

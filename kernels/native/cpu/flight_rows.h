@@ -115,7 +115,7 @@ struct Flight {
                 const FlightLight light = FlightLight::of(seen, x + k * LANES);
                 Floats deviation = Lanes::all(0.0f);
                 if (noise_scale > 0.0f) deviation = noise_of(light, Random::normal(words.block[k]));
-                say(row, light, deviation, x + k * LANES);
+                write(row, light, deviation, x + k * LANES);
             }
         }
     }
@@ -138,17 +138,17 @@ struct Flight {
         reason = light.range != light.range ? Lanes::all_ints(REASON_EDGE) : reason;
         return light.range == Numbers::endless() ? Lanes::all_ints(REASON_EMPTY) : reason;
     }
-    inline void say(const NoiseRow& row, const FlightLight& light, Floats noise, int x) const {
+    inline void write(const NoiseRow& row, const FlightLight& light, Floats noise, int x) const {
         const Floats endless = Lanes::all(Numbers::endless()), none = Lanes::all(Numbers::no_number());
         const Doubles added = error(light.depth * light.length, noise) / light.length;
         const Floats found = Wide::narrow(light.depth + added);
         const Ints judged = judge(light), valid = judged == Lanes::all_ints(REASON_VALID);
         const Ints beyond = found > range.far, before = found < range.near, unknown = found != found;
-        const Floats said = beyond ? endless : (before ? -endless : (unknown ? none : found));
+        const Floats reported = beyond ? endless : (before ? -endless : (unknown ? none : found));
         Ints reason = beyond | before ? Lanes::all_ints(REASON_RANGE) : judged;
         reason = unknown ? Lanes::all_ints(REASON_DROPOUT) : reason;
         const Floats lost = judged == Lanes::all_ints(REASON_EMPTY) ? endless : none;
-        row.say(x, valid ? said : lost, valid ? reason : judged);
+        row.write(x, valid ? reported : lost, valid ? reason : judged);
     }
 };
 
@@ -166,21 +166,22 @@ struct FlightEdges {
         }
     }
     inline Ints is_edge(int x) const {
-        Floats normal[3], turned[3];
+        Floats normal[3], rotated[3];
         row.normal(x, normal);
         for (int k = 0; k < 3; ++k)
-            turned[k] = row.axes[k] * normal[0] + row.axes[3 + k] * normal[1] + row.axes[6 + k] * normal[2];
+            rotated[k] = row.axes[k] * normal[0] + row.axes[3 + k] * normal[1] + row.axes[6 + k] * normal[2];
         const Floats depth = Numbers::load(row.depth + row.place(x), row.width - x);
         const Ints there = depth < Numbers::endless();
-        const Floats ahead = turned[0] * Wide::narrow(row.across(x)) + turned[1] * (float)row.down() + turned[2] * 1.0f;
+        const Floats ahead =
+            rotated[0] * Wide::narrow(row.across(x)) + rotated[1] * (float)row.down() + rotated[2] * 1.0f;
         const Floats plane = depth * ahead;
-        const Floats across = turned[0] / (float)row.focal[0], down = turned[1] / (float)row.focal[1];
+        const Floats across = rotated[0] / (float)row.focal[0], down = rotated[1] / (float)row.focal[1];
         Ints edge = Lanes::all_ints(0);
         for (int k = 0; k < 9; ++k) {
             const int i = k % 3 - 1, j = k / 3 - 1;
             if (k == 4 || row.y + j < 0 || row.y + j >= row.height) continue;
             Ints in;
-            const Floats other = beside(x + i, row.y + j, in);
+            const Floats other = neighbors(x + i, row.y + j, in);
             const Floats slope = ahead + (float)i * across + (float)j * down;
             const Ints away =
                 (slope * plane <= 0.0f) | (Lanes::abs(other * slope - plane) >= edge_step * Lanes::abs(slope));
@@ -189,13 +190,13 @@ struct FlightEdges {
         return edge;
     }
     // Depth of pixels from a column on, and a mask of those inside the image.
-    inline Floats beside(int x, int y, Ints& in) const {
+    inline Floats neighbors(int x, int y, Ints& in) const {
         const float* depths = row.depth + (long long)y * row.width;
         const Ints column = Lanes::index() + x;
         in = (column >= 0) & (column < row.width);
         if (x >= 0 && x + LANES <= row.width) return Lanes::load(depths + x);
-        float some[LANES];
-        for (int k = 0; k < LANES; ++k) some[k] = x + k >= 0 && x + k < row.width ? depths[x + k] : 0.0f;
-        return Lanes::load(some);
+        float values[LANES];
+        for (int k = 0; k < LANES; ++k) values[k] = x + k >= 0 && x + k < row.width ? depths[x + k] : 0.0f;
+        return Lanes::load(values);
     }
 };

@@ -12,17 +12,17 @@ struct Khoshelham {
         for (int x = 0; x < row.width; x += PixelWords::PIXELS) {
             const PixelWords words = PixelWords::draw(row.key, STREAM_DISPARITY, row.y, x);
             for (int k = 0; k < PixelWords::WORDS && x + k * LANES < row.width; ++k)
-                some(row, x + k * LANES, sigma * Random::normal(words.block[k]));
+                measure_lanes(row, x + k * LANES, sigma * Random::normal(words.block[k]));
         }
     }
-    inline void some(const NoiseRow& row, int x, Floats noise) const {
+    inline void measure_lanes(const NoiseRow& row, int x, Floats noise) const {
         const Floats depth = row.exact(x), scaled = step * depth;
         const Floats found = rounds ? Numbers::floor(1.0f / scaled + noise + 0.5f) : 1.0f + scaled * noise;
         const Floats unit = rounds ? Lanes::all(1.0f / step) : depth;
         // Beyond the last quantization step, depth is infinite.
-        const Floats said = range.said(found > 0.0f ? unit / found : Lanes::all(Numbers::endless()));
+        const Floats reported = range.report(found > 0.0f ? unit / found : Lanes::all(Numbers::endless()));
         const Ints there = SensorRange::finite(depth);
-        row.say(x, there ? said : depth, there ? SensorRange::reason(said) : Lanes::all_ints(REASON_EMPTY));
+        row.write(x, there ? reported : depth, there ? SensorRange::reason(reported) : Lanes::all_ints(REASON_EMPTY));
     }
 };
 
@@ -59,13 +59,13 @@ struct NguyenView {
     }
     inline Doubles down(Ints row) const { return (__builtin_convertvector(row, Doubles) + 0.5 - center[1]) / focal[1]; }
     // Rotate normals into the camera frame, rounded as by Warp's quat_rotate_inv.
-    inline void turn(const Floats* normal, Doubles* turned) const {
+    inline void rotate_into_camera(const Floats* normal, Doubles* rotated) const {
         const double *q = rotation, w = rotation[3], c = 2.0 * w * w - 1.0;
         const Doubles n[3] = {wide(normal[0]), wide(normal[1]), wide(normal[2])};
         const Doubles d = 2.0 * (q[0] * n[0] + q[1] * n[1] + q[2] * n[2]);
-        turned[0] = n[0] * c + q[0] * d - (q[1] * n[2] - q[2] * n[1]) * w * 2.0;
-        turned[1] = n[1] * c + q[1] * d - (q[2] * n[0] - q[0] * n[2]) * w * 2.0;
-        turned[2] = n[2] * c + q[2] * d - (q[0] * n[1] - q[1] * n[0]) * w * 2.0;
+        rotated[0] = n[0] * c + q[0] * d - (q[1] * n[2] - q[2] * n[1]) * w * 2.0;
+        rotated[1] = n[1] * c + q[1] * d - (q[2] * n[0] - q[0] * n[2]) * w * 2.0;
+        rotated[2] = n[2] * c + q[2] * d - (q[0] * n[1] - q[1] * n[0]) * w * 2.0;
     }
 };
 
@@ -75,7 +75,7 @@ struct Shown {
     Floats depth;
     Floats normal[3];
 
-    inline void look(const NguyenView& view) {
+    inline void load(const NguyenView& view) {
         int place[LANES];
         float seen[LANES], normals[3][LANES];
         Lanes::store(place, row * view.width + column);
@@ -90,7 +90,7 @@ struct Shown {
     // not meet, or if a pixel shows its own surface.
     inline Floats met(const NguyenView& view, Ints column_of_ray, int y) const {
         Doubles n[3];
-        view.turn(normal, n);
+        view.rotate_into_camera(normal, n);
         const Doubles there = n[0] * view.across(column) + n[1] * view.down(row) + n[2];
         const Doubles here = n[0] * view.across(column_of_ray) + n[1] * view.down(Lanes::all_ints(y)) + n[2];
         const Doubles ahead = there / here, found = NguyenView::wide(depth) * ahead;
@@ -130,11 +130,11 @@ struct Nguyen {
             for (int k = 0; k < PixelWords::WORDS && x + k * LANES < row.width; ++k) {
                 const Floats normals[3] = {Random::normal(across.block[k]), Random::normal(down.block[k]),
                                            Random::normal(ahead.block[k])};
-                some(row, view, x + k * LANES, normals);
+                measure_lanes(row, view, x + k * LANES, normals);
             }
         }
     }
-    inline void some(const NoiseRow& row, const NguyenView& view, int x, const Floats* noise) const {
+    inline void measure_lanes(const NoiseRow& row, const NguyenView& view, int x, const Floats* noise) const {
         Floats normal[3];
         Numbers::load_triples(view.normals + 3LL * ((long long)row.y * row.width + x), normal, row.width - x);
         const Floats own = SensorRange::finite(row.exact(x)) ? view.angle(normal) : Lanes::all(0.0f);
@@ -142,12 +142,12 @@ struct Nguyen {
         Shown shown;
         shown.column = jittered(Numbers::columns(x), sigma * noise[0], view.width);
         shown.row = jittered(Lanes::all((float)row.y), sigma * noise[1], view.height);
-        shown.look(view);
+        shown.load(view);
         const Floats angle = view.angle(shown.normal), depth = shown.met(view, Lanes::index() + x, row.y);
-        const Floats said = range.said(depth + axial(depth, angle) * noise[2]);
+        const Floats reported = range.report(depth + axial(depth, angle) * noise[2]);
         const Ints there = SensorRange::finite(shown.depth), grazing = angle > most_angle;
-        const Floats measured = grazing ? Lanes::all(Numbers::no_number()) : said;
-        const Ints reason = grazing ? Lanes::all_ints(REASON_GRAZING) : SensorRange::reason(said);
-        row.say(x, there ? measured : shown.depth, there ? reason : Lanes::all_ints(REASON_EMPTY));
+        const Floats measured = grazing ? Lanes::all(Numbers::no_number()) : reported;
+        const Ints reason = grazing ? Lanes::all_ints(REASON_GRAZING) : SensorRange::reason(reported);
+        row.write(x, there ? measured : shown.depth, there ? reason : Lanes::all_ints(REASON_EMPTY));
     }
 };

@@ -62,7 +62,7 @@ struct OrientedBoxes {
             for (int k = 0; k < 3; ++k) center[k] += axis[i][k] * (0.5 * (low + high));
             const Floats size = narrow(0.5 * (high - low));
             const Points edge = {narrow(axis[i][0]) * size, narrow(axis[i][1]) * size, narrow(axis[i][2]) * size};
-            moved.half[i] = view.camera.turn(edge);  // in the world frame, the rounding error of the origin is 0
+            moved.half[i] = view.camera.transform(edge);  // in the world frame, the rounding error of the origin is 0
         }
         const ExactRow* m = view.pose.axis;
         moved.center.x = narrow((m[0][0] * center[0] + m[0][1] * center[1] + m[0][2] * center[2]) * focal[0]);
@@ -81,8 +81,8 @@ struct OrientedBoxes {
     // Bounds of the boxes in the image.
     inline ScreenBounds bounds(float far, float blur, const Image& image, Ints shown) const {
         const float center_x = image.center_x, center_y = image.center_y;
-        const float p = RAY_ORIGINS ? image.tree->apart.most_p : 0.0f,
-                    q = RAY_ORIGINS ? image.tree->apart.most_q : 0.0f;
+        const float p = RAY_ORIGINS ? image.tree->origins.max_p : 0.0f,
+                    q = RAY_ORIGINS ? image.tree->origins.max_q : 0.0f;
         shown &= reach(0.0f, 0.0f, 1.0f) & reach(1.0f, 0.0f, center_x, p) &
                  reach(-1.0f, 0.0f, image.width - center_x, p) & reach(0.0f, 1.0f, center_y, q) &
                  reach(0.0f, -1.0f, image.height - center_y, q);

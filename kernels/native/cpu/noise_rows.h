@@ -12,8 +12,8 @@ struct NoiseRow {
     unsigned char* reasons_out;  // or null
 
     inline Floats exact(int x) const { return Numbers::load(depth + x, width - x); }
-    inline void say(int x, Floats said, Ints reason) const {
-        Numbers::store(depth_out + x, said, width - x);
+    inline void write(int x, Floats reported, Ints reason) const {
+        Numbers::store(depth_out + x, reported, width - x);
         if (reasons_out) Numbers::store(reasons_out + x, reason, width - x);
     }
 };
@@ -24,13 +24,13 @@ struct SensorRange {
 
     static inline Ints finite(Floats depth) { return Lanes::abs(depth) < Numbers::endless(); }
     // The reported depth according to REP 117: inf beyond the range, -inf before it.
-    inline Floats said(Floats depth) const {
+    inline Floats report(Floats depth) const {
         const Floats endless = Lanes::all(Numbers::endless());
         const Ints too_near = (depth < near) | ~(depth > 0.0f);
         return depth > far ? endless : (too_near ? -endless : depth);
     }
     // Reason of a reported depth: valid if it is finite.
-    static inline Ints reason(Floats said) {
-        return finite(said) ? Lanes::all_ints(REASON_VALID) : Lanes::all_ints(REASON_RANGE);
+    static inline Ints reason(Floats reported) {
+        return finite(reported) ? Lanes::all_ints(REASON_VALID) : Lanes::all_ints(REASON_RANGE);
     }
 };

@@ -51,10 +51,10 @@ struct Numbers {
     }
     // Load interleaved triples x y z x y z ...
     static inline void load_triples(const float* from, Floats* triple, int count) {
-        float some[3 * LANES] = {};
+        float padded[3 * LANES] = {};
         if (count < LANES) {
-            __builtin_memcpy(some, from, 3 * count * sizeof(float));
-            from = some;
+            __builtin_memcpy(padded, from, 3 * count * sizeof(float));
+            from = padded;
         }
         const Floats a = Lanes::load(from), b = Lanes::load(from + LANES), c = Lanes::load(from + 2 * LANES);
         const Floats x = __builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 30, 0, 0, 0, 0, 0);

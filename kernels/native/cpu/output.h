@@ -118,7 +118,7 @@ struct Writer {
     const Images& out;
     long long view;
     Mode mode;
-    NormalCache* known = nullptr;  // of this view, initially empty
+    NormalCache* normal_cache = nullptr;  // of this view, initially empty
 
     // Normals at a row of pixels, given u and v of the first one.
     inline Points normals(Ints ids, Ints seen, double u, double v) {
@@ -141,8 +141,8 @@ struct Writer {
         while (seen) {
             const int first = id[Lanes::first_lane(seen)];
             float there[3];
-            const float* normal = known ? known->find(lookup, first) : there;
-            if (!known) lookup.normal_of(first, there);
+            const float* normal = normal_cache ? normal_cache->find(lookup, first) : there;
+            if (!normal_cache) lookup.normal_of(first, there);
             const Ints same = ids == first, shown = same & wanted;
             n.x = shown ? Lanes::all(normal[0]) : n.x;
             n.y = shown ? Lanes::all(normal[1]) : n.y;
@@ -156,8 +156,8 @@ struct Writer {
     inline Ints faces(Ints ids, Ints seen) {
         int of[LANES];
         Lanes::store(of, ids);
-        for (unsigned left = Lanes::bits(seen); left; left &= left - 1) {
-            const int k = Lanes::first_lane(left);
+        for (unsigned rest = Lanes::bits(seen); rest; rest &= rest - 1) {
+            const int k = Lanes::first_lane(rest);
             of[k] = face_of(of[k]);
         }
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);
@@ -172,8 +172,8 @@ struct Writer {
         if (mode != MODE_TRIANGLES) return seen ? id : Lanes::all_ints(-1);
         int of[LANES];
         Lanes::store(of, id);
-        for (unsigned left = Lanes::bits(seen); left; left &= left - 1) {
-            const int k = Lanes::first_lane(left);
+        for (unsigned rest = Lanes::bits(seen); rest; rest &= rest - 1) {
+            const int k = Lanes::first_lane(rest);
             of[k] = lookup.object_of(of[k]);
         }
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);

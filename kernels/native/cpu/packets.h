@@ -51,7 +51,7 @@ struct StripMemory {
         image.id = arena.ints(pixels);
     }
     static inline void carve_points(Arena& arena, Image& image, long long points, long long cells) {
-        const long long lanes = Sparse::most_lanes(points, cells);
+        const long long lanes = Sparse::max_lanes(points, cells);
         image.first_packet = arena.ints(cells + 1);
         image.point_index = arena.ints(lanes);
         image.point_u = arena.floats(lanes);
@@ -79,7 +79,7 @@ struct Packets {
         else
             image.begin();
         const View view = View::of(scene, job, scene.movables.of_view(index), job.pose_of(index));
-        if (view.world.exists) draw(view, image, memory.traversal, mode);
+        if (view.world.exists) render(view, image, memory.traversal, mode);
         // Two instantiations again: the one without movable objects, where `moving` is a constant, is faster.
         const bool moving = scene.movables.count > 0 && mode == MODE_TRIANGLES;
         if (moving)
@@ -96,34 +96,34 @@ struct Packets {
             Sparse::write(writer);
             return;
         }
-        NormalCache known;
+        NormalCache normal_cache;
         if (mode == MODE_TRIANGLES) {
-            known.clear();
-            writer.known = &known;
+            normal_cache.clear();
+            writer.normal_cache = &normal_cache;
         }
         writer.strip();
     }
 
     // Rasterize static geometry, then movable objects: much faster than the reverse order if much is occluded, and
     // otherwise as fast.
-    static inline void draw(const View& view, const Image& image, const Traversal& traversal, Mode mode) {
+    static inline void render(const View& view, const Image& image, const Traversal& traversal, Mode mode) {
         const Bvh& bvh = view.scene.bvh;
         const Movables& movables = view.scene.movables;
         if (bvh.root >= 0) {
             const Instance instance = {bvh.root, 0, bvh.owners, LANES};
-            Walk::draw(bvh, instance, static_camera(view), image, traversal.stack, mode);
+            Walk::traverse(bvh, instance, static_camera(view), image, traversal.stack, mode);
         }
         if (movables.count == 0) return;
         Queue queue = {traversal.visits, traversal.order, 0};
         queue.fill(view, image);
         for (int i = 0; i < queue.count; ++i) {
             const Visit& visit = queue.visits[queue.order[i]];
-            if (!Hidden::is(image, visit)) draw_movable(view, image, traversal, visit, mode);
+            if (!Hidden::is(image, visit)) render_movable(view, image, traversal, visit, mode);
         }
     }
 
-    static inline void draw_movable(const View& view, const Image& image, const Traversal& traversal,
-                                    const Visit& visit, Mode mode) {
+    static inline void render_movable(const View& view, const Image& image, const Traversal& traversal,
+                                      const Visit& visit, Mode mode) {
         const Movables& movables = view.scene.movables;
         const int movable = visit.child;
         // After rasterization, only normals need the frames; otherwise all objects share one entry.
@@ -133,14 +133,14 @@ struct Packets {
         if (solid.kind != SOLID_NONE) {
             const int id = mode == MODE_TRIANGLES ? movables.first_id[movable] : movables.object[movable];
             if (RAY_TABLE)
-                RayDrawing::draw_solid(solid, view, camera, image, visit, id, mode);
+                RayRaster::render_solid(solid, view, camera, image, visit, id, mode);
             else
-                Solids::draw(solid, camera, image, view.job.center, visit, id, mode);
+                Solids::render(solid, camera, image, view.job.center, visit, id, mode);
             return;
         }
         const Ints owner = Lanes::all_ints(movables.object[movable]);
         const Instance instance = movables.instance(view.scene.bvh, movable, (const int*)&owner);
-        Walk::draw(view.scene.bvh, instance, camera, image, traversal.stack, mode);
+        Walk::traverse(view.scene.bvh, instance, camera, image, traversal.stack, mode);
     }
 
     static inline Camera static_camera(const View& view) {

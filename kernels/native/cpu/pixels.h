@@ -43,18 +43,18 @@ struct Pixels {
         return Exactly::covers(camera, corners, k, camera.exact_u(x), v);
     }
     // A copy of a triangle's values for that code, so that the originals can stay in registers.
-    struct Unsure {
+    struct UncertainTriangle {
         float edge[3][3], plane[3];
-        float min_inv_z, max_inv_z, doubt;
+        float min_inv_z, max_inv_z, error_bound;
         const float* corners;
         int lane, id, x0, x1, y0, y1;
         bool inexact;
 
-        static inline Unsure of(const Triangles& t, int k, bool inexact, Mode mode) {
-            Unsure one;
+        static inline UncertainTriangle of(const Triangles& t, int k, bool inexact, Mode mode) {
+            UncertainTriangle one;
             for (int e = 0; e < 3; ++e) put(t.edge[e], k, one.edge[e]);
             put(t.inv_z, k, one.plane);
-            one.min_inv_z = t.min_inv_z[k], one.max_inv_z = t.max_inv_z[k], one.doubt = t.doubt[k];
+            one.min_inv_z = t.min_inv_z[k], one.max_inv_z = t.max_inv_z[k], one.error_bound = t.error_bound[k];
             one.corners = t.corners, one.lane = k, one.id = id_of(t, k, mode);
             one.x0 = t.x0[k], one.x1 = t.x1[k], one.y0 = t.y0[k], one.y1 = t.y1[k];
             one.inexact = inexact;
@@ -67,21 +67,23 @@ struct Pixels {
             return Linear{Lanes::all(from[0]), Lanes::all(from[1]), Lanes::all(from[2])};
         }
     };
-    static __attribute__((noinline, cold)) void draw_unsure(const Camera& camera, const Image& image, const Unsure& t,
-                                                            Mode mode) {
-        const Linear e0 = Unsure::linear(t.edge[0]), e1 = Unsure::linear(t.edge[1]), e2 = Unsure::linear(t.edge[2]);
-        const Linear plane = Unsure::linear(t.plane);
+    static __attribute__((noinline, cold)) void rasterize_uncertain(const Camera& camera, const Image& image,
+                                                                    const UncertainTriangle& t, Mode mode) {
+        const Linear e0 = UncertainTriangle::linear(t.edge[0]), e1 = UncertainTriangle::linear(t.edge[1]),
+                     e2 = UncertainTriangle::linear(t.edge[2]);
+        const Linear plane = UncertainTriangle::linear(t.plane);
         for (int y = t.y0; y <= t.y1; ++y) {
             const Floats v = Lanes::all((float)(y + image.first_row)) + camera.first_v;
             const Floats row0 = e0.row(v), row1 = e1.row(v), row2 = e2.row(v), row_inv_z = plane.row(v);
             for (int first = t.x0; first <= t.x1; first += LANES) {
                 const Floats u = (Lanes::index_floats() + (float)first) + camera.first_u;
-                const Ints unsure = in_doubt(Lanes::min(e0.at(u, row0), e1.at(u, row1), e2.at(u, row2)), t.doubt);
+                const Ints uncertain =
+                    find_uncertain(Lanes::min(e0.at(u, row0), e1.at(u, row1), e2.at(u, row2)), t.error_bound);
                 const Ints within = Lanes::index() <= Lanes::all_ints(t.x1 - first);
                 const Floats inv_z =
                     Lanes::max(Lanes::min(plane.at(u, row_inv_z), Lanes::all(t.max_inv_z)), Lanes::all(t.min_inv_z));
-                for (unsigned left = Lanes::bits(unsure & within); left; left &= left - 1) {
-                    const int k = Lanes::first_lane(left), x = first + k;
+                for (unsigned rest = Lanes::bits(uncertain & within); rest; rest &= rest - 1) {
+                    const int k = Lanes::first_lane(rest), x = first + k;
                     if (!covers(camera, image, t.corners, t.lane, x, y)) continue;
                     const float value = t.inexact ? exact_inv_z(camera, t.corners, t.lane, t.min_inv_z, t.max_inv_z,
                                                                 camera.exact_u(x), camera.exact_v(y + image.first_row))
@@ -91,5 +93,7 @@ struct Pixels {
             }
         }
     }
-    static inline Ints in_doubt(Floats inner, float doubt) { return Lanes::abs(inner) <= Lanes::all(doubt); }
+    static inline Ints find_uncertain(Floats inner, float error_bound) {
+        return Lanes::abs(inner) <= Lanes::all(error_bound);
+    }
 };

@@ -39,7 +39,7 @@ struct PointBins {
     static inline PointBins carve(Arena& arena, const PointJob& points, int tiles_x, int tiles_y) {
         const long long chunks = points.chunks();
         const long long strip_cells = (long long)tiles_x * points.strip_tiles * TILE_BLOCKS;
-        const long long lanes = Sparse::most_lanes(points.batch, strip_cells * points.strips(tiles_y));
+        const long long lanes = Sparse::max_lanes(points.batch, strip_cells * points.strips(tiles_y));
         PointBins bins;
         bins.rows = tiles_y;
         bins.ends = arena.ints(chunks * tiles_y);

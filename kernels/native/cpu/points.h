@@ -25,7 +25,7 @@ struct PointStrip {
         for (int other = 0; other < strip; ++other) {
             const int first = other * points.strip_tiles, end = first + points.strip_tiles;
             const long long cells = (long long)image.tiles_x * points.strip_tiles * TILE_BLOCKS;
-            before += Sparse::most_lanes(bins.count(points.chunks(), first, end), cells);
+            before += Sparse::max_lanes(bins.count(points.chunks(), first, end), cells);
         }
         image.point_index = bins.point_index + before;
         image.point_u = bins.u + before;
@@ -121,15 +121,15 @@ struct PointStrip {
             Ints hidden = Lanes::load(image.point_index + first) >= Lanes::all_ints(0);
             hidden &= image.id ? Lanes::load(image.id + first) >= Lanes::all_ints(0)
                                : Lanes::load(image.inv_z + first) == Lanes::all(NOWHERE);
-            for (unsigned left = Lanes::bits(hidden); left; left &= left - 1) {
-                const int lane = first + Lanes::first_lane(left);
+            for (unsigned rest = Lanes::bits(hidden); rest; rest &= rest - 1) {
+                const int lane = first + Lanes::first_lane(rest);
                 points.status[at + image.point_index[lane]] = POINT_OCCLUDED;
                 if (points.occluders) points.occluders[at + image.point_index[lane]] = image.id[lane];
             }
         }
     }
 
-    static inline void draw(const PointWork& work, int view_index, int batch, int number, const PointMemory& memory) {
+    static inline void render(const PointWork& work, int view_index, int batch, int number, const PointMemory& memory) {
         const PointJob& points = work.points;
         const int first = number * points.strip_tiles, end = first + points.strip_tiles, rows = work.bins.rows;
         const World world = work.scene.movables.of_view(view_index);
@@ -140,7 +140,7 @@ struct PointStrip {
         const ExactOcclusion occlusion = {points.place + before * 3, view.pose, {focal[0], focal[1]}, points.tolerance};
         const Image image = image_of(work, number, memory, occlusion);
         place(work, image, memory);
-        Packets::draw(view, image, memory.traversal, MODE_OBJECTS);
+        Packets::render(view, image, memory.traversal, MODE_OBJECTS);
         write(image, points, (long long)view_index * points.count + before);
     }
 };
@@ -169,10 +169,10 @@ struct PointPackets {
     inline void chunk(int view, int batch, int number) const {
         PointChunk::of(work.points, view, batch, number).sort(work, memory.placed);
     }
-    inline void strip(int view, int batch, int number) const { PointStrip::draw(work, view, batch, number, memory); }
+    inline void strip(int view, int batch, int number) const { PointStrip::render(work, view, batch, number, memory); }
 
     inline void unit(int unit) const {
-        const int turn = unit / parts, view = turn / batches, batch = turn % batches, part = unit % parts;
+        const int round = unit / parts, view = round / batches, batch = round % batches, part = unit % parts;
         if (work.points.views_are_units) {
             for (int i = 0; i < chunks; ++i) chunk(view, batch, i);
             for (int i = 0; i < strips; ++i) strip(view, batch, i);

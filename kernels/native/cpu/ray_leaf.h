@@ -9,9 +9,9 @@ struct RayLeaf {
     RayBox box;  // of all shown triangles
     float nearest;  // greatest inv_z of all
     float bounds[RayTree::BOUND_ROWS][LANES];  // of each triangle: least u and v, greatest u and v
-    float least_size;  // least over all triangles of the longer side of their rectangles
+    float min_size;  // least over all triangles of the longer side of their rectangles
     unsigned inexact;  // lanes in which single precision does not suffice for inv_z
-    unsigned known;  // lanes whose planes have been computed
+    unsigned computed;  // lanes whose planes have been computed
     ExactPlane planes[LANES];
 
     explicit inline RayLeaf(const Triangles& of) : triangles(of) {}
@@ -25,29 +25,29 @@ struct RayLeaf {
         Lanes::store(bounds[2], __builtin_convertvector(t.x1 + 1, Floats) - image.center_x);
         Lanes::store(bounds[3], __builtin_convertvector(t.y1 + 1, Floats) - image.center_y);
         const Ints size = t.shown ? (t.x1 - t.x0 > t.y1 - t.y0 ? t.x1 - t.x0 : t.y1 - t.y0) : Lanes::all_ints(1 << 24);
-        least_size = (float)(__builtin_reduce_min(size) + 1);
+        min_size = (float)(__builtin_reduce_min(size) + 1);
         inexact = rounded;
-        known = 0;
+        computed = 0;
     }
     inline RayBox box_of(int k) const { return RayTree::box_of(bounds[0], k); }
 
     // Triangles that may be visible in a rectangle: an edge function is greatest at one of its corners.
     inline unsigned touching(const RayBox& box, float min_inv_z) const {
         const Triangles& t = triangles;
-        Ints some = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
+        Ints candidates = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
         const Floats none = Lanes::all(0.0f);
         for (const Linear& edge : t.edge) {
             const Floats u = edge.u >= none ? Lanes::all(box.u1) : Lanes::all(box.u0);
             const Floats v = edge.v >= none ? Lanes::all(box.v1) : Lanes::all(box.v0);
-            some &= edge.at(u, edge.row(v)) >= -t.doubt;
+            candidates &= edge.at(u, edge.row(v)) >= -t.error_bound;
         }
-        return Lanes::bits(some);
+        return Lanes::bits(candidates);
     }
 
     inline const ExactPlane& plane(const Camera& camera, int k) {
-        if (!((known >> k) & 1)) {
+        if (!((computed >> k) & 1)) {
             planes[k] = ExactPlane::of(camera, triangles.corners, k);
-            known |= 1u << k;
+            computed |= 1u << k;
         }
         return planes[k];
     }
@@ -113,12 +113,12 @@ struct TouchedPackets {
         Ints touched = Lanes::all_ints(-1), covered = touched;
         const Floats u0 = Lanes::load(bounds), v0 = Lanes::load(bounds + LANES), u1 = Lanes::load(bounds + 2 * LANES),
                      v1 = Lanes::load(bounds + 3 * LANES);
-        const float doubt = t.doubt[k];
+        const float error_bound = t.error_bound[k];
         for (const Linear& of : t.edge) {
             const Linear edge = Linear::of_lane(of, k);
             const bool right = edge.u[0] >= 0.0f, down = edge.v[0] >= 0.0f;
-            touched &= edge.at(right ? u1 : u0, edge.row(down ? v1 : v0)) >= Lanes::all(-doubt);
-            covered &= edge.at(right ? u0 : u1, edge.row(down ? v0 : v1)) > Lanes::all(doubt);
+            touched &= edge.at(right ? u1 : u0, edge.row(down ? v1 : v0)) >= Lanes::all(-error_bound);
+            covered &= edge.at(right ? u0 : u1, edge.row(down ? v0 : v1)) > Lanes::all(error_bound);
         }
         const Linear plane = Linear::of_lane(t.inv_z, k);
         const Floats nearest = plane.at(plane.u[0] >= 0.0f ? u1 : u0, plane.row(plane.v[0] >= 0.0f ? v1 : v0));
@@ -142,25 +142,26 @@ struct RayColumns {
                      u1 = Lanes::load(leaf.bounds[2]), v1 = Lanes::load(leaf.bounds[3]);
         const Floats u = 0.5f * (u0 + u1) - fit.u, v = 0.5f * (v0 + v1) - fit.v;
         const Floats half_u = 0.5f * (u1 - u0), half_v = 0.5f * (v1 - v0);
-        Ints some = leaf.triangles.shown & (leaf.triangles.max_inv_z >= Lanes::all(image.tile_min[tile]));
-        some &= range(u * fit.column_u + v * fit.column_v,
-                      half_u * __builtin_fabsf(fit.column_u) + half_v * __builtin_fabsf(fit.column_v) + fit.off_column,
-                      fit.last_column(), first_column, last_column);
-        some &= range(u * fit.row_u + v * fit.row_v,
-                      half_u * __builtin_fabsf(fit.row_u) + half_v * __builtin_fabsf(fit.row_v) + fit.off_row,
-                      fit.last_row(), first_row, last_row);
+        Ints candidates = leaf.triangles.shown & (leaf.triangles.max_inv_z >= Lanes::all(image.tile_min[tile]));
+        candidates &=
+            range(u * fit.column_u + v * fit.column_v,
+                  half_u * __builtin_fabsf(fit.column_u) + half_v * __builtin_fabsf(fit.column_v) + fit.off_column,
+                  fit.last_column(), first_column, last_column);
+        candidates &= range(u * fit.row_u + v * fit.row_v,
+                            half_u * __builtin_fabsf(fit.row_u) + half_v * __builtin_fabsf(fit.row_v) + fit.off_row,
+                            fit.last_row(), first_row, last_row);
         const Ints side = Lanes::all_ints(SMALL_SIDE);
-        const Ints few = some & (last_column - first_column < side) & (last_row - first_row < side);
+        const Ints few = candidates & (last_column - first_column < side) & (last_row - first_row < side);
         small = Lanes::bits(few);
-        larger = Lanes::bits(some & ~few);
+        larger = Lanes::bits(candidates & ~few);
     }
     static inline Ints range(Floats middle, Floats half, int most, Ints& first, Ints& last) {
         const Floats none = Lanes::all(0.0f), from = Lanes::max(__builtin_elementwise_ceil(middle - half), none);
         const Floats to = Lanes::min(__builtin_elementwise_floor(middle + half), Lanes::all((float)most));
-        const Ints some = from <= to;
-        first = __builtin_convertvector(some ? from : none, Ints);
-        last = __builtin_convertvector(some ? to : none, Ints);
-        return some;
+        const Ints nonempty = from <= to;
+        first = __builtin_convertvector(nonempty ? from : none, Ints);
+        last = __builtin_convertvector(nonempty ? to : none, Ints);
+        return nonempty;
     }
     // First column or row of each window, such that the window ends inside the tile.
     static inline void begin(Ints first, int last, int* to) {

@@ -44,7 +44,7 @@ struct RayOrigins {
     const float* clip_inv_z;  // [packet][lane]: 1 / begin
     const float *row_p, *row_q;  // [tile][row][column], of tiles that have a fit
     const float* range;  // [tile][RANGE_WORDS]: middles of p, q and u q - v p, then the greatest distances from these
-    float most_p, most_q;  // greatest magnitudes in a bundle
+    float max_p, max_q;  // greatest magnitudes in a bundle
     float reach;  // greatest distance of a ray's origin from the eye [m]
     enum { RANGE_WORDS = 6 };
 };
@@ -67,7 +67,7 @@ struct RayTree {
     const int* corner;  // [tile]: first pixel, if a tile is a tile of the image and its packets are the blocks; else -1
     const RayFit* fit;  // [tile]
     float clip_inv_z;  // in terms of depth: nearer surfaces are clipped
-    RayOrigins apart;  // if RAY_ORIGINS
+    RayOrigins origins;  // if RAY_ORIGINS
 
     // Load 4 x 4 rays from rows of `width` rays.
     static inline Floats window(const float* first, int width) {
@@ -118,8 +118,8 @@ struct RayTree {
         Flags stale;
         const int first = tile * LANES;
         __builtin_memcpy(&stale, image.block_stale + first, sizeof stale);
-        for (unsigned left = Lanes::bits(__builtin_convertvector(stale, Ints) != 0); left; left &= left - 1) {
-            const int packet = first + Lanes::first_lane(left);
+        for (unsigned rest = Lanes::bits(__builtin_convertvector(stale, Ints) != 0); rest; rest &= rest - 1) {
+            const int packet = first + Lanes::first_lane(rest);
             image.block_min[packet] = Lanes::min_of(Lanes::load(image.inv_z + packet * LANES));
         }
         __builtin_memset(image.block_stale + first, 0, LANES);

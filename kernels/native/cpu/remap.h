@@ -53,13 +53,13 @@ struct RemapPackets {
         const int index = unit / remap.trees();
         const RemapPart part = RemapPart::of(remap, unit % remap.trees());
         const RayBox box = memory.tree.set(remap, part, index, memory.table.image);
-        const bool some = box.u0 <= box.u1;
-        const Job job = job_of(remap, some ? box : RayBox{0.0f, 0.0f, 0.0f, 0.0f});
+        const bool has_places = box.u0 <= box.u1;
+        const Job job = job_of(remap, has_places ? box : RayBox{0.0f, 0.0f, 0.0f, 0.0f});
         const RayTree tree = memory.tree.as_ray_tree(remap.clip_inv_z);
         const Image image = memory.table.image_of(job, tree);
         const Pose pose = Pose::from(remap.poses + (long long)index * POSE_WORDS);
         const View view = View::of(scene, job, scene.movables.of_view(index), pose);
-        if (some && view.world.exists) Packets::draw(view, image, memory.table.traversal, mode);
+        if (has_places && view.world.exists) Packets::render(view, image, memory.table.traversal, mode);
         const bool moving = scene.movables.count > 0 && mode == MODE_TRIANGLES;
         const Lookup lookup = Lookup::of(scene, memory.table.traversal.frames, view.pose.position, moving);
         const Writer writer = {lookup, view.camera, Rays::of(view.camera), image, job, out, index, mode};

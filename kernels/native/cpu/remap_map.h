@@ -92,11 +92,11 @@ struct MapBlock {
     static inline long long offset(const RemapJob& job, int k) {
         return (long long)(k / BLOCK_SIDE) * job.columns + k % BLOCK_SIDE;
     }
-    // Load rows of x y x y ..., `apart` numbers from each other.
-    static inline MapBlock rows(const float* from, long long apart) {
+    // Load rows of x y x y ..., `stride` numbers from each other.
+    static inline MapBlock rows(const float* from, long long stride) {
         typedef float Eight __attribute__((ext_vector_type(8)));
         Eight r[BLOCK_SIDE];
-        for (int k = 0; k < BLOCK_SIDE; ++k) __builtin_memcpy(&r[k], from + k * apart, sizeof r[k]);
+        for (int k = 0; k < BLOCK_SIDE; ++k) __builtin_memcpy(&r[k], from + k * stride, sizeof r[k]);
         const Floats a = __builtin_shufflevector(r[0], r[1], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
         const Floats b = __builtin_shufflevector(r[2], r[3], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
         return MapBlock{__builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30),

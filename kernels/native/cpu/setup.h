@@ -20,7 +20,7 @@ struct Triangles {
     int first_id;
     const int* owners;
     Linear edge[3];  // edge functions, positive inside
-    Floats doubt;  // rounding error bound of the edge functions: smaller magnitudes may have the wrong sign
+    Floats error_bound;  // rounding error bound of the edge functions: smaller magnitudes may have the wrong sign
     Ints inexact;  // lanes in which single precision does not suffice for inv_z, whatever the pixel
     Linear inv_z;
     Floats min_inv_z, max_inv_z;  // at the corners: every point of a triangle lies within this range
@@ -30,7 +30,7 @@ struct Triangles {
     Ints view_y0, view_y1;  // the same rows of the whole view
     // Only if RAY_ORIGINS:
     Points side[3];  // twice the edges, with the sign of the edge functions
-    Ints beside;  // lanes of triangles of which rays may see another side than the eye does, or nearly so
+    Ints uncertain_side;  // lanes of triangles of which rays may see another side than the eye does, or nearly so
     Floats place[4];  // least u and v, greatest u and v of rays from the eye
 };
 
@@ -54,7 +54,7 @@ struct Exactly {
 
 // Greatest rotation of a triangle's plane by rounding of its corners, as a fraction of 1 / z, for which single
 // precision suffices.
-constexpr float MAX_TURN = 5e-5f;
+constexpr float MAX_PLANE_ROTATION = 5e-5f;
 
 // Greatest ratio of the terms of inv_z to their sum for which single precision suffices.
 constexpr float MAX_TERMS = 16.0f;
@@ -87,11 +87,11 @@ struct Setup {
     // Replace volumes of triangles that are edge-on in single precision by values of the correct sign; 0 if they are
     // edge-on in double precision too.
     static __attribute__((noinline, cold)) void settle_volumes(const Camera& camera, const float* corners, Ints edge_on,
-                                                               Floats least, Floats& volume) {
-        for (unsigned left = Lanes::bits(edge_on); left; left &= left - 1) {
-            const int k = Lanes::first_lane(left);
+                                                               Floats volume_error, Floats& volume) {
+        for (unsigned rest = Lanes::bits(edge_on); rest; rest &= rest - 1) {
+            const int k = Lanes::first_lane(rest);
             const double exact = Exactly::corners(camera, corners, k).volume();
-            volume[k] = exact < 0.0 ? -least[k] : exact > 0.0 ? least[k] : 0.0f;
+            volume[k] = exact < 0.0 ? -volume_error[k] : exact > 0.0 ? volume_error[k] : 0.0f;
         }
     }
 
@@ -99,26 +99,26 @@ struct Setup {
     static inline bool leaf(const Camera& camera, const Image& image, Triangles& out) {
         const float* p = out.corners;
         Points c[3];
-        for (int k = 0; k < 3; ++k) c[k] = camera.turn(corner(camera, p + 3 * LANES * k));
+        for (int k = 0; k < 3; ++k) c[k] = camera.transform(corner(camera, p + 3 * LANES * k));
         const Points ab = Points::minus(c[1], c[0]), ac = Points::minus(c[2], c[0]);
         const Points normal = Points::cross(ab, ac);
         Floats volume = Points::dot(normal, c[0]);  // negative if the camera sees the front
         const Floats zmin = Lanes::min(c[0].z, c[1].z, c[2].z), zmax = Lanes::max(c[0].z, c[1].z, c[2].z);
         // The extent of the corners, and their distance from the camera if any part is in the image, in pixels times
         // depth.
-        const Floats apart = ((Lanes::abs(ab.x) + Lanes::abs(ac.x)) + (Lanes::abs(ab.y) + Lanes::abs(ac.y))) +
-                             camera.extent * (zmax - zmin);
-        const Floats away = (2.0f * camera.extent) * zmax + apart;
-        const Floats rounded = camera.edge_doubt * away;
-        const Floats least_volume = (rounded * apart) * (camera.per_extent * away);
-        const Ints edge_on = Lanes::abs(volume) < least_volume;
-        if (__builtin_expect(Lanes::any(edge_on), 0)) settle_volumes(camera, p, edge_on, least_volume, volume);
+        const Floats extent = ((Lanes::abs(ab.x) + Lanes::abs(ac.x)) + (Lanes::abs(ab.y) + Lanes::abs(ac.y))) +
+                              camera.extent * (zmax - zmin);
+        const Floats distance = (2.0f * camera.extent) * zmax + extent;
+        const Floats rounded = camera.edge_error_bound * distance;
+        const Floats volume_error = (rounded * extent) * (camera.per_extent * distance);
+        const Ints edge_on = Lanes::abs(volume) < volume_error;
+        if (__builtin_expect(Lanes::any(edge_on), 0)) settle_volumes(camera, p, edge_on, volume_error, volume);
         Ints shown = volume != Lanes::all(0.0f);
         if (camera.cull_back_faces)
             shown &= volume < Lanes::all(0.0f);
         else if (camera.skip_back_faces)
             shown &= (volume < Lanes::all(0.0f)) | (Lanes::load(out.owners) >= Lanes::all_ints(0));
-        if (RAY_ORIGINS) shown |= set_beside(image.tree->apart, normal, volume, least_volume, out);
+        if (RAY_ORIGINS) shown |= find_uncertain_sides(image.tree->origins, normal, volume, volume_error, out);
         if (camera.excluded) shown &= ~excluded_lanes(camera.excluded, out.owners);
         if (!Lanes::any(shown)) return false;
 
@@ -135,8 +135,8 @@ struct Setup {
         out.edge[0] = edge(c[1], c[2], sign);
         out.edge[1] = edge(c[2], c[0], sign);
         out.edge[2] = edge(c[0], c[1], sign);
-        out.doubt = rounded * (apart + (EDGE_DOUBT_MIN * camera.per_extent) * away);
-        if (RAY_ORIGINS) out.doubt += moment_doubt(camera, image.tree->apart) * (away + apart);
+        out.error_bound = rounded * (extent + (EDGE_MARGIN * camera.per_extent) * distance);
+        if (RAY_ORIGINS) out.error_bound += moment_error_bound(camera, image.tree->origins) * (distance + extent);
         const Floats scale = one / volume;
         out.inv_z = Linear{normal.x * scale, normal.y * scale, normal.z * scale};
         out.min_inv_z = crossing ? one / zmax : Lanes::min(inverse[0], inverse[1], inverse[2]);
@@ -145,18 +145,18 @@ struct Setup {
         const Floats slope_u = Lanes::abs(out.inv_z.u), slope_v = Lanes::abs(out.inv_z.v);
         // At a grazing angle, inv_z is a small difference of large terms.
         const Floats terms = slope_u * box.reach_u + (slope_v * box.reach_v + Lanes::abs(out.inv_z.one));
-        const Floats turn = camera.blur * (box.width + box.height) * (slope_u * box.width + slope_v * box.height);
-        out.inexact =
-            (terms > MAX_TERMS * out.min_inv_z) | (turn > MAX_TURN * out.min_inv_z * out.area) | edge_on | crossing;
+        const Floats rotation = camera.blur * (box.width + box.height) * (slope_u * box.width + slope_v * box.height);
+        out.inexact = (terms > MAX_TERMS * out.min_inv_z) | (rotation > MAX_PLANE_ROTATION * out.min_inv_z * out.area) |
+                      edge_on | crossing;
         return true;
     }
 
     // Find triangles of which rays may see another side than the eye does, or nearly so: 1 - N . (p, q, 0), the
-    // denominator of 1 / z (apart_drawing.h), is not always above 0.5.
-    static inline Ints set_beside(const RayOrigins& apart, const Points& normal, Floats volume, Floats least,
-                                  Triangles& out) {
-        const Floats aside = Lanes::abs(normal.x) * apart.most_p + Lanes::abs(normal.y) * apart.most_q;
-        return out.beside = 2.0f * aside + least >= Lanes::abs(volume);
+    // denominator of 1 / z (ray_raster_origins.h), is not always above 0.5.
+    static inline Ints find_uncertain_sides(const RayOrigins& origins, const Points& normal, Floats volume,
+                                            Floats volume_error, Triangles& out) {
+        const Floats aside = Lanes::abs(normal.x) * origins.max_p + Lanes::abs(normal.y) * origins.max_q;
+        return out.uncertain_side = 2.0f * aside + volume_error >= Lanes::abs(volume);
     }
     static inline void set_sides(const Points* c, Floats volume, Triangles& out) {
         const Floats twice = volume < Lanes::all(0.0f) ? Lanes::all(-2.0f) : Lanes::all(2.0f);
@@ -166,8 +166,8 @@ struct Setup {
         }
     }
     // Rounding error bound of the product of a side and a ray's moment about the eye.
-    static inline float moment_doubt(const Camera& camera, const RayOrigins& apart) {
-        return camera.edge_doubt * (4.0f * (apart.most_p + apart.most_q));
+    static inline float moment_error_bound(const Camera& camera, const RayOrigins& origins) {
+        return camera.edge_error_bound * (4.0f * (origins.max_p + origins.max_q));
     }
 
     // Compute bounds in pixels, with a margin for rounding; returns false if no lane can be visible.
@@ -189,7 +189,7 @@ struct Setup {
         Floats bottom = v1 + (image.center_y - 0.5f + slack);
         if (RAY_ORIGINS) {
             const Floats nearest = Lanes::max(inverse[0], inverse[1], inverse[2]), all = Lanes::all(1e30f);
-            const Floats aside = image.tree->apart.most_p * nearest, along = image.tree->apart.most_q * nearest;
+            const Floats aside = image.tree->origins.max_p * nearest, along = image.tree->origins.max_q * nearest;
             left -= aside, right += aside, top -= along, bottom += along;
             out.place[0] = crossing ? -all : u0 - slack, out.place[2] = crossing ? all : u1 + slack;
             out.place[1] = crossing ? -all : v0 - slack, out.place[3] = crossing ? all : v1 + slack;

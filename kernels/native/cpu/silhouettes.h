@@ -101,7 +101,7 @@ struct Comparison {
 
     // Count a tile inside the image that cannot grow the silhouette's box: only the visible objects there matter.
     inline void count_inside(float* tile, int x, int y, PixelCounts& counts) const {
-        const bool known = PixelCounts::holds(counts.visible_box, x, y, TILE_SIDE);
+        const bool is_inside_box = PixelCounts::holds(counts.visible_box, x, y, TILE_SIDE);
         Ints silhouette = Lanes::all_ints(0), seen = silhouette;
         for (unsigned block = 0; block < TILE_BLOCKS; ++block) {
             const Floats inv_z = Lanes::load(tile + block * BLOCK_PIXELS);
@@ -118,7 +118,7 @@ struct Comparison {
             const Ints hidden = covered & ~visible;
             silhouette -= covered;
             seen -= visible;
-            if (!known && Lanes::any(visible))
+            if (!is_inside_box && Lanes::any(visible))
                 PixelCounts::grow(counts.visible_box, Lanes::bits(visible), block_x, block_y);
             if (Lanes::any(hidden)) count_hidden(shown, hidden);
         }
@@ -209,18 +209,18 @@ struct Comparison {
         int object[LANES];
         Lanes::store(object, shown);
         int* by = asked.hidden_by + ((long long)view * asked.count + place) * asked.objects;
-        for (unsigned left = Lanes::bits(hidden & (shown >= Lanes::all_ints(0))); left;) {
-            const int occluder = object[Lanes::first_lane(left)];
-            const unsigned same = left & Lanes::bits(shown == Lanes::all_ints(occluder));
+        for (unsigned rest = Lanes::bits(hidden & (shown >= Lanes::all_ints(0))); rest;) {
+            const int occluder = object[Lanes::first_lane(rest)];
+            const unsigned same = rest & Lanes::bits(shown == Lanes::all_ints(occluder));
             by[occluder] += __builtin_popcount(same);
-            left &= ~same;
+            rest &= ~same;
         }
     }
 
     inline void write_masks(unsigned in_image, unsigned visible, int x, int y) const {
         unsigned char* mask = asked.masks + ((long long)view * asked.count + place) * job.height * job.width;
-        for (unsigned left = in_image; left; left &= left - 1) {
-            const int k = Lanes::first_lane(left);
+        for (unsigned rest = in_image; rest; rest &= rest - 1) {
+            const int k = Lanes::first_lane(rest);
             mask[(long long)(y + k / BLOCK_SIDE) * job.width + x + k % BLOCK_SIDE] =
                 (visible >> k) & 1 ? MASK_VISIBLE : MASK_HIDDEN;
         }
@@ -309,7 +309,7 @@ struct Silhouettes {
         for (int row = 0; row < height; row += step) {
             const Image image = memory.rows_of(part, row, height - row < step ? height - row : step);
             if (Queue::find(part_view, image, index, visit))
-                Packets::draw_movable(part_view, image, memory.traversal, visit, MODE_DEPTH);
+                Packets::render_movable(part_view, image, memory.traversal, visit, MODE_DEPTH);
             const Comparison comparison = {asked, job, edge, view, place, index, x0, y0 + row};
             comparison.count(image, counts);
         }

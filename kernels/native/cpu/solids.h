@@ -320,25 +320,25 @@ struct SolidSetup {
 struct Solids {
     // The ids from `id` on stand for the solid's parts, in order. Not inlined, so that the caller stays as small and
     // fast as without solids.
-    static __attribute__((noinline)) void draw(const Solid& solid, const Camera& camera, const Image& image,
-                                               const double* center, const Visit& visit, int id, Mode mode) {
+    static __attribute__((noinline)) void render(const Solid& solid, const Camera& camera, const Image& image,
+                                                 const double* center, const Visit& visit, int id, Mode mode) {
         const SolidSetup setup = SolidSetup::of(solid, camera, image, center);
         const int ty1 = visit.y1 >> TILE_SHIFT, tx1 = visit.x1 >> TILE_SHIFT;
         for (int ty = visit.y0 >> TILE_SHIFT; ty <= ty1; ++ty)
             for (int tx = visit.x0 >> TILE_SHIFT; tx <= tx1; ++tx) {
                 const int tile = ty * image.tiles_x + tx;
-                for (unsigned left = blocks(setup, camera, image, visit, tx, ty); left; left &= left - 1) {
-                    const int b = Lanes::first_lane(left), block = tile * TILE_BLOCKS + b;
+                for (unsigned rest = blocks(setup, camera, image, visit, tx, ty); rest; rest &= rest - 1) {
+                    const int b = Lanes::first_lane(rest), block = tile * TILE_BLOCKS + b;
                     if (image.min_of_block(block) > visit.nearest_inv_z) continue;
                     if (image.first_packet) {
-                        draw_cell(setup, image, block, id, mode);
+                        render_cell(setup, image, block, id, mode);
                         continue;
                     }
                     const int first_x = tx * TILE_SIDE + (b & (BLOCKS_ACROSS - 1)) * BLOCK_SIDE;
                     const int first_y = ty * TILE_SIDE + (b / BLOCKS_ACROSS) * BLOCK_SIDE;
                     const Floats x = Grid::column_floats() + (float)first_x;
                     const Floats y = Grid::row_floats() + (float)(first_y + image.first_row);
-                    show(setup.at(x, y), image, block, block, id, mode);
+                    store(setup.at(x, y), image, block, block, id, mode);
                 }
             }
     }
@@ -350,25 +350,25 @@ struct Solids {
         const Ints x = Grid::block_x() + tx * TILE_SIDE, y = Grid::block_y() + ty * TILE_SIDE;
         const Ints inside = (x + last >= visit.x0) & (x <= visit.x1) & (y + last >= visit.y0) & (y <= visit.y1);
         // Distance from a block's middle to its outermost pixel centers, or to its edges, and a margin for rounding.
-        const float to_centres = 0.5f * last, to_edges = 0.5f * BLOCK_SIDE, rounding = 0.05f;
-        Floats u = __builtin_convertvector(x, Floats) + to_centres;
-        Floats v = __builtin_convertvector(y + image.first_row, Floats) + to_centres;
+        const float to_centers = 0.5f * last, to_edges = 0.5f * BLOCK_SIDE, rounding = 0.05f;
+        Floats u = __builtin_convertvector(x, Floats) + to_centers;
+        Floats v = __builtin_convertvector(y + image.first_row, Floats) + to_centers;
         if (image.first_packet) {
             u += camera.first_u;
             v += camera.first_v;
         }
-        return Lanes::bits(inside & setup.near(u, v, (image.first_packet ? to_edges : to_centres) + rounding));
+        return Lanes::bits(inside & setup.near(u, v, (image.first_packet ? to_edges : to_centers) + rounding));
     }
 
-    static inline void draw_cell(const SolidSetup& setup, const Image& image, int cell, int id, Mode mode) {
+    static inline void render_cell(const SolidSetup& setup, const Image& image, int cell, int id, Mode mode) {
         for (int packet = image.first_packet[cell]; packet < image.first_packet[cell + 1]; ++packet) {
             const Floats u = Lanes::load(image.point_u + packet * LANES),
                          v = Lanes::load(image.point_v + packet * LANES);
-            show(setup.at(u, v), image, packet, cell, id, mode);
+            store(setup.at(u, v), image, packet, cell, id, mode);
         }
     }
 
-    static inline void show(const SolidHit& met, const Image& image, int packet, int block, int id, Mode mode) {
+    static inline void store(const SolidHit& met, const Image& image, int packet, int block, int id, Mode mode) {
         const Ints hit = met.inv_z > Lanes::all(0.0f);
         if (mode != MODE_TRIANGLES) {
             Raster::blend(image, packet, block, hit, met.inv_z, id, mode);

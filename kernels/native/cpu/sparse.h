@@ -15,7 +15,7 @@ struct ExactOcclusion {
     inline bool hides(const Camera& camera, const float* corners, int lane, int point) const {
         const double at[3] = {place[point * 3LL], place[point * 3LL + 1], place[point * 3LL + 2]};
         double seen[3], ray[3];  // in the camera frame, and in the frame of the triangle
-        pose.move_into(at, seen);
+        pose.transform_into(at, seen);
         const double way = __builtin_sqrt(seen[0] * seen[0] + (seen[1] * seen[1] + seen[2] * seen[2]));
         const ExactRow* m = camera.exact_to_camera;
         for (int k = 0; k < 3; ++k)
@@ -29,7 +29,7 @@ struct ExactOcclusion {
 struct Sparse {
     // Greatest number of lanes of the packets of `points` points in `cells` cells: each cell may leave all but one lane
     // of a packet empty.
-    static inline long long most_lanes(long long points, long long cells) {
+    static inline long long max_lanes(long long points, long long cells) {
         return (points + (LANES - 1) * (points < cells ? points : cells)) / LANES * LANES;
     }
 
@@ -81,17 +81,17 @@ struct Sparse {
         return (Image::column_part((int)x) + image.row_part((int)y)) / BLOCK_PIXELS;
     }
 
-    static inline void draw(const Camera& camera, const Image& image, const Triangles& triangles, Ints inexact,
-                            Mode mode) {
+    static inline void rasterize(const Camera& camera, const Image& image, const Triangles& triangles, Ints inexact,
+                                 Mode mode) {
         const unsigned rounded = Lanes::bits(inexact);
-        for (unsigned left = Lanes::bits(triangles.shown); left; left &= left - 1) {
-            const int k = Lanes::first_lane(left);
+        for (unsigned rest = Lanes::bits(triangles.shown); rest; rest &= rest - 1) {
+            const int k = Lanes::first_lane(rest);
             const One one = One::of(triangles, k, (rounded >> k) & 1, mode);
             const int ty1 = triangles.y1[k] >> TILE_SHIFT, tx1 = triangles.x1[k] >> TILE_SHIFT;
             for (int ty = triangles.y0[k] >> TILE_SHIFT; ty <= ty1; ++ty)
                 for (int tx = triangles.x0[k] >> TILE_SHIFT; tx <= tx1; ++tx)
                     if (image.min_of_tile(ty * image.tiles_x + tx) <= triangles.max_inv_z[k])
-                        draw_tile(camera, image, one, tx, ty, mode);
+                        rasterize_tile(camera, image, one, tx, ty, mode);
         }
     }
 
@@ -100,7 +100,7 @@ struct Sparse {
         const Triangles& triangles;
         int k;  // lane
         Linear edge[3];
-        float doubt;
+        float error_bound;
         bool rounded;  // whether single precision does not suffice for inv_z
         int id;
 
@@ -108,14 +108,15 @@ struct Sparse {
             return One{t,
                        k,
                        {Linear::of_lane(t.edge[0], k), Linear::of_lane(t.edge[1], k), Linear::of_lane(t.edge[2], k)},
-                       t.doubt[k],
+                       t.error_bound[k],
                        rounded,
                        Raster::id_of(t, k, mode)};
         }
     };
 
     // Find the cells of a tile that the triangle touches: an edge function is greatest at one of a cell's corners.
-    static inline void draw_tile(const Camera& camera, const Image& image, const One& one, int tx, int ty, Mode mode) {
+    static inline void rasterize_tile(const Camera& camera, const Image& image, const One& one, int tx, int ty,
+                                      Mode mode) {
         const float margin = 0.001f, first = 0.5f + margin, side = BLOCK_SIDE + 2 * margin;
         const Floats cell_x = __builtin_convertvector(Grid::block_x(), Floats);
         const Floats cell_y = __builtin_convertvector(Grid::block_y(), Floats);
@@ -126,44 +127,45 @@ struct Sparse {
         Ints touched = Lanes::load(image.block_min + tile * TILE_BLOCKS) <= Lanes::all(one.triangles.max_inv_z[one.k]);
         for (const Linear& edge : one.edge) {
             const Floats u = edge.u >= Lanes::all(0.0f) ? u1 : u0, v = edge.v >= Lanes::all(0.0f) ? v1 : v0;
-            touched &= edge.at(u, edge.row(v)) >= Lanes::all(-one.doubt);
+            touched &= edge.at(u, edge.row(v)) >= Lanes::all(-one.error_bound);
         }
-        for (unsigned left = Lanes::bits(touched); left; left &= left - 1) {
-            const int cell = tile * TILE_BLOCKS + Lanes::first_lane(left);
+        for (unsigned rest = Lanes::bits(touched); rest; rest &= rest - 1) {
+            const int cell = tile * TILE_BLOCKS + Lanes::first_lane(rest);
             for (int packet = image.first_packet[cell]; packet < image.first_packet[cell + 1]; ++packet)
-                draw_packet(camera, image, one, cell, packet, mode);
+                rasterize_packet(camera, image, one, cell, packet, mode);
         }
     }
 
-    static inline void draw_packet(const Camera& camera, const Image& image, const One& one, int cell, int packet,
-                                   Mode mode) {
+    static inline void rasterize_packet(const Camera& camera, const Image& image, const One& one, int cell, int packet,
+                                        Mode mode) {
         const Triangles& t = one.triangles;
         const Linear* e = one.edge;
         const Floats u = Lanes::load(image.point_u + packet * LANES), v = Lanes::load(image.point_v + packet * LANES);
         const Floats old = Lanes::load(image.inv_z + packet * LANES), max_inv_z = Lanes::all(t.max_inv_z[one.k]);
         const Floats inner = Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v)));
-        const Ints wanted = old <= max_inv_z, unsure = wanted & Raster::in_doubt(inner, one.doubt);
-        const Ints inside = wanted & (inner > Lanes::all(one.doubt));
-        if (Lanes::any(inside)) draw_lanes(camera, image, one, cell, packet, inside, mode);
-        if (__builtin_expect(Lanes::any(unsure), 0))
-            draw_unsure(camera, image, one, cell, packet, Lanes::bits(unsure), mode);
+        const Ints wanted = old <= max_inv_z, uncertain = wanted & Raster::find_uncertain(inner, one.error_bound);
+        const Ints inside = wanted & (inner > Lanes::all(one.error_bound));
+        if (Lanes::any(inside)) rasterize_lanes(camera, image, one, cell, packet, inside, mode);
+        if (__builtin_expect(Lanes::any(uncertain), 0))
+            rasterize_uncertain(camera, image, one, cell, packet, Lanes::bits(uncertain), mode);
     }
 
     // Rasterize lanes in which an edge function leaves coverage uncertain.
-    static __attribute__((noinline, cold)) void draw_unsure(const Camera& camera, const Image& image, const One& one,
-                                                            int cell, int packet, unsigned unsure, Mode mode) {
+    static __attribute__((noinline, cold)) void rasterize_uncertain(const Camera& camera, const Image& image,
+                                                                    const One& one, int cell, int packet,
+                                                                    unsigned uncertain, Mode mode) {
         Ints inside = Lanes::all_ints(0);
-        for (unsigned left = unsure; left; left &= left - 1) {
-            const int lane = Lanes::first_lane(left), at = packet * LANES + lane;
+        for (unsigned rest = uncertain; rest; rest &= rest - 1) {
+            const int lane = Lanes::first_lane(rest), at = packet * LANES + lane;
             const double u = image.point_u[at], v = image.point_v[at];
             if (Exactly::covers(camera, one.triangles.corners, one.k, u, v)) inside[lane] = -1;
         }
-        if (Lanes::any(inside)) draw_lanes(camera, image, one, cell, packet, inside, mode);
+        if (Lanes::any(inside)) rasterize_lanes(camera, image, one, cell, packet, inside, mode);
     }
 
     // Rasterize lanes that the triangle covers.
-    static inline void draw_lanes(const Camera& camera, const Image& image, const One& one, int cell, int packet,
-                                  Ints inside, Mode mode) {
+    static inline void rasterize_lanes(const Camera& camera, const Image& image, const One& one, int cell, int packet,
+                                       Ints inside, Mode mode) {
         const Triangles& t = one.triangles;
         const Floats u = Lanes::load(image.point_u + packet * LANES), v = Lanes::load(image.point_v + packet * LANES);
         const Floats old = Lanes::load(image.inv_z + packet * LANES), max_inv_z = Lanes::all(t.max_inv_z[one.k]);
@@ -171,8 +173,8 @@ struct Sparse {
         const Floats min_inv_z = Lanes::all(t.min_inv_z[one.k]);
         Floats inv_z = Lanes::max(Lanes::min(plane.at(u, plane.row(v)), max_inv_z), min_inv_z);
         if (one.rounded && image.id)
-            for (unsigned left = Lanes::bits(inside); left; left &= left - 1) {
-                const int lane = Lanes::first_lane(left);
+            for (unsigned rest = Lanes::bits(inside); rest; rest &= rest - 1) {
+                const int lane = Lanes::first_lane(rest);
                 inv_z[lane] = Raster::exact_inv_z(camera, t, one.k, u[lane], v[lane]);
             }
         if (image.occlusion) inside = check(camera, image, one, packet, inside, inv_z);
@@ -188,11 +190,11 @@ struct Sparse {
                              Floats& inv_z) {
         const Triangles& t = one.triangles;
         const Floats limit = Lanes::load(image.inv_z + packet * LANES);
-        Ints unsure = inside & (limit >= 0.999999f * t.min_inv_z[one.k]);
-        if (image.id) unsure &= Lanes::load(image.id + packet * LANES) < Lanes::all_ints(0);
-        if (!one.rounded) unsure &= Lanes::abs(inv_z - limit) <= 5e-6f * inv_z;
-        for (unsigned left = Lanes::bits(unsure); left; left &= left - 1) {
-            const int lane = Lanes::first_lane(left), point = image.point_index[packet * LANES + lane];
+        Ints uncertain = inside & (limit >= 0.999999f * t.min_inv_z[one.k]);
+        if (image.id) uncertain &= Lanes::load(image.id + packet * LANES) < Lanes::all_ints(0);
+        if (!one.rounded) uncertain &= Lanes::abs(inv_z - limit) <= 5e-6f * inv_z;
+        for (unsigned rest = Lanes::bits(uncertain); rest; rest &= rest - 1) {
+            const int lane = Lanes::first_lane(rest), point = image.point_index[packet * LANES + lane];
             const bool hides = image.occlusion->hides(camera, t.corners, one.k, point);
             inside[lane] = hides ? -1 : 0;
             if (hides && inv_z[lane] <= limit[lane]) inv_z[lane] = limit[lane] * 1.000001f;

@@ -36,7 +36,7 @@ struct TableJob {
     int without_rays;
     int max_groups;  // of any bundle
     const double* eye;  // [bundle]: its position in the bundle's frame; null if it is the camera's
-    const float* apart;  // [bundle]: most_p, most_q and reach of its `RayOrigins`
+    const float* origins;  // [bundle]: max_p, max_q and reach of its `RayOrigins`
 
     // The bundle as a job of a pinhole camera.
     inline Job job_of(int index) const {
@@ -54,7 +54,7 @@ struct TableJob {
         job.clip_reach = clip_reach;
         job.cull_back_faces = cull_back_faces;
         // Rays begin up to this far from the eye: boxes within that distance may contain their origins.
-        if (RAY_ORIGINS) job.clip_reach += apart[3 * index + 2];
+        if (RAY_ORIGINS) job.clip_reach += origins[3 * index + 2];
         return job;
     }
     inline RayTree tree_of(int index) const {
@@ -71,11 +71,11 @@ struct TableJob {
         part.fit += tile;
         if (part.scale) part.scale += ray;
         if (RAY_ORIGINS) {
-            RayOrigins& own = part.apart;
+            RayOrigins& own = part.origins;
             own.p += ray, own.q += ray, own.begin += ray, own.clip_inv_z += ray;
             own.row_p += ray, own.row_q += ray;
             own.range += tile * RayOrigins::RANGE_WORDS;
-            own.most_p = apart[3 * index], own.most_q = apart[3 * index + 1], own.reach = apart[3 * index + 2];
+            own.max_p = origins[3 * index], own.max_q = origins[3 * index + 1], own.reach = origins[3 * index + 2];
         }
         return part;
     }
@@ -160,11 +160,11 @@ struct TableWriter {
         Ints object;
     };
     inline InRange range_of(int packet, Floats inv_z, Floats z) const {
-        const Floats along = RAY_ORIGINS ? z - Lanes::load(tree.apart.begin + packet * LANES) : z;
+        const Floats along = RAY_ORIGINS ? z - Lanes::load(tree.origins.begin + packet * LANES) : z;
         const Floats depth = tree.scale ? along * Lanes::load(tree.scale + packet * LANES) : along;
         return in_range(inv_z, depth, table.near, table.far);
     }
-    inline void look(int packet, Row& row) {
+    inline void resolve(int packet, Row& row) {
         const Images& out = writer.out;
         const Floats inv_z = Lanes::load(writer.image.inv_z + packet * LANES), z = 1.0f / inv_z;
         const InRange range = range_of(packet, inv_z, z);
@@ -184,7 +184,8 @@ struct TableWriter {
         for (int k = 0; k < 3; ++k)
             at[k] = reach * (u * rays.right[k] + (v * rays.down[k] + rays.forward[k])) + origin[k];
         if (RAY_ORIGINS) {
-            const Floats p = Lanes::load(tree.apart.p + packet * LANES), q = Lanes::load(tree.apart.q + packet * LANES);
+            const Floats p = Lanes::load(tree.origins.p + packet * LANES),
+                         q = Lanes::load(tree.origins.q + packet * LANES);
             for (int k = 0; k < 3; ++k) at[k] += p * rays.right[k] + q * rays.down[k];
         }
         return Points{at[0], at[1], at[2]};
@@ -193,8 +194,8 @@ struct TableWriter {
         if (RAY_ORIGINS) return towards(packet, writer.triangle_normals(id, Lanes::bits(seen)));
         if (!writer.lookup.moving) return writer.triangle_normals(id, Lanes::bits(seen));
         Points round = {Lanes::all(0.0f), Lanes::all(0.0f), Lanes::all(0.0f)};
-        const Ints solid = writer.lookup.solid_normals(id, seen, RayDrawing::exact_u(tree, packet),
-                                                       RayDrawing::exact_v(tree, packet), round);
+        const Ints solid = writer.lookup.solid_normals(id, seen, RayRaster::exact_u(tree, packet),
+                                                       RayRaster::exact_v(tree, packet), round);
         const Points n = writer.triangle_normals(id, Lanes::bits(seen & ~solid));
         return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
     }
@@ -215,7 +216,7 @@ struct TableWriter {
         const float near = table.near, far = table.far;
         const float* from = writer.image.inv_z + tile * (LANES * LANES);
         const float* scale = tree.scale ? tree.scale + tile * (LANES * LANES) : nullptr;
-        const float* begin = RAY_ORIGINS ? tree.apart.begin + tile * (LANES * LANES) : nullptr;
+        const float* begin = RAY_ORIGINS ? tree.origins.begin + tile * (LANES * LANES) : nullptr;
         const int width = table.width;
         for (int y = 0; y < BLOCKS_ACROSS; ++y) {
             Floats inv_z[BLOCK_SIDE], factor[BLOCK_SIDE], first[BLOCK_SIDE];
@@ -235,18 +236,18 @@ struct TableWriter {
         for (int y = 0; y < TILE_SIDE; y += BLOCK_SIDE) {
             Row row[BLOCKS_ACROSS];
             for (int x = 0; x < BLOCKS_ACROSS; ++x)
-                look(tile * TILE_BLOCKS + y / BLOCK_SIDE * BLOCKS_ACROSS + x, row[x]);
+                resolve(tile * TILE_BLOCKS + y / BLOCK_SIDE * BLOCKS_ACROSS + x, row[x]);
             const long long at = first + tree.corner[tile] + (long long)y * table.width;
             Floats rows[3][BLOCK_SIDE];
             if (out.depth) {
-                turn(&row[0].depth, rows[0]);
+                transpose(&row[0].depth, rows[0]);
                 for (int r = 0; r < BLOCK_SIDE; ++r) Write::stream(out.depth + at + r * table.width, rows[0][r]);
             }
             if (out.points) rows_of(out.points + at * 3, &row[0].point, rows);
             if (writer.mode == MODE_DEPTH) continue;
             if (writer.mode == MODE_TRIANGLES && out.normals) rows_of(out.normals + at * 3, &row[0].normal, rows);
             if (!(out.segmentation || out.labels)) continue;
-            turn((const Floats*)&row[0].object, rows[0]);
+            transpose((const Floats*)&row[0].object, rows[0]);
             for (int r = 0; r < BLOCK_SIDE; ++r) {
                 const Ints object = (Ints)rows[0][r];
                 if (out.segmentation) Write::stream(out.segmentation + at + r * table.width, object);
@@ -284,7 +285,7 @@ struct TableWriter {
     }
 
     // Convert the blocks of adjacent `Row`s to rows of pixels.
-    static inline void turn(const Floats* block, Floats* rows) {
+    static inline void transpose(const Floats* block, Floats* rows) {
         float side_by_side[BLOCKS_ACROSS * BLOCK_PIXELS];
         for (int x = 0; x < BLOCKS_ACROSS; ++x) {
             Lanes::store(side_by_side + x * BLOCK_PIXELS, *block);
@@ -293,9 +294,9 @@ struct TableWriter {
         Blocks::transpose(side_by_side, rows);
     }
     inline void rows_of(float* to, const Points* block, Floats (*rows)[BLOCK_SIDE]) const {
-        turn(&block->x, rows[0]);
-        turn(&block->y, rows[1]);
-        turn(&block->z, rows[2]);
+        transpose(&block->x, rows[0]);
+        transpose(&block->y, rows[1]);
+        transpose(&block->z, rows[2]);
         for (int r = 0; r < BLOCK_SIDE; ++r)
             Write::row(to + 3LL * r * table.width, Points{rows[0][r], rows[1][r], rows[2][r]}, LANES);
     }
@@ -309,7 +310,7 @@ struct TableWriter {
             const int packet = tile * LANES + child, run = tree.run[packet];
             const int* place = tree.place + packet * LANES;
             Row row;
-            look(packet, row);
+            resolve(packet, row);
             if (out.depth) Write::put(out.depth + first, place, run, row.depth);
             if (out.points) Write::put(out.points + first * 3, place, row.point);
             if (writer.mode == MODE_DEPTH) continue;
@@ -352,7 +353,7 @@ struct TablePackets {
         tree.begin(image, groups);
         const Pose pose = Pose::from(table.poses + (long long)index * POSE_WORDS);
         const View view = View::of(scene, job, scene.movables.of_view(index), table.face_of(bundle, pose));
-        if (view.world.exists) Packets::draw(view, image, memory.traversal, mode);
+        if (view.world.exists) Packets::render(view, image, memory.traversal, mode);
         const double* viewpoint = view.pose.position;
         const Frame* frames = memory.traversal.frames;
         const long long first = (long long)index * table.height * table.width;

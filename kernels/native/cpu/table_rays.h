@@ -3,5 +3,5 @@
 
 // Rays are from a ray table: the image's packets are those of a `RayTree`.
 constexpr bool RAY_TABLE = true;
-// All rays begin at the eye; apart_rays.h is for distinct origins.
+// All rays begin at the eye; origin_rays.h is for distinct origins.
 constexpr bool RAY_ORIGINS = false;

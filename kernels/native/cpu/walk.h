@@ -32,7 +32,7 @@ struct ScreenBounds {
         Floats left = bounds.left, right = bounds.right, top = bounds.top, bottom = bounds.bottom;
         if (RAY_ORIGINS) {
             const Floats nearest = 1.0f / (crossing ? Lanes::all(1.0f) : zmin);
-            const Floats aside = image.tree->apart.most_p * nearest, along = image.tree->apart.most_q * nearest;
+            const Floats aside = image.tree->origins.max_p * nearest, along = image.tree->origins.max_q * nearest;
             left -= aside, right += aside, top -= along, bottom += along;
         }
         const float to_x = image.center_x - 0.5f, to_y = image.center_y - 0.5f;
@@ -132,7 +132,8 @@ struct Walk {
         Ints shown = low_x <= high_x;
         for (int p = 0; p < Frustum::PLANES; ++p)
             shown &= farthest_along(frustum.plane[p], low, high) >= Lanes::all(frustum.least[p]);
-        if (camera.skip_back_faces) shown &= ~faces_away(node, low, high, RAY_ORIGINS ? image.tree->apart.reach : 0.0f);
+        if (camera.skip_back_faces)
+            shown &= ~faces_away(node, low, high, RAY_ORIGINS ? image.tree->origins.reach : 0.0f);
         if (!Lanes::any(shown)) return 0;
 
         // The eight corners in camera space, as sums of one term per axis.
@@ -191,25 +192,25 @@ struct Walk {
     static inline long long stack_size(int levels) { return (levels + 1LL) * LANES; }
 
     // Rasterize all that is visible. Two instantiations: the one without ids is faster.
-    static inline void draw(const Bvh& bvh, const Instance& instance, const Camera& camera, const Image& image,
-                            Visit* stack, Mode mode) {
+    static inline void traverse(const Bvh& bvh, const Instance& instance, const Camera& camera, const Image& image,
+                                Visit* stack, Mode mode) {
         if (mode == MODE_DEPTH)
-            draw_depth(bvh, instance, camera, image, stack);
+            traverse_depth(bvh, instance, camera, image, stack);
         else
-            draw_ids(bvh, instance, camera, image, stack, mode);
+            traverse_ids(bvh, instance, camera, image, stack, mode);
     }
-    static __attribute__((noinline)) void draw_depth(const Bvh& bvh, const Instance& instance, const Camera& camera,
-                                                     const Image& image, Visit* stack) {
-        draw_all(bvh, instance, camera, image, stack, MODE_DEPTH);
+    static __attribute__((noinline)) void traverse_depth(const Bvh& bvh, const Instance& instance, const Camera& camera,
+                                                         const Image& image, Visit* stack) {
+        traverse_all(bvh, instance, camera, image, stack, MODE_DEPTH);
     }
-    static __attribute__((noinline)) void draw_ids(const Bvh& bvh, const Instance& instance, const Camera& camera,
-                                                   const Image& image, Visit* stack, Mode mode) {
+    static __attribute__((noinline)) void traverse_ids(const Bvh& bvh, const Instance& instance, const Camera& camera,
+                                                       const Image& image, Visit* stack, Mode mode) {
         __builtin_assume(mode != MODE_DEPTH);
-        draw_all(bvh, instance, camera, image, stack, mode);
+        traverse_all(bvh, instance, camera, image, stack, mode);
     }
-    static inline __attribute__((always_inline)) void draw_all(const Bvh& bvh, const Instance& instance,
-                                                               const Camera& camera, const Image& image, Visit* stack,
-                                                               Mode mode) {
+    static inline __attribute__((always_inline)) void traverse_all(const Bvh& bvh, const Instance& instance,
+                                                                   const Camera& camera, const Image& image,
+                                                                   Visit* stack, Mode mode) {
         const Frustum frustum = Frustum::of(camera, image);
         int depth = begin(bvh, image, instance.root, stack);
         if (depth == 0) depth = open(bvh, camera, frustum, image, instance.root, stack);
@@ -228,11 +229,12 @@ struct Walk {
             triangles.first_id = (int)leaf * LANES + instance.first_id;
             if (!Setup::leaf(camera, image, triangles)) continue;
             if (RAY_TABLE)
-                RayDrawing::draw(camera, image, triangles, visit, mode);
+                RayRaster::rasterize(camera, image, triangles, visit, mode);
             else if (image.first_packet)
-                Sparse::draw(camera, image, triangles, triangles.inexact | Raster::turns(camera, triangles), mode);
+                Sparse::rasterize(camera, image, triangles,
+                                  triangles.inexact | Raster::has_unstable_plane(camera, triangles), mode);
             else
-                Raster::draw(camera, image, triangles, mode);
+                Raster::rasterize(camera, image, triangles, mode);
         }
     }
 };

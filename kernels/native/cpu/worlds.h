@@ -197,8 +197,8 @@ struct Lookup {
         int id[LANES];
         Ints solid = Lanes::all_ints(0);
         Lanes::store(id, ids);
-        for (unsigned left = Lanes::bits(seen & (ids >= first_movable)); left;) {
-            find(id[Lanes::first_lane(left)]);
+        for (unsigned rest = Lanes::bits(seen & (ids >= first_movable)); rest;) {
+            find(id[Lanes::first_lane(rest)]);
             const Ints here = seen & (ids >= first) & (ids < end);
             if (frames[movable].solid.kind != SOLID_NONE) {
                 const Points found = normals_of(frames[movable], ids - first, u, v);
@@ -207,7 +207,7 @@ struct Lookup {
                 n.z = here ? found.z : n.z;
                 solid |= here;
             }
-            left &= ~Lanes::bits(here);
+            rest &= ~Lanes::bits(here);
         }
         return solid;
     }

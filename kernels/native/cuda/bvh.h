@@ -124,7 +124,7 @@ struct PoseRow {
     }
     static inline Vec3d position(const float* row) { return Vec3d{__ldg(row), __ldg(row + 1), __ldg(row + 2)}; }
     // A direction, rotated from the frame into parent coordinates.
-    static inline Vec3d turned_out(const Vec3d* axis, Vec3d v) {
+    static inline Vec3d rotated_out(const Vec3d* axis, Vec3d v) {
         return Vec3d{axis[0].x * v.x + axis[1].x * v.y + axis[2].x * v.z,
                      axis[0].y * v.x + axis[1].y * v.y + axis[2].y * v.z,
                      axis[0].z * v.x + axis[1].z * v.y + axis[2].z * v.z};

@@ -48,12 +48,12 @@ struct Camera {
     inline float wider(float place) const { return RAY_TABLE ? place + spread : place; }
     inline float before(float place) const { return RAY_TABLE ? place - spread : place; }
     // An element of a row of to_camera in the frame of an object, given the axis and the ray's component.
-    inline double turned_row(int row, Vec3d axis, double of_ray) const {
+    inline double rotated_row(int row, Vec3d axis, double of_ray) const {
         return RAY_TABLE ? Vec3d::dot(axis, Vec3d{rows[3 * row], rows[3 * row + 1], rows[3 * row + 2]})
                          : of_ray * rows[row];
     }
     // Whether the side of a triangle is drawn whose volume is negative in front.
-    inline bool draws_side(const int* owner, double volume) const {
+    inline bool shows_side(const int* owner, double volume) const {
         return !(cull_back_faces || (skip_back_faces && __ldg(owner) < 0)) || volume < 0.0;
     }
     // Set error bounds from the lengths of the first two rows of to_camera; the third is a unit vector.
@@ -61,12 +61,12 @@ struct Camera {
         slope_error = ImagePoint{SLOPE_ERROR * height, SLOPE_ERROR * width};
         volume_error = VOLUME_ERROR * (width * height);
     }
-    // Lower bound on the length of a vector between two points of the object being drawn [m].
+    // Upper bound on the length of a vector between two points of the object being drawn [m]: its L1 norm.
     inline float world_length(Vec3 v) const {
         return RESIZED ? fabsf(v.x * stretch.x) + fabsf(v.y * stretch.y) + fabsf(v.z * stretch.z)
                        : fabsf(v.x) + fabsf(v.y) + fabsf(v.z);
     }
-    inline Vec3 turn(Vec3 p) const {
+    inline Vec3 rotate(Vec3 p) const {
         return Vec3{Vec3::dot(to_camera[0], p), Vec3::dot(to_camera[1], p), Vec3::dot(to_camera[2], p)};
     }
 };

@@ -43,7 +43,7 @@ struct Warp {
 // The L2 cache, shared by all multiprocessors.
 struct Cache {
     // Prefetch `rows` rows of one number per lane into L2; called by one thread.
-    static inline void ask_for(const float* first, int rows) {
+    static inline void prefetch(const float* first, int rows) {
 #if defined(__CUDACC_RTC__)
         for (int row = 0; row < rows; ++row) asm volatile("prefetch.global.L2 [%0];" ::"l"(first + row * LANES));
 #else

@@ -8,7 +8,7 @@ struct CellGrid {};
 struct Cells {
     int x0, y0, x1, y1;
 
-    static inline bool some() { return false; }
+    static inline bool any() { return false; }
     static inline int count() { return 0; }
     static inline Cells all() { return Cells{0, 0, 0, 0}; }
     static inline Cells between(const CellGrid&, float, float, float, float) { return all(); }

@@ -24,10 +24,10 @@ struct Origins {
     static inline ImagePoint aside_at(float) { return ImagePoint{0.0f, 0.0f}; }
     static inline ImagePoint seen(RayPlace p, float) { return p; }
     static inline float past(float along) { return along; }
-    static inline float away(float farthest) { return farthest; }
+    static inline float corner_distance(float farthest) { return farthest; }
     static inline float error(float of_inv_z) { return of_inv_z; }
     static inline float volume(float rounding, Vec3) { return rounding; }
-    static inline bool is_beside(float, float, Vec3) { return false; }
+    static inline bool is_side_uncertain(float, float, Vec3) { return false; }
     static inline float nearest(float inv_z, float, float) { return inv_z; }
     static inline bool may_hide(float) { return false; }
     static inline float along(float inv_z, float, float, RayPlace) { return inv_z; }

@@ -24,8 +24,8 @@ static_assert(SOLIDS_AT_A_TIME >= 1 && SOLIDS_AT_A_TIME <= (int)LANES, "a lane s
 // A warp's shared memory.
 struct WarpMemory {
     // The world's camera and, if objects may move, the camera in the frame of the object being drawn.
-    enum { WORLD = 0, DRAWN = MOVABLE };
-    Camera cameras[DRAWN + 1];
+    enum { WORLD = 0, CURRENT = MOVABLE };
+    Camera cameras[CURRENT + 1];
     Walk::Memory walk;
     union {  // levels of a BVH, or solids
         Walk::Level levels[LEVELS];
@@ -103,7 +103,7 @@ struct ObjectPass {
         if (row < 3) {
             const double value = Vec3d::dot(along, world.exact_rays[row]);
             (&moved.exact_rays[row].x)[k] = RESIZED ? value / factor : value;
-            (&moved.to_camera[row].x)[k] = (float)(world.turned_row(row, along, value) * factor);
+            (&moved.to_camera[row].x)[k] = (float)(world.rotated_row(row, along, value) * factor);
         } else if (row == 3) {
             const double there = Vec3d::dot(along, Vec3d::minus(world.exact_origin, PoseRow::position(pose)));
             const double value = RESIZED ? there / factor : there;
@@ -124,25 +124,26 @@ struct ObjectPass {
     }
 
     // Draw static triangles, then the objects front to back.
-    static inline void draw(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
+    static inline void render(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
         const Movables& movables = scene.movables;
         Bvh bvh = scene.bvh;
-        if (Warp::lane() == 0) memory.cameras[WarpMemory::DRAWN] = memory.cameras[WarpMemory::WORLD];
+        if (Warp::lane() == 0) memory.cameras[WarpMemory::CURRENT] = memory.cameras[WarpMemory::WORLD];
         Warp::sync();
         QueuedRange queued = {0, 0};
-        bool some = bvh.root >= 0;
+        bool has_triangles = bvh.root >= 0;
         for (;;) {
             // A single call for both, though the camera is the world's at first: the code of a traversal is long.
-            if (some) Walk::draw(bvh, memory.cameras[WarpMemory::DRAWN], packet, memory.levels, memory.walk);
+            if (has_triangles)
+                Walk::traverse(bvh, memory.cameras[WarpMemory::CURRENT], packet, memory.levels, memory.walk);
             Warp::sync();
-            const int m = draw_to_triangles(scene, packet, queued, memory);
+            const int m = render_until_triangles(scene, packet, queued, memory);
             if (m < 0) return;
             move(memory.cameras[WarpMemory::WORLD], movables, m, view.cull_back_faces,
-                 memory.cameras[WarpMemory::DRAWN]);
+                 memory.cameras[WarpMemory::CURRENT]);
             bvh.root = __ldg(movables.root + m);
             bvh.first_id = movables.id_offset(m);
             bvh.excluded = __ldg(movables.object + m) < 0 ? scene.bvh.excluded : nullptr;
-            some = true;
+            has_triangles = true;
         }
     }
 
@@ -152,11 +153,12 @@ struct ObjectPass {
     };
 
     // Draw solids until the next object is one that is drawn by its triangles, and return that object; -1 at the end.
-    static inline int draw_to_triangles(const Scene& scene, Packet& packet, QueuedRange& queued, WarpMemory& memory) {
+    static inline int render_until_triangles(const Scene& scene, Packet& packet, QueuedRange& queued,
+                                             WarpMemory& memory) {
         for (;;) {
             const Taken taken = take(memory.objects, queued.count);
             if (taken.solids > 0) {
-                draw_solids(scene.movables, packet, taken, memory);
+                render_solids(scene.movables, packet, taken, memory);
             } else if (taken.solids < 0) {
                 const int m = memory.objects.movable(taken.at);
                 if (!Walk::hidden(packet, taken.visit)) return m;
@@ -217,7 +219,7 @@ struct ObjectPass {
         const bool wanted = there && !movables.excludes(m);
         const Walk::ScreenBounds p = Walk::ScreenBounds::of(box.rows, box.low, box.high, world.blur, wanted);
         const Walk::ScreenBounds::Pixels in = p.pixels(world.first_u, world.first_v, world.last_x, world.last_y);
-        if (!wanted || p.zmin > world.far || !in.some()) return;
+        if (!wanted || p.zmin > world.far || !in.any()) return;
         // Without this test, all objects behind the camera would be recorded.
         if (p.crossing && !Walk::reaches_frustum(box.rows, world.first_u, world.first_v, world.last_x + 1.0f,
                                                  world.last_y + 1.0f, box.low, box.high, world.origins.aside()))
@@ -227,7 +229,7 @@ struct ObjectPass {
                   movables.count);
     }
 
-    // The next item to draw: `solids` solids, one per lane, or, if `solids` is -1, one object by its triangles with all
+    // The next item to render: `solids` solids, one per lane, or, if `solids` is -1, one object by its triangles with all
     // lanes. 0 if nothing is left.
     struct Taken {
         int solids;
@@ -263,7 +265,7 @@ struct ObjectPass {
     }
 
     // Each of the first lanes sets up a solid, then the solids are drawn one after the other.
-    static inline void draw_solids(const Movables& movables, Packet& packet, Taken taken, WarpMemory& memory) {
+    static inline void render_solids(const Movables& movables, Packet& packet, Taken taken, WarpMemory& memory) {
         const int lane = Warp::lane(), m = memory.objects.movable(taken.at);
         bool outside = false;
         Warp::sync();
@@ -278,10 +280,10 @@ struct ObjectPass {
             }
         }
         Warp::sync();
-        for (unsigned left = Warp::ballot(outside); left; left = Warp::without_first_lane(left)) {
-            const int k = Warp::first_lane(left);
+        for (unsigned rest = Warp::ballot(outside); rest; rest = Warp::without_first_lane(rest)) {
+            const int k = Warp::first_lane(rest);
             const unsigned blocks = Walk::open_blocks(packet, Warp::shuffle(taken.visit, k));
-            if (blocks) memory.solids[k].draw(memory.cameras[WarpMemory::WORLD], packet, blocks);
+            if (blocks) memory.solids[k].render(memory.cameras[WarpMemory::WORLD], packet, blocks);
         }
         Warp::sync();
     }

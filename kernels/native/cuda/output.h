@@ -19,7 +19,7 @@ struct Column {
         const int rows = x < view.width ? min((int)PACKET_HEIGHT, view.height - packet.first_y) : 0;
         return Column{column, row, rows, ROWS * view.width, ((long long)view.index * view.height + y) * view.width + x};
     }
-    inline bool some() const { return row < rows; }
+    inline bool any() const { return row < rows; }
     inline void next() { row += ROWS, at += step; }
     inline Key key(const Packet& packet) const { return *packet.at(Packet::index_at(column, row)); }
 };
@@ -69,7 +69,7 @@ struct Write {
             if (UnitSolid::outside(kind, half, o)) {
                 const int part = id - __ldg(movables.first_id + m);
                 const Vec3d d = UnitSolid::inside(axis, ray);
-                return PoseRow::turned_out(axis, UnitSolid::gradient(kind, half, o, d, part));
+                return PoseRow::rotated_out(axis, UnitSolid::gradient(kind, half, o, d, part));
             }
         }
         PoseRow::axes(pose, axis);
@@ -78,7 +78,7 @@ struct Write {
             const Stretch stretch = movables.stretch(m);
             n = Vec3d{n.x / stretch.factor[0], n.y / stretch.factor[1], n.z / stretch.factor[2]};
         }
-        return PoseRow::turned_out(axis, n);
+        return PoseRow::rotated_out(axis, n);
     }
 
     static inline bool more_than_depth(const Images& out) {
@@ -95,7 +95,7 @@ struct Write {
     static inline void all(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                            const Images& out) {
         const Frame frame = Frame::of(camera);
-        for (Column at = Column::of(view, packet); at.some(); at.next()) {
+        for (Column at = Column::of(view, packet); at.any(); at.next()) {
             const Key key = at.key(packet);
             const float inv_z = inv_z_of(key), z = Reciprocal::of(inv_z);
             const bool shown = seen(view, inv_z, z);
@@ -168,7 +168,7 @@ struct Write {
         return inv_z > 0.0f && depth < view.near ? -infinity : infinity;
     }
     static inline void depths(const View& view, const Packet& packet, float* depth) {
-        for (Column at = Column::of(view, packet); at.some(); at.next()) {
+        for (Column at = Column::of(view, packet); at.any(); at.next()) {
             const float inv_z = inv_z_of(at.key(packet)), z = Reciprocal::of(inv_z);
             depth[at.at] = seen(view, inv_z, z) ? z : nothing(view, inv_z, z);
         }

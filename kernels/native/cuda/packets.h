@@ -66,7 +66,7 @@ struct Packets {
         packet.first_x = Warp::uniform(packet_x * PACKET_WIDTH);
         packet.first_y = Warp::uniform(packet_y * PACKET_HEIGHT);
         packet.begin(view.width - packet.first_x, view.height - packet.first_y);
-        draw(scene, view, packet, memory);
+        render(scene, view, packet, memory);
         Write::images(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
     }
 
@@ -80,12 +80,12 @@ struct Packets {
         }
         Warp::sync();
     }
-    static inline void draw(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
+    static inline void render(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
         const bool exists = !MOVABLE || scene.movables.poses;
         if (MOVABLE && exists)
-            ObjectPass::draw(scene, view, packet, memory);
+            ObjectPass::render(scene, view, packet, memory);
         else if (scene.bvh.root >= 0 && exists)
-            Walk::draw(scene.bvh, memory.cameras[WarpMemory::WORLD], packet, memory.levels, memory.walk);
+            Walk::traverse(scene.bvh, memory.cameras[WarpMemory::WORLD], packet, memory.levels, memory.walk);
         Warp::sync();
     }
 };

@@ -78,8 +78,8 @@ struct Packet {
     // Recompute the least 1 / z of the blocks that were drawn into.
     inline void refresh() {
         const int lane = Warp::lane();
-        for (unsigned left = stale_blocks; left; left = Warp::without_first_lane(left)) {
-            const int block = Warp::first_lane(left);
+        for (unsigned rest = stale_blocks; rest; rest = Warp::without_first_lane(rest)) {
+            const int block = Warp::first_lane(rest);
             const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(*at(index(block, lane))));
             if (lane == block) block_min_inv_z = least;
         }

@@ -8,10 +8,10 @@ struct PointBlocks {
     static inline float per_side(float pixels) { return (CellGrid::SIDE - 0.01f) / fmaxf(pixels, 0.01f); }
 
     // Each lane sets the bounds of one block, or marks it as empty.
-    static inline void set(const Camera& camera, Places& places, int block, const ImageBox& box, bool some) {
-        places.bounds[block] = some ? box : ImageBox{NOWHERE, -NOWHERE, NOWHERE, -NOWHERE};
-        places.cells[block] = some ? box.cells(camera, 0.0f) : Cells{1, 1, 0, 0};
-        places.pixels[block] = some ? visit(camera, box) : none();
+    static inline void set(const Camera& camera, Places& places, int block, const ImageBox& box, bool has_points) {
+        places.bounds[block] = has_points ? box : ImageBox{NOWHERE, -NOWHERE, NOWHERE, -NOWHERE};
+        places.cells[block] = has_points ? box.cells(camera, 0.0f) : Cells{1, 1, 0, 0};
+        places.pixels[block] = has_points ? visit(camera, box) : none();
     }
     static inline unsigned visit(const Camera& camera, const ImageBox& box) {
         return Visit::of(0.0f, pixel(box.left - camera.first_u), pixel(box.top - camera.first_v),

@@ -18,7 +18,7 @@ struct CellGrid {
 struct Cells {
     int x0, y0, x1, y1;
 
-    inline bool some() const { return x0 <= x1 && y0 <= y1; }
+    inline bool any() const { return x0 <= x1 && y0 <= y1; }
     inline int count() const { return (x1 - x0 + 1) * (y1 - y0 + 1); }
     static inline Cells all() { return Cells{0, 0, CellGrid::SIDE - 1, CellGrid::SIDE - 1}; }
     // The cells between two positions, given as distances from the first points.

@@ -58,7 +58,7 @@ struct PointBounds {
         return PointBounds{Warp::reduce_min(left), Warp::reduce_max(right), Warp::reduce_min(top),
                            Warp::reduce_max(bottom)};
     }
-    inline bool some() const { return left <= right; }
+    inline bool any() const { return left <= right; }
     inline float u0() const { return __uint_as_float(left); }
     inline float u1() const { return __uint_as_float(right); }
     inline float v0() const { return __uint_as_float(top); }
@@ -69,9 +69,9 @@ struct PointPacket {
     // Greatest distance of a point from the center of its pixel [packet pixels], with a margin for rounding.
     static inline float spread() { return 0.501f; }
     // Greatest extent of the bounding rectangle [packet pixels].
-    static inline float most_across() { return min((int)PACKET_WIDTH, (int)PACKET_HEIGHT) - 0.52f; }
+    static inline float max_extent() { return min((int)PACKET_WIDTH, (int)PACKET_HEIGHT) - 0.52f; }
     // Greatest number of packet pixels per camera pixel: at most 16, and at most 2^21 along a side of the image.
-    static inline float most_scale(float side) { return fminf(16.0f, (float)(1 << 21) / side); }
+    static inline float max_scale(float side) { return fminf(16.0f, (float)(1 << 21) / side); }
 
     static inline bool inside(const View& view, ImagePoint at) {
         return at.u >= 0.0f && at.u < (float)view.width && at.v >= 0.0f && at.v < (float)view.height;
@@ -101,7 +101,7 @@ struct PointPacket {
         const float right = (float)fmax(view.center[0], view.width - view.center[0]);
         const float below = (float)fmax(view.center[1], view.height - view.center[1]);
         const float across = fmaxf(fmaxf(all.u1() - all.u0(), all.v1() - all.v0()), 1e-3f);
-        const float most = fminf(most_across() / across, most_scale(fmaxf(right, below)));
+        const float most = fminf(max_extent() / across, max_scale(fmaxf(right, below)));
         scale = __uint_as_float(__float_as_uint(most) & Write::INFINITY_BITS);  // round down to a power of two
         const float per_scale = 1.0f / scale;
         camera.extent = Three::max(camera.extent, right, below) * scale;
@@ -144,7 +144,7 @@ struct PointPacket {
         if (lane >= SLOT_BLOCKS) return;
         const ImageBox box = {u_of(places, of_block.u0(), 0), u_of(places, of_block.u1(), 0),
                               u_of(places, of_block.v0(), 1), u_of(places, of_block.v1(), 1)};
-        PointBlocks::set(here, places, lane, box, of_block.some());
+        PointBlocks::set(here, places, lane, box, of_block.any());
     }
     static inline float u_of(const Places& places, float at, int axis) {
         return (float)(((double)at - places.center[axis]) * places.scale);
@@ -153,7 +153,7 @@ struct PointPacket {
     static inline void begin(const Camera& camera, Packet& packet) {
         Places& places = *packet.memory;
         const ImagePoint nowhere = {camera.first_u, camera.first_v};
-        unsigned some = 0;
+        unsigned filled = 0;
         places.clear();
         for (int block = 0; block < SLOT_BLOCKS; ++block) {
             const int index = Packet::index(block, Warp::lane()), i = places.place[index];
@@ -161,9 +161,9 @@ struct PointPacket {
             places.points[index] = i >= 0 ? ImagePoint{(float)p.u, (float)p.v} : nowhere;
             *packet.at(index) = DepthKey::of(i >= 0 ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
             if (i >= 0) places.add(camera, places.points[index], index);
-            if (Warp::any(i >= 0)) some |= 1u << block;
+            if (Warp::any(i >= 0)) filled |= 1u << block;
         }
-        packet.block_min_inv_z = __float_as_uint(some >> Warp::lane() & 1 ? 0.0f : NOWHERE);
+        packet.block_min_inv_z = __float_as_uint(filled >> Warp::lane() & 1 ? 0.0f : NOWHERE);
         packet.stale_blocks = 0;
         Warp::sync();
     }
@@ -196,14 +196,14 @@ struct PointPacket {
         const PointBounds all = find(view, list, number, memory.pixels, of_block);
         if (Warp::lane() == 0) memory.pixels.list = list.at;
         // If no point is inside the image, use the image's corner.
-        set(view, all.some() ? all : PointBounds{0, 0, 0, 0}, of_block, camera, memory.pixels);
+        set(view, all.any() ? all : PointBounds{0, 0, 0, 0}, of_block, camera, memory.pixels);
         Warp::sync();
         Packets::set_sides(scene, view, camera);
         Packet packet;
         packet.memory = &memory.pixels;
         packet.first_x = packet.first_y = 0;
         begin(camera, packet);
-        if (all.some()) Packets::draw(scene, view, packet, memory);
+        if (all.any()) Packets::render(scene, view, packet, memory);
         write(scene, view, camera, packet, list.count, out);
     }
 };

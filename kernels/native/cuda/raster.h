@@ -9,8 +9,8 @@ struct Raster {
     enum { SMALL_AREA = 64, STEPS_PER_LANE = 5 };
 
     // Rasterize each lane's triangle, in the first `count` lanes. `broadcast` holds one triangle.
-    static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int count,
-                            Triangle* broadcast, Doubts& doubts) {
+    static inline void rasterize(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int count,
+                                 Triangle* broadcast, UncertainPixels& uncertain) {
         const int lane = Warp::lane();
         const int area = lane < count ? (t.x1 - t.x0 + 1) * (t.y1 - t.y0 + 1) : 0;
         const bool small = area > 0 && area <= SMALL_AREA;
@@ -20,9 +20,9 @@ struct Raster {
             const int steps = Warp::reduce_max(small ? area : 0);
             if (steps <= STEPS_PER_LANE * __popc(small_lanes)) {
                 if (POINTS)
-                    draw_near(bvh, camera, packet, t, small, doubts);
+                    rasterize_points(bvh, camera, packet, t, small, uncertain);
                 else
-                    draw_small(bvh, camera, packet, t, small ? area : 0, steps, doubts);
+                    rasterize_small(bvh, camera, packet, t, small ? area : 0, steps, uncertain);
                 larger &= ~small_lanes;
             }
         }
@@ -30,20 +30,20 @@ struct Raster {
             const int k = Warp::first_lane(larger);
             if (lane == k) *broadcast = t;
             Warp::sync();
-            draw_large(bvh, camera, packet, *broadcast, doubts);
+            rasterize_large(bvh, camera, packet, *broadcast, uncertain);
             Warp::sync();
         }
     }
 
     // Each lane steps through the pixels of its own triangle's bounds, all lanes in parallel.
-    static inline void draw_small(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, int area,
-                                  int steps, Doubts& doubts) {
+    static inline void rasterize_small(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t,
+                                       int area, int steps, UncertainPixels& uncertain) {
         unsigned touched = 0;
         const bool cut = camera.near.cuts(t.max_inv_z);
         int x = t.x0, y = t.y0;
         for (int step = 0; step < steps; ++step) {
             if (step < area) {
-                draw_spot(bvh, camera, packet, t, cut, Spot{x, y, Packet::index_at(x, y)}, doubts, touched);
+                rasterize_spot(bvh, camera, packet, t, cut, Spot{x, y, Packet::index_at(x, y)}, uncertain, touched);
                 ++x;
                 if (x > t.x1) x = t.x0, ++y;
             }
@@ -53,14 +53,14 @@ struct Raster {
     }
 
     // Each lane steps through the points in the cells of its own triangle.
-    static inline void draw_near(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, bool mine,
-                                 Doubts& doubts) {
+    static inline void rasterize_points(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t,
+                                        bool mine, UncertainPixels& uncertain) {
         unsigned touched = 0;
         const bool cut = camera.near.cuts(t.max_inv_z);
         int x = t.x0, y = t.y0, slot = mine ? packet.memory->first_in(x, y) : -1;
         while (Warp::any(mine)) {
             if (slot >= 0) {
-                draw_spot(bvh, camera, packet, t, cut, Spot{0, 0, slot}, doubts, touched);
+                rasterize_spot(bvh, camera, packet, t, cut, Spot{0, 0, slot}, uncertain, touched);
                 slot = packet.memory->after(slot);
             }
             if (mine && slot < 0) {
@@ -79,21 +79,21 @@ struct Raster {
         int x, y, index;
     };
     // Rasterize it if a lane's triangle covers it, and record its block.
-    static inline void draw_spot(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, bool cut,
-                                 Spot spot, Doubts& doubts, unsigned& touched) {
+    static inline void rasterize_spot(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t, bool cut,
+                                      Spot spot, UncertainPixels& uncertain, unsigned& touched) {
         const int x = spot.x, y = spot.y, index = spot.index;
         const RayPlace p = packet.point(camera, x, y, index);
         const float within = t.within(p);
-        if (within >= -t.doubt) {
+        if (within >= -t.error_bound) {
             Key* at = packet.at(index);
             const float inv_z =
                 t.exact
                     ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot)).at(packet.exact_point(camera, x, y, index)))
                     : t.inv_z_at(p);
             const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
-            if (within <= t.doubt || camera.origins.may_hide(inv_z)) {
+            if (within <= t.error_bound || camera.origins.may_hide(inv_z)) {
                 if (t.may_show(*at))
-                    doubts.add(t.slot, POINTS ? Packet::x_of(index) : x, POINTS ? Packet::y_of(index) : y);
+                    uncertain.add(t.slot, POINTS ? Packet::x_of(index) : x, POINTS ? Packet::y_of(index) : y);
             } else if (camera.near.shows(inv_z, cut) && key > *at) {
                 atomicMax(at, key);
                 touched |= 1u << (POINTS ? index / LANES : Packet::block_of(x, y));
@@ -103,8 +103,8 @@ struct Raster {
 
     // Rasterize one triangle with all lanes: first each tests one block, then each tests one pixel of the touched
     // blocks.
-    static inline void draw_large(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle t,
-                                  Doubts& doubts) {
+    static inline void rasterize_large(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle t,
+                                       UncertainPixels& uncertain) {
         const int lane = Warp::lane();
         const int block_x = Packet::block_x(lane), block_y = Packet::block_y(lane);
         float u0 = camera.before(SmallInt::to_float(packet.first_x + block_x) + camera.first_u),
@@ -128,9 +128,9 @@ struct Raster {
             const bool right = t.edge[e].u >= 0.0f, down = t.edge[e].v >= 0.0f;
             const float most = camera.origins.most(t.edge[e], right ? u1 : u0, down ? v1 : v0);
             const float least = camera.origins.least(t.edge[e], right ? u0 : u1, down ? v0 : v1);
-            above &= most >= -t.doubt;
-            below &= least <= t.doubt;
-            covered &= least > t.doubt;
+            above &= most >= -t.error_bound;
+            below &= least <= t.error_bound;
+            covered &= least > t.error_bound;
         }
         touched &= above || (t.sees_both_sides() && below);
         covered &= !t.sees_both_sides();
@@ -144,19 +144,19 @@ struct Raster {
         packet.stale_blocks |= blocks;
         ExactPlane plane = {0.0, 0.0, 0.0};
         if (t.exact) plane = ExactPlane::of(camera, bvh.corners(t.slot));
-        for (unsigned left = blocks; left; left = Warp::without_first_lane(left)) {
-            const int block = Warp::first_lane(left);
+        for (unsigned rest = blocks; rest; rest = Warp::without_first_lane(rest)) {
+            const int block = Warp::first_lane(rest);
             const int index = Packet::index(block, lane);
             const int x = Packet::block_x(block) + Packet::pixel_x(lane),
                       y = Packet::block_y(block) + Packet::pixel_y(lane);
             const RayPlace p = packet.point(camera, x, y, index);
             const float within = whole >> block & 1 ? NOWHERE : t.within(p);
-            if (within < -t.doubt) continue;
+            if (within < -t.error_bound) continue;
             const float inv_z = t.exact ? t.clamp(plane.at(packet.exact_point(camera, x, y, index))) : t.inv_z_at(p);
             Key* at = packet.at(index);
             const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
-            if (within <= t.doubt || camera.origins.may_hide(inv_z)) {
-                if (t.may_show(*at)) doubts.add(t.slot, x, y);
+            if (within <= t.error_bound || camera.origins.may_hide(inv_z)) {
+                if (t.may_show(*at)) uncertain.add(t.slot, x, y);
             } else if (camera.near.shows(inv_z, camera.near.cuts(t.max_inv_z)) && key > *at) {
                 *at = key;
             }

@@ -30,49 +30,49 @@ struct Edge : Linear {
         return edge;
     }
     inline float of_ray(RayPlace r) const {
-        const float turn = __fmaf_rn(r.u, r.q, -__fmul_rn(r.v, r.p));
-        return at(r.u, r.v) + __fmaf_rn(side.y, r.p, __fmaf_rn(side.z, turn, -__fmul_rn(side.x, r.q)));
+        const float moment_z = __fmaf_rn(r.u, r.q, -__fmul_rn(r.v, r.p));
+        return at(r.u, r.v) + __fmaf_rn(side.y, r.p, __fmaf_rn(side.z, moment_z, -__fmul_rn(side.x, r.q)));
     }
 };
 
 // Bounds of the ray origins of a packet.
 struct Origins {
-    float most_p, most_q;
-    float most_turn;  // greatest magnitude of u q - v p
+    float max_p, max_q;
+    float max_moment_z;  // greatest magnitude of u q - v p
     float reach;  // greatest distance of a ray origin from the eye
     float first_inv_z;  // 1 / z of the farthest ray origin
 
     // Rounding errors of moments, relative to the error bound of an edge function.
-    static inline float doubts() { return 16.0f; }
+    static inline float moment_roundings() { return 16.0f; }
 
     // Bounds of an edge function at an image point, for all rays there.
     inline float most(const Edge& edge, float u, float v) const { return edge.at(u, v) + differs(edge); }
     inline float least(const Edge& edge, float u, float v) const { return edge.at(u, v) - differs(edge); }
     inline float differs(const Edge& edge) const {
         const Vec3 side = {fabsf(edge.side.x), fabsf(edge.side.y), fabsf(edge.side.z)};
-        return 1.0001f * __fmaf_rn(most_p, side.y, __fmaf_rn(most_q, side.x, most_turn * side.z));
+        return 1.0001f * __fmaf_rn(max_p, side.y, __fmaf_rn(max_q, side.x, max_moment_z * side.z));
     }
     // Greatest distance of rays from the eye [px m], and the margin that it adds to bounds of surfaces no nearer than 1
     // / z [px].
-    inline ImagePoint aside() const { return ImagePoint{most_p, most_q}; }
-    inline ImagePoint aside_at(float inv_z) const { return ImagePoint{most_p * inv_z, most_q * inv_z}; }
+    inline ImagePoint aside() const { return ImagePoint{max_p, max_q}; }
+    inline ImagePoint aside_at(float inv_z) const { return ImagePoint{max_p * inv_z, max_q * inv_z}; }
     // Image point at which the eye sees a ray's intersection at 1 / z.
     static inline ImagePoint seen(RayPlace r, float inv_z) {
         return ImagePoint{__fmaf_rn(r.p, inv_z, r.u), __fmaf_rn(r.q, inv_z, r.v)};
     }
     // Greatest magnitude of N . (p, q, 0).
-    inline float along(Vec3 normal) const { return __fmaf_rn(most_p, fabsf(normal.x), most_q * fabsf(normal.y)); }
+    inline float along(Vec3 normal) const { return __fmaf_rn(max_p, fabsf(normal.x), max_q * fabsf(normal.y)); }
     // Threshold of twice a box's distance along a direction, raised from the eye's to one that holds for all ray
     // origins.
     inline float past(float along) const { return along + 4.0f * reach; }
     // Distance of the corners to which the error bound of an edge function is proportional.
-    inline float away(float farthest) const { return farthest + doubts() * (most_p + most_q); }
+    inline float corner_distance(float farthest) const { return farthest + moment_roundings() * (max_p + max_q); }
     // Error bound of 1 / z, which is divided by at least 1/2.
     static inline float error(float of_inv_z) { return 2.0f * of_inv_z; }
     // Error bound of the volume of a triangle and the eye as that of the triangle and any ray origin.
     inline float volume(float rounding, Vec3 normal) const { return rounding + along(normal); }
     // Whether rays begin so close to a triangle's plane that they may see another side than the eye does.
-    inline bool is_beside(float of_eye, float rounding, Vec3 normal) const {
+    inline bool is_side_uncertain(float of_eye, float rounding, Vec3 normal) const {
         return fabsf(of_eye) < rounding + 2.0f * along(normal);
     }
     // Greatest 1 / z of a plane, given that of a ray from the eye.
@@ -124,7 +124,7 @@ struct RayStarts {
 struct TableEye {
     const double* numbers;  // [TABLE_EYE_WORDS]
 
-    enum { P = 3, Q, TURN, REACH, LAST, WORDS };
+    enum { P = 3, Q, MOMENT_Z, REACH, LAST, WORDS };
 
     inline Vec3d place(Vec3d camera, const Vec3d* axis) const {
         Vec3d at = camera;
@@ -136,7 +136,7 @@ struct TableEye {
     }
     inline Origins origins() const {
         const float last = (float)numbers[LAST];
-        return Origins{(float)numbers[P], (float)numbers[Q], (float)numbers[TURN], (float)numbers[REACH],
+        return Origins{(float)numbers[P], (float)numbers[Q], (float)numbers[MOMENT_Z], (float)numbers[REACH],
                        last > 0.0f ? 0.9999f / last : NOWHERE};
     }
     // Greatest z from the eye of a point at distance z from a ray origin.

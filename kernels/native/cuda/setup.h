@@ -20,21 +20,21 @@ struct ExactPlane {
 // A triangle, set up for an image.
 struct alignas(16) Triangle {
     Edge edge[3];
-    float doubt;  // rounding error bound of the edge functions: smaller magnitudes may have the wrong sign
+    float error_bound;  // rounding error bound of the edge functions: smaller magnitudes may have the wrong sign
     float slope_u, slope_v;  // of 1 / z
     float u, v, inv_z;  // reference point of 1 / z: a corner
     float min_inv_z, max_inv_z;  // at the corners: every point of a triangle lies within this range
     int x0, x1, y0, y1;  // pixels of the packet whose centers may be inside, or cells whose points may be
     bool exact;  // single precision does not suffice for 1 / z
-    bool beside;  // rays may see another side than the eye does
+    bool uncertain_side;  // rays may see another side than the eye does
     unsigned slot;  // in the leaves
 
-    inline bool sees_both_sides() const { return RAY_ORIGINS && beside; }
+    inline bool sees_both_sides() const { return RAY_ORIGINS && uncertain_side; }
     // Minimum of the edge functions at a ray; at most the error bound if the ray may see the other side.
     inline float within(RayPlace p) const {
         const float a = edge[0].of_ray(p), b = edge[1].of_ray(p), c = edge[2].of_ray(p);
         const float least = Three::min(a, b, c);
-        return sees_both_sides() ? fminf(fmaxf(least, -Three::max(a, b, c)), doubt) : least;
+        return sees_both_sides() ? fminf(fmaxf(least, -Three::max(a, b, c)), error_bound) : least;
     }
     // Whether the triangle may be visible where the z-buffer holds a key.
     inline bool may_show(Key there) const { return __float_as_uint(max_inv_z) >= DepthKey::inv_z_bits(there); }
@@ -142,9 +142,9 @@ struct Setup {
                         x1 = fminf(right - (float)first_x, PACKET_WIDTH - 1.0f);
             const float y0 = fmaxf(top - (float)first_y, 0.0f),
                         y1 = fminf(bottom - (float)first_y, PACKET_HEIGHT - 1.0f);
-            const bool some = has_area && x0 <= x1 && y0 <= y1;
-            t.x0 = some ? (int)x0 : 0, t.x1 = some ? (int)x1 : -1;
-            t.y0 = some ? (int)y0 : 0, t.y1 = some ? (int)y1 : -1;
+            const bool covers = has_area && x0 <= x1 && y0 <= y1;
+            t.x0 = covers ? (int)x0 : 0, t.x1 = covers ? (int)x1 : -1;
+            t.y0 = covers ? (int)y0 : 0, t.y1 = covers ? (int)y1 : -1;
         }
     };
 
@@ -152,9 +152,9 @@ struct Setup {
     static inline void cut_cells(const Camera& camera, const ProjectedTriangle& p, bool has_area, Triangle& t) {
         const ImageBox box = {p.u0, p.u1, p.v0, p.v1};
         const Cells cells = p.crossing ? Cells::all() : box.cells(camera, rounding_of(camera));
-        const bool some = has_area && cells.some();
-        t.x0 = some ? cells.x0 : 0, t.x1 = some ? cells.x1 : -1;
-        t.y0 = some ? cells.y0 : 0, t.y1 = some ? cells.y1 : -1;
+        const bool covers = has_area && cells.any();
+        t.x0 = covers ? cells.x0 : 0, t.x1 = covers ? cells.x1 : -1;
+        t.y0 = covers ? cells.y0 : 0, t.y1 = covers ? cells.y1 : -1;
     }
 
     // Greatest distance from a reference point to points that lie between two coordinates and inside the image. Not
@@ -206,15 +206,15 @@ struct Setup {
             CameraTriangle t;
             const Vec3 a = camera.relative(stored.a), ab = Vec3::minus(stored.b, stored.a),
                        ac = Vec3::minus(stored.c, stored.a);
-            t.a = camera.turn(a), t.ab = camera.turn(ab), t.ac = camera.turn(ac);
+            t.a = camera.rotate(a), t.ab = camera.rotate(ab), t.ac = camera.rotate(ac);
             // Proportional to both sides: for a sliver, far less than the bound by its longest side alone.
             t.sides = __fmul_rn(camera.world_length(ab), camera.world_length(ac));
             t.volume_error = __fmul_rn(__fmul_rn(camera.volume_error, camera.world_length(a)), t.sides);
             t.b = Vec3::plus(t.a, t.ab);
             t.c = Vec3::plus(t.a, t.ac);
             if (t.is_coarse(camera)) {
-                t.b = camera.turn(camera.relative(stored.b));
-                t.c = camera.turn(camera.relative(stored.c));
+                t.b = camera.rotate(camera.relative(stored.b));
+                t.c = camera.rotate(camera.relative(stored.c));
             }
             t.normal = Vec3::cross(t.ab, t.ac);
             t.volume = Vec3::dot(t.normal, t.a);
@@ -232,11 +232,12 @@ struct Setup {
         inline float spread(const Camera& camera) const {
             return __fmaf_rn(camera.extent, zmax() - zmin(), (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
         }
-        // Error bound of the edge functions inside the image; see EDGE_DOUBT.
+        // Error bound of the edge functions inside the image; see EDGE_ERROR_BOUND.
         inline float edge_error(const Camera& camera) const {
-            const float apart = spread(camera);
-            const float away = camera.origins.away(__fmaf_rn(2.0f * camera.extent, zmax(), apart));
-            return __fmul_rn(__fmul_rn(EDGE_DOUBT, away), __fmaf_rn(EDGE_DOUBT_MIN * camera.per_extent, away, apart));
+            const float extent = spread(camera);
+            const float distance = camera.origins.corner_distance(__fmaf_rn(2.0f * camera.extent, zmax(), extent));
+            return __fmul_rn(__fmul_rn(EDGE_ERROR_BOUND, distance),
+                             __fmaf_rn(EDGE_MARGIN * camera.per_extent, distance, extent));
         }
     };
 
@@ -261,8 +262,8 @@ struct Setup {
     // entirely in front of the camera.
     static inline bool may_cover(const Bvh& bvh, const Camera& camera, const PacketBounds& bounds,
                                  const Corners& stored, unsigned slot, ImageBox& box, float& inv_z) {
-        const Vec3 a = camera.turn(camera.relative(stored.a)), b = camera.turn(camera.relative(stored.b)),
-                   c = camera.turn(camera.relative(stored.c));
+        const Vec3 a = camera.rotate(camera.relative(stored.a)), b = camera.rotate(camera.relative(stored.b)),
+                   c = camera.rotate(camera.relative(stored.c));
         const float a_inv_z = Reciprocal::about(a.z), b_inv_z = Reciprocal::about(b.z),
                     c_inv_z = Reciprocal::about(c.z);
         const float a_u = a.x * a_inv_z, b_u = b.x * b_inv_z, c_u = c.x * c_inv_z;
@@ -288,8 +289,8 @@ struct Setup {
     static inline bool wanted(const Bvh& bvh, const Camera& camera, const CameraTriangle& t, unsigned slot) {
         bool shown = true;
         if (camera.cull_back_faces || camera.skip_back_faces) {
-            const float doubt = camera.origins.volume(t.volume_error, t.normal);
-            const bool front = t.volume < doubt;  // or uncertain
+            const float error_bound = camera.origins.volume(t.volume_error, t.normal);
+            const bool front = t.volume < error_bound;  // or the side is uncertain
             shown = front || (!camera.cull_back_faces && __ldg(bvh.owners + slot) >= 0);
         }
         if (bvh.excluded) shown = shown && !bvh.excluded[Bvh::object_of(__ldg(bvh.owners + slot))];
@@ -329,7 +330,7 @@ struct Setup {
                                  float v1) {
         const float edge_error = c.edge_error(camera);
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f;
-        if (camera.origins.is_beside(c.volume, c.volume_error, c.normal)) return false;
+        if (camera.origins.is_side_uncertain(c.volume, c.volume_error, c.normal)) return false;
         return fabsf(c.volume) >= c.volume_error &&
                (beyond(camera.origins, edge(c.b, c.c, sign), edge_error, u0, u1, v0, v1) ||
                 beyond(camera.origins, edge(c.c, c.a, sign), edge_error, u0, u1, v0, v1) ||
@@ -337,9 +338,9 @@ struct Setup {
     }
     // An edge function is greatest at a corner. Rounding is monotonic: no pixel of the rectangle contradicts the
     // corner.
-    static inline bool beyond(const Origins& origins, const Edge& edge, float doubt, float u0, float u1, float v0,
+    static inline bool beyond(const Origins& origins, const Edge& edge, float error_bound, float u0, float u1, float v0,
                               float v1) {
-        return origins.most(edge, edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -doubt;
+        return origins.most(edge, edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -error_bound;
     }
 
     // Set up a triangle of a leaf.
@@ -366,13 +367,13 @@ struct Setup {
         t.u = p.u[0], t.v = p.v[0], t.inv_z = p.inv_z[0];
         t.min_inv_z = p.crossing ? 1.0f / p.zmax : Three::min(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
         t.max_inv_z = p.crossing ? MAX_INV_Z : Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2]);
-        t.beside = camera.origins.is_beside(c.volume, c.volume_error, c.normal);
+        t.uncertain_side = camera.origins.is_side_uncertain(c.volume, c.volume_error, c.normal);
         t.exact = edge_on || t.sees_both_sides() || loses_digits(camera, p, bounds, t, c.sides, scale);
         // Inside a triangle, an edge function is at most the volume times 1 / z: this bounds it if the volume is within
         // its error bound.
-        t.doubt = edge_error;
+        t.error_bound = edge_error;
         if (edge_on && !t.sees_both_sides())
-            t.doubt = p.crossing ? NOWHERE : __fmaf_rn(2.0f * c.volume_error, t.max_inv_z, edge_error);
+            t.error_bound = p.crossing ? NOWHERE : __fmaf_rn(2.0f * c.volume_error, t.max_inv_z, edge_error);
         return t;
     }
 };

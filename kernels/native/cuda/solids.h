@@ -96,9 +96,9 @@ struct alignas(16) Solid {
         }
         // Centers are often projected to the center of a pixel or to a boundary between pixels, as in the middle of a
         // view: this offset avoids both, where rounding errors could change the pixel.
-        const float turn = 0.8125f;
-        x = floorf(__fmaf_rn(Vec3::dot(camera.to_camera[0], middle), inv_z, turn - camera.first_u));
-        y = floorf(__fmaf_rn(Vec3::dot(camera.to_camera[1], middle), inv_z, turn - camera.first_v));
+        const float rounding_offset = 0.8125f;
+        x = floorf(__fmaf_rn(Vec3::dot(camera.to_camera[0], middle), inv_z, rounding_offset - camera.first_u));
+        y = floorf(__fmaf_rn(Vec3::dot(camera.to_camera[1], middle), inv_z, rounding_offset - camera.first_v));
         x = fmaxf(fminf(x, camera.last_x), 0.0f);
         y = fmaxf(fminf(y, camera.last_y), 0.0f);
     }
@@ -260,7 +260,7 @@ struct alignas(16) Solid {
 
     // Render the solid into blocks of pixels. It is not clipped: points nearer than the near plane are so only by
     // rounding.
-    inline void draw(const Camera& camera, Packet& packet, unsigned blocks) const {
+    inline void render(const Camera& camera, Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
         const float clip_inv_z = camera.near.most(MAX_INV_Z);
         if (!RAY_TABLE && __popc(blocks) > FEW_BLOCKS) blocks = blocks_met(packet, blocks);

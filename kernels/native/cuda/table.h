@@ -75,15 +75,15 @@ struct TablePacket {
         if (lane == 0) packet.memory->points = points, packet.memory->rests = rests, packet.memory->starts = starts;
         Warp::sync();
         TableSlots::index(camera, *packet.memory, bounds);
-        unsigned some = 0;
+        unsigned filled = 0;
         for (int block = 0; block < SLOT_BLOCKS; ++block) {
             const int index = block * LANES + lane;
             const bool there = __ldg(scale + index) > 0.0f;
             *packet.at(index) = DepthKey::of(there ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
             if (there) TableSlots::add(camera, *packet.memory, index);
-            if (Warp::any(there)) some |= 1u << block;
+            if (Warp::any(there)) filled |= 1u << block;
         }
-        packet.block_min_inv_z = __float_as_uint(some >> lane & 1 ? 0.0f : NOWHERE);
+        packet.block_min_inv_z = __float_as_uint(filled >> lane & 1 ? 0.0f : NOWHERE);
         packet.stale_blocks = 0;
         Warp::sync();
     }
@@ -116,7 +116,7 @@ struct TablePacket {
         packet.memory = &memory.pixels;
         packet.first_x = packet.first_y = 0;
         begin(memory.cameras[WarpMemory::WORLD], packet);
-        Packets::draw(scene, view, packet, memory);
+        Packets::render(scene, view, packet, memory);
         write(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
     }
 };

@@ -97,7 +97,7 @@ struct Walk {
         struct Pixels {
             float left, right, top, bottom;
 
-            inline bool some() const { return left <= right && top <= bottom; }
+            inline bool any() const { return left <= right && top <= bottom; }
         };
         // Pixels whose centers may be inside; the first pixel is at (u, v).
         inline Pixels pixels(float u, float v, float last_x, float last_y) const {
@@ -151,10 +151,10 @@ struct Walk {
             least.x <= most.x && !(camera.skip_back_faces && faces_away(camera.origins, axis, cutoff, low, high));
         Child found = visit(camera, camera.to_camera, packet, low, high, shown);
         small = 0;
-        if (found.visit && PixelRect::few(found.pixels) && drawn_over(packet, found)) found.visit = 0;
+        if (found.visit && PixelRect::few(found.pixels) && is_occluded(packet, found)) found.visit = 0;
         if (!Warp::any(found.visit && !(child < 0 && PixelRect::small(found.pixels)))) {
             small = Warp::ballot(found.visit != 0);
-            if (found.visit && bvh.is_large) Cache::ask_for(bvh.corners((unsigned)~child * LANES), LEAF_ROWS);
+            if (found.visit && bvh.is_large) Cache::prefetch(bvh.corners((unsigned)~child * LANES), LEAF_ROWS);
             return 0;
         }
         return found.visit;
@@ -162,7 +162,7 @@ struct Walk {
 
     // Whether all pixels that a child may cover show nearer surfaces. There are few: each lane tests those of its own
     // child.
-    static inline bool drawn_over(const Packet& packet, const Child& child) {
+    static inline bool is_occluded(const Packet& packet, const Child& child) {
         const unsigned nearest = Visit::nearest_inv_z(child.visit);
         const FewPixels few = FewPixels::of(child.pixels);
         return packet.inv_z_bits(few.x[0], few.y[0]) > nearest && packet.inv_z_bits(few.x[1], few.y[1]) > nearest &&
@@ -188,7 +188,7 @@ struct Walk {
         p.slack = camera.wider(p.slack);
         const float u = camera.first_u + (float)packet.first_x, v = camera.first_v + (float)packet.first_y;
         const ScreenBounds::Pixels in = p.pixels(u, v, PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f);
-        shown = shown && p.zmin <= camera.far && in.some();
+        shown = shown && p.zmin <= camera.far && in.any();
         if (shown && p.crossing)
             shown = reaches_frustum(
                 to_camera, camera.before(u), camera.before(v), (float)PACKET_WIDTH + 2.0f * camera.wider(0.0f),
@@ -236,12 +236,12 @@ struct Walk {
     static inline bool meets_few(const Camera& camera, const Packet& packet, unsigned pixels, const ImageBox& box,
                                  float inv_z, float rounding) {
         const FewPixels few = FewPixels::of(pixels);
-        bool some = false;
+        bool meets = false;
         for (int k = 0; k < 4; ++k) {
             const RayPlace p = packet.point(camera, few.x[k], few.y[k], Packet::index_at(few.x[k], few.y[k]));
-            some |= box.holds(Origins::seen(p, inv_z), rounding);
+            meets |= box.holds(Origins::seen(p, inv_z), rounding);
         }
-        return some;
+        return meets;
     }
 
     // Whether a box of few cells contains points that do not show surfaces nearer than the given bits of 1 / z; true
@@ -251,9 +251,9 @@ struct Walk {
         ImageBox wide = box;
         wide.widen(camera.origins.aside_at(inv_z));
         const Cells cells = wide.cells(camera, rounding);
-        const bool few = cells.some() && cells.count() <= FEW_CELLS;
+        const bool few = cells.any() && cells.count() <= FEW_CELLS;
         const int last_y = few ? cells.y1 : cells.y0 - 1;
-        bool shown = cells.some() && !few;
+        bool shown = cells.any() && !few;
         for (int y = cells.y0; y <= last_y; ++y)
             for (int x = cells.x0; x <= cells.x1; ++x)
                 for (int slot = packet.memory->first_in(x, y); slot >= 0; slot = packet.memory->after(slot))
@@ -263,8 +263,8 @@ struct Walk {
     }
 
     // Queue triangles of leaves until there are enough. The next leaf is loaded while the lanes test one.
-    static inline void look_at_leaves(const Bvh& bvh, const Camera& camera, const Packet& packet, int child,
-                                      unsigned& lanes, TriangleQueue& queue) {
+    static inline void queue_leaves(const Bvh& bvh, const Camera& camera, const Packet& packet, int child,
+                                    unsigned& lanes, TriangleQueue& queue) {
         const Setup::PacketBounds bounds = Setup::PacketBounds::of(camera, packet.first_x, packet.first_y);
         unsigned slot = ~Warp::shuffle(child, Warp::first_lane(lanes)) * LANES + Warp::lane();
         Setup::Corners corners = Setup::Corners::of(bvh.corners(slot));
@@ -292,7 +292,7 @@ struct Walk {
     struct Memory {
         Triangle broadcast;
         unsigned triangles[TriangleQueue::SIZE];
-        Doubts doubts;
+        UncertainPixels uncertain;
         // Where to resume: `level` is -1 before the start.
         int level, queued;
         unsigned small;
@@ -304,26 +304,26 @@ struct Walk {
     };
 
     // Rasterize all visible triangles of a BVH. `levels` has one entry for each of its levels.
-    static inline void draw(const Bvh& bvh, const Camera& camera, Packet& packet, Level* levels, Memory& memory) {
-        if (Warp::lane() == 0) memory.doubts.count = 0;
+    static inline void traverse(const Bvh& bvh, const Camera& camera, Packet& packet, Level* levels, Memory& memory) {
+        if (Warp::lane() == 0) memory.uncertain.count = 0;
         memory.go_on_at(-1, 0, 0);
         for (bool more = true; more;) {
             more = go_on(bvh, camera, packet, levels, memory);
-            if (memory.doubts.count == 0) return;
+            if (memory.uncertain.count == 0) return;
             // At this point no state of the traversal is in registers, which the call would have to save.
             packet.stale_blocks =
-                Exactly::draw(bvh, &camera, packet, &memory.doubts, TriangleQueue::taken(memory.triangles));
+                Exactly::rasterize(bvh, &camera, packet, &memory.uncertain, TriangleQueue::taken(memory.triangles));
             packet.refresh();
         }
     }
 
     // Rasterize up to LANES of the queued triangles.
-    static inline void draw_queued(const Bvh& bvh, const Camera& camera, Packet& packet, TriangleQueue& queue,
-                                   Memory& memory) {
+    static inline void rasterize_queued(const Bvh& bvh, const Camera& camera, Packet& packet, TriangleQueue& queue,
+                                        Memory& memory) {
         unsigned slot;
         const int count = queue.take(slot);
         const Triangle t = Setup::triangle(bvh, camera, packet.first_x, packet.first_y, slot);
-        Raster::draw(bvh, camera, packet, t, count, &memory.broadcast, memory.doubts);
+        Raster::rasterize(bvh, camera, packet, t, count, &memory.broadcast, memory.uncertain);
         packet.refresh();
     }
 
@@ -348,15 +348,15 @@ struct Walk {
                 opened = true;
             }
             if (queue.count >= LANES || (at_once && queue.count > 0)) {
-                draw_queued(bvh, camera, packet, queue, memory);
-                if (memory.doubts.count < Doubts::ENOUGH) continue;
+                rasterize_queued(bvh, camera, packet, queue, memory);
+                if (memory.uncertain.count < UncertainPixels::ENOUGH) continue;
                 levels[level].put(visit, node);
                 memory.go_on_at(level, queue.count, small);
                 return true;
             }
             at_once = false;
             if (small) {
-                look_at_leaves(bvh, camera, packet, child, small, queue);
+                queue_leaves(bvh, camera, packet, child, small, queue);
                 continue;
             }
             const unsigned next = Warp::reduce_max(visit);

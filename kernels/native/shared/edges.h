@@ -11,13 +11,13 @@
 // Relative error bound of an edge function in single precision: a fraction of the product of the extent of the
 // triangle's corners and their distance from the camera, both in pixels times depth. The largest error among millions
 // of adversarial triangles was 0.81 of this bound.
-constexpr float EDGE_DOUBT = 1.5e-7f;
+constexpr float EDGE_ERROR_BOUND = 1.5e-7f;
 
 // The bound holds for pixels up to this far outside a triangle [px], however small the triangle is.
-constexpr float EDGE_DOUBT_MIN = 0.01f;
+constexpr float EDGE_MARGIN = 0.01f;
 
 // Relative error bound in double precision: eight roundings.
-constexpr double EXACT_DOUBT = 1e-15;
+constexpr double EXACT_ERROR_BOUND = 1e-15;
 
 // A triangle relative to the ray origin, in the frame of its tree.
 struct ExactCorners {
@@ -53,7 +53,7 @@ struct ExactCorners {
         minus(corner[1], corner[0], ab);
         minus(corner[2], corner[0], ac);
         const double value = dot(normal, corner[0]);
-        return size(value) > EXACT_DOUBT * size(ab) * size(ac) * size(corner[0]) ? value : 0.0;
+        return size(value) > EXACT_ERROR_BOUND * size(ab) * size(ac) * size(corner[0]) ? value : 0.0;
     }
 
     // Whether a ray hits the triangle, edges and corners included. Edge-on triangles are never hit; the adjacent
@@ -67,10 +67,10 @@ struct ExactCorners {
     // Whether a ray passes on the inner side of an edge, or through the edge. The plane through the edge is computed
     // from the nearer end: the rounding error of the farther one would amount to many pixels there.
     static inline bool inside(const double* a, const double* b, const double* ray, double sign) {
-        double apart[3], plane[3];
-        minus(a, b, apart);
+        double edge[3], plane[3];
+        minus(a, b, edge);
         const double* nearer = size(a) < size(b) ? a : b;
-        cross(apart, nearer, plane);
-        return sign * dot(plane, ray) >= -EXACT_DOUBT * size(apart) * size(nearer) * size(ray);
+        cross(edge, nearer, plane);
+        return sign * dot(plane, ray) >= -EXACT_ERROR_BOUND * size(edge) * size(nearer) * size(ray);
     }
 };

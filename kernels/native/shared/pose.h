@@ -42,25 +42,25 @@ struct Pose {
     }
 
     // Rotate a world direction into this pose's frame.
-    inline void turn_into(const double* direction, double* turned) const {
+    inline void rotate_into(const double* direction, double* rotated) const {
         for (int k = 0; k < 3; ++k)
-            turned[k] = axis[k][0] * direction[0] + axis[k][1] * direction[1] + axis[k][2] * direction[2];
+            rotated[k] = axis[k][0] * direction[0] + axis[k][1] * direction[1] + axis[k][2] * direction[2];
     }
     // Rotate a direction of this pose's frame into the world.
-    inline void turn_out(const double* direction, double* turned) const {
+    inline void rotate_out(const double* direction, double* rotated) const {
         for (int k = 0; k < 3; ++k)
-            turned[k] = axis[0][k] * direction[0] + axis[1][k] * direction[1] + axis[2][k] * direction[2];
+            rotated[k] = axis[0][k] * direction[0] + axis[1][k] * direction[1] + axis[2][k] * direction[2];
     }
     // Transform a world point into this pose's frame.
-    inline void move_into(const double* place, double* moved) const {
+    inline void transform_into(const double* place, double* moved) const {
         const double from_here[3] = {place[0] - position[0], place[1] - position[1], place[2] - position[2]};
-        turn_into(from_here, moved);
+        rotate_into(from_here, moved);
     }
     // This pose in the frame of an object.
     inline Pose seen_from(const Pose& object) const {
         Pose seen;
-        object.move_into(position, seen.position);
-        for (int i = 0; i < 3; ++i) object.turn_into(axis[i], seen.axis[i]);
+        object.transform_into(position, seen.position);
+        for (int i = 0; i < 3; ++i) object.rotate_into(axis[i], seen.axis[i]);
         return seen;
     }
     // Whether the position is inside a box (least and greatest corner) or within a margin of it along every axis.

@@ -56,7 +56,7 @@ struct Stereo {
         const float scale = shift_scale < 0.0f ? -shift_scale : shift_scale;
         return scale * (pixel.far_depth - pixel.other_depth) > shadow_tolerance * pixel.far_depth * pixel.other_depth;
     }
-    inline Whole beside(const StereoPixel& pixel, Real nearness) const {
+    inline Whole is_outside(const StereoPixel& pixel, Real nearness) const {
         const Real column = pixel.column - shift_scale * nearness;
         return (column < first_column) | (column > last_column);
     }
@@ -69,9 +69,9 @@ struct Stereo {
     inline void measure(const StereoPixel& pixel, Real& depth, Whole& reason) const {
         const Real nearness = 1.0f / pixel.depth, disparity = disparity_scale * nearness;
         const Real found = measured(disparity, pixel.noise);
-        const Real said = depth_of(found, pixel.depth, disparity);
+        const Real reported = depth_of(found, pixel.depth, disparity);
         const Real endless = Numbers::real(Numbers::endless()), none = Numbers::real(Numbers::no_number());
-        const Whole too_far = (said > far) | (found <= 0.0f), in_range = (said >= near) & (said <= far);
+        const Whole too_far = (reported > far) | (found <= 0.0f), in_range = (reported >= near) & (reported <= far);
         const Whole lost = pixel.chance >= found_share(pixel.reflectivity * pixel.cosine) * kept;
         const Whole grazing = pixel.chance >= found_share(pixel.cosine);
         const Whole too_much = disparity > most_disparity, empty = !(pixel.depth < endless);
@@ -80,11 +80,11 @@ struct Stereo {
         reason = lost ? (grazing ? Numbers::whole(REASON_GRAZING) : Numbers::whole(REASON_DROPOUT)) : reason;
         reason = pixel.support < least_support ? Numbers::whole(REASON_EDGE) : reason;
         reason = hidden(pixel) ? Numbers::whole(REASON_SHADOW) : reason;
-        reason = beside(pixel, nearness) ? Numbers::whole(REASON_BAND) : reason;
+        reason = is_outside(pixel, nearness) ? Numbers::whole(REASON_BAND) : reason;
         reason = too_much ? Numbers::whole(REASON_RANGE) : reason;
         reason = empty ? Numbers::whole(REASON_EMPTY) : reason;
 
-        depth = in_range ? said : (too_far ? endless : -endless);
+        depth = in_range ? reported : (too_far ? endless : -endless);
         depth = too_much ? -endless : depth;
         depth = reason > (int)REASON_RANGE ? none : depth;
         depth = empty ? endless : depth;

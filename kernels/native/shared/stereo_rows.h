@@ -39,19 +39,19 @@ struct StereoWindow {
     Real depth;
     Real in_row, in_column;
 
-    inline void look_across(const float* row, int x, int lag) {
+    inline void count_row(const float* row, int x, int lag) {
         const int from = x + lag;
         if (from >= 0 && from + Numbers::PIXELS <= images.width) {
             count(Numbers::load(row + from, Numbers::PIXELS), in_row);
         } else {
             // Pixels beyond the end of the row belong to no surface.
-            float some[Numbers::PIXELS];
+            float values[Numbers::PIXELS];
             for (int k = 0; k < Numbers::PIXELS; ++k)
-                some[k] = from + k >= 0 && from + k < images.width ? row[from + k] : Numbers::endless();
-            count(Numbers::load(some, Numbers::PIXELS), in_row);
+                values[k] = from + k >= 0 && from + k < images.width ? row[from + k] : Numbers::endless();
+            count(Numbers::load(values, Numbers::PIXELS), in_row);
         }
     }
-    inline void look_down(const float* row, int y, int x, int lag) {
+    inline void count_column(const float* row, int y, int x, int lag) {
         if (y + lag < 0 || y + lag >= images.height) return;
         count(Numbers::load(row + (long long)lag * images.width + x, images.width - x), in_column);
     }
@@ -93,8 +93,8 @@ struct StereoWindow {
         if (even(stereo, images, row, y, x)) return Numbers::real(1.0f);
         StereoWindow window = {stereo, images, Numbers::load(row + x, images.width - x), none, none};
         for (int lag = -stereo.window; lag <= stereo.window; ++lag) {
-            window.look_across(row, x, lag);
-            window.look_down(row, y, x, lag);
+            window.count_row(row, x, lag);
+            window.count_column(row, y, x, lag);
         }
         return (window.in_row / window.of_row(x)) * (window.in_column / window.of_column(y));
     }
@@ -154,14 +154,15 @@ struct StereoRows {
         const Real right = Numbers::load(images.right_weights + x, images.width - x);
         if (Numbers::repeats(spacing))
             return left * Numbers::repeated(between[0], spacing) + right * Numbers::repeated(between[1], spacing);
-        float nodes[2][Numbers::PIXELS], beside[2][Numbers::PIXELS] = {};
+        float nodes[2][Numbers::PIXELS], at_pixels[2][Numbers::PIXELS] = {};
         for (int side = 0; side < 2; ++side) Numbers::store(nodes[side], between[side], Numbers::PIXELS);
         for (int k = 0; k < Numbers::PIXELS && x + k < images.width; ++k) {
             const int node = images.column_nodes[x + k] - column;
-            beside[0][k] = nodes[0][node];
-            beside[1][k] = nodes[1][node];
+            at_pixels[0][k] = nodes[0][node];
+            at_pixels[1][k] = nodes[1][node];
         }
-        return left * Numbers::load(beside[0], Numbers::PIXELS) + right * Numbers::load(beside[1], Numbers::PIXELS);
+        return left * Numbers::load(at_pixels[0], Numbers::PIXELS) +
+               right * Numbers::load(at_pixels[1], Numbers::PIXELS);
     }
 
     // Measure all pixels of a row.
@@ -178,7 +179,7 @@ struct StereoRows {
         for (int k = 0; k < PixelWords::PIXELS / Numbers::PIXELS; ++k, x += Numbers::PIXELS) {
             if (x >= images.width) return;
             if (empty(images, view, y, x)) continue;
-            StereoPixel pixel = look(stereo, images, view, y, x);
+            StereoPixel pixel = load_pixel(stereo, images, view, y, x);
             if (white) pixel.noise = Random::normal(noise.block[k]);
             const long long place = (view.index * images.height + y) * images.width + x;
             if (by_chance(stereo, images, view, place, y, x, pixel)) {
@@ -186,7 +187,7 @@ struct StereoRows {
                 has_chance = true;
                 pixel.chance = Random::uniform(chance.block[k]);
             }
-            say(stereo, images, pixel, place, images.width - x);
+            write(stereo, images, pixel, place, images.width - x);
         }
     }
     // Whether all pixels of a register are empty; if so, write them. This is common in many images.
@@ -209,8 +210,8 @@ struct StereoRows {
         pixel.cosine = light.cosine();
         return true;
     }
-    static inline StereoPixel look(const Stereo& stereo, const StereoImages& images, const StereoView& view, int y,
-                                   int x) {
+    static inline StereoPixel load_pixel(const Stereo& stereo, const StereoImages& images, const StereoView& view,
+                                         int y, int x) {
         const long long first = (view.index * images.height + y) * images.width, place = first + x;
         const int count = images.width - x;
         const Real one = Numbers::real(1.0f), none = Numbers::real(0.0f);
@@ -227,8 +228,8 @@ struct StereoRows {
         pixel.chance = none;
         return pixel;
     }
-    static inline void say(const Stereo& stereo, const StereoImages& images, const StereoPixel& pixel, long long place,
-                           int count) {
+    static inline void write(const Stereo& stereo, const StereoImages& images, const StereoPixel& pixel,
+                             long long place, int count) {
         Real depth;
         Whole reason;
         stereo.measure(pixel, depth, reason);
@@ -245,15 +246,15 @@ struct OtherImage {
     float width, height;
     float min_depth;  // nearer points are not projected
 
-    inline void show_row(const StereoImages& images, long long index, int y, float* points) const {
-        for (int x = 0; x < images.width; x += PixelWords::PIXELS) show(images, index, y, x, points);
+    inline void project_row(const StereoImages& images, long long index, int y, float* points) const {
+        for (int x = 0; x < images.width; x += PixelWords::PIXELS) project(images, index, y, x, points);
     }
     // Project the points of pixels from x on into its image, x y x y ... [px]; NaN if they lie outside.
-    inline void show(const StereoImages& images, long long index, int y, int x, float* points) const {
+    inline void project(const StereoImages& images, long long index, int y, int x, float* points) const {
         for (int k = 0; k < PixelWords::PIXELS && x < images.width; k += Numbers::PIXELS, x += Numbers::PIXELS)
-            show_some(images, index, y, x, points);
+            project_lanes(images, index, y, x, points);
     }
-    inline void show_some(const StereoImages& images, long long index, int y, int x, float* points) const {
+    inline void project_lanes(const StereoImages& images, long long index, int y, int x, float* points) const {
         const int count = images.width - x;
         const long long at = (index * images.height + y) * images.width + x;
         const Real depth = Numbers::load(images.depth + at, count);

@@ -5,62 +5,65 @@
 // method: a triangle and a ray are intersected by the same sums, whether for many rays of one triangle or many
 // triangles of one ray.
 
-struct RayDrawing {
+struct RayRaster {
     // Up to this many rays and packets are tested before triangles are culled.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
 
-    static inline __attribute__((always_inline)) void draw(const Camera& camera, const Image& image,
-                                                           const Triangles& triangles, const Visit& visit, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize(const Camera& camera, const Image& image,
+                                                                const Triangles& triangles, const Visit& visit,
+                                                                Mode mode) {
         RayLeaf leaf(triangles);
-        leaf.set(image, visit, Lanes::bits(triangles.inexact | Raster::turns(camera, triangles)));
+        leaf.set(image, visit, Lanes::bits(triangles.inexact | Raster::has_unstable_plane(camera, triangles)));
         const RayTree& tree = *image.tree;
         for (unsigned groups = tree.groups_in(leaf.box); groups; groups &= groups - 1) {
             const int group = Lanes::first_lane(groups);
             for (unsigned tiles = tree.tiles_in(image, group, leaf.box, leaf.nearest); tiles; tiles &= tiles - 1)
-                draw_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
+                rasterize_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
         }
     }
 
-    static inline __attribute__((always_inline)) void draw_tile(const Camera& camera, const Image& image, RayLeaf& leaf,
-                                                                int tile, Mode mode) {
-        unsigned some = Lanes::bits(leaf.triangles.shown);
-        if (leaf.least_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
+    static inline __attribute__((always_inline)) void rasterize_tile(const Camera& camera, const Image& image,
+                                                                     RayLeaf& leaf, int tile, Mode mode) {
+        unsigned candidates = Lanes::bits(leaf.triangles.shown);
+        if (leaf.min_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
             const RayColumns at(image, leaf, tile);
-            if (at.small) draw_small(camera, image, leaf, at, mode);
-            some = at.larger;
+            if (at.small) rasterize_small(camera, image, leaf, at, mode);
+            candidates = at.larger;
         }
-        if (some) draw_some(camera, image, leaf, tile, some, mode);
+        if (candidates) rasterize_in_tile(camera, image, leaf, tile, candidates, mode);
     }
 
     // Rasterize triangles in a tile: triangle by triangle if there are fewer of them than packets, else packet by
     // packet.
-    static inline __attribute__((always_inline)) void draw_some(const Camera& camera, const Image& image, RayLeaf& leaf,
-                                                                int tile, unsigned some, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_in_tile(const Camera& camera, const Image& image,
+                                                                        RayLeaf& leaf, int tile, unsigned candidates,
+                                                                        Mode mode) {
         const RayTree& tree = *image.tree;
         const unsigned packets = tree.packets_in(image, tile, leaf.box, leaf.nearest);
         const int count = __builtin_popcount(packets);
         if (count > FEW_PACKETS) {
             RayTree::refresh(image, tile);
             const RayBox bounds = RayTree::box_of(tree.bounds_of_tiles(tile / LANES), tile % LANES);
-            some &= leaf.touching(bounds, image.tile_min[tile]);
+            candidates &= leaf.touching(bounds, image.tile_min[tile]);
         }
-        if (count <= FEW_PACKETS || __builtin_popcount(some) > count)
-            for (unsigned left = packets; left; left &= left - 1)
-                draw_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(left), some, mode);
+        if (count <= FEW_PACKETS || __builtin_popcount(candidates) > count)
+            for (unsigned rest = packets; rest; rest &= rest - 1)
+                rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(rest), candidates, mode);
         else
-            for (; some; some &= some - 1) draw_packets(camera, image, leaf, Lanes::first_lane(some), tile, mode);
+            for (; candidates; candidates &= candidates - 1)
+                rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
     }
 
     // Rasterize one triangle in a tile's packets.
-    static inline __attribute__((always_inline)) void draw_packets(const Camera& camera, const Image& image,
-                                                                   RayLeaf& leaf, int k, int tile, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_in_packets(const Camera& camera, const Image& image,
+                                                                           RayLeaf& leaf, int k, int tile, Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         const int first = tile * LANES;
         unsigned touched = tree.packets_in(image, tile, leaf.box_of(k), t.max_inv_z[k]);
         if (__builtin_popcount(touched) <= FEW_PACKETS) {
             for (; touched; touched &= touched - 1)
-                draw_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), false, nullptr, mode);
+                rasterize_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), false, nullptr, mode);
             return;
         }
         const float* bounds = tree.bounds_of_packets(tile);
@@ -74,20 +77,20 @@ struct RayDrawing {
             for (; touched; touched &= touched - 1) {
                 const int child = Lanes::first_lane(touched);
                 const PacketPlane near = planes.of(child);
-                draw_rays(camera, image, leaf, k, first + child, (of.covered >> child) & 1, &near, mode);
+                rasterize_rays(camera, image, leaf, k, first + child, (of.covered >> child) & 1, &near, mode);
             }
             return;
         }
         touched &= Lanes::bits(hiding <= of.nearest);
         for (; touched; touched &= touched - 1) {
             const int child = Lanes::first_lane(touched);
-            draw_rays(camera, image, leaf, k, first + child, (of.covered >> child) & 1, nullptr, mode);
+            rasterize_rays(camera, image, leaf, k, first + child, (of.covered >> child) & 1, nullptr, mode);
         }
     }
 
     // Rasterize triangles of so few columns and rows that one register holds all rays that they may touch.
-    static inline __attribute__((always_inline)) void draw_small(const Camera& camera, const Image& image,
-                                                                 RayLeaf& leaf, const RayColumns& at, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_small(const Camera& camera, const Image& image,
+                                                                      RayLeaf& leaf, const RayColumns& at, Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         const int width = at.fit.last_column() + 1;
@@ -100,11 +103,11 @@ struct RayDrawing {
                          v = RayTree::window(tree.row_v + corner, width);
             const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
                          e2 = Linear::of_lane(t.edge[2], k), plane = Linear::of_lane(t.inv_z, k);
-            const float doubt = t.doubt[k], most = t.max_inv_z[k], least = t.min_inv_z[k];
+            const float error_bound = t.error_bound[k], most = t.max_inv_z[k], least = t.min_inv_z[k];
             const Floats inner = Lanes::min(e0.at(u, e0.row(v)), e1.at(u, e1.row(v)), e2.at(u, e2.row(v)));
-            unsigned hits = Lanes::bits(inner >= Lanes::all(-doubt));
+            unsigned hits = Lanes::bits(inner >= Lanes::all(-error_bound));
             if (!hits) continue;
-            const unsigned sure = Lanes::bits(inner > Lanes::all(doubt));
+            const unsigned certain = Lanes::bits(inner > Lanes::all(error_bound));
             float inv_z[LANES];
             Lanes::store(inv_z, Lanes::max(Lanes::min(plane.at(u, plane.row(v)), Lanes::all(most)), Lanes::all(least)));
             for (; hits; hits &= hits - 1) {
@@ -112,7 +115,7 @@ struct RayDrawing {
                 const int ray = at.first_ray + at.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
                                                            row[k] + lane / RayColumns::SMALL_SIDE);
                 if (most < image.inv_z[ray]) continue;
-                if (((sure >> lane) & 1) || covers(camera, image, t, k, ray))
+                if (((certain >> lane) & 1) || covers(camera, image, t, k, ray))
                     put(camera, image, leaf, k, ray, inv_z[lane], mode);
             }
         }
@@ -126,39 +129,42 @@ struct RayDrawing {
     }
 
     // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
-    static inline __attribute__((always_inline)) void draw_packet(const Camera& camera, const Image& image,
-                                                                  RayLeaf& leaf, int packet, unsigned some, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_packet(const Camera& camera, const Image& image,
+                                                                       RayLeaf& leaf, int packet, unsigned candidates,
+                                                                       Mode mode) {
         const RayTree& tree = *image.tree;
         const unsigned rays = tree.rays_in(image, packet, leaf.box, leaf.nearest);
         if (!rays) return;
         const int count = __builtin_popcount(rays);
         if (count > FEW_RAYS) {
             const RayBox bounds = RayTree::box_of(tree.bounds_of_packets(packet / LANES), packet % LANES);
-            some &= leaf.touching(bounds, image.block_min[packet]);
+            candidates &= leaf.touching(bounds, image.block_min[packet]);
         }
-        if (count <= FEW_RAYS || count < __builtin_popcount(some))
-            for (unsigned left = rays; left; left &= left - 1)
-                draw_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(left), some, mode);
+        if (count <= FEW_RAYS || count < __builtin_popcount(candidates))
+            for (unsigned rest = rays; rest; rest &= rest - 1)
+                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(rest), candidates, mode);
         else
-            for (; some; some &= some - 1)
-                draw_rays(camera, image, leaf, Lanes::first_lane(some), packet, false, nullptr, mode);
+            for (; candidates; candidates &= candidates - 1)
+                rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, false, nullptr, mode);
     }
 
     // Rasterize all triangles for one ray.
-    static inline __attribute__((always_inline)) void draw_ray(const Camera& camera, const Image& image, RayLeaf& leaf,
-                                                               int ray, unsigned some, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_ray(const Camera& camera, const Image& image,
+                                                                    RayLeaf& leaf, int ray, unsigned candidates,
+                                                                    Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         const Floats u = Lanes::all(tree.u[ray]), v = Lanes::all(tree.v[ray]);
         const Linear* e = t.edge;
         const Floats inner = Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v)));
-        unsigned hits = Lanes::bits(inner >= -t.doubt) & some;
+        unsigned hits = Lanes::bits(inner >= -t.error_bound) & candidates;
         if (!hits) return;
-        const unsigned sure = Lanes::bits(inner > t.doubt);
+        const unsigned certain = Lanes::bits(inner > t.error_bound);
         const Floats inv_z = Lanes::max(Lanes::min(t.inv_z.at(u, t.inv_z.row(v)), t.max_inv_z), t.min_inv_z);
         for (; hits; hits &= hits - 1) {
             const int k = Lanes::first_lane(hits);
-            if (((sure >> k) & 1) || covers(camera, image, t, k, ray)) put(camera, image, leaf, k, ray, inv_z[k], mode);
+            if (((certain >> k) & 1) || covers(camera, image, t, k, ray))
+                put(camera, image, leaf, k, ray, inv_z[k], mode);
         }
     }
     static inline float clip_inv_z(const RayTree& tree, int ray) {
@@ -166,9 +172,9 @@ struct RayDrawing {
     }
 
     // Rasterize one triangle for all rays of a packet.
-    static inline __attribute__((always_inline)) void draw_rays(const Camera& camera, const Image& image, RayLeaf& leaf,
-                                                                int k, int packet, bool covered,
-                                                                const PacketPlane* known, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_rays(const Camera& camera, const Image& image,
+                                                                     RayLeaf& leaf, int k, int packet, bool covered,
+                                                                     const PacketPlane* packet_plane, Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
@@ -177,16 +183,16 @@ struct RayDrawing {
             const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
                          e2 = Linear::of_lane(t.edge[2], k);
             const Floats inner = Lanes::min(e0.at(u, e0.row(v)), e1.at(u, e1.row(v)), e2.at(u, e2.row(v)));
-            const Ints unsure = inside & Raster::in_doubt(inner, t.doubt[k]);
-            inside &= inner > Lanes::all(t.doubt[k]);
-            if (__builtin_expect(Lanes::any(unsure), 0))
-                inside |= covered_lanes(camera, image, t, k, packet, Lanes::bits(unsure));
+            const Ints uncertain = inside & Raster::find_uncertain(inner, t.error_bound[k]);
+            inside &= inner > Lanes::all(t.error_bound[k]);
+            if (__builtin_expect(Lanes::any(uncertain), 0))
+                inside |= covered_lanes(camera, image, t, k, packet, Lanes::bits(uncertain));
         }
         Floats inv_z;
         if ((leaf.inexact >> k) & 1) {
             if (!Lanes::any(inside)) return;
             const ExactPlane& plane = leaf.plane(camera, k);
-            const PacketPlane near = known ? *known : PacketPlane::of(camera, tree, plane, packet);
+            const PacketPlane near = packet_plane ? *packet_plane : PacketPlane::of(camera, tree, plane, packet);
             inv_z = near.steep ? exact_inv_z(tree, plane, packet) : near.at(u, v);
         } else {
             const Linear plane = Linear::of_lane(t.inv_z, k);
@@ -233,18 +239,19 @@ struct RayDrawing {
         return Exactly::covers(camera, t.corners, k, u, v);
     }
     static __attribute__((noinline, cold)) Ints covered_lanes(const Camera& camera, const Image& image,
-                                                              const Triangles& t, int k, int packet, unsigned unsure) {
+                                                              const Triangles& t, int k, int packet,
+                                                              unsigned uncertain) {
         Ints inside = Lanes::all_ints(0);
-        for (; unsure; unsure &= unsure - 1) {
-            const int lane = Lanes::first_lane(unsure);
+        for (; uncertain; uncertain &= uncertain - 1) {
+            const int lane = Lanes::first_lane(uncertain);
             if (covers(camera, image, t, k, packet * LANES + lane)) inside[lane] = -1;
         }
         return inside;
     }
 
     // Render the analytic surface of a solid.
-    static __attribute__((noinline)) void draw_solid(const Solid& solid, const View& view, const Camera& camera,
-                                                     const Image& image, const Visit& visit, int id, Mode mode) {
+    static __attribute__((noinline)) void render_solid(const Solid& solid, const View& view, const Camera& camera,
+                                                       const Image& image, const Visit& visit, int id, Mode mode) {
         const SolidSetup setup = SolidSetup::of(solid, camera, image, view.job.center);
         const RayTree& tree = *image.tree;
         const RayBox box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
@@ -253,10 +260,10 @@ struct RayDrawing {
             const int group = Lanes::first_lane(groups);
             for (unsigned tiles = tree.tiles_in(image, group, box, nearest); tiles; tiles &= tiles - 1) {
                 const int tile = group * LANES + Lanes::first_lane(tiles);
-                for (unsigned left = tree.packets_in(image, tile, box, nearest); left; left &= left - 1) {
-                    const int packet = tile * LANES + Lanes::first_lane(left);
+                for (unsigned rest = tree.packets_in(image, tile, box, nearest); rest; rest &= rest - 1) {
+                    const int packet = tile * LANES + Lanes::first_lane(rest);
                     const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
-                    Solids::show(setup.at(u, v), image, packet, packet, id, mode);
+                    Solids::store(setup.at(u, v), image, packet, packet, id, mode);
                 }
             }
         }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Counterpart of ray_drawing.h for rays with distinct origins (`RayOrigins`).
+// Counterpart of ray_raster.h for rays with distinct origins (`RayOrigins`).
 //
 // A ray (p, q, 0) + z (u, v, 1) has Plücker coordinates with direction d = (u, v, 1) and moment m = (-q, p, u q - v p)
 // about the eye. The edge function of an edge from a to b is their side product (a x b) . d + (a - b) . m: its sign
@@ -11,24 +11,23 @@
 // tested in double precision, ray by ray.
 
 // Rays in lanes: of a packet, one ray in all lanes, or a window of a tile.
-struct ApartLanes {
+struct RayLanes {
     Floats u, v, p, q, w;
 
-    static inline ApartLanes of(Floats u, Floats v, Floats p, Floats q) {
-        return ApartLanes{u, v, p, q, u * q - v * p};
-    }
-    static inline ApartLanes packet(const RayTree& tree, int packet) {
+    static inline RayLanes of(Floats u, Floats v, Floats p, Floats q) { return RayLanes{u, v, p, q, u * q - v * p}; }
+    static inline RayLanes packet(const RayTree& tree, int packet) {
         const int first = packet * LANES;
-        return of(Lanes::load(tree.u + first), Lanes::load(tree.v + first), Lanes::load(tree.apart.p + first),
-                  Lanes::load(tree.apart.q + first));
+        return of(Lanes::load(tree.u + first), Lanes::load(tree.v + first), Lanes::load(tree.origins.p + first),
+                  Lanes::load(tree.origins.q + first));
     }
-    static inline ApartLanes ray(const RayTree& tree, int ray) {
-        return of(Lanes::all(tree.u[ray]), Lanes::all(tree.v[ray]), Lanes::all(tree.apart.p[ray]),
-                  Lanes::all(tree.apart.q[ray]));
+    static inline RayLanes ray(const RayTree& tree, int ray) {
+        return of(Lanes::all(tree.u[ray]), Lanes::all(tree.v[ray]), Lanes::all(tree.origins.p[ray]),
+                  Lanes::all(tree.origins.q[ray]));
     }
-    static inline ApartLanes window(const RayTree& tree, int corner, int width) {
+    static inline RayLanes window(const RayTree& tree, int corner, int width) {
         return of(RayTree::window(tree.row_u + corner, width), RayTree::window(tree.row_v + corner, width),
-                  RayTree::window(tree.apart.row_p + corner, width), RayTree::window(tree.apart.row_q + corner, width));
+                  RayTree::window(tree.origins.row_p + corner, width),
+                  RayTree::window(tree.origins.row_q + corner, width));
     }
 
     inline Floats edge(const Linear& e, const Points& side) const {
@@ -53,11 +52,11 @@ struct ApartLanes {
 };
 
 // A leaf's triangles relative to the rays of a tile.
-struct ApartLeaf : RayLeaf {
+struct RayOriginsLeaf : RayLeaf {
     Floats one[3], slack[3];  // edge functions at the middle of the moments, and the bound of their deviation from it
-    unsigned beside;
+    unsigned uncertain_side;
 
-    explicit inline ApartLeaf(const Triangles& of) : RayLeaf(of) {}
+    explicit inline RayOriginsLeaf(const Triangles& of) : RayLeaf(of) {}
 
     inline void begin(const Camera& camera, const Image& image, const Visit& visit) {
         const Triangles& t = triangles;
@@ -67,11 +66,11 @@ struct ApartLeaf : RayLeaf {
         const Floats width = t.place[2] - t.place[0], height = t.place[3] - t.place[1];
         const Floats change = Lanes::abs(t.inv_z.u) * width + Lanes::abs(t.inv_z.v) * height;
         inexact = Lanes::bits(t.inexact | (camera.blur * (width + height) * change > 6e-6f * t.min_inv_z * t.area));
-        beside = Lanes::bits(t.beside);
+        uncertain_side = Lanes::bits(t.uncertain_side);
     }
-    inline void set_tile(const RayOrigins& apart, int tile) {
+    inline void set_tile(const RayOrigins& origins, int tile) {
         const Triangles& t = triangles;
-        const float* range = apart.range + tile * RayOrigins::RANGE_WORDS;
+        const float* range = origins.range + tile * RayOrigins::RANGE_WORDS;
         const Ints endless = t.place[0] <= Lanes::all(-1e30f);
         const Floats most = endless ? Lanes::all(0.0f) : t.max_inv_z, least = endless ? Lanes::all(0.0f) : t.min_inv_z;
         const Floats middle = 0.5f * (most + least), half = 0.50001f * (most - least);
@@ -84,15 +83,15 @@ struct ApartLeaf : RayLeaf {
         for (int e = 0; e < 3; ++e) {
             const Points& s = t.side[e];
             one[e] = t.edge[e].one + (s.y * range[0] + (s.z * range[2] - s.x * range[1]));
-            slack[e] = t.doubt + 1.0001f * (Lanes::abs(s.y) * range[3] +
-                                            (Lanes::abs(s.z) * range[5] + Lanes::abs(s.x) * range[4]));
+            slack[e] = t.error_bound + 1.0001f * (Lanes::abs(s.y) * range[3] +
+                                                  (Lanes::abs(s.z) * range[5] + Lanes::abs(s.x) * range[4]));
         }
     }
 
     // Triangles that may be visible in a rectangle of the tile.
     inline unsigned touching(const RayBox& box, float min_inv_z) const {
         const Triangles& t = triangles;
-        Ints some = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
+        Ints candidates = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
         const Floats none = Lanes::all(0.0f);
         Ints inside = Lanes::all_ints(-1);
         for (int e = 0; e < 3; ++e) {
@@ -101,12 +100,12 @@ struct ApartLeaf : RayLeaf {
             const Floats v = edge.v >= none ? Lanes::all(box.v1) : Lanes::all(box.v0);
             inside &= edge.at(u, edge.row(v)) >= -slack[e];
         }
-        return Lanes::bits(some & (inside | t.beside));
+        return Lanes::bits(candidates & (inside | t.uncertain_side));
     }
     // Packets of the tile that a triangle may touch.
     inline unsigned touched(int k, const float* bounds) const {
         const Triangles& t = triangles;
-        if ((beside >> k) & 1) return (1u << LANES) - 1;
+        if ((uncertain_side >> k) & 1) return (1u << LANES) - 1;
         Ints touched = Lanes::all_ints(-1);
         for (int e = 0; e < 3; ++e) {
             const float u = t.edge[e].u[k], v = t.edge[e].v[k];
@@ -119,7 +118,7 @@ struct ApartLeaf : RayLeaf {
 };
 
 // Intersection of one ray and one triangle in double precision.
-struct ApartExactly {
+struct ExactRays {
     const Camera& camera;
     const RayTree& tree;
     const Triangles& t;
@@ -130,7 +129,7 @@ struct ApartExactly {
         ExactCorners seen = Exactly::corners(camera, t.corners, k);
         const ExactRow* m = camera.exact_to_camera;
         for (int i = 0; i < 3; ++i) {
-            const double from = tree.apart.p[ray] * m[0][i] + tree.apart.q[ray] * m[1][i];
+            const double from = tree.origins.p[ray] * m[0][i] + tree.origins.q[ray] * m[1][i];
             for (int c = 0; c < 3; ++c) seen.corner[c][i] -= from;
         }
         return seen;
@@ -142,10 +141,10 @@ struct ApartExactly {
         const double volume = seen.volume();
         return !(camera.cull_back_faces && volume > 0.0) && seen.meet(along, volume);
     }
-    __attribute__((noinline, cold)) Ints covered(int k, int packet, unsigned unsure) const {
+    __attribute__((noinline, cold)) Ints covered(int k, int packet, unsigned uncertain) const {
         Ints inside = Lanes::all_ints(0);
-        for (; unsure; unsure &= unsure - 1) {
-            const int lane = Lanes::first_lane(unsure);
+        for (; uncertain; uncertain &= uncertain - 1) {
+            const int lane = Lanes::first_lane(uncertain);
             if (covers(k, packet * LANES + lane)) inside[lane] = -1;
         }
         return inside;
@@ -160,57 +159,61 @@ struct ApartExactly {
     }
 };
 
-struct RayDrawing {
+struct RayRaster {
     // Up to this many rays and packets are tested before triangles are culled.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
 
-    static inline __attribute__((always_inline)) void draw(const Camera& camera, const Image& image,
-                                                           const Triangles& triangles, const Visit& visit, Mode mode) {
-        ApartLeaf leaf(triangles);
+    static inline __attribute__((always_inline)) void rasterize(const Camera& camera, const Image& image,
+                                                                const Triangles& triangles, const Visit& visit,
+                                                                Mode mode) {
+        RayOriginsLeaf leaf(triangles);
         leaf.begin(camera, image, visit);
         const RayTree& tree = *image.tree;
         for (unsigned groups = tree.groups_in(leaf.box); groups; groups &= groups - 1) {
             const int group = Lanes::first_lane(groups);
             for (unsigned tiles = tree.tiles_in(image, group, leaf.box, leaf.nearest); tiles; tiles &= tiles - 1)
-                draw_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
+                rasterize_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
         }
     }
 
-    static inline __attribute__((always_inline)) void draw_tile(const Camera& camera, const Image& image,
-                                                                ApartLeaf& leaf, int tile, Mode mode) {
-        leaf.set_tile(image.tree->apart, tile);
-        unsigned some = Lanes::bits(leaf.triangles.shown);
-        if (leaf.least_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
+    static inline __attribute__((always_inline)) void rasterize_tile(const Camera& camera, const Image& image,
+                                                                     RayOriginsLeaf& leaf, int tile, Mode mode) {
+        leaf.set_tile(image.tree->origins, tile);
+        unsigned candidates = Lanes::bits(leaf.triangles.shown);
+        if (leaf.min_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
             const RayColumns at(image, leaf, tile);
-            const unsigned small = at.small & ~leaf.beside;
-            if (small) draw_small(camera, image, leaf, at, small, mode);
-            some = at.larger | (at.small & leaf.beside);
+            const unsigned small = at.small & ~leaf.uncertain_side;
+            if (small) rasterize_small(camera, image, leaf, at, small, mode);
+            candidates = at.larger | (at.small & leaf.uncertain_side);
         }
-        if (some) draw_some(camera, image, leaf, tile, some, mode);
+        if (candidates) rasterize_in_tile(camera, image, leaf, tile, candidates, mode);
     }
 
     // Rasterize triangles in a tile: triangle by triangle if there are fewer of them than packets, else packet by
     // packet.
-    static inline __attribute__((always_inline)) void draw_some(const Camera& camera, const Image& image,
-                                                                ApartLeaf& leaf, int tile, unsigned some, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_in_tile(const Camera& camera, const Image& image,
+                                                                        RayOriginsLeaf& leaf, int tile,
+                                                                        unsigned candidates, Mode mode) {
         const RayTree& tree = *image.tree;
         const unsigned packets = tree.packets_in(image, tile, leaf.box, leaf.nearest);
         const int count = __builtin_popcount(packets);
         if (count > FEW_PACKETS) {
             RayTree::refresh(image, tile);
             const RayBox bounds = RayTree::box_of(tree.bounds_of_tiles(tile / LANES), tile % LANES);
-            some &= leaf.touching(bounds, image.tile_min[tile]);
+            candidates &= leaf.touching(bounds, image.tile_min[tile]);
         }
-        if (count <= FEW_PACKETS || __builtin_popcount(some) > count)
-            for (unsigned left = packets; left; left &= left - 1)
-                draw_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(left), some, mode);
+        if (count <= FEW_PACKETS || __builtin_popcount(candidates) > count)
+            for (unsigned rest = packets; rest; rest &= rest - 1)
+                rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(rest), candidates, mode);
         else
-            for (; some; some &= some - 1) draw_packets(camera, image, leaf, Lanes::first_lane(some), tile, mode);
+            for (; candidates; candidates &= candidates - 1)
+                rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
     }
 
     // Rasterize one triangle in a tile's packets.
-    static inline __attribute__((always_inline)) void draw_packets(const Camera& camera, const Image& image,
-                                                                   ApartLeaf& leaf, int k, int tile, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_in_packets(const Camera& camera, const Image& image,
+                                                                           RayOriginsLeaf& leaf, int k, int tile,
+                                                                           Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         const int first = tile * LANES;
@@ -218,27 +221,28 @@ struct RayDrawing {
         const float* bounds = tree.bounds_of_packets(tile);
         if (__builtin_popcount(touched) > FEW_PACKETS) {
             touched &= leaf.touched(k, bounds);
-            if (!((leaf.beside >> k) & 1)) touched &= Lanes::bits(not_hidden(camera, image, leaf, k, first, bounds));
+            if (!((leaf.uncertain_side >> k) & 1))
+                touched &= Lanes::bits(not_hidden(camera, image, leaf, k, first, bounds));
         }
         for (; touched; touched &= touched - 1)
-            draw_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), mode);
+            rasterize_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), mode);
     }
     // Packets in which the triangle's plane may be nearer than the farthest surface rasterized so far.
-    static inline Ints not_hidden(const Camera& camera, const Image& image, ApartLeaf& leaf, int k, int first,
+    static inline Ints not_hidden(const Camera& camera, const Image& image, RayOriginsLeaf& leaf, int k, int first,
                                   const float* bounds) {
-        const RayOrigins& apart = image.tree->apart;
+        const RayOrigins& origins = image.tree->origins;
         PacketPlanes planes;
         planes.set(camera, leaf.plane(camera, k), bounds);
-        const float aside = __builtin_fabsf(planes.u) * apart.most_p + __builtin_fabsf(planes.v) * apart.most_q;
-        // `aside` is below 0.5 unless the triangle is in `beside`: see Setup::set_beside.
+        const float aside = __builtin_fabsf(planes.u) * origins.max_p + __builtin_fabsf(planes.v) * origins.max_q;
+        // `aside` is below 0.5 unless the triangle is in `uncertain_side`: see Setup::find_uncertain_sides.
         const float nearer = 1.0001f / (1.0f - (aside < 0.5f ? aside : 0.5f));
         return Lanes::load(image.block_min + first) <= Lanes::max(planes.nearest, Lanes::all(0.0f)) * nearer;
     }
 
     // Rasterize triangles of so few columns and rows that one register holds all rays that they may touch.
-    static inline __attribute__((always_inline)) void draw_small(const Camera& camera, const Image& image,
-                                                                 ApartLeaf& leaf, const RayColumns& at, unsigned small,
-                                                                 Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_small(const Camera& camera, const Image& image,
+                                                                      RayOriginsLeaf& leaf, const RayColumns& at,
+                                                                      unsigned small, Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         const int width = at.fit.last_column() + 1;
@@ -247,11 +251,11 @@ struct RayDrawing {
         RayColumns::begin(at.first_row, at.fit.last_row(), row);
         for (; small; small &= small - 1) {
             const int k = Lanes::first_lane(small);
-            const ApartLanes rays = ApartLanes::window(tree, at.first_ray + row[k] * width + column[k], width);
+            const RayLanes rays = RayLanes::window(tree, at.first_ray + row[k] * width + column[k], width);
             const Floats inner = rays.inner(t, k);
-            unsigned hits = Lanes::bits(inner >= Lanes::all(-t.doubt[k]));
+            unsigned hits = Lanes::bits(inner >= Lanes::all(-t.error_bound[k]));
             if (!hits) continue;
-            const unsigned sure = Lanes::bits(inner > Lanes::all(t.doubt[k]));
+            const unsigned certain = Lanes::bits(inner > Lanes::all(t.error_bound[k]));
             float inv_z[LANES];
             Lanes::store(inv_z, within(t, k, rays.inv_z(Linear::of_lane(t.inv_z, k))));
             for (; hits; hits &= hits - 1) {
@@ -259,7 +263,7 @@ struct RayDrawing {
                 const int ray = at.first_ray + at.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
                                                            row[k] + lane / RayColumns::SMALL_SIDE);
                 if (t.max_inv_z[k] < image.inv_z[ray]) continue;
-                put(camera, image, leaf, k, ray, (sure >> lane) & 1, inv_z[lane], mode);
+                put(camera, image, leaf, k, ray, (certain >> lane) & 1, inv_z[lane], mode);
             }
         }
     }
@@ -269,78 +273,81 @@ struct RayDrawing {
 
     // Store a triangle at one of its rays, given 1 / z in single precision.
     static inline __attribute__((always_inline)) void put(const Camera& camera, const Image& image,
-                                                          const ApartLeaf& leaf, int k, int ray, bool sure, float inv_z,
-                                                          Mode mode) {
+                                                          const RayOriginsLeaf& leaf, int k, int ray, bool certain,
+                                                          float inv_z, Mode mode) {
         const Triangles& t = leaf.triangles;
-        const ApartExactly exactly = {camera, *image.tree, t};
-        if (!sure && !exactly.covers(k, ray)) return;
-        const float value = (((leaf.inexact | leaf.beside) >> k) & 1) ? exactly.inv_z(k, ray) : inv_z;
-        if (value <= image.tree->apart.clip_inv_z[ray]) Raster::put(image, ray, value, Raster::id_of(t, k, mode), mode);
+        const ExactRays exactly = {camera, *image.tree, t};
+        if (!certain && !exactly.covers(k, ray)) return;
+        const float value = (((leaf.inexact | leaf.uncertain_side) >> k) & 1) ? exactly.inv_z(k, ray) : inv_z;
+        if (value <= image.tree->origins.clip_inv_z[ray])
+            Raster::put(image, ray, value, Raster::id_of(t, k, mode), mode);
     }
 
     // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
-    static inline __attribute__((always_inline)) void draw_packet(const Camera& camera, const Image& image,
-                                                                  ApartLeaf& leaf, int packet, unsigned some,
-                                                                  Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_packet(const Camera& camera, const Image& image,
+                                                                       RayOriginsLeaf& leaf, int packet,
+                                                                       unsigned candidates, Mode mode) {
         const RayTree& tree = *image.tree;
         const unsigned rays = tree.rays_in(image, packet, leaf.box, leaf.nearest);
         if (!rays) return;
         const int count = __builtin_popcount(rays);
         if (count > FEW_RAYS) {
             const RayBox bounds = RayTree::box_of(tree.bounds_of_packets(packet / LANES), packet % LANES);
-            some &= leaf.touching(bounds, image.block_min[packet]);
+            candidates &= leaf.touching(bounds, image.block_min[packet]);
         }
-        if (count <= FEW_RAYS || count < __builtin_popcount(some))
-            for (unsigned left = rays; left; left &= left - 1)
-                draw_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(left), some, mode);
+        if (count <= FEW_RAYS || count < __builtin_popcount(candidates))
+            for (unsigned rest = rays; rest; rest &= rest - 1)
+                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(rest), candidates, mode);
         else
-            for (; some; some &= some - 1) draw_rays(camera, image, leaf, Lanes::first_lane(some), packet, mode);
+            for (; candidates; candidates &= candidates - 1)
+                rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, mode);
     }
 
     // Rasterize all triangles for one ray.
-    static inline __attribute__((always_inline)) void draw_ray(const Camera& camera, const Image& image,
-                                                               const ApartLeaf& leaf, int ray, unsigned some,
-                                                               Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_ray(const Camera& camera, const Image& image,
+                                                                    const RayOriginsLeaf& leaf, int ray,
+                                                                    unsigned candidates, Mode mode) {
         const Triangles& t = leaf.triangles;
-        const ApartLanes rays = ApartLanes::ray(*image.tree, ray);
+        const RayLanes rays = RayLanes::ray(*image.tree, ray);
         const Floats inner = rays.inner(t);
-        unsigned hits = Lanes::bits((inner >= -t.doubt) | t.beside) & some;
+        unsigned hits = Lanes::bits((inner >= -t.error_bound) | t.uncertain_side) & candidates;
         if (!hits) return;
-        const unsigned sure = Lanes::bits(inner > t.doubt) & ~leaf.beside;
+        const unsigned certain = Lanes::bits(inner > t.error_bound) & ~leaf.uncertain_side;
         const Floats inv_z = Lanes::max(Lanes::min(rays.inv_z(t.inv_z), t.max_inv_z), t.min_inv_z);
         for (; hits; hits &= hits - 1) {
             const int k = Lanes::first_lane(hits);
-            put(camera, image, leaf, k, ray, (sure >> k) & 1, inv_z[k], mode);
+            put(camera, image, leaf, k, ray, (certain >> k) & 1, inv_z[k], mode);
         }
     }
 
     // Rasterize one triangle for all rays of a packet.
-    static inline __attribute__((always_inline)) void draw_rays(const Camera& camera, const Image& image,
-                                                                ApartLeaf& leaf, int k, int packet, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize_rays(const Camera& camera, const Image& image,
+                                                                     RayOriginsLeaf& leaf, int k, int packet,
+                                                                     Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         Ints inside = Lanes::load(image.inv_z + packet * LANES) <= Lanes::all(t.max_inv_z[k]);
-        if (__builtin_expect((leaf.beside >> k) & 1, 0)) {
-            const ApartExactly exactly = {camera, tree, t};
-            for (unsigned left = Lanes::bits(inside); left; left &= left - 1)
-                put(camera, image, leaf, k, packet * LANES + Lanes::first_lane(left), false, 0.0f, mode);
+        if (__builtin_expect((leaf.uncertain_side >> k) & 1, 0)) {
+            const ExactRays exactly = {camera, tree, t};
+            for (unsigned rest = Lanes::bits(inside); rest; rest &= rest - 1)
+                put(camera, image, leaf, k, packet * LANES + Lanes::first_lane(rest), false, 0.0f, mode);
             return;
         }
-        const ApartLanes rays = ApartLanes::packet(tree, packet);
+        const RayLanes rays = RayLanes::packet(tree, packet);
         const Floats inner = rays.inner(t, k);
-        const Ints unsure = inside & Raster::in_doubt(inner, t.doubt[k]);
-        inside &= inner > Lanes::all(t.doubt[k]);
-        if (__builtin_expect(Lanes::any(unsure), 0))
-            inside |= ApartExactly{camera, tree, t}.covered(k, packet, Lanes::bits(unsure));
+        const Ints uncertain = inside & Raster::find_uncertain(inner, t.error_bound[k]);
+        inside &= inner > Lanes::all(t.error_bound[k]);
+        if (__builtin_expect(Lanes::any(uncertain), 0))
+            inside |= ExactRays{camera, tree, t}.covered(k, packet, Lanes::bits(uncertain));
         if (!Lanes::any(inside)) return;
         const Floats inv_z = ((leaf.inexact >> k) & 1) ? exact_inv_z(tree, leaf.plane(camera, k), packet)
                                                        : rays.inv_z(Linear::of_lane(t.inv_z, k));
         const Floats value = within(t, k, inv_z);
-        inside &= value <= Lanes::load(tree.apart.clip_inv_z + packet * LANES);
+        inside &= value <= Lanes::load(tree.origins.clip_inv_z + packet * LANES);
         Raster::blend(image, packet, packet, inside, value, Raster::id_of(t, k, mode), mode);
     }
     static inline Floats exact_inv_z(const RayTree& tree, const ExactPlane& plane, int packet) {
-        const Doubles p = wide(tree.apart.p, packet), q = wide(tree.apart.q, packet);
+        const Doubles p = wide(tree.origins.p, packet), q = wide(tree.origins.q, packet);
         const Doubles at = plane.u * exact_u(tree, packet) + (plane.v * exact_v(tree, packet) + plane.one);
         return __builtin_convertvector(at / (1.0 - (plane.u * p + plane.v * q)), Floats);
     }
@@ -355,5 +362,5 @@ struct RayDrawing {
     }
 
     // Scenes with solids do not use rays with distinct origins.
-    static inline void draw_solid(const Solid&, const View&, const Camera&, const Image&, const Visit&, int, Mode) {}
+    static inline void render_solid(const Solid&, const View&, const Camera&, const Image&, const Visit&, int, Mode) {}
 };

@@ -6,7 +6,7 @@
 // registers nor instruction-cache pressure to the common path.
 
 // The recorded pixels, in shared memory.
-struct Doubts {
+struct UncertainPixels {
     // Size of a batch, and the count from which a batch is drawn: a warp's shared memory is small.
     enum { SIZE = LANES, ENOUGH = SIZE / 2 };
 
@@ -41,7 +41,7 @@ struct Exactly {
         double normal[3];
         seen.normal(normal);
         const double volume = seen.volume(normal);
-        if (!camera.draws_side(owner, volume) || !seen.meet(ray, volume)) return 0;
+        if (!camera.shows_side(owner, volume) || !seen.meet(ray, volume)) return 0;
         float zmin, zmax;
         depths(camera, seen, zmin, zmax);
         const float least = 1.0f / zmax, most = zmin > 0.0f ? fminf(1.0f / zmin, MAX_INV_Z) : MAX_INV_Z;
@@ -60,24 +60,26 @@ struct Exactly {
 
     // Draw the recorded pixels, one per lane, and, if they did not all fit, all uncertain pixels of the last triangles.
     // Returns a bit mask of the blocks that were drawn into.
-    static __noinline__ unsigned draw(const Bvh bvh, const Camera* camera, const Packet packet, Doubts* doubts,
-                                      const unsigned* last_slots) {
-        const int count = doubts->count, lane = Warp::lane();
+    static __noinline__ unsigned rasterize(const Bvh bvh, const Camera* camera, const Packet packet,
+                                           UncertainPixels* uncertain, const unsigned* last_slots) {
+        const int count = uncertain->count, lane = Warp::lane();
         unsigned touched = 0;
         if (lane < count) {
-            const int pixel = doubts->pixels[lane];
-            touched = draw_pixel(bvh, *camera, packet, doubts->slots[lane], pixel % PACKET_WIDTH, pixel / PACKET_WIDTH);
+            const int pixel = uncertain->pixels[lane];
+            touched = rasterize_pixel(bvh, *camera, packet, uncertain->slots[lane], pixel % PACKET_WIDTH,
+                                      pixel / PACKET_WIDTH);
         }
-        for (int k = 0; count > Doubts::SIZE && k < LANES; ++k)
-            touched |= draw_triangle(bvh, *camera, packet, last_slots[k]);
+        for (int k = 0; count > UncertainPixels::SIZE && k < LANES; ++k)
+            touched |= rasterize_triangle(bvh, *camera, packet, last_slots[k]);
         touched = Warp::reduce_or(touched);
-        if (lane == 0) doubts->count = 0;
+        if (lane == 0) uncertain->count = 0;
         Warp::sync();
         return touched;
     }
 
     // Draw the uncertain pixels of a triangle that is the same in all lanes: one pixel of a block per lane.
-    static inline unsigned draw_triangle(const Bvh& bvh, const Camera& camera, const Packet& packet, unsigned slot) {
+    static inline unsigned rasterize_triangle(const Bvh& bvh, const Camera& camera, const Packet& packet,
+                                              unsigned slot) {
         const Triangle t = Setup::triangle(bvh, camera, packet.first_x, packet.first_y, slot);
         unsigned touched = 0;
         for (int block = 0; block < SLOT_BLOCKS; ++block) {
@@ -86,15 +88,15 @@ struct Exactly {
             const RayPlace p = packet.point(camera, x, y, Packet::index(block, Warp::lane()));
             const bool inside = POINTS ? t.x0 <= t.x1 : x >= t.x0 && x <= t.x1 && y >= t.y0 && y <= t.y1;
             const float within = t.within(p);
-            if (inside && within >= -t.doubt && (within <= t.doubt || camera.origins.may_hide(t.max_inv_z)))
-                touched |= draw_pixel(bvh, camera, packet, slot, x, y);
+            if (inside && within >= -t.error_bound && (within <= t.error_bound || camera.origins.may_hide(t.max_inv_z)))
+                touched |= rasterize_pixel(bvh, camera, packet, slot, x, y);
         }
         return touched;
     }
 
     // Returns the block that was drawn into, as a bit mask.
-    static inline unsigned draw_pixel(const Bvh& bvh, const Camera& camera, const Packet& packet, unsigned slot, int x,
-                                      int y) {
+    static inline unsigned rasterize_pixel(const Bvh& bvh, const Camera& camera, const Packet& packet, unsigned slot,
+                                           int x, int y) {
         const int index = Packet::index_at(x, y);
         Key* at = packet.at(index);
         const Key found = key(camera, bvh.corners(slot), bvh.owners + slot, slot + bvh.first_id,
