@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How Sphinx makes the documentation's site of these pages: `make docs`. It needs no network."""
+"""Configure Sphinx for the documentation site (`make docs`). It needs no network."""
 
 import sys
 from pathlib import Path
@@ -16,7 +16,7 @@ author = "The warpvis authors"
 project_copyright = "2026, The warpvis authors"
 release = warpvis.__version__
 
-# `reference` and `live` stand in `_site`, beside the style sheet.
+# `reference` and `live` are in `_site`.
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
@@ -28,11 +28,11 @@ extensions = [
 ]
 exclude_patterns = ["_site", "_build", "internals/README.md"]
 suppress_warnings = [
-    "myst.header",  # parts of the README begin below its title
-    "ref.python",  # two modules have a class `Lens`: the nearer one is taken
+    "myst.header",  # included parts of the README begin below its title
+    "ref.python",  # two modules have a class `Lens`; the nearer one is used
 ]
 
-# A word in single backticks of a docstring is a link if it is a public name, and code if not.
+# A word in single backticks in a docstring is a link if it is a public name, else code.
 default_role = "py:obj"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
@@ -49,12 +49,12 @@ myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 myst_links_external_new_tab = False
 
-# Notebooks are committed without outputs, and run here; one that fails ends the build.
+# Notebooks are committed without outputs and run here; a failure ends the build.
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
-nb_execution_in_temp = True  # what they write does not come to lie beside them
-nb_ipywidgets_js = {}  # they would be loaded from elsewhere
+nb_execution_in_temp = True  # their files are not written to docs/
+nb_ipywidgets_js = {}  # these scripts would be loaded from a network
 nb_merge_streams = True
 
 html_theme = "furo"

@@ -160,7 +160,7 @@ def _mujoco(folder):
         "warp_model": mujoco_warp.put_model(model),
         "qpos": np.tile(data.qpos, (16, 1)),
         "places": every["body_pos"],
-        "colours": every["geom_rgba"],
+        "colors": every["geom_rgba"],
         "sizes": every["geom_size"],
         "fovy": np.linspace(40, 60, 16)[:, None].repeat(model.ncam, axis=1),
         "cup": trimesh.creation.cylinder(0.04, 0.1),

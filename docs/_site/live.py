@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Sphinx extension: the gallery's live pages, one file each, made by the command that a user would call."""
+"""Sphinx extension: write the live pages of the gallery, one file each, with the command line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SCENES = ("experiment_2", "experiment_3", "experiment_4")
 
 
 def write_pages(app: Sphinx) -> None:
-    """Write ``_static/live/SCENE.html`` for each scene, if it is not there."""
+    """Write ``_static/live/SCENE.html`` for each scene, unless it exists."""
     folder = Path(app.srcdir) / "_site" / "static" / "live"
     folder.mkdir(exist_ok=True)
     for scene in SCENES:
@@ -25,6 +25,6 @@ def write_pages(app: Sphinx) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Have Sphinx write the pages before it copies what is static."""
+    """Register the extension: pages are written before Sphinx copies static files."""
     app.connect("builder-inited", write_pages)
     return {"parallel_read_safe": True}

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Sphinx extension: pages of the API made from the lists of public names, and links from types and code to them."""
+"""Sphinx extension: write API pages from the lists of public names, and link types and code to them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from sphinx.util.inspect import stringify_signature
 
 ROOT = "warpvis"
 
-# Types of other projects, which signatures name, and where those projects explain them.
+# Documentation of types from other projects that occur in signatures.
 ELSEWHERE = {
     "numpy.ndarray": "https://numpy.org/doc/stable/reference/generated/numpy.ndarray.html",
     "warp.array": "https://nvidia.github.io/warp/modules/runtime.html#arrays",
@@ -39,7 +39,7 @@ ELSEWHERE = {
     "collections.abc.Callable": "https://docs.python.org/3/library/collections.abc.html#collections.abc.Callable",
 }
 
-# Words that signatures use for unions of types, and the module that says what each stands for.
+# Names of unions of types in signatures, and the modules that define them.
 WORDS = {
     "ArrayInput": "warpvis.core.types",
     "PoseLike": "warpvis.core.types",
@@ -71,7 +71,7 @@ _ALIASES = {"np": "numpy", "wp": "warp", "wv": ROOT}
 
 
 def public_modules() -> dict[str, types.ModuleType]:
-    """The modules that list public names, by their dotted names, from the top down."""
+    """Return the modules that list public names, by dotted name, from the top down."""
     found: dict[str, types.ModuleType] = {}
 
     def visit(name: str) -> None:
@@ -90,7 +90,7 @@ def public_modules() -> dict[str, types.ModuleType]:
 
 
 def names_of(module: types.ModuleType) -> list[str]:
-    """The names that a module lists as public; of one without a list, those that it defines."""
+    """Return the public names of a module; without ``__all__``, the names that it defines."""
     listed = getattr(module, "__all__", None)
     if listed is None:
         listed = [name for name, thing in vars(module).items() if getattr(thing, "__module__", "") == module.__name__]
@@ -98,7 +98,7 @@ def names_of(module: types.ModuleType) -> list[str]:
 
 
 def things_of(name: str, module: types.ModuleType) -> Iterator[tuple[str, Any]]:
-    """Public names of a module, dotted, that are no modules themselves, and what they name."""
+    """Yield the dotted public names of a module that are not modules, with their objects."""
     for child in names_of(module):
         thing = getattr(module, child)
         if not isinstance(thing, types.ModuleType):
@@ -118,28 +118,28 @@ def write_pages(app: Sphinx) -> None:
         if file.name not in pages:
             file.unlink()
     for file_name, text in pages.items():
-        # An unchanged file keeps its time, so that a second build has nothing to do.
+        # An unchanged file keeps its modification time, so that a second build has nothing to do.
         file = folder / file_name
         if not file.exists() or file.read_text() != text:
             file.write_text(text)
 
 
 def index_of(modules: dict[str, types.ModuleType]) -> str:
-    """The page from which the others are reached: a row for each module."""
+    """Return the index page, with a row for each module."""
     rows = [f"   * - :doc:`{name} <{name}>`\n     - {first_sentence(module)}" for name, module in modules.items()]
-    rows.append("   * - :doc:`types <types>`\n     - What the words of signatures stand for, such as `ArrayInput`.")
+    rows.append("   * - :doc:`types <types>`\n     - Types in signatures, such as `ArrayInput`.")
     contents = [f"   {name}" for name in (*modules, "types")]
     return "\n".join([
         "API reference", "=============", "",
         "Import the library as ``import warpvis as wv``: ``wv.render`` is here ``warpvis.render``.",
-        "Every public name has one import path, and stands on the page of that module.", "",
+        "Every public name has one import path, and is on the page of that module.", "",
         ".. list-table::", "   :widths: 30 70", "", *rows, "",
         ".. toctree::", "   :hidden:", "", *contents, "",
     ])  # fmt: skip
 
 
 def page_of(name: str, module: types.ModuleType) -> str:
-    """A module's page: what it is for, then its names, classes first."""
+    """Return the page of a module: its description, then its names, classes first."""
     things = list(things_of(name, module))
     lines = [name, "=" * len(name), "", f".. py:module:: {name}", "", first_sentence(module), ""]
     groups = {
@@ -157,8 +157,8 @@ def page_of(name: str, module: types.ModuleType) -> str:
 
 
 def types_page() -> str:
-    """The page of `WORDS`: what each stands for."""
-    lines = ["Types of signatures", "===================", "", "These words are no names to import.", ""]
+    """Return the page of `WORDS`, with their definitions."""
+    lines = ["Types of signatures", "===================", "", "These names cannot be imported.", ""]
     for word, module in sorted(WORDS.items()):
         value, explained = assignment(word, module)
         lines += [f".. py:data:: {word}", f"   :value: {value}", "", *(f"   {line}" for line in explained), ""]
@@ -166,7 +166,7 @@ def types_page() -> str:
 
 
 def data_of(dotted: str, thing: Any) -> list[str]:
-    """A name of data: what stands below it in the source, and its value if that is a number or a type."""
+    """Return the entry of a constant: its docstring, and its value if that is a number or a type."""
     name = dotted.rsplit(".", 1)[-1]
     home = next(module for module in sorted(sys.modules) if name in assignments(module))
     value, explained = assignment(name, home)
@@ -175,13 +175,13 @@ def data_of(dotted: str, thing: Any) -> list[str]:
 
 
 def assignment(name: str, module: str) -> tuple[str, list[str]]:
-    """What a module says that a name is, as it is written there, and the words below."""
+    """Return the source of a name's value in a module, and its docstring."""
     return assignments(module)[name], ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name), [])
 
 
 @functools.cache
 def assignments(module: str) -> dict[str, str]:
-    """The names to which a module of the library assigns, and the texts of their values."""
+    """Return the names that a module of the library assigns, with the source of their values."""
     found: dict[str, str] = {}
     if not module.startswith(f"{ROOT}.") or getattr(sys.modules[module], "__file__", None) is None:
         return found
@@ -194,17 +194,17 @@ def assignments(module: str) -> dict[str, str]:
 
 
 def first_sentence(module: types.ModuleType) -> str:
-    """The first paragraph of a module's docstring."""
+    """Return the first paragraph of a module's docstring."""
     return " ".join((inspect.getdoc(module) or "").split("\n\n")[0].split())
 
 
 def public_name(target: str, public: dict[str, Any]) -> str | None:
-    """The one import path of what a type or a word in backticks names; None if it is not public."""
+    """Return the import path of a type or a word in backticks; None if it is not public."""
     first, _, rest = target.partition(".")
     dotted = f"{_ALIASES.get(first, first)}.{rest}" if rest else first
     if dotted in public or dotted in WORDS:
         return dotted
-    # `Camera`, `Camera.kinect`, or the module in which the class is written.
+    # `Camera`, `Camera.kinect`, or a path in the module that defines the class.
     head, tail = (dotted, "") if "." not in dotted else dotted.rsplit(".", 1)
     for candidate, attribute in ((dotted.rsplit(".", 1)[-1], ""), (head.rsplit(".", 1)[-1], tail)):
         homes = [name for name in public if name.rsplit(".", 1)[-1] == candidate]
@@ -214,14 +214,14 @@ def public_name(target: str, public: dict[str, Any]) -> str | None:
 
 
 def keep_attribute(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Hide an attribute's words from Napoleon, which would read "Its eyes: ..." as a type, until it is done."""
+    """Hide the docstring of an attribute from Napoleon, which would read "Its eyes: ..." as a type."""
     if what in ("attribute", "data", "property") and not any(re.match(r"\w+:$", line) for line in lines):
         app.env.temp_data["warpvis_attribute"] = lines[:]
         lines[:] = [""]
 
 
 def show_attribute(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Put back what `keep_attribute` took."""
+    """Restore the docstring that `keep_attribute` hid."""
     kept = app.env.temp_data.pop("warpvis_attribute", None)
     if kept is not None:
         lines[:] = kept
@@ -230,7 +230,7 @@ def show_attribute(app: Sphinx, what: str, name: str, obj: Any, options: Any, li
 def written_signature(
     app: Sphinx, what: str, name: str, obj: Any, options: Any, args: str | None, result: str | None
 ) -> tuple[str, str] | None:
-    """A signature with the types as the source writes them: evaluated, unions of unions fill the page."""
+    """Return a signature with types as in the source: evaluated unions would fill the page."""
     if args is None or what not in ("class", "function", "method"):
         return None
     signature = inspect.signature(obj)
@@ -246,7 +246,7 @@ def written_signature(
 
 
 def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.TextElement) -> nodes.Node | None:
-    """Link a type to its page here, or at its own project."""
+    """Link a type to its page on this site or on that of its project."""
     if node.get("refdomain") != "py":
         return None
     target = node["reftarget"]
@@ -263,7 +263,7 @@ def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nod
 
 
 def link_code(app: Sphinx, doctree: nodes.document) -> None:
-    """Make links of ``wv.render`` and the like in pages' text."""
+    """Turn code such as ``wv.render`` in pages into links."""
     for literal in list(doctree.findall(nodes.literal)):
         match = re.fullmatch(r"(wv(?:\.\w+)+)(\(.*\))?", literal.astext())
         if match is None or isinstance(literal.parent, (nodes.reference, pending_xref, nodes.title)):
@@ -278,7 +278,7 @@ def link_code(app: Sphinx, doctree: nodes.document) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Tell Sphinx what this extension does, and when."""
+    """Register the extension."""
     app.add_config_value("warpvis_public", {}, "")
     app.connect("builder-inited", write_pages)
     app.connect("autodoc-process-signature", written_signature)
