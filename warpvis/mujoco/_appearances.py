@@ -67,12 +67,12 @@ class GeomAppearances:
         kind, size = int(shape_value(model, "type", geom)), shape_value(model, "size", geom).copy()
         laid = _Laid(kind, shape_data(model, geom), size, shape)
         if material < 0 and not has_normals(kind):  # an appearance of a single color must not keep the model alive
-            return self._kept((rgba,), partial(_of_one_colour, rgba, None))
+            return self._cached((rgba,), partial(_of_one_color, rgba, None))
         if material < 0:
-            return self._kept((rgba, laid.key()), partial(_of_one_colour, rgba, self._normals(laid)))
+            return self._cached((rgba, laid.key()), partial(_of_one_color, rgba, self._normals(laid)))
         if _texture_number(self._materials, material) < 0 and not has_normals(kind):
-            return self._kept((rgba, material), partial(self._make, rgba, material, None))
-        return self._kept((rgba, material, laid.key()), partial(self._make, rgba, material, laid))
+            return self._cached((rgba, material), partial(self._make, rgba, material, None))
+        return self._cached((rgba, material, laid.key()), partial(self._make, rgba, material, laid))
 
     def _normals(self, laid: _Laid) -> Normals:
         """Return a function that computes a shape's normals without a reference to the model."""
@@ -80,7 +80,7 @@ class GeomAppearances:
             return partial(_normals_of, laid, self._stored(laid.data))
         return partial(_normals_of, laid, None)
 
-    def _kept(self, key: tuple[Any, ...], make: Callable[[], Appearance]) -> LazyAppearance:
+    def _cached(self, key: tuple[Any, ...], make: Callable[[], Appearance]) -> LazyAppearance:
         if key not in self._known:
             self._known[key] = LazyAppearance(make)
         return self._known[key]
@@ -129,7 +129,7 @@ def _normals_of(laid: _Laid, stored: Stored | None) -> NDArray[np.float32]:
     return corner_normals(stored, *laid.triangles())
 
 
-def _of_one_colour(rgba: Color, normals: Normals | None) -> Appearance:
+def _of_one_color(rgba: Color, normals: Normals | None) -> Appearance:
     """Make the appearance of a geom without a material; its highlight is MuJoCo's.
 
     See `mjv_initGeom` in engine_vis_visualize.c.

@@ -179,7 +179,7 @@ class BatchRenderer:
         selection = select_geoms(model, geom_groups=groups, site_groups=sites, **chosen)
         warn_of_soft(model, selection, scene_option)
         resized = resizable_geoms(model, selection, resizable)
-        self.mujoco_scene = make_scene(model, selection, movable=movable, device=device, alone=resized)
+        self.mujoco_scene = make_scene(model, selection, movable=movable, device=device, independent=resized)
         if not len(self.scene):
             raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
@@ -197,7 +197,7 @@ class BatchRenderer:
         shapes = self.mujoco_scene.shapes()
         self._coinciding = CoincidingGeoms(model, self.scene, shapes, resizable=self._resizable.objects)
         self._renderers: dict[AnyCamera, GeomRenderer] = {}
-        self._idle: dict[_Key, _Workplace] = {}
+        self._free_workplaces: dict[_Key, _Workplace] = {}
 
     @property
     def scene(self) -> Scene:
@@ -330,17 +330,17 @@ class BatchRenderer:
         if models is None:
             return None
         place.sizes = self._resizable.sizes(models, rows)
-        colours = models.colours(device)
+        colors = models.colors(device)
         if self._appearance is not None:
             models.check_own_colors(self.mujoco_scene.geom_ids)
-        if colours is not None:
-            place.hidden = self._hide(colours, rows, place.eyes.size)
+        if colors is not None:
+            place.hidden = self._hide(colors, rows, place.eyes.size)
         fovy = models.fovy()
         if fovy is not None:
             check_fovy(self.model, fovy)
         return fovy
 
-    def _hide(self, colours: Sequence[wp.array], rows: NDArray[np.int32], views: int) -> wp.array:
+    def _hide(self, colors: Sequence[wp.array], rows: NDArray[np.int32], views: int) -> wp.array:
         """Flag the objects that are hidden in each view."""
         from warpvis.kernels.mujoco import hidden_objects
 
@@ -348,7 +348,7 @@ class BatchRenderer:
         hidden = wp.empty((views, len(self.scene)), dtype=wp.uint8, device=device)
         worlds = wp.array(rows, dtype=wp.int32, device=device)
         geoms = wp.array(self.mujoco_scene.geoms_of_objects(), dtype=wp.int32, device=device)
-        launch(hidden_objects, hidden.shape, [*colours, worlds, geoms, hidden], device)
+        launch(hidden_objects, hidden.shape, [*colors, worlds, geoms, hidden], device)
         return hidden
 
     def geom_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
@@ -451,14 +451,14 @@ class BatchRenderer:
     def _take(self, key: _Key, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> _Workplace:
         """Return unused memory of an earlier call for the same cameras and worlds, or allocate it."""
         try:
-            return self._idle.pop(key)
+            return self._free_workplaces.pop(key)
         except KeyError:
             return self._make_workplace(cameras, worlds)
 
     def _give_back(self, key: _Key, place: _Workplace) -> None:
-        self._idle[key] = place  # the last entry is the most recently used
-        while len(self._idle) > _MAX_PLACES:
-            self._idle.pop(next(iter(self._idle)), None)
+        self._free_workplaces[key] = place  # the last entry is the most recently used
+        while len(self._free_workplaces) > _MAX_PLACES:
+            self._free_workplaces.pop(next(iter(self._free_workplaces)), None)
 
     def _make_workplace(self, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> _Workplace:
         device, count = self.scene.device, len(worlds)
@@ -505,4 +505,4 @@ class BatchRenderer:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for pickling, without scratch memory."""
-        return self.__dict__ | {"_renderers": {}, "_idle": {}}
+        return self.__dict__ | {"_renderers": {}, "_free_workplaces": {}}

@@ -190,7 +190,7 @@ def _image_size(
         raise CameraError("width and height must both be given, or neither for the camera's resolution")
     if width is not None and height is not None:
         return check_size(width, "width"), check_size(height, "height")
-    own = model.cam_resolution[viewer.fixedcamid].tolist() if viewer.type == _FIXED else [1, 1]
-    if own == [1, 1]:  # MuJoCo's default
+    resolution = model.cam_resolution[viewer.fixedcamid].tolist() if viewer.type == _FIXED else [1, 1]
+    if resolution == [1, 1]:  # MuJoCo's default
         raise CameraError("width and height must be given for a camera without a resolution")
-    return own[0], own[1]
+    return resolution[0], resolution[1]

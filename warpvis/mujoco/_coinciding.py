@@ -265,8 +265,8 @@ def _find_planes(
     taken = chosen[plane_of]
     owner, face = triangles.owner[taken], triangles.face[taken]
     faces_of = {int(k): np.sort(face[owner == k]) for k in np.unique(owner) if objects[k].solid is None}
-    for index, some in faces_of.items():
-        if 2 * len(some) > len(objects[index].faces):  # the rest are slivers, whose normals are dominated by rounding
+    for index, faces in faces_of.items():
+        if 2 * len(faces) > len(objects[index].faces):  # the rest are slivers, whose normals are dominated by rounding
             faces_of[index] = np.arange(len(objects[index].faces))
     return {divmod(int(pair), len(objects)): box for pair, box in zip(found, shared, strict=True)}, faces_of
 

@@ -201,7 +201,7 @@ class _LaterWins:
         """Prepare to cast."""
         self._caster, self._scene, self._camera, self._coinciding = caster, scene, camera, coinciding
         self._cull_backfaces, self._threads = cull, threads
-        self._idle: dict[tuple[object, ...], wp.array] = {}
+        self._free_images: dict[tuple[object, ...], wp.array] = {}
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> Any:
         """Check poses and return them in the caster's format."""
@@ -264,10 +264,10 @@ class _LaterWins:
 
     def _take(self, place: int, shape: tuple[int, ...], dtype: type) -> wp.array:
         """Return unused memory."""
-        image = self._idle.pop((place, shape, self._stream()), None)
+        image = self._free_images.pop((place, shape, self._stream()), None)
         return wp.empty(shape, dtype=dtype, device=self._scene.device) if image is None else image
 
     def _give_back(self, place: int, image: wp.array) -> None:
-        self._idle[place, image.shape, self._stream()] = image
-        while len(self._idle) > _MAX_SCRATCH:
-            self._idle.pop(next(iter(self._idle)), None)
+        self._free_images[place, image.shape, self._stream()] = image
+        while len(self._free_images) > _MAX_SCRATCH:
+            self._free_images.pop(next(iter(self._free_images)), None)

@@ -93,14 +93,14 @@ def shown_geoms(model: mujoco.MjModel, groups: Sequence[int], site_groups: Seque
 
 
 def rigid_pieces(
-    model: mujoco.MjModel, *, loose_bodies: Iterable[int] = (), alone: Iterable[int] = ()
+    model: mujoco.MjModel, *, loose_bodies: Iterable[int] = (), independent: Iterable[int] = ()
 ) -> NDArray[np.int32]:
     """Assign piece numbers, ``(shapes,)``: geoms that move together share a number; static geoms have `FIXED`.
 
     Args:
         model: The model.
         loose_bodies: Bodies that are welded to the world but movable, each a piece.
-        alone: Geoms that move independently of their bodies.
+        independent: Geoms that move independently of their bodies.
     """
     # The number of a piece is that of a body; body_weldid is 0 for the world body and for mocap bodies.
     piece_of_body = np.where(np.asarray(model.body_weldid) > 0, model.body_weldid, np.arange(model.nbody))
@@ -108,7 +108,7 @@ def rigid_pieces(
     loose = list(loose_bodies)
     piece_of_body[loose] = loose
     pieces: NDArray[np.int32] = piece_of_body[shape_bodies(model)].astype(np.int32)
-    single = list(alone)
+    single = list(independent)
     pieces[single] = model.nbody + np.array(single, dtype=np.int32)
     return pieces
 
@@ -175,8 +175,8 @@ def _is_opaque(model: mujoco.MjModel, geom: int) -> bool:
 
 def has_opacity(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> bool:
     """Return whether a color with a material (-1 for no material) is not fully transparent."""
-    own = material < 0 or rgba.tolist() != [0.5, 0.5, 0.5, 1.0]
-    return bool((rgba[3] if own else model.mat_rgba[material][3]) != 0)
+    uses_geom_color = material < 0 or rgba.tolist() != [0.5, 0.5, 0.5, 1.0]
+    return bool((rgba[3] if uses_geom_color else model.mat_rgba[material][3]) != 0)
 
 
 def _infinite(model: mujoco.MjModel) -> float:

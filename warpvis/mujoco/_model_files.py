@@ -161,9 +161,9 @@ def _all_elements(
                 found = _find(path, name, search_path)
                 if found is not None:
                     include[name] = found.read_bytes()
-                beside = path.parent / name
-                if found is not None or is_file(beside):
-                    pending.append(_parse_part(found or beside))
+                sibling = path.parent / name
+                if found is not None or is_file(sibling):
+                    pending.append(_parse_part(found or sibling))
 
 
 def _require_assets(path: Path, root: ElementTree.Element, search_path: Sequence[Path]) -> None:

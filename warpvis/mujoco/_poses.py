@@ -358,11 +358,11 @@ class Kinematics:
 
 def _changeable(model: mujoco.MjModel, changes: Collection[str]) -> mujoco.MjModel:
     """Copy a model so that the given fields can be changed."""
-    own = copy.copy(model)
+    copied = copy.copy(model)
     if "geom_pos" in changes or "geom_quat" in changes:
         # MuJoCo skips the poses of geoms that the compiler marked as having their body's frame.
-        own.geom_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-    return own
+        copied.geom_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    return copied
 
 
 def viewer_transforms(

@@ -176,7 +176,7 @@ class Rangefinders:
         if hasattr(poses, "geom_xpos"):
             source = cast("PoseSource", poses)
             ids = {"site": self._rays["site"], "cam": self._rays["camera"]}
-            check_computed(source, ("geom", *(kind for kind, some in ids.items() if (some >= 0).any())))
+            check_computed(source, ("geom", *(kind for kind, numbers in ids.items() if (numbers >= 0).any())))
             return source, isinstance(poses, mujoco.MjData)
         joints = as_numpy(cast("ArrayInput", poses), name="poses")
         return self._kinematics.from_qpos(joints), joints.ndim == 1
@@ -235,11 +235,11 @@ def _pixel_rays(model: mujoco.MjModel, camera: int) -> tuple[NDArray[np.float64]
         # Both half sides are fovy / 2, whatever the image's aspect.
         places = np.stack([right.ravel() / width - 0.5, up.ravel() / height - 0.5, zero], axis=-1) * [fovy, fovy, 1]
         return places, np.tile([0.0, 0.0, -1.0], (len(zero), 1))
-    focal, centre = np.full(2, 0.5 / np.tan(np.radians(fovy) / 2) * height), size / 2
+    focal, center = np.full(2, 0.5 / np.tan(np.radians(fovy) / 2) * height), size / 2
     if sensor.all():
-        focal, centre = model.cam_intrinsic[camera].reshape(2, 2).astype(np.float64) / sensor * size
-        centre[1] = height - centre[1]
-    x, y = (right.ravel() - centre[0]) / focal[0], (up.ravel() - centre[1]) / focal[1]
+        focal, center = model.cam_intrinsic[camera].reshape(2, 2).astype(np.float64) / sensor * size
+        center[1] = height - center[1]
+    x, y = (right.ravel() - center[0]) / focal[0], (up.ravel() - center[1]) / focal[1]
     rays = np.stack([x, y, zero - 1], axis=-1)
     return np.zeros_like(rays), rays / np.linalg.norm(rays, axis=1, keepdims=True)
 

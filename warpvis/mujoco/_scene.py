@@ -151,11 +151,16 @@ def scene_from_mujoco(
 
 
 def make_scene(
-    model: mujoco.MjModel, selection: Selection, *, movable: Movable, device: DeviceLike, alone: Iterable[int] = ()
+    model: mujoco.MjModel,
+    selection: Selection,
+    *,
+    movable: Movable,
+    device: DeviceLike,
+    independent: Iterable[int] = (),
 ) -> MujocoScene:
-    """Build the scene of `scene_from_mujoco` without warnings; the geoms in `alone` move independently."""
+    """Build the scene of `scene_from_mujoco` without warnings; the geoms in `independent` move independently."""
     pieces = _choose_pieces(model, selection.names, movable)
-    single = list(alone)
+    single = list(independent)
     pieces[single] = model.nbody + np.array(single, dtype=np.int32)
     scene = Scene(device=device)
     scene.use_labels(selection.rules)
@@ -252,18 +257,18 @@ def _choose_pieces(model: mujoco.MjModel, names: list[str], movable: Movable) ->
     """Return the number of the rigid piece of each shape, ``(shapes,)``, by the argument of `scene_from_mujoco`."""
     if isinstance(movable, str):
         check_choice(movable, "movable", ("bodies", "all"), SceneError)
-        return rigid_pieces(model, alone=range(len(shape_bodies(model))) if movable == "all" else ())
+        return rigid_pieces(model, independent=range(len(shape_bodies(model))) if movable == "all" else ())
     patterns = check_patterns(movable, "movable")
     fixed, bodies = rigid_pieces(model) == FIXED, shape_bodies(model)
-    alone, loose = set(), set()
+    independent, loose = set(), set()
     for pattern in patterns:
         for geom in fitting(model, names[: len(bodies)], pattern, "movable"):
             body = int(bodies[geom])
             if fixed[geom] and body and fits(model.body(body).name, (pattern,)):
                 loose.add(body)
             elif fixed[geom]:
-                alone.add(geom)
-    return rigid_pieces(model, loose_bodies=loose, alone=alone)
+                independent.add(geom)
+    return rigid_pieces(model, loose_bodies=loose, independent=independent)
 
 
 def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str = "classes") -> NDArray[np.int32]:

@@ -78,7 +78,7 @@ class Stage:
         self._sites = bool(model.nsite and selection.site_groups)
         self._spare = mujoco.MjData(model)
         self._loose_bodies: set[int] = set()
-        self._alone: set[int] = set()
+        self._independent: set[int] = set()
         pieces, self._poses = rigid_pieces(model), initial_poses(model, self._spare)
         """Geom-to-world poses from which the objects were built, ``(ngeom, 4, 4)``."""
         self._made: dict[int, _Made] = {}
@@ -221,7 +221,7 @@ class Stage:
         moved = (np.abs(position - made[:, :3, 3]) > _STILL).any(axis=1)
         moved |= (np.abs(rotation.reshape(-1, 3, 3) - made[:, :3, :3]) > _STILL).any(axis=(1, 2))
         if moved.any():
-            self._alone.update(self._fixed[moved].tolist())
+            self._independent.update(self._fixed[moved].tolist())
             self._replace(set(), set(), initial_poses(self._model, self._spare))
         else:
             self._fixed_before = [bytearray(now.tobytes()) for now in self._fixed_now]
@@ -232,16 +232,16 @@ class Stage:
         moved = fixed[_differs(poses[fixed], self._poses[fixed])]
         bodies = shape_bodies(self._model)[moved]
         self._loose_bodies.update(bodies[bodies != 0].tolist())
-        self._alone.update(moved[bodies == 0].tolist())
+        self._independent.update(moved[bodies == 0].tolist())
         now, before = (np.linalg.inv(p[self._parents]) @ p[self._attached] for p in (poses, self._poses))
-        self._alone.update(self._attached[_differs(now, before)].tolist())
+        self._independent.update(self._attached[_differs(now, before)].tolist())
 
     def _deform(self, geoms: Iterable[int]) -> set[int]:
         """Update the vertices of geoms with separate trees and unchanged faces; return these geoms."""
         done, objects = set(), dict(zip(self._made, self.scene.objects, strict=False))
-        alone = [geom for geom in geoms if objects[geom].points is not None]
-        pieces = rigid_pieces(self._model, loose_bodies=self._loose_bodies, alone=self._alone)
-        for geom, part in self._parts(alone, pieces, self._poses):
+        independent = [geom for geom in geoms if objects[geom].points is not None]
+        pieces = rigid_pieces(self._model, loose_bodies=self._loose_bodies, independent=self._independent)
+        for geom, part in self._parts(independent, pieces, self._poses):
             if not isinstance(part.mesh, Solid) and np.array_equal(part.mesh[1], objects[geom].faces):
                 self.scene.update_vertices(part.name, part.mesh[0])
                 self._made[geom] = self._made[geom]._replace(shape=shape_key(self._model, geom))
@@ -252,10 +252,10 @@ class Stage:
 
     def _replace(self, reshaped: set[int], new: set[int], poses: NDArray[np.float64]) -> None:
         """Rebuild the objects of geoms that changed, or that are now in another rigid piece."""
-        old = rigid_pieces(self._model, loose_bodies=self._loose_bodies, alone=self._alone)
+        old = rigid_pieces(self._model, loose_bodies=self._loose_bodies, independent=self._independent)
         occupied = {made.piece for made in self._made.values()} - {FIXED}
-        self._alone |= reshaped | {geom for geom in new if int(old[geom]) in occupied}
-        pieces = rigid_pieces(self._model, loose_bodies=self._loose_bodies, alone=self._alone)
+        self._independent |= reshaped | {geom for geom in new if int(old[geom]) in occupied}
+        pieces = rigid_pieces(self._model, loose_bodies=self._loose_bodies, independent=self._independent)
         gone = {geom for geom, made in self._made.items() if made.piece != pieces[geom]}
         left = {self._made[geom].piece for geom in gone & set(self._parents.tolist())}
         affected = reshaped | new | gone | {geom for geom, made in self._made.items() if made.piece in left}

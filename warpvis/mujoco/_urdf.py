@@ -114,14 +114,14 @@ def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[P
         if mesh is not None:
             asset.file = ""
             asset.uservert, asset.userface = mesh.vertices.ravel(), mesh.faces.ravel()
-    own = []
+    uncolored_geoms = []
     for geom in spec.geoms:
         if geom.name in uncolored:
             geom.name = uncolored[geom.name]
             mesh = meshes.get(geom.meshname)
-            own += [(geom, mesh)] if mesh is not None and mesh.appearance is not None else []
+            uncolored_geoms += [(geom, mesh)] if mesh is not None and mesh.appearance is not None else []
     model = spec.compile()
-    appearances = {geom.id: _compiled_appearance(model, geom.id, mesh) for geom, mesh in own}
+    appearances = {geom.id: _compiled_appearance(model, geom.id, mesh) for geom, mesh in uncolored_geoms}
     return CompiledRobot(model, groups, appearances, found.left_out(), found.warnings)
 
 

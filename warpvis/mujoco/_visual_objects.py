@@ -133,8 +133,8 @@ class VisualObjects:
         number = drawn_number(self._model, key.kind, key.which)
         if number is None:
             return f"{mujoco.mju_type2Str(key.kind) or 'mark'}_{key.which}_{key.part}"
-        own = self._selection.names[number]
-        return own if key.part in MAIN_PARTS else f"{own}_{key.part}"
+        name = self._selection.names[number]
+        return name if key.part in MAIN_PARTS else f"{name}_{key.part}"
 
     def _label(self, key: VisualKey) -> int:
         number = drawn_number(self._model, key.kind, key.which)

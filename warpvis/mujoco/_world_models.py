@@ -17,11 +17,11 @@ from warpvis.errors import ArrayError
 
 POSE_FIELDS = ("body_pos", "body_quat", "geom_pos", "geom_quat", "cam_pos", "cam_quat")
 """Fields that determine poses for given joint positions; given poses already include them."""
-_COLOUR_FIELDS = {"geom_rgba": wp.vec4, "geom_matid": wp.int32, "mat_rgba": wp.vec4}
+_COLOR_FIELDS = {"geom_rgba": wp.vec4, "geom_matid": wp.int32, "mat_rgba": wp.vec4}
 # Worlds share meshes and lenses, so these fields must be equal.
 _SHARED_FIELDS = ("geom_dataid", "cam_intrinsic")
 _DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
-_KNOWN = (*POSE_FIELDS, "cam_fovy", *_COLOUR_FIELDS, "geom_size")
+_KNOWN = (*POSE_FIELDS, "cam_fovy", *_COLOR_FIELDS, "geom_size")
 
 
 class WorldModels:
@@ -62,17 +62,17 @@ class WorldModels:
             self._check_worlds(name, value)
         return value
 
-    def colours(self, device: wp.Device) -> list[wp.array] | None:
+    def colors(self, device: wp.Device) -> list[wp.array] | None:
         """Return colors and materials of geoms, and colors of materials; None for the model's."""
-        if not any(name in self._given for name in _COLOUR_FIELDS):
+        if not any(name in self._given for name in _COLOR_FIELDS):
             return None
         arrays = []
-        for name, dtype in _COLOUR_FIELDS.items():
-            own = getattr(self._model, name)
+        for name, dtype in _COLOR_FIELDS.items():
+            default = getattr(self._model, name)
             value = self._given.get(name)
-            value = own[None] if value is None else value
+            value = default[None] if value is None else value
             self._check_worlds(name, value)
-            arrays.append(as_warp(value, dtype, ("W", len(own)), name=name, device=device))
+            arrays.append(as_warp(value, dtype, ("W", len(default)), name=name, device=device))
             if not on_gpu(value):
                 rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
                 self._check_values(name, rows)
@@ -99,7 +99,7 @@ class WorldModels:
         Raises:
             ArrayError: If colors or materials differ, or arrays are on a GPU, where they are not compared.
         """
-        names = [name for name in _COLOUR_FIELDS if name in self._given]
+        names = [name for name in _COLOR_FIELDS if name in self._given]
         if not names:
             return
         far = [name for name in names if on_gpu(self._given[name])]
@@ -108,10 +108,12 @@ class WorldModels:
                 f"{far[0]} must be in host memory, or omitted, for the outputs color and albedo: these "
                 "show the model's colors, and arrays on a GPU are not compared with them"
             )
-        own = _effective(self._model.geom_rgba[None], self._model.geom_matid[None], self._model.mat_rgba[None], geoms)
-        rows = [self._rows(name) for name in _COLOUR_FIELDS]
+        expected = _effective(
+            self._model.geom_rgba[None], self._model.geom_matid[None], self._model.mat_rgba[None], geoms
+        )
+        rows = [self._rows(name) for name in _COLOR_FIELDS]
         colors, materials = _effective(rows[0], rows[1], rows[2], geoms)
-        other = (colors[..., :3] != own[0][..., :3]).any(axis=-1) | (materials != own[1])
+        other = (colors[..., :3] != expected[0][..., :3]).any(axis=-1) | (materials != expected[1])
         bad = np.argwhere(other & (colors[..., 3] != 0))
         if len(bad):
             world, place = bad[0].tolist()
@@ -124,10 +126,12 @@ class WorldModels:
 
     def _rows(self, name: str) -> NDArray[Any]:
         """Return colors or materials of worlds on the host, shape ``(1 or W, ...)``, in MuJoCo's dtype."""
-        own = getattr(self._model, name)
+        default = getattr(self._model, name)
         value = self._given.get(name)
-        value = own[None] if value is None else value
-        return np.asarray(value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name), dtype=own.dtype)
+        value = default[None] if value is None else value
+        return np.asarray(
+            value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name), dtype=default.dtype
+        )
 
     def _check_shared(self, name: str) -> None:
         """Raise an `ArrayError` if a shared field differs from the model; arrays on a GPU are not compared."""
@@ -138,18 +142,18 @@ class WorldModels:
 
     def _is_own(self, name: str, value: Any) -> bool:
         """Return whether a host array equals the model's in every world, in single precision."""
-        rows, own = as_numpy(value, name=name), getattr(self._model, name)
-        return rows.shape[1:] == own.shape and np.array_equal(
-            rows.astype(np.float32), np.broadcast_to(own.astype(np.float32), rows.shape)
+        rows, default = as_numpy(value, name=name), getattr(self._model, name)
+        return rows.shape[1:] == default.shape and np.array_equal(
+            rows.astype(np.float32), np.broadcast_to(default.astype(np.float32), rows.shape)
         )
 
     def _host(self, name: str) -> NDArray[np.float64]:
         """Return an array on the host, with quaternions normalized."""
         value = self._given[name]
         rows = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
-        own = getattr(self._model, name).shape
-        if rows.dtype.kind not in "fiu" or rows.shape[1:] != own or not len(rows):
-            wanted = ", ".join(map(str, ("W", *own)))
+        shape = getattr(self._model, name).shape
+        if rows.dtype.kind not in "fiu" or rows.shape[1:] != shape or not len(rows):
+            wanted = ", ".join(map(str, ("W", *shape)))
             raise ArrayError(f"{name} must be numbers of shape ({wanted}), got {rows.dtype} of shape {rows.shape}")
         self._check_worlds(name, rows)
         if not np.isfinite(rows).all():

@@ -80,9 +80,9 @@ def _astra(node: Node) -> Node:
         where = _axes(node, place[0] + forward, place[1], place[2] + up)
         box = _box(node, [abs(side) for side in _axes(node, *size)])
         parts.append(new_node(node, "Pose", {"translation": [*where], "children": [box]}))
-    colour: dict[str, Value] = {"name": [f"{name} rgb"]}
-    for kind, left, more in (("Camera", 0.011, colour), ("RangeFinder", 0.037, ranges)):
-        where = _axes(node, 0.02 + forward, left, 0.007 + up)
+    color: dict[str, Value] = {"name": [f"{name} rgb"]}
+    for kind, offset, more in (("Camera", 0.011, color), ("RangeFinder", 0.037, ranges)):
+        where = _axes(node, 0.02 + forward, offset, 0.007 + up)
         parts.append(new_node(node, kind, {**camera, **more, "translation": [*where]}))
     fields: dict[str, Value] = {"name": [name], "children": parts}
     return new_node(node, "Solid", {**_placed(node), **fields}, node.name)

@@ -139,7 +139,7 @@ def read_device(
     notes: list[str] = []
     width, height = (_size(node, name, notes) for name in ("width", "height"))
     projection = _projection(node, notes)
-    near, least, greatest = read_ranges(node, measures, notes)
+    near, min_range, max_range = read_ranges(node, measures, notes)
     noise, resolution = node.number("noise", 0.0), node.number("resolution", -1.0)
     if node.type == "Camera" and measures:
         noise, resolution = node.number("rangeNoise", noise), node.number("rangeResolution", resolution)
@@ -160,8 +160,8 @@ def read_device(
         height=height,
         fov=read_field_of_view(node, projection, notes),
         near=near,
-        min_range=least,
-        max_range=greatest,
+        min_range=min_range,
+        max_range=max_range,
         projection=projection,
         noise=noise,
         resolution=resolution,
@@ -216,18 +216,18 @@ def read_ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, fl
             far = near + 1
         return near, near, far if far > 0 else math.inf
     # Range finders that are a type of Camera measured from `near` on.
-    least = node.number("minRange", near if node.type == "Camera" else 0.01)
-    if least <= 0:
-        notes.append(correction(node, "minRange", least, near))
-        least = near
-    if near > least:
-        notes.append(correction(node, "near", near, least))
-        near = least
-    greatest = node.number("maxRange", 1.0)
-    if greatest <= least:
-        notes.append(correction(node, "maxRange", greatest, least + 1))
-        greatest = least + 1
-    return near, least, greatest
+    lower = node.number("minRange", near if node.type == "Camera" else 0.01)
+    if lower <= 0:
+        notes.append(correction(node, "minRange", lower, near))
+        lower = near
+    if near > lower:
+        notes.append(correction(node, "near", near, lower))
+        near = lower
+    upper = node.number("maxRange", 1.0)
+    if upper <= lower:
+        notes.append(correction(node, "maxRange", upper, lower + 1))
+        upper = lower + 1
+    return near, lower, upper
 
 
 def _lens(node: Node | None) -> Lens | None:

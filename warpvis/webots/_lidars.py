@@ -209,7 +209,7 @@ def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.flo
     notes: list[str] = []
     projection = _projection(node, notes)
     fov = read_field_of_view(node, projection, notes, 1.5708)
-    near, least, greatest = read_ranges(node, True, notes)
+    near, min_range, max_range = read_ranges(node, True, notes)
     resolution = node.number("resolution", -1.0)
     if resolution <= 0 and resolution != -1:
         notes.append(correction(node, "resolution", resolution, -1))
@@ -233,8 +233,8 @@ def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.flo
         rotates=rotates,
         projection=projection,
         near=near,
-        min_range=least,
-        max_range=greatest,
+        min_range=min_range,
+        max_range=max_range,
         noise=node.number("noise", 0.0),
         resolution=resolution,
         frequency=_frequency(node, notes),

@@ -84,7 +84,7 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
         FileFormatError: If a field of the Recognition node has a wrong type.
     """
     device, node = _recognising(world, camera_name)
-    reach, most, occlusion = _limits(node)
+    reach, max_objects, occlusion = _limits(node)
     groups = {name: names for name, (_, names) in world.recognisable.items() if names}
     if not groups:
         return []
@@ -108,7 +108,7 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
         middle, lengths = box.middle[[1, 2, 0]] * (-1, -1, 1), box.size[[1, 2, 0]]
         found.append(Recognised(name, names, middle, lengths, place, size, silhouette, pixels, colors))
     found.sort(key=lambda item: item.image_size[0] * item.image_size[1], reverse=True)
-    return found if most < 0 else found[:most]
+    return found if max_objects < 0 else found[:max_objects]
 
 
 def _detected(
@@ -205,7 +205,7 @@ def _recognising(world: WebotsWorld, name: str) -> tuple[Device, Node]:
 
 def _limits(node: Node) -> tuple[float, int, int]:
     """Read `maxRange`, `maxObjects` and `occlusion`, reset as Webots resets them."""
-    reach, most = node.number("maxRange", 100.0), node.integer("maxObjects", -1)
+    reach, max_objects = node.number("maxRange", 100.0), node.integer("maxObjects", -1)
     value = node.fields.get("occlusion")
     if isinstance(value, list) and value and isinstance(value[0], bool):  # TRUE or FALSE in early releases
         occlusion = node.integer("occlusionAccuracy", 1) if node.flag("occlusion", True) else 0
@@ -214,13 +214,13 @@ def _limits(node: Node) -> tuple[float, int, int]:
     notes = []
     if reach <= 0:
         notes.append(correction(node, "maxRange", reach, 100))
-    if most < 1 and most != -1:
-        notes.append(correction(node, "maxObjects", most, -1))
+    if max_objects < 1 and max_objects != -1:
+        notes.append(correction(node, "maxObjects", max_objects, -1))
     if occlusion not in (0, 1, 2):
         notes.append(correction(node, "occlusion", occlusion, 1))
     for note in notes:
         warnings.warn(note, stacklevel=3)
-    return reach if reach > 0 else 100.0, max(most, -1) or -1, occlusion if occlusion in (0, 1, 2) else 1
+    return reach if reach > 0 else 100.0, max(max_objects, -1) or -1, occlusion if occlusion in (0, 1, 2) else 1
 
 
 def _camera(device: Device, near: float, far: float) -> Camera | WideCamera:
