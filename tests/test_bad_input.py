@@ -458,7 +458,7 @@ COMMANDS = {
     "no device": ("render box.stl --poses poses.txt --out o --device cuda:9", "device 'cuda:9' is not on this machine"),
     "a file for a folder": (
         "render box.stl --poses poses.txt --out file",
-        "warpvis: file: is a file; a dataset needs a folder",
+        "warpvis: file: is a file, but a dataset must be a folder",
     ),
     "demo on no device": ("demo --out o --device tpu", "device 'tpu' is not on this machine"),
     "demo into a file": ("demo --out file", "warpvis: file: must be a folder, but is a file"),

@@ -101,7 +101,7 @@ def test_the_renderer_of_frames_alone():
     assert batch["masks"].shape == (4, 1, 24, 32) and batch["visible_box"].shape == (4, 1, 4)
     again = renderer({"camera_to_world": make_poses(2)})
     np.testing.assert_array_equal(again["depth"], wv.render(make_scene(), CAMERA, make_poses(2)).depth.numpy())
-    with pytest.raises(wv.errors.ArrayError, match="a batch must hold camera_to_world, got poses"):
+    with pytest.raises(wv.errors.ArrayError, match="batch must contain camera_to_world, got poses"):
         renderer({"poses": make_poses(2)})
     with pytest.raises(wv.errors.ArrayError, match=r"outputs must be some of depth, .*visibility, got colour"):
         FrameRenderer(make_scene(), CAMERA, outputs=("colour",))
@@ -162,11 +162,13 @@ def test_several_processes(tmp_path, monkeypatch, whole):
 
     shutil.rmtree(tmp_path / "out" / "shards")
     (tmp_path / "out" / "shards").write_text("in the way")
-    with pytest.raises(wv.errors.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are whole"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are complete"):
         run(tmp_path / "out", device="cpu", resume=True)
 
     monkeypatch.setattr(local, "_work", die_soon)
-    with pytest.raises(wv.WarpvisError, match=r"the process for cpu ended with exit code 7; 0 of 7 shards are whole"):
+    with pytest.raises(
+        wv.WarpvisError, match=r"the process for cpu ended with exit code 7; 0 of 7 shards are complete"
+    ):
         run(tmp_path / "other", device="cpu")
 
 
@@ -199,7 +201,10 @@ BAD = {
     "engine": ({"engine": "spark"}, 'engine must be "local" or "ray", got \'spark\''),
     "output": ({"outputs": ["colour"]}, "outputs must be some of depth, .*, got colour"),
     "no output": ({"outputs": []}, "outputs must be some of .*, got none"),
-    "unfit output": ({"format": "tum", "outputs": ["labels"]}, "format 'tum' holds depth; it cannot hold 'labels'"),
+    "unfit output": (
+        {"format": "tum", "outputs": ["labels"]},
+        "outputs must be from depth for format 'tum', got 'labels'",
+    ),
     "option": ({"options": {"speed": 3}}, "format 'npz' has no option 'speed'; its options: none"),
     "shards": ({"shard_frames": 0}, "shard_frames must be a whole number from 1 up, got 0"),
     "object": ({"objects": ["cat"], "outputs": ["visibility"]}, "the scene has no object 'cat'"),
@@ -207,7 +212,10 @@ BAD = {
     "no scene": ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
     "no camera": ({"camera": "kinect"}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got str"),
     "device": ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
-    "objects that do not move": ({"frames": moving_frames()}, "poses of 1 object, and the scene has 0 that are mov"),
+    "objects that do not move": (
+        {"frames": moving_frames()},
+        "frames must have poses of the 0 movable objects of the scene, got 1",
+    ),
     "threads": ({"threads": 0}, "threads must be a whole number from 1 up"),
 }
 

@@ -385,7 +385,7 @@ def test_depth_that_16_bits_cannot_hold_is_told(tmp_path):
     plan = dataclasses.replace(plan, camera=dataclasses.replace(CAMERA, far=20.0))
     files = write(tmp_path, scene, plan)
     ((message, count),) = files.warnings.items()
-    assert count == WIDTH * HEIGHT and "16 bits of 0.1 mm cannot hold" in message
+    assert count == WIDTH * HEIGHT and "does not fit into 16 bits of 0.1 mm" in message
     info = read_json(tmp_path / "train/000000/scene_gt_info.json")[0][0]
     assert info["px_count_valid"] == 0 and info["visib_fract"] == pytest.approx(1 / 9)
 
@@ -406,13 +406,13 @@ def test_many_frames_in_few_worlds(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"outputs": ("depth",)}, "format 'bop' needs the outputs depth and visibility, got only depth"),
+        ({"outputs": ("depth",)}, "outputs must be depth and visibility for format 'bop', got only depth"),
         (
             {"chosen": ()},
-            "give some that label with labels=, or name some with objects=",
+            "Assign that label with labels= or choose objects with objects= to",
         ),
-        ({"exclude": (2,)}, "format 'bop' cannot annotate 'ball', which is excluded from all frames"),
-        ({"options": {"scale": 1}}, "format 'bop' has no option 'scale'; its options: delta=0.015 metres, "),
+        ({"exclude": (2,)}, "objects must not be excluded for format 'bop', got 'ball' in exclude"),
+        ({"options": {"scale": 1}}, "format 'bop' has no option 'scale'; its options: delta=0.015 meters, "),
         ({"options": {"delta": -1}}, "option delta must be a positive number, got -1"),
         ({"options": {"depth_scale": "0"}}, "option depth_scale must be a positive number, got '0'"),
         ({"options": {"depth_scale": "mm"}}, "option depth_scale must be a positive number, got 'mm'"),

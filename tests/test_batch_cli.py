@@ -58,7 +58,7 @@ def test_one_is_no_plural_and_a_file_is_no_folder(workspace):
     (workspace / "one" / "shards" / "000000.json").unlink()
     assert verify("one").problems[0] == "1 of 1 shard is missing: 0"
     for out in ("file", "file/below"):
-        with pytest.raises(wv.errors.FileFormatError, match=r"^file: is a file; a dataset needs a folder$"):
+        with pytest.raises(wv.errors.FileFormatError, match=r"^file: is a file, but a dataset must be a folder$"):
             wv.render_batch(*given, out)
     with pytest.warns(UserWarning, match=r"^1 of 2 frames sees nothing$"):
         wv.render_batch(*given[:2], [given[2][0], wv.look_at((0, 0, 0), (1, 0, 0))], "two")
@@ -73,7 +73,7 @@ def test_a_job_from_the_command_line(workspace):
     before = tree(workspace / "out")
     second = cli(*job)
     assert second.returncode == 2
-    assert "out: holds a complete dataset; give a new or an empty folder" in second.stderr
+    assert "out: contains a complete dataset. Pass a new or an empty folder." in second.stderr
     assert "Traceback" not in second.stderr
     third = cli(*job, "--resume")
     assert third.returncode == 0 and "nothing was left to do" in third.stdout
@@ -137,9 +137,9 @@ BAD = {
     "missing": ({"poses": "nowhere.txt"}, r"^nowhere.txt: no such file"),
     "spec": ({"poses": "orbit target=0,0,0 speed=3"}, "speed"),
     "no scene": ({"file": "nowhere.glb"}, "^nowhere.glb: no such file"),
-    "folder": ({"out": "taken"}, r"taken: holds something else \(thesis.tex\)"),
-    "resumed folder": ({"out": "taken", "resume": True}, r"taken: holds something else \(thesis.tex\)"),
-    "file": ({"out": "file"}, "file: is a file; a dataset needs a folder"),
+    "folder": ({"out": "taken"}, r"taken: contains other files \(thesis.tex\)"),
+    "resumed folder": ({"out": "taken", "resume": True}, r"taken: contains other files \(thesis.tex\)"),
+    "file": ({"out": "file"}, "file: is a file, but a dataset must be a folder"),
     "format": ({"format": "tiff"}, "^format must be one of npz, zarr, .*, got 'tiff'"),
     "output": ({"outputs": ("depth,colour",)}, "^outputs must be some of depth, .*, got colour"),
     "option": ({"option": ("fast",)}, "^--option must be given as KEY=VALUE, .*, got 'fast'"),
@@ -191,7 +191,7 @@ def test_bad_input_exits_2(workspace):
 
 
 def test_what_is_no_dataset_is_not_verified(workspace):
-    with pytest.raises(wv.errors.FileFormatError, match=r"taken: is no dataset: it has no manifest.json of warpvis"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"taken: is not a dataset: it has no manifest.json of warpvis"):
         Verify("taken").run()
 
 
@@ -201,7 +201,9 @@ def test_what_is_no_dataset_is_not_verified(workspace):
 )
 def test_a_manifest_that_does_not_say_what_there_is_is_not_verified(tmp_path, manifest):
     (tmp_path / "manifest.json").write_text(json.dumps({"warpvis_dataset": 1, **manifest}))
-    with pytest.raises(wv.errors.FileFormatError, match=r"is no dataset: its manifest.json does not say what it holds"):
+    with pytest.raises(
+        wv.errors.FileFormatError, match=r"is not a dataset: its manifest.json does not define the contents"
+    ):
         Verify(str(tmp_path)).run()
 
 

@@ -46,7 +46,7 @@ def test_millimetres_are_named(tmp_path):
     # The cameras are 3 m from the origin, inside of the plate.
     assert said == [
         "12 of 12 frames see nothing: the scene spans 305 x 304 x 26 m, near is 0.3 m, far is 4.5 m; "
-        "are its units millimetres (a scale of 0.001)?"
+        "are its units millimeters (a scale of 0.001)?"
     ]
     assert summary.empty_frames == summary.frames == 12
 
@@ -54,10 +54,10 @@ def test_millimetres_are_named(tmp_path):
 @pytest.mark.parametrize(
     ("size", "camera", "hint"),
     [
-        (4, CAMERA, "do the cameras look away from it, because their axes are others than was said"),
-        (0.1, replace(CAMERA, near=2.0), "it is smaller than that: are its units others than metres?"),
+        (4, CAMERA, "do the cameras point away from it because convention does not match their axes"),
+        (0.1, replace(CAMERA, near=2.0), "it is smaller than that: are its units not meters?"),
         (0.5, replace(CAMERA, far=0.5), "near is 0.3 m, far is 0.5 m; the nearest camera is 2.76 m away from it"),
-        (0.5, replace(CAMERA, far=np.inf), "near is 0.3 m; do the cameras look away from it"),
+        (0.5, replace(CAMERA, far=np.inf), "near is 0.3 m; do the cameras point away from it"),
     ],
 )
 def test_other_reasons(tmp_path, size, camera, hint):

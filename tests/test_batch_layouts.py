@@ -354,9 +354,9 @@ def test_trimesh_reads_ply(tmp_path, rendered):
     assert [item["name"] for item in names["object"]] == ["floor", "ball", "box"]
 
 
-@pytest.mark.parametrize("organised", [True, "true"])
-def test_organised_ply_has_a_point_a_pixel(tmp_path, rendered, organised):
-    write(tmp_path, rendered, "ply", outputs=("points", "segmentation"), options={"organised": organised})
+@pytest.mark.parametrize("organized", [True, "true"])
+def test_organized_ply_has_a_point_a_pixel(tmp_path, rendered, organized):
+    write(tmp_path, rendered, "ply", outputs=("points", "segmentation"), options={"organized": organized})
     images = rendered["z"][2]
     path = tmp_path / "clouds" / frame_file(4, ".ply")
     data = trimesh.load(path, process=False).metadata["_ply_raw"]["vertex"]["data"]
@@ -426,42 +426,46 @@ BAD_PLANS = {
     "png normals": (
         "png",
         {"outputs": ("depth", "normals")},
-        "'png' holds depth, labels, reasons, segmentation, true_depth, not normals",
+        "depth, labels, reasons, segmentation, true_depth for format 'png', got normals",
     ),
     "png nothing": (
         "png",
         {"outputs": ()},
-        "format 'png' holds depth, labels, reasons, segmentation, true_depth, not nothing",
+        "depth, labels, reasons, segmentation, true_depth for format 'png', got none",
     ),
-    "tum labels": ("tum", {"outputs": ("depth", "labels")}, "format 'tum' holds depth, not labels"),
+    "tum labels": ("tum", {"outputs": ("depth", "labels")}, "outputs must be from depth for format 'tum', got labels"),
     "ply depth": (
         "ply",
         {"outputs": ("depth",)},
-        "'ply' holds labels, normals, points, segmentation, not depth",
+        "labels, normals, points, segmentation for format 'ply', got depth",
     ),
-    "ply pointless": ("ply", {"outputs": ("labels",)}, "format 'ply' needs points among its outputs, got labels"),
+    "ply pointless": ("ply", {"outputs": ("labels",)}, "outputs must include points for format 'ply', got labels"),
     "colmap objects": (
         "colmap",
         {"outputs": ("segmentation",)},
-        "'colmap' holds depth, normals, not segmentation",
+        "outputs must be from depth, normals for format 'colmap', got segmentation",
     ),
-    "nerfstudio points": ("nerfstudio", {"outputs": ("points",)}, "'nerfstudio' holds depth, labels, not points"),
+    "nerfstudio points": (
+        "nerfstudio",
+        {"outputs": ("points",)},
+        "outputs must be from depth, labels for format 'nerfstudio', got points",
+    ),
     "unknown option": ("tum", {"options": {"scale": 1}}, "format 'tum' has no option 'scale'; its options: none"),
     "negative scale": ("png", {"options": {"scale": -1}}, "option scale must be a positive number, got -1"),
     "worded scale": ("png", {"options": {"scale": "mm"}}, "option scale must be a positive number, got 'mm'"),
     "no scale": ("png", {"options": {"scale": None}}, "option scale must be a positive number, got None"),
     "true scale": ("png", {"options": {"scale": True}}, "option scale must be a positive number, got True"),
     "endless scale": ("png", {"options": {"scale": "inf"}}, "option scale must be a positive number, got 'inf'"),
-    "odd flag": ("ply", {"options": {"organised": "yes"}}, "option organised must be true or false, got 'yes'"),
+    "odd flag": ("ply", {"options": {"organized": "yes"}}, "option organized must be true or false, got 'yes'"),
     "same times": (
         "tum",
         {"timestamps": [0, 1, 1, 2, 3]},
-        r"timestamps, which must increase: frame 2 has 1.0 s, the one before 1.0 s",
+        r"timestamps must increase for format 'tum', got 1.0 s in frame 2 after 1.0 s",
     ),
     "many objects": (
         "png",
         {"object_names": ("a",) * 65536, "object_labels": (2,) * 65536},
-        "format 'png' tells 65535 objects apart, the scene has 65536",
+        "format 'png' supports at most 65535 objects, got 65536",
     ),
 }
 

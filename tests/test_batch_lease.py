@@ -19,7 +19,7 @@ from warpvis.batch.storage import _lease as lease
 from warpvis.batch.storage._stores import open_store
 
 fsspec = pytest.importorskip("fsspec")
-BUSY = r"another process is writing it \(\d+ on .*\); wait for it, or end it and wait for 120 s$"
+BUSY = r"another process is writing it \(\d+ on .*\)\. Wait for it, or end it and wait for 120 s\.$"
 
 
 class OldStore(fsspec.get_filesystem_class("memory")):
@@ -86,7 +86,7 @@ def test_a_second_writer_is_told_of_the_first(tmp_path, kind):
         for options in ({}, {"resume": True}, {"camera": replace(CAMERA, far=3.0)}):
             with pytest.raises(wv.errors.FileFormatError, match="another process is writing it"):
                 run(out, **options)
-    with pytest.raises(wv.errors.FileFormatError, match="holds an unfinished dataset; --resume goes on with it"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"an unfinished dataset\. Use resume=True to resume it"):
         run(out)
 
 
@@ -134,6 +134,6 @@ def test_a_lock_is_written_again_and_left_to_who_took_it(monkeypatch):
 def test_who_is_overwritten_at_the_same_moment_is_told(monkeypatch):
     """A store that creates what is there already: the one that wrote last has it."""
     monkeypatch.setattr(lease, "_create", lambda system, path, owner: bool(write_lock("memory://moment")))
-    with pytest.raises(wv.errors.FileFormatError, match="another process began to write it at the same moment"):
+    with pytest.raises(wv.errors.FileFormatError, match="another process started to write it at the same time"):
         with open_store("memory://moment").locked():
             pass

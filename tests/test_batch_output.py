@@ -136,7 +136,7 @@ def test_an_url(tmp_path):
     assert verify("memory://bucket/job").ok
     for name in ("shards/000002.json", "shard-000004.npz", "index.json"):
         memory.rm(f"/bucket/job/{name}")
-    with pytest.raises(wv.errors.FileFormatError, match="memory://bucket/job: holds an unfinished dataset"):
+    with pytest.raises(wv.errors.FileFormatError, match="memory://bucket/job: contains an unfinished dataset"):
         run("memory://bucket/job", outputs=("depth", "visibility"))
     assert run("memory://bucket/job", outputs=("depth", "visibility"), resume=True).rendered_frames == 6
     assert verify("memory://bucket/job").ok
@@ -173,7 +173,7 @@ def test_zarr_reads_it_back(tmp_path, options):
 BAD_OPTIONS = {
     "compression": ({"compression": "lz4"}, "compression must be none or zstd, got 'lz4'"),
     "level": ({"compression": "zstd", "level": "high"}, "level must be a whole number from 1 to 22, got 'high'"),
-    "level of nothing": ({"level": 3}, "level is of compression=zstd, and the compression is none"),
+    "level of nothing": ({"level": 3}, "level must be given only with compression=zstd, got compression=none"),
     "unknown": ({"codec": 3}, "format 'zarr' has no option 'codec'; its options: compression=none, zstd, level=1"),
 }
 

@@ -106,7 +106,7 @@ def test_a_process_that_is_killed_is_said_and_the_job_goes_on(tmp_path, started)
 
     killer = threading.Thread(target=kill, daemon=True)
     killer.start()
-    with pytest.raises(wv.errors.FileFormatError, match=r"a process that encodes ended with exit code -9; \d+ of 80 "):
+    with pytest.raises(wv.errors.FileFormatError, match=r"an encoding process ended with exit code -9; \d+ of 80 "):
         run(out, frames=frames, threads=8, format="png")
     killer.join()
     assert not children(os.getpid()) and not list(out.glob(".part-*"))

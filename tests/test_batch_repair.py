@@ -86,11 +86,11 @@ def test_what_another_process_writes_is_not_repaired(wholes, tmp_path):
     with pytest.raises(wv.errors.FileFormatError, match="another process is writing it"):
         verify(tmp_path / "out", repair=True)
     os.close(holder)
-    with pytest.raises(wv.errors.FileFormatError, match="cannot be continued, because it was begun with other input"):
+    with pytest.raises(wv.errors.FileFormatError, match="cannot be resumed because it was started with other input"):
         run(tmp_path / "out", resume=True, repair=True, shard_frames=4)
     with pytest.raises(wv.errors.ArrayError, match="it needs resume=True"):
         run(tmp_path / "out", repair=True)
-    with pytest.raises(wv.errors.FileFormatError, match="no such folder, or an empty one, so no dataset"):
+    with pytest.raises(wv.errors.FileFormatError, match="is not a dataset: the folder does not exist or is empty"):
         verify(tmp_path / "nowhere", repair=True)
     assert tree(tmp_path / "out") == before and not (tmp_path / "nowhere").exists()
 
@@ -136,5 +136,5 @@ def test_renamed_files_of_the_same_content_are_resumed(wholes, tmp_path):
     assert tree(tmp_path / "out") == before
     poses[0, 0] += 0.5
     np.save(tmp_path / "stroll.npy", poses)
-    with pytest.raises(wv.errors.FileFormatError, match=r"begun with other input: the poses differ$"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"started with other input: the poses differ$"):
         job("hall.glb", "stroll.npy", resume=True)

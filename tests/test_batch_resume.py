@@ -147,21 +147,21 @@ def test_resuming_from_a_manifest_whose_objects_are_none_is_refused(tmp_path, wh
 
 
 def test_folders_that_are_taken(tmp_path, whole):
-    with pytest.raises(wv.errors.FileFormatError, match="holds a complete dataset; give a new or an empty folder"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"contains a complete dataset\. Pass a new or an empty folder"):
         run(whole)
     (tmp_path / "thesis.tex").write_text("mine")
     for resume in (False, True):
         with pytest.raises(
-            wv.errors.FileFormatError, match=r"holds something else \(thesis.tex\); give a new or an empty"
+            wv.errors.FileFormatError, match=r"contains other files \(thesis.tex\). Pass a new or an empty"
         ):
             run(tmp_path, resume=resume)
-        with pytest.raises(wv.errors.FileFormatError, match="is a file; a dataset needs a folder"):
+        with pytest.raises(wv.errors.FileFormatError, match="is a file, but a dataset must be a folder"):
             run(tmp_path / "thesis.tex", resume=resume)
     assert os.listdir(tmp_path) == ["thesis.tex"]
     begun = tmp_path / "begun"
     shutil.copytree(whole, begun)
     (begun / "index.json").unlink()
-    with pytest.raises(wv.errors.FileFormatError, match="holds an unfinished dataset; --resume goes on with it"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"an unfinished dataset\. Use resume=True to resume it"):
         run(begun)
 
 

@@ -226,13 +226,13 @@ def test_our_own_reader_gives_the_poses_back(bags):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"outputs": ("points",)}, "format 'ros2' needs the output depth, got points"),
+        ({"outputs": ("points",)}, "outputs must include depth for format 'ros2', got points"),
         ({"outputs": ("depth", "labels")}, "format 'ros2' holds depth, points, not labels"),
         ({"rate": 30}, "format 'ros2' has no option 'rate'; its options: frame_id=camera_depth_optical_frame"),
         ({"frame_id": ""}, "option frame_id must be a name without spaces, got ''"),
         ({"topic": "/"}, "option topic must be a name without spaces, got '/'"),
         ({"parent_frame_id": "the world"}, "option parent_frame_id must be a name without spaces, got 'the world'"),
-        ({"times": [0, 1, -2, 3, 4]}, "ROS 2 counts times from 0 to 2147483647 seconds, and frame 2 has the time -2.0"),
+        ({"times": [0, 1, -2, 3, 4]}, "timestamps must be from 0 to 2147483647 s for ROS 2, got -2.0 in frame 2"),
         ({"times": [0, 1, 2, 3, 3e9]}, "and frame 4 has the time 3000000000.0"),
     ],
 )
@@ -248,7 +248,9 @@ def test_without_rosbags_one_sentence_says_what_to_install(monkeypatch):
         return real(name, *arguments, **options)
 
     monkeypatch.setattr(builtins, "__import__", import_module)
-    with pytest.raises(wv.errors.FileFormatError, match=r"needs the package rosbags: pip install 'warpvis\[ros\]'$"):
+    with pytest.raises(
+        wv.errors.FileFormatError, match=r"format 'ros2' requires rosbags: pip install 'warpvis\[ros\]'$"
+    ):
         Ros2(plan_of())
 
 

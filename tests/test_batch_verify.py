@@ -61,7 +61,7 @@ def test_a_manifest_of_more_frames_than_there_can_be(copy):
     change(copy / "manifest.json", frames=10**12)
     report = verify(copy)
     assert report.problems[:2] == (
-        "poses.npz: holds 20 frames, and the manifest says 1000000000000",
+        "poses.npz: must have the 1000000000000 frames of the manifest, got 20",
         "333333333327 of 333333333334 shards are missing: 7-333333333333",
     )
     assert report.shards == 333333333334 and report.whole_shards == 6  # the seventh has fewer frames than then

@@ -120,7 +120,7 @@ def test_a_folder_with_a_comma_is_one(tmp_path, monkeypatch):
 
 
 MESSAGES = {
-    "bop": ("render", ["--format", "bop"], "give some that label with --labels, or name some with --objects"),
+    "bop": ("render", ["--format", "bop"], "Assign that label with --labels or choose objects with --objects to"),
     "outputs": ("render", ["--outputs", "foo"], "warpvis: --outputs must be some of depth, points"),
     "no sensor": ("render", ["--outputs", "reasons"], "warpvis: --outputs must be without reasons"),
     "scale": ("render", ["--scale", "-1"], "warpvis: --scale of 'two.glb' must be one or three positive numbers"),
@@ -128,9 +128,9 @@ MESSAGES = {
     "label": ("render", ["--labels", "ball=foo"], "got 'foo'; --label-names names others"),
     "label names": ("render", ["--label-names", "300=road"], "warpvis: --label-names must have numbers"),
     "shards": ("batch", ["--shard-frames", "0"], "warpvis: --shard-frames must be a whole number"),
-    "workers": ("batch", ["--workers", "2"], "--workers and --address are for --engine ray, got --engine local"),
-    "repair": ("batch", ["--repair"], "warpvis: --repair makes again what is damaged of a dataset that is there, so it"
-               " needs --resume"),
+    "workers": ("batch", ["--workers", "2"], "--workers and --address require --engine ray, got --engine local"),
+    "repair": ("batch", ["--repair"], "warpvis: --repair requires --resume, because it renders damaged parts of an"
+               " existing dataset again"),
 }  # fmt: skip
 
 

@@ -516,7 +516,7 @@ def test_manifests_with_bad_names_are_refused(names, tmp_path):
     (tmp_path / "street" / "manifest.json").write_text(json.dumps(manifest))
     for call in (wv.open_dataset, wv.batch.verify):
         with pytest.raises(
-            wv.errors.FileFormatError, match=r"manifest.json has label_names that are no names of labels"
+            wv.errors.FileFormatError, match=r"label_names in manifest.json must be valid names of labels"
         ):
             call(tmp_path / "street")
     del manifest["scene"]["label_names"]  # as of a version that had none

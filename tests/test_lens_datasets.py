@@ -45,11 +45,11 @@ HOLD = {
     "bop": set(),
 }
 WHY = {
-    "tum": "format 'tum' cannot say the camera's lens: lens must be OpenCVPinhole with at most 5 coefficients to",
-    "nerfstudio": "format 'nerfstudio' cannot say the camera's lens: nerfstudio has no camera_model for",
-    "colmap": "format 'colmap' cannot say the camera's lens: COLMAP has no camera model for",
-    "ros2": "format 'ros2' cannot say the camera's lens: ROS has no distortion_model for",
-    "bop": "format 'bop' is for pinholes, whose images are projected by cam_K alone",
+    "tum": "format 'tum' does not support the lens: lens must be OpenCVPinhole with at most 5 coefficients to",
+    "nerfstudio": "format 'nerfstudio' does not support the lens: nerfstudio has no camera_model for",
+    "colmap": "format 'colmap' does not support the lens: COLMAP has no camera model for",
+    "ros2": "format 'ros2' does not support the lens: ROS has no distortion_model for",
+    "bop": "camera must be a pinhole camera for format 'bop', which has no distortion",
 }
 FILES = {
     "png": "camera.json",
@@ -289,7 +289,7 @@ def test_visibility_and_interrupted_jobs(room, tmp_path):
         file.unlink()
     wv.render_batch(room, camera, POSES, tmp_path / "a", outputs=("depth", "visibility"), shard_frames=1, resume=True)
     assert wv.batch.verify(tmp_path / "a").ok
-    with pytest.raises(FileFormatError, match="begun with other input: camera's lens's fx was 52"):
+    with pytest.raises(FileFormatError, match="started with other input: camera's lens's fx was 52"):
         bent = replace(camera, lens=replace(camera.lens, fx=53))
         wv.render_batch(room, bent, POSES, tmp_path / "a", outputs=("depth", "visibility"), shard_frames=1, resume=True)
 

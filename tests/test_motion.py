@@ -131,7 +131,7 @@ REFUSED = {
     "nan": (lambda: Motion(TWO * np.nan, [0, 1]), "poses must be finite: wrong in 2 of 2"),
     "shape": (lambda: Motion(np.zeros((2, 6)), [0, 1]), r"poses must have shape \(T, ..., 7\), rows .* got \(2, 6\)"),
     "length": (lambda: Motion(2 * TWO, [0, 1]), "poses must have quaternions of length 1, got 2"),
-    "nothing": (lambda: Motion(np.zeros((2, 0, 7)), [0, 1]), r"poses must be there, got shape \(2, 0, 7\)"),
+    "nothing": (lambda: Motion(np.zeros((2, 0, 7)), [0, 1]), r"poses must not be empty, got shape \(2, 0, 7\)"),
     "starts": (
         lambda: Motion(np.tile(TWO, (2, 1, 1)), [0, 1], starts=[0.0, 1, 2]),
         "starts must be one for each of the 2 views, got 3",
@@ -141,12 +141,15 @@ REFUSED = {
         lambda: Motion.from_twist(TWO, (1, 0, 0), np.zeros((3, 3))),
         r"angular must be .* of shape \(2, 3\), got \(3, 3\)",
     ),
-    "before": (lambda: Motion(TWO, [0, 1]).at(-0.1), "times from -0.1 to -0.1 s must lie in the motion's, from 0 to 1"),
+    "before": (
+        lambda: Motion(TWO, [0, 1]).at(-0.1),
+        "times must be within those of the motion, 0 to 1 s, got -0.1 to -0.1 s",
+    ),
     "behind": (
         lambda: Motion(TWO, [5.0, 6.0], starts=[5.0, 5.5]).at([0, 0.6]),
-        "times from 5 to 6.1 s must lie in the motion's, from 5 to 6 s",
+        "times must be within those of the motion, 5 to 6 s, got 5 to 6.1 s",
     ),
-    "of rays": (lambda: Motion.per_ray(TWO).at(0.0), "whose rays have poses of their own has none at a time"),
+    "of rays": (lambda: Motion.per_ray(TWO).at(0.0), "motion must have poses at times, got poses of rays"),
     "quaternion": (lambda: Motion(TWO, [0, 1], quaternion="wzyx"), "quaternion must be"),
 }
 

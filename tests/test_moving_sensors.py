@@ -454,7 +454,7 @@ REFUSED = {
     ),
     "late rays": (
         lambda s: wv.render(s, lidar_of(0.0, 0.2), MOVES),
-        "times from 0 to 0.2 s must lie in the motion's, from 0 to 0.1 s: give it poses around them",
+        "times must be within those of the motion, 0 to 0.1 s, got 0 to 0.2 s",
     ),
     "early rays": (lambda s: wv.render(s, lidar_of(-0.01, 0.0), MOVES), "times from -0.01 to 0 s must lie in"),
     "late rays for objects": (
@@ -497,7 +497,7 @@ REFUSED = {
     ),
     "render_at": (
         lambda s: wv.Renderer(s, CAMERA).render_at(MOVES, [[[1.0, 1.0]]]),
-        "camera_to_world must be an array of numbers: a Motion is for render, Renderer.render",
+        "camera_to_world must be an array of numbers: a Motion cannot be converted to an array",
     ),
     "readout": (lambda s: RollingShutter(CAMERA, -0.1), "readout must be a finite number from 0 up, got -0.1"),
     "direction": (lambda s: RollingShutter(CAMERA, 0.1, "down"), "direction must be \"top_to_bottom\", .* got 'down'"),

@@ -191,7 +191,7 @@ def test_what_is_not_finished_is_read_as_far_as_it_is_there(kind, written, rende
     assert_as_rendered(dataset[3], rendered, 6)
     assert np.array_equal(dataset[3]["object_poses"], make_frames().object_poses[0])
     assert len(dataset.frames) == 4
-    with pytest.raises(IndexError, match="frame 4 is not there: the dataset has 4"):
+    with pytest.raises(IndexError, match="index of a frame must be less than 4, the number of frames, got 4"):
         dataset[4]
 
 
@@ -325,7 +325,7 @@ def test_what_is_wrong_is_said(written, tmp_path):
         dataset["rgb"]
     with pytest.raises(wv.WarpvisError, match=r"frames must be a list, got 1\.5"):
         dataset[1.5]
-    with pytest.raises(wv.WarpvisError, match="is chosen by whole numbers and slices, got 'a'"):
+    with pytest.raises(wv.WarpvisError, match="indices after the frames must be whole numbers or slices, got 'a'"):
         dataset["depth"][0, "a"]
     with pytest.raises(wv.WarpvisError, match=r"there is no such part of depth, .*: index 99 is out of bounds"):
         dataset["depth"][0, 99]
@@ -335,11 +335,11 @@ def test_what_is_wrong_is_said(written, tmp_path):
         wv.open_dataset(written("npz"), outputs=["rgb"])
     (tmp_path / "looked").mkdir()
     for path in (tmp_path / "nowhere", tmp_path / "looked"):
-        with pytest.raises(wv.WarpvisError, match="no such folder, or an empty one, so no dataset"):
+        with pytest.raises(wv.WarpvisError, match="is not a dataset: the folder does not exist or is empty"):
             wv.open_dataset(path)
     with pytest.raises(wv.WarpvisError, match=r"it has no manifest\.json of warpvis; .*npz.* in it would be"):
         wv.open_dataset(written("npz").parent)
-    with pytest.raises(wv.WarpvisError, match="format 'ply' cannot be read back; its files are clouds"):
+    with pytest.raises(wv.WarpvisError, match="format 'ply' cannot be read: its files are point clouds"):
         wv.open_dataset(written("ply"))
 
 

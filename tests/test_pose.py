@@ -177,7 +177,7 @@ def test_quaternions_of_rounded_numbers_are_taken(taker, length):
 def test_rows_that_begin_with_the_quaternion_are_named():
     swapped = np.array([[0.5, 0.5, 0.5, 0.5, 3.0, 4.0, 1.0]])
     for take in TAKERS.values():
-        with pytest.raises(wv.errors.PoseError, match="rows are x y z qx qy qz qw, the place first"):
+        with pytest.raises(wv.errors.PoseError, match="rows are x y z qx qy qz qw, position first"):
             take(swapped)
 
 

@@ -209,7 +209,7 @@ REFUSED = {
     "axes": (lambda: Rays(ONE, axes="body"), "axes must be one of 'opencv', 'opengl', 'ros_body'"),
     "points": (
         lambda: wv.Renderer(wv.scenes.PRESETS["room"].build("cpu"), Rays(ONE)).render_at(STRAIGHT, [[[0.5, 0.5]]]),
-        "render_at is for points of an image, and Rays are rays without anything between them",
+        "camera must have a continuous image for render_at, got Rays",
     ),
 }
 
@@ -237,5 +237,5 @@ def test_who_brings_a_pattern_where_an_image_is_needed_is_told_where_it_goes():
         lambda: wv.maps.plan_visibility(scene, pattern, STRAIGHT),
         lambda: wv.batch.FrameRenderer(scene, pattern),
     ):
-        with pytest.raises(CameraError, match=r"got (a )?Rays: its rays have no image; wv\.render takes it"):
+        with pytest.raises(CameraError, match=r"got (a )?Rays: its rays have no image\. wv\.render accepts it"):
             call()

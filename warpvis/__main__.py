@@ -15,7 +15,7 @@ def main() -> None:
         run = _import_command_line()
         run()
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the run is over: its exit code counts
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the command has finished: keep its exit code
 
 
 def _import_command_line() -> Callable[[], None]:

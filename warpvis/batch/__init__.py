@@ -5,7 +5,7 @@
 A dataset is a folder, or an fsspec URL::
 
     manifest.json        the input of the job: scene, camera, poses, outputs, versions; written first
-    poses.npz            the frames: camera_to_world, timestamps, object_poses, world
+    poses.npz            the frames: camera_to_world, timestamps, object_poses, world_index
     begin.json           the record of files that a format writes before any shard, if there are any
     ...                  the files of the shards, in the layout of the format
     shards/000012.json   the record of a shard, with bytes and CRC-32 of its files; written after them

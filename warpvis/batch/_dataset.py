@@ -121,7 +121,7 @@ class Dataset:
     def _state(self) -> str:
         count = self._plan.shard_count
         shards = f"{pluralize(count, 'shard')} {'is' if count == 1 else 'are'}"
-        return f"{self._whole} of {shards} whole, and --resume goes on from there"
+        return f"{self._whole} of {shards} complete. Use resume=True to continue"
 
     def _require_ours(self, *, resume: bool) -> bool:
         """Return whether the dataset already exists and may be resumed.
@@ -134,12 +134,12 @@ class Dataset:
             return False
         found = parse_manifest(self._store.read(MANIFEST)) if MANIFEST in entries else None
         if found is None:
-            some = ", ".join(entries[:3]) + (", ..." if len(entries) > 3 else "")
-            raise FileFormatError(f"{self.name}: holds something else ({some}); give a new or an empty folder")
+            names = ", ".join(entries[:3]) + (", ..." if len(entries) > 3 else "")
+            raise FileFormatError(f"{self.name}: contains other files ({names}). Pass a new or an empty folder.")
         if not resume:
             if INDEX_RECORD in entries:
-                raise FileFormatError(f"{self.name}: holds a complete dataset; give a new or an empty folder")
-            raise FileFormatError(f"{self.name}: holds an unfinished dataset; --resume goes on with it")
+                raise FileFormatError(f"{self.name}: contains a complete dataset. Pass a new or an empty folder.")
+            raise FileFormatError(f"{self.name}: contains an unfinished dataset. Use resume=True to resume it.")
         require_same(found, self._manifest, self.name)
         return True
 

@@ -54,9 +54,9 @@ def count_empty(images: Mapping[str, np.ndarray], object_labels: Collection[int]
     for name, shows in _SHOWS.items():
         if name in images and not (name == "labels" and Label.EMPTY in object_labels):
             image = images[name]
-            few = shows(image[:, _STEP // 2 :: _STEP, _STEP // 2 :: _STEP])
-            doubtful = np.flatnonzero(~few.reshape(len(image), -1).any(axis=1))
-            return sum(not shows(image[frame]).any() for frame in doubtful)
+            samples = shows(image[:, _STEP // 2 :: _STEP, _STEP // 2 :: _STEP])
+            candidates = np.flatnonzero(~samples.reshape(len(image), -1).any(axis=1))
+            return sum(not shows(image[frame]).any() for frame in candidates)
     return int((~images["visible_pixels"].any(axis=1)).sum()) if "visible_pixels" in images else 0
 
 
@@ -73,41 +73,41 @@ def describe_empty(empty: int, frames: int, plan: Plan, scene: Scene) -> str:
     """
     if not empty:
         return ""
-    alone = all(name not in plan.outputs for name in _SHOWS) and 0 < len(plan.chosen) < len(plan.object_names)
-    what = "nothing of the chosen objects" if alone else "nothing"
-    said = f"{empty} of {pluralize(frames, 'frame')} {'sees' if empty == 1 else 'see'} {what}"
-    return said if empty < frames else f"{said}: {_reason(plan, scene)}"
+    only_chosen = all(name not in plan.outputs for name in _SHOWS) and 0 < len(plan.chosen) < len(plan.object_names)
+    target = "nothing of the chosen objects" if only_chosen else "nothing"
+    message = f"{empty} of {pluralize(frames, 'frame')} {'sees' if empty == 1 else 'see'} {target}"
+    return message if empty < frames else f"{message}: {_reason(plan, scene)}"
 
 
 def _reason(plan: Plan, scene: Scene) -> str:
     boxes = [item.bounds for index, item in enumerate(scene.objects) if index not in plan.exclude]
     if not boxes:
         return "every object is excluded"
-    least, most = np.min(boxes, axis=0)[0].astype(np.float64), np.max(boxes, axis=0)[1].astype(np.float64)
-    size, near, far = most - least, plan.camera.near, plan.camera.far
-    spans = " x ".join(map(_metres, size))
-    reaches = f"near is {_metres(near)} m" + ("" if math.isinf(far) else f", far is {_metres(far)} m")
-    away = _nearest(plan.frames.camera_to_world, least, most)
+    low, high = np.min(boxes, axis=0)[0].astype(np.float64), np.max(boxes, axis=0)[1].astype(np.float64)
+    size, near, far = high - low, plan.camera.near, plan.camera.far
+    extent = " x ".join(map(_format_length, size))
+    limits = f"near is {_format_length(near)} m" + ("" if math.isinf(far) else f", far is {_format_length(far)} m")
+    distance = _nearest(plan.frames.camera_to_world, low, high)
     if too_large_for(size, far):
-        hint = "are its units millimetres (a scale of 0.001)?"
-    elif away > far:
-        hint = f"the nearest camera is {_metres(away)} m away from it"
+        hint = "are its units millimeters (a scale of 0.001)?"
+    elif distance > far:
+        hint = f"the nearest camera is {_format_length(distance)} m away from it"
     elif np.linalg.norm(size) < near:
-        hint = "it is smaller than that: are its units others than metres?"
+        hint = "it is smaller than that: are its units not meters?"
     else:
-        hint = "do the cameras look away from it, because their axes are others than was said (convention)?"
-    return f"the scene spans {spans} m, {reaches}; {hint}"
+        hint = "do the cameras point away from it because convention does not match their axes?"
+    return f"the scene spans {extent} m, {limits}; {hint}"
 
 
-def _nearest(poses: NDArray[np.floating], least: NDArray[np.float64], most: NDArray[np.float64]) -> float:
+def _nearest(poses: NDArray[np.floating], low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
     """Return the distance from a box to the nearest camera [m]."""
     nearest = math.inf
     for first in range(0, len(poses), _POSES_AT_ONCE):
         eyes = poses[first : first + _POSES_AT_ONCE, :3]
-        away = np.maximum(np.maximum(least - eyes, eyes - most), 0.0)
-        nearest = min(nearest, float(np.linalg.norm(away, axis=1).min()))
+        offsets = np.maximum(np.maximum(low - eyes, eyes - high), 0.0)
+        nearest = min(nearest, float(np.linalg.norm(offsets, axis=1).min()))
     return nearest
 
 
-def _metres(length: float) -> str:
+def _format_length(length: float) -> str:
     return f"{length:.0f}" if length >= 100 else f"{length:.3g}"

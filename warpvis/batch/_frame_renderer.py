@@ -143,30 +143,32 @@ class FrameRenderer:
         Raises:
             WarpvisError: If the batch is malformed.
         """
-        return {**check_mapping(batch, "a batch"), **self.render(batch)}
+        return {**check_mapping(batch, "batch"), **self.render(batch)}
 
     def render(self, batch: Batch, *, out: ImageBuffers | None = None) -> dict[str, np.ndarray]:
         """Render a batch and return only the new arrays; arrays in `out` are valid until `out` is reused."""
-        if "camera_to_world" not in check_mapping(batch, "a batch"):
-            raise ArrayError(f"a batch must hold camera_to_world, got {', '.join(map(str, batch)) or 'nothing'}")
+        if "camera_to_world" not in check_mapping(batch, "batch"):
+            raise ArrayError(f"batch must contain camera_to_world, got {', '.join(map(str, batch)) or 'nothing'}")
         poses = as_numpy(batch["camera_to_world"], name="camera_to_world")
         if poses.ndim < 2:
             raise ArrayError(f"camera_to_world must have shape (n, 7) or (n, 4, 4), got {poses.shape}")
         objects, worlds = batch.get("object_poses"), batch.get("world_index")
-        found: dict[str, np.ndarray] = {}
+        arrays: dict[str, np.ndarray] = {}
         if self._renderer is not None:
             single = poses.astype(np.float32) if poses.dtype == np.float64 and poses.ndim == 2 else poses
             out = out or ImageBuffers(self.images, self.camera, len(poses))
-            views, found = out.first(len(poses))
+            views, arrays = out.first(len(poses))
             options: dict[str, Any] = {"object_poses": objects, "world_index": worlds, "exclude": self._exclude}
             if self._renderer.sensor is not None:
                 if "frame" not in batch:
-                    raise ArrayError("a batch must hold frame, the frames' numbers, for a sensor's random numbers")
+                    raise ArrayError(
+                        "batch must contain frame, the numbers of the frames, for the random numbers of a sensor"
+                    )
                 options |= {"frame": batch["frame"], "view_index": np.zeros(len(poses), dtype=np.int64)}
             self._renderer.render(single, **options, out=views)
         if VISIBILITY in self.outputs:
-            found |= self._see(poses, objects, worlds)
-        return found
+            arrays |= self._see(poses, objects, worlds)
+        return arrays
 
     def _see(self, poses: np.ndarray, objects: np.ndarray | None, worlds: np.ndarray | None) -> dict[str, np.ndarray]:
         """Compute visibility, and return its arrays under the names used in files."""
@@ -198,14 +200,14 @@ class ImageBuffers:
 
 def frames_batch(frames: Frames, part: slice) -> Batch:
     """Return the frames of a slice as a batch for `FrameRenderer`, with only the worlds that they use."""
-    some = frames[part]
-    batch: dict[str, np.ndarray] = {"camera_to_world": some.camera_to_world}
+    chosen = frames[part]
+    batch: dict[str, np.ndarray] = {"camera_to_world": chosen.camera_to_world}
     batch["frame"] = np.arange(len(frames))[part]
-    if some.object_poses is not None:
-        batch["object_poses"] = some.object_poses
-        if some.world_index is not None:
-            worlds, batch["world_index"] = np.unique(some.world_index, return_inverse=True)
-            batch["object_poses"] = some.object_poses[worlds]
+    if chosen.object_poses is not None:
+        batch["object_poses"] = chosen.object_poses
+        if chosen.world_index is not None:
+            worlds, batch["world_index"] = np.unique(chosen.world_index, return_inverse=True)
+            batch["object_poses"] = chosen.object_poses[worlds]
             batch["world_index"] = batch["world_index"].astype(np.int32)
     return batch
 
@@ -265,7 +267,7 @@ def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array
         memory = mmap.mmap(-1, size)
     except (OSError, OverflowError):
         raise ArrayError(
-            f"images of shape {shape} need {size / 1e9:.1f} GB, which could not be had; take fewer frames a shard"
+            f"images of shape {shape} need {size / 1e9:.1f} GB, which cannot be allocated. Use fewer frames per shard."
         ) from None
     if hasattr(memory, "madvise") and hasattr(mmap, "MADV_HUGEPAGE"):
         memory.madvise(mmap.MADV_HUGEPAGE)

@@ -71,13 +71,13 @@ def same_meshes(scene: Scene) -> tuple[int, ...]:
     For static objects, and for those without a mesh, this is the object itself.
     """
     first: dict[str, int] = {}
-    found = []
+    result = []
     for index, item in enumerate(scene.objects):
         if item.mesh_vertices is None or not item.movable:
-            found.append(index)
+            result.append(index)
             continue
-        found.append(first.setdefault(hash_values(item.mesh_vertices, item.faces), index))
-    return tuple(found)
+        result.append(first.setdefault(hash_values(item.mesh_vertices, item.faces), index))
+    return tuple(result)
 
 
 def describe_scene(scene: Scene) -> SceneDescription:

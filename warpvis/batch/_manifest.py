@@ -139,10 +139,10 @@ def no_dataset(store: Store) -> FileFormatError:
     """Return the error for a folder without a manifest: it does not exist, is empty, or holds something else."""
     entries = store.entries()
     if not entries:
-        return FileFormatError(f"{store.name}: no such folder, or an empty one, so no dataset")
+        return FileFormatError(f"{store.name}: is not a dataset: the folder does not exist or is empty")
     inside = [entry for entry in entries if store.size(f"{entry}/{MANIFEST}") is not None]
-    there = f"; {' and '.join(inside)} in it would be" if inside else ""
-    return FileFormatError(f"{store.name}: is no dataset: it has no {MANIFEST} of warpvis{there}")
+    hint = f"; its subfolders with datasets: {', '.join(inside)}" if inside else ""
+    return FileFormatError(f"{store.name}: is not a dataset: it has no {MANIFEST} of warpvis{hint}")
 
 
 def read_contents(manifest: Mapping[str, Json]) -> Contents | None:
@@ -175,41 +175,41 @@ def read_label_names(name: str, manifest: Mapping[str, Json]) -> LabelNames:
             return LabelNames({int(key): value for key, value in names.items()})
         except (SceneError, ValueError):  # Python refuses to convert a string of too many digits
             pass
-    raise FileFormatError(f"{name}: {MANIFEST} has label_names that are no names of labels")
+    raise FileFormatError(f"{name}: label_names in {MANIFEST} must be valid names of labels")
 
 
-def require_same(found: Mapping[str, Json], wanted: Manifest, name: str) -> None:
+def require_same(found: Mapping[str, Json], expected: Manifest, name: str) -> None:
     """Check that a dataset was begun with the same input as the job that is to resume it.
 
     Raises:
         FileFormatError: If the manifests differ; the message lists the differences.
     """
-    differences = list(dict.fromkeys(_differences(found, json.loads(manifest_text(wanted)), ())))
+    differences = list(dict.fromkeys(_differences(found, json.loads(manifest_text(expected)), ())))
     if differences:
-        shown = "; ".join(truncate(difference, 300) for difference in differences[:_MAX_DIFFERENCES])
+        text = "; ".join(truncate(difference, 300) for difference in differences[:_MAX_DIFFERENCES])
         more = len(differences) - _MAX_DIFFERENCES
-        shown += f"; and {more} more" if more > 0 else ""
-        raise FileFormatError(f"{name}: cannot be continued, because it was begun with other input: {shown}")
+        text += f"; and {more} more" if more > 0 else ""
+        raise FileFormatError(f"{name}: cannot be resumed because it was started with other input: {text}")
 
 
-def _differences(found: Json, wanted: Json, path: tuple[str, ...]) -> Iterator[str]:
+def _differences(found: Json, expected: Json, path: tuple[str, ...]) -> Iterator[str]:
     """Yield a description of each field that differs."""
-    if isinstance(found, dict) and isinstance(wanted, dict):
+    if isinstance(found, dict) and isinstance(expected, dict):
         if path == ("scene", "objects"):
-            yield from _object_differences(found, wanted)
+            yield from _object_differences(found, expected)
             return
-        for key in dict.fromkeys([*found, *wanted]):
+        for key in dict.fromkeys([*found, *expected]):
             if path + (key,) not in _NOT_COMPARED:
-                yield from _differences(found.get(key), wanted.get(key), path + (key,))
-    elif found != wanted:
-        name, verbs = "'s ".join(path), ("were", "are") if isinstance(wanted, list) else ("was", "is")
-        change = f"{name} {verbs[0]} {_shown(found)} and {verbs[1]} {_shown(wanted)}"
+                yield from _differences(found.get(key), expected.get(key), path + (key,))
+    elif found != expected:
+        name, verbs = "'s ".join(path), ("were", "are") if isinstance(expected, list) else ("was", "is")
+        change = f"{name} {verbs[0]} {_format_value(found)} and {verbs[1]} {_format_value(expected)}"
         yield f"the {path[-2]} differ" if path[-1] == "sha256" else change
 
 
-def _object_differences(found: Mapping[str, Json], wanted: Mapping[str, Json]) -> Iterator[str]:
-    for name in dict.fromkeys([*found, *wanted]):
-        old, new = found.get(name), wanted.get(name)
+def _object_differences(found: Mapping[str, Json], expected: Mapping[str, Json]) -> Iterator[str]:
+    for name in dict.fromkeys([*found, *expected]):
+        old, new = found.get(name), expected.get(name)
         if old is None or new is None:
             yield f"the scene's object {name!r} {'is new' if old is None else 'is missing'}"
         elif old != new:
@@ -218,10 +218,10 @@ def _object_differences(found: Mapping[str, Json], wanted: Mapping[str, Json]) -
                 keys = [key for key in old if key != "sha256" and old[key] != new.get(key)]
                 changes = ", ".join(f"{key} {old[key]} to {new.get(key)}" for key in keys)
             yield f"the scene's object {name!r} differs" + (f" ({changes})" if changes else "")
-    if list(found) != list(wanted) and set(found) == set(wanted):
+    if list(found) != list(expected) and set(found) == set(expected):
         yield "the scene's objects are in another order"
 
 
-def _shown(value: Json) -> str:
+def _format_value(value: Json) -> str:
     text = json.dumps(value)
     return text if len(text) <= 80 else text[:77] + "..."

@@ -161,7 +161,9 @@ def render_batch(
     """
     kind = find_format(format)
     if check_flag(repair, "repair") and not resume:
-        raise ArrayError("repair=True makes again what is damaged of a dataset that is there, so it needs resume=True")
+        raise ArrayError(
+            "repair=True requires resume=True, because it renders damaged parts of an existing dataset again"
+        )
     _check_engine(engine, threads, workers, address)
     check_choice(caster, "caster", get_args(Caster))
     if source is not None and not isinstance(source, str):
@@ -212,11 +214,11 @@ def _check_engine(engine: str, threads: int | None, workers: int | None, address
     check_choice(engine, "engine", ("local", "ray"))
     check_threads(threads)
     if engine == "local" and (workers is not None or address is not None):
-        raise ArrayError('workers= and address= are for engine="ray", got engine="local"')
+        raise ArrayError('workers= and address= require engine="ray", got engine="local"')
     if workers is not None:
         check_whole(workers, "workers")
     if engine == "ray" and threads is not None:
-        raise ArrayError("threads is of the engine local; a Ray worker has as many as its share of the cores")
+        raise ArrayError('threads must be None with engine="ray": each Ray worker uses its share of the cores')
 
 
 def _start_engine(
@@ -260,9 +262,11 @@ def make_plan(
     if sensor is not None:
         require_sensor(sensor).check(scene, eye)
     names = check_batch_outputs(kind.default_outputs if outputs is None else outputs, sensor)
-    unfit = [name for name in names if name not in kind.outputs]
-    if unfit:
-        raise ArrayError(f"format {kind.name!r} holds {', '.join(sorted(kind.outputs))}; it cannot hold {unfit[0]!r}")
+    unsupported = [name for name in names if name not in kind.outputs]
+    if unsupported:
+        raise ArrayError(
+            f"outputs must be from {', '.join(sorted(kind.outputs))} for format {kind.name!r}, got {unsupported[0]!r}"
+        )
     excluded = choose_excluded(scene, exclude)
     chosen = _choose_seen(scene, kind, objects, excluded) if VISIBILITY in names or objects is not None else ()
     return Plan(
@@ -291,9 +295,9 @@ def _choose_seen(
     """Return the objects whose visibility is computed: the named ones, or all with the format's label not excluded."""
     if objects is not None:
         return tuple(choose_objects(scene, objects))
-    wanted = kind.object_label
+    required = kind.object_label
     labels = [item.label for item in scene.objects]
-    return tuple(i for i in range(len(scene)) if i not in excluded and wanted in (None, labels[i]))
+    return tuple(i for i in range(len(scene)) if i not in excluded and required in (None, labels[i]))
 
 
 def _place_objects(scene: Scene, frames: Frames) -> Frames:
@@ -310,8 +314,8 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
         return replace(frames, object_poses=rows[None])
     if frames.object_poses.shape[1] != movable:
         raise PoseError(
-            f"the frames have poses of {pluralize(frames.object_poses.shape[1], 'object')}, and the scene has "
-            f"{movable} that are movable"
+            f"frames must have poses of the {pluralize(movable, 'movable object')} of the scene, got "
+            f"{frames.object_poses.shape[1]}"
         )
     return frames
 
@@ -340,7 +344,7 @@ class _Progress:
 
     def __init__(self, plan: Plan, dataset: Dataset, missing: Sequence[int], scene: Scene, *, quiet: bool) -> None:
         self._plan, self._dataset, self._missing, self._scene = plan, dataset, missing, scene
-        self._tells = missing[0] if len(missing) >= _LONG_JOB else None
+        self._warning_shard = missing[0] if len(missing) >= _LONG_JOB else None
         self._hidden = quiet or not sys.stderr.isatty() or importlib.util.find_spec("tqdm") is None
         self._bar: tqdm | None = None
 
@@ -358,7 +362,7 @@ class _Progress:
         if self._bar:
             self._bar.update(self._frames(shard))
         seen, empty = self._dataset.frames, self._dataset.empty_frames
-        if shard == self._tells and empty == seen:
+        if shard == self._warning_shard and empty == seen:
             if self._bar:
                 self._bar.clear()
             warnings.warn(f"so far {describe_empty(empty, seen, self._plan, self._scene)}", stacklevel=2)

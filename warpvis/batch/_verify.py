@@ -81,8 +81,8 @@ def verify(out: str | os.PathLike[str], *, repair: bool = False) -> VerifyReport
                 store.remove(record)
             return replace(report, repaired=True)
     except OSError as error:
-        wanted = "repaired" if repair else "read"
-        raise FileFormatError(f"{store.name}: cannot be {wanted}: {error.strerror or error}") from None
+        action = "repaired" if repair else "read"
+        raise FileFormatError(f"{store.name}: cannot be {action}: {error.strerror or error}") from None
 
 
 def _read_manifest(store: Store) -> Contents:
@@ -91,7 +91,7 @@ def _read_manifest(store: Store) -> Contents:
         raise no_dataset(store)
     contents = read_contents(manifest)
     if contents is None:
-        raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
+        raise FileFormatError(f"{store.name}: is not a dataset: its {MANIFEST} does not define the contents")
     read_label_names(store.name, manifest)
     return contents
 
@@ -101,19 +101,21 @@ def _verify(store: Store) -> VerifyReport:
     frames, shard_frames = contents.frames, contents.shard_frames
     shards = -(-frames // shard_frames)
     problems = list(_check_poses(store, contents.poses_sha256, frames))
-    there = _recorded_shards(store, shards)
-    expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in there}
+    recorded = _recorded_shards(store, shards)
+    expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in recorded}
     others = {INDEX_RECORD: frames} | ({} if store.size(BEGIN_RECORD) is None else {BEGIN_RECORD: frames})
     with ThreadPoolExecutor(core_count()) as pool:
         checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), *others.items()]))
-    found = [shard for shard, item in zip(there, checked, strict=False) if not item.missing]
-    if len(found) < shards:
+    present = [shard for shard, item in zip(recorded, checked, strict=False) if not item.missing]
+    if len(present) < shards:
         missing = f"{pluralize(shards, 'shard')} {'is' if shards == 1 else 'are'} missing"
-        problems.append(f"{shards - len(found)} of {missing}: {_gaps(found, shards)}")
+        problems.append(f"{shards - len(present)} of {missing}: {_gaps(present, shards)}")
     problems += [problem for item in checked for problem in item.problems]
     files = {name for item in checked for name in item.files}
-    problems += [f"{name}: is in no record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})]
-    whole = sum(not item.problems and not item.missing for item in checked[: len(there)])
+    problems += [
+        f"{name}: is not part of any record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})
+    ]
+    whole = sum(not item.problems and not item.missing for item in checked[: len(recorded)])
     size = sum(item.bytes for item in checked)
     damaged = tuple(item.files[0] for item in checked if item.problems and item.files)
     counts = (frames, shards, whole, len(files), size)
@@ -136,11 +138,11 @@ def _check_poses(store: Store, sha256: str, frames: int) -> Iterator[str]:
     try:
         arrays = read_frame_arrays(store)
         values: dict[str, Any] = {name: arrays.get(name) for name in FRAME_ARRAYS}
-        found = Frames(**values)
-        if frames_hash(found) != sha256:
-            yield f"{POSES}: holds other poses than the manifest says"
-        elif len(found) != frames:
-            yield f"{POSES}: holds {pluralize(len(found), 'frame')}, and the manifest says {frames}"
+        stored = Frames(**values)
+        if frames_hash(stored) != sha256:
+            yield f"{POSES}: contains other poses than the manifest"
+        elif len(stored) != frames:
+            yield f"{POSES}: must have the {pluralize(frames, 'frame')} of the manifest, got {len(stored)}"
     except Exception:  # NumPy and zipfile may raise any exception for a malformed file
         yield f"{POSES}: is missing or cannot be read"
 
@@ -161,21 +163,21 @@ def _check(store: Store, item: tuple[str, int]) -> _Checked:
     name, frames = item
     record = read_record(store, name)
     if record is None and store.size(name) is not None:
-        return _Checked([name], 0, [f"{name}: is no record"])
+        return _Checked([name], 0, [f"{name}: is not a valid record"])
     if record is None:
         index = name == INDEX_RECORD
-        return _Checked([], 0, [f"{name}: is missing, so the job was not finished"] if index else [], not index)
+        return _Checked([], 0, [f"{name}: is missing: the job was not finished"] if index else [], not index)
     wrong = (
         []
         if record.frames == frames
-        else [f"{name}: is of {pluralize(record.frames, 'frame')}, and should be of {frames}"]
+        else [f"{name}: must be a record of {pluralize(frames, 'frame')}, got {record.frames}"]
     )
     for file, expected in record.files.items():
         size = store.size(file)
         if size is None:
             wrong.append(f"{file}: is missing")
         elif size != expected.bytes:
-            wrong.append(f"{file}: has {size} bytes, and should have {expected.bytes}")
+            wrong.append(f"{file}: must have {expected.bytes} bytes, got {size}")
         elif _crc32(store, file) != expected.crc32:
             wrong.append(f"{file}: its checksum differs from the recorded one")
     return _Checked([name, *record.files], record.bytes, wrong)
@@ -184,8 +186,8 @@ def _check(store: Store, item: tuple[str, int]) -> _Checked:
 def _gaps(numbers: Sequence[int], count: int) -> str:
     """Format the numbers below `count` that are missing from increasing `numbers`, as ranges: ``0-3, 7, 9-12``."""
     runs = [(last + 1, following - 1) for last, following in itertools.pairwise([-1, *numbers, count])]
-    shown = [str(first) if first == last else f"{first}-{last}" for first, last in runs if first <= last]
-    return ", ".join(shown[:_MAX_RANGES]) + (", ..." if len(shown) > _MAX_RANGES else "")
+    ranges = [str(first) if first == last else f"{first}-{last}" for first, last in runs if first <= last]
+    return ", ".join(ranges[:_MAX_RANGES]) + (", ..." if len(ranges) > _MAX_RANGES else "")
 
 
 def _crc32(store: Store, name: str) -> int:

@@ -49,12 +49,12 @@ def warmup(
     device = get_device(device)
     names = check_outputs(outputs, ALL_OUTPUTS)
     images = [name for name in names if name != VISIBILITY]
-    wanted = as_items(casters, "casters")
+    caster_names = as_items(casters, "casters")
     for scene in _scenes(device):
-        for caster in wanted:
+        for caster in caster_names:
             # On a GPU, depth alone and depth with other images are rendered by two different kernels.
-            for some in [part for part in (images[:1], images, [VISIBILITY]) if set(part) <= set(names) and part]:
-                renderer = FrameRenderer(scene, _CAMERA, outputs=some, caster=caster)
+            for group in [part for part in (images[:1], images, [VISIBILITY]) if set(part) <= set(names) and part]:
+                renderer = FrameRenderer(scene, _CAMERA, outputs=group, caster=caster)
                 for views in _view_counts(device) if caster == "packets" else [1]:
                     renderer.render({"camera_to_world": np.repeat(_POSE, views, axis=0)})
     wp.synchronize_device(device)

@@ -20,7 +20,8 @@ _MAX_LISTED = 12
 class Label(enum.IntEnum):
     """Class of a pixel: the classes that every scene has. `Scene.label_names` also contains user-defined classes.
 
-    If several classes fall into one map cell, the greatest value takes precedence.
+    If several classes fall into one map cell, OBJECT, HUMAN and ROBOT take precedence over OBSTACLE and user-defined
+    classes, and these over EMPTY and ground (`Scene.ground_labels`). Within such a group, the greatest value does.
     """
 
     EMPTY = constants.LABEL_EMPTY
@@ -40,8 +41,8 @@ class Label(enum.IntEnum):
     def parse(cls, value: Label | int | str) -> Label:
         """Return a label from itself, its number or its name in any case.
 
-        SceneError: If there is no such label.
-            SceneError: There is no such label.
+        Raises:
+            SceneError: If there is no such label.
         """
         try:
             return cls[value.upper()] if isinstance(value, str) else cls(value)
@@ -74,8 +75,7 @@ class LabelNames(Mapping[int, str]):
     """Names of pixel classes by their numbers from 0 to 255; initially those of `Label`.
 
     This is a mapping in which names can be added or changed: ``names[40] = "road"``. Numbers without a name are
-    classes,
-    too, and are displayed as ``label 40``.
+    classes, too, and are displayed as ``label 40``.
     """
 
     def __init__(self, names: Mapping[int, str] | None = None) -> None:

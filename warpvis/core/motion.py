@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motion within a frame: where a sensor, or movable objects, are at every moment of it."""
+"""Motion of a sensor or of movable objects during a frame."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from warpvis.core.poses import QuaternionOrder, check_quaternion, poses_to_openc
 from warpvis.core.types import ArrayInput, PoseLike
 from warpvis.errors import ArrayError, PoseError
 
-_ROUNDING = 1e-9
-"""So far out of a motion's time a ray may be [s]: what numbers of seconds are rounded by."""
+_TIME_TOLERANCE = 1e-9
+"""Tolerance for times outside of the interval of a motion [s], because times are rounded."""
 
 
 class Motion:
-    """Where a sensor, or movable objects, are at every moment of a frame.
+    """The motion of a sensor, or of movable objects, during a frame.
 
-    `Renderer.render` and `render` take one in place of `camera_to_world`, of `object_poses`, or of both: every ray is
-    then cast from where the sensor is at the ray's time, and meets objects where they are then. The times of all are
-    on one clock, in seconds.
+    Pass it to `Renderer.render` or `render` as `camera_to_world`, as `object_poses`, or as both: each ray is then cast
+    from the pose of the sensor at the time of the ray, and objects have their poses at that time. All times are in
+    seconds and refer to the same clock.
 
-    Between two instants a place moves along a straight line, and a rotation about one axis on the shorter way, both at
-    a constant rate (Shoemake 1985). `from_twist` moves along a screw.
+    Between two instants, positions are interpolated linearly, and rotations by spherical linear interpolation
+    (Shoemake 1985). `from_twist` defines a screw motion.
 
     Example:
         >>> motion = wv.sensors.Motion([start, end], [0.0, 0.1])
@@ -43,20 +43,20 @@ class Motion:
         starts: ArrayLike | None = None,
         quaternion: QuaternionOrder = "xyzw",
     ) -> None:
-        """Take poses at instants.
+        """Create a motion from poses at T instants.
 
         Args:
-            poses: Poses at each of T instants, first of all axes: of one sensor rows ``x y z qx qy qz qw`` of shape
-                ``(T, 7)`` or matrices ``(T, 4, 4)``; of V views ``(T, V, 7)`` or ``(T, V, 4, 4)``; of M movable objects
-                rows ``(T, M, 7)``, in W worlds ``(T, W, M, 7)``. On a GPU likewise, or a list of T arrays.
-            times: When those are [s], rising, shape ``(T,)``, T at least 2.
-            starts: When each view's frame starts on this clock [s], shape ``(V,)``. Poses of one sensor, a trajectory,
-                are then of V views. By default frames start at 0.
+            poses: For one sensor, rows ``x y z qx qy qz qw`` of shape ``(T, 7)`` or matrices ``(T, 4, 4)``; for V views
+                ``(T, V, 7)`` or ``(T, V, 4, 4)``; for M movable objects, rows ``(T, M, 7)``, or ``(T, W, M, 7)`` in W
+                worlds. Poses on a GPU have the same shapes, or are a list of T arrays.
+            times: Times of the instants [s], strictly increasing, shape ``(T,)``, T at least 2.
+            starts: Start of the frame of each view on this clock [s], shape ``(V,)``. Poses of one sensor are then a
+                trajectory common to all views. By default, frames start at 0.
             quaternion: Order of the quaternions, ``"xyzw"`` or ``"wxyz"``.
 
         Raises:
-            PoseError: The poses are malformed.
-            ArrayError: The times are.
+            PoseError: If the poses are malformed.
+            ArrayError: If the times are invalid.
         """
         check_quaternion(quaternion)
         self.of_rays = False
@@ -70,11 +70,10 @@ class Motion:
         count = len(self._parts) if self._rows is None else len(self._rows)
         if count < 2 or len(self._times) != count:
             raise ArrayError(
-                f"times must be one for each instant of poses, of which there are two or more, got {len(self._times)} "
-                f"for {count}"
+                f"times must be one for each instant of poses, at least two, got {len(self._times)} for {count}"
             )
         if not (np.diff(self._times) > 0).all():
-            raise ArrayError("times must rise from instant to instant")
+            raise ArrayError("times must increase strictly")
         self._check_starts()
 
     @classmethod
@@ -87,187 +86,189 @@ class Motion:
         starts: ArrayLike | None = None,
         quaternion: QuaternionOrder = "xyzw",
     ) -> Motion:
-        """Make the motion of what keeps its velocities along and about its own axes: a screw, exactly.
+        """Create an exact screw motion: linear and angular velocity are constant in the body frame.
 
         The pose at time t is the pose at 0 s times the exponential of t times the twist (Lynch and Park, "Modern
-        Robotics", 2017, equation 3.88). It goes on for good, before 0 s, too.
+        Robotics", 2017, equation 3.88). The motion is defined for all times, including negative ones.
 
         Args:
-            poses: Poses at 0 s: rows of shape ``(7,)``, of V views ``(V, 7)`` or matrices; of movable objects
-                ``(M, 7)`` or ``(W, M, 7)``. On the host.
-            linear: Velocity along the moving thing's own axes [m/s], shape ``(3,)``, or one for each pose.
-            angular: Angular velocity about these axes [rad/s], likewise; what a gyroscope measures.
-            starts: As for instants.
+            poses: Poses at 0 s on the host: rows of shape ``(7,)``, ``(V, 7)`` for V views, or matrices; ``(M, 7)`` or
+                ``(W, M, 7)`` for movable objects.
+            linear: Linear velocity in the body frame [m/s], shape ``(3,)``, or one for each pose.
+            angular: Angular velocity in the body frame [rad/s], as measured by a gyroscope; same shapes.
+            starts: As in the constructor.
             quaternion: Order of the quaternions, ``"xyzw"`` or ``"wxyz"``.
 
         Raises:
-            PoseError: The poses are malformed.
-            ArrayError: The velocities are.
+            PoseError: If the poses are malformed.
+            ArrayError: If the velocities are invalid.
         """
-        made = cls._of_one_instant(poses, starts, quaternion)
-        made._linear, made._angular = (
-            _velocities(value, name, made.shape) for value, name in ((linear, "linear"), (angular, "angular"))
+        motion = cls._from_single_instant(poses, starts, quaternion)
+        motion._linear, motion._angular = (
+            _velocities(value, name, motion.shape) for value, name in ((linear, "linear"), (angular, "angular"))
         )
-        made._check_starts()
-        return made
+        motion._check_starts()
+        return motion
 
     @classmethod
     def per_ray(cls, poses: PoseLike, *, quaternion: QuaternionOrder = "xyzw") -> Motion:
-        """Make the motion of a sensor of which every ray, or every row or column, has a pose of its own.
+        """Create the motion of a sensor from a pose for each ray, or for each row or column of rays.
 
         Args:
-            poses: Rows ``x y z qx qy qz qw`` for each ray, shape ``(V, H, W, 7)``, or ``(V, N, 7)`` of a list of rays,
-                or matrices; without the first axis of one view. An axis may be 1, for one pose a row,
-                ``(V, H, 1, 7)``, or a column, ``(V, 1, W, 7)``. On the host.
+            poses: Rows ``x y z qx qy qz qw`` for each ray on the host, shape ``(V, H, W, 7)``, or ``(V, N, 7)`` for a
+                list of rays, or matrices; the first axis may be omitted for one view. An axis may have length 1, for
+                one pose per row, ``(V, H, 1, 7)``, or per column, ``(V, 1, W, 7)``.
             quaternion: Order of the quaternions, ``"xyzw"`` or ``"wxyz"``.
 
         Raises:
-            PoseError: The poses are malformed.
+            PoseError: If the poses are malformed.
         """
-        made = cls._of_one_instant(poses, None, quaternion)
-        made.of_rays = True
-        return made
+        motion = cls._from_single_instant(poses, None, quaternion)
+        motion.of_rays = True
+        return motion
 
     @classmethod
-    def _of_one_instant(cls, poses: PoseLike, starts: ArrayLike | None, quaternion: QuaternionOrder) -> Motion:
+    def _from_single_instant(cls, poses: PoseLike, starts: ArrayLike | None, quaternion: QuaternionOrder) -> Motion:
         check_quaternion(quaternion)
         if on_gpu(poses):
-            raise PoseError("poses must be in the host's memory, since there is no time to read them at, got a GPU's")
-        made = cls.__new__(cls)
+            raise PoseError("poses must be on the host for a motion without times, got an array on a GPU")
+        motion = cls.__new__(cls)
         host = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name="poses")
-        made._rows, made._parts = _host_rows(host[None], quaternion), []
-        made._times = made._linear = made._angular = None
-        made._starts = None if starts is None else _numbers(starts, "starts")
-        made.of_rays = False
-        return made
+        motion._rows, motion._parts = _host_rows(host[None], quaternion), []
+        motion._times = motion._linear = motion._angular = None
+        motion._starts = None if starts is None else _numbers(starts, "starts")
+        motion.of_rays = False
+        return motion
 
     @property
     def times(self) -> NDArray[np.float64] | None:
-        """When the poses are [s], shape ``(T,)``; None of a twist, and of poses of rays."""
+        """Times of the poses [s], shape ``(T,)``; None for `from_twist` and `per_ray`."""
         return self._times
 
     @property
     def twist(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Linear [m/s] and angular velocity [rad/s] of each pose, shape ``(*shape, 3)``; None without a twist."""
+        """Linear [m/s] and angular velocity [rad/s] of each pose, shape ``(*shape, 3)``; None unless `from_twist`."""
         return None if self._linear is None or self._angular is None else (self._linear, self._angular)
 
     @property
     def starts(self) -> NDArray[np.float64] | None:
-        """When each view's frame starts [s], shape ``(V,)``; None for 0."""
+        """Start of the frame of each view [s], shape ``(V,)``; None if all start at 0."""
         return self._starts
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The axes of the poses of one instant: ``()`` of one sensor, ``(V,)``, ``(M,)``, ``(W, M)``.
+        """Shape of the poses at one instant: ``()`` for one sensor, ``(V,)``, ``(M,)`` or ``(W, M)``.
 
         Raises:
-            PoseError: They are on a GPU.
+            PoseError: If the poses are on a GPU.
         """
         return self._host_rows().shape[1:-1]
 
     def at(self, times: ArrayLike = 0.0) -> NDArray[np.float64]:
-        """Compute poses at moments of the frames, in double precision.
+        """Compute poses at times, in double precision.
 
         Args:
-            times: Seconds after each frame's start, of any shape.
+            times: Times after the start of each frame [s], of any shape.
 
         Returns:
-            Rows ``x y z qx qy qz qw``, shape ``(*times, 7)`` of one sensor, ``(*times, V, 7)`` of V views, and so on.
+            Rows ``x y z qx qy qz qw``, shape ``(*times, 7)`` for one sensor, ``(*times, V, 7)`` for V views, and so on.
 
         Raises:
-            ArrayError: The times are no numbers, or the motion says nothing of then.
-            PoseError: The poses are on a GPU, or of rays.
+            ArrayError: If the times are not numbers, or if the motion does not cover them.
+            PoseError: If the poses are on a GPU, or are poses of rays.
         """
         moments = _numbers(times, "times", axes=None)
         shape = self.shape or (() if self._starts is None else self._starts.shape)
         check_times(self, moments)
-        found = [self._poses_of(column, moments.ravel()) for column in range(int(np.prod(shape)))]
-        return np.stack(found, axis=1).reshape(*moments.shape, *shape, 7)
+        poses = [self._poses_of(column, moments.ravel()) for column in range(int(np.prod(shape)))]
+        return np.stack(poses, axis=1).reshape(*moments.shape, *shape, 7)
 
     def __array__(self, *_: object, **__: object) -> NDArray[np.float64]:
-        """Refuse to be taken for poses by who sees nothing move."""
-        raise TypeError("a Motion is for render, Renderer.render and measure_incidence")
+        """Prevent implicit conversion to a pose array."""
+        raise TypeError("a Motion cannot be converted to an array. Use Motion.at to compute poses at times.")
 
     def __repr__(self) -> str:
-        """Say what it is, not each pose."""
+        """Return the kind and the shape; poses are not listed."""
         kind = "per_ray, " if self.of_rays else "from_twist, " if self._times is None else f"{len(self._times)} times, "
-        of = f"shape={self.shape}" if self._rows is not None else "on a GPU"
+        shape = f"shape={self.shape}" if self._rows is not None else "on a GPU"
         starts = "" if self._starts is None else f", {len(self._starts)} starts"
-        return f"Motion({kind}{of}{starts})"
+        return f"Motion({kind}{shape}{starts})"
 
     def _check_starts(self) -> None:
         if self._starts is not None and self._rows is not None and self.shape not in ((), self._starts.shape):
             raise ArrayError(
-                f"starts must be one for each of the {self.shape[0]} views, got {len(self._starts)}; poses of objects "
-                "have none"
+                f"starts must be one for each of the {self.shape[0]} views, got {len(self._starts)}. Leave them out "
+                "for poses of objects."
             )
 
     def _host_rows(self) -> NDArray[np.float64]:
         if self._rows is None:
-            raise PoseError("the poses of this motion are on a GPU, and are not read back")
+            raise PoseError("poses of the motion must be on the host, got a GPU, from which they are not copied")
         return self._rows
 
     def _poses_of(self, index: int, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compute the poses of one view, or thing, at times after its frame's start, shape ``(N,)``, as rows."""
+        """Compute poses of one view or object at times after the start of its frame, shape ``(N,)``, as rows."""
         rows = self._host_rows()
         column = index if self.shape else 0
         rows = rows.reshape(len(rows), -1, 7)[:, column]
         if self._starts is not None:
             times = times + self._starts[index]
         if self.twist is not None:
-            linear, angular = (each.reshape(-1, 3)[column] for each in self.twist)
+            linear, angular = (velocities.reshape(-1, 3)[column] for velocities in self.twist)
             return _along_screw(rows[0], linear, angular, times)
         assert self._times is not None
-        at = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(rows) - 2)
-        share = np.clip((times - self._times[at]) / (self._times[at + 1] - self._times[at]), 0.0, 1.0)
-        return _between(rows[at], rows[at + 1], share[:, None])
+        first = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(rows) - 2)
+        fraction = np.clip((times - self._times[first]) / (self._times[first + 1] - self._times[first]), 0.0, 1.0)
+        return _interpolate(rows[first], rows[first + 1], fraction[:, None])
 
 
 def check_times(motion: Motion, times: NDArray, starts: NDArray[np.float64] | None = None) -> None:
-    """Raise an error if a motion says nothing of some times after frames' starts [s], by default its own.
+    """Check that a motion covers times after the starts of frames [s]; by default, after its own starts.
 
-    Times may lie outside by what they are rounded by, which in single precision is more.
+    Times may be outside of its interval by their rounding error, which is greater in single precision.
 
     Raises:
-        ArrayError: They are before or behind all its poses.
-        PoseError: Its poses are of rays, and of no time.
+        ArrayError: If a time is before the first or after the last pose.
+        PoseError: If the motion has poses of rays, without times.
     """
     if motion.of_rays:
-        raise PoseError("a motion whose rays have poses of their own has none at a time")
+        raise PoseError("motion must have poses at times, got poses of rays (Motion.per_ray)")
     if motion.times is None or not times.size:
         return
     starts = motion.starts if starts is None else starts
     first, last = (0.0, 0.0) if starts is None else (starts.min(), starts.max())
     begin, end = first + float(times.min()), last + float(times.max())
     rounding = float(np.spacing(np.abs(times).max())) if times.dtype.kind == "f" else 0.0
-    slack = _ROUNDING + rounding + 4 * np.spacing(max(abs(begin), abs(end)))
+    slack = _TIME_TOLERANCE + rounding + 4 * np.spacing(max(abs(begin), abs(end)))
     if begin < motion.times[0] - slack or end > motion.times[-1] + slack:
         raise ArrayError(
-            f"times from {begin:.9g} to {end:.9g} s must lie in the motion's, from {motion.times[0]:.9g} to "
-            f"{motion.times[-1]:.9g} s: give it poses around them"
+            f"times must be within those of the motion, {motion.times[0]:.9g} to {motion.times[-1]:.9g} s, got "
+            f"{begin:.9g} to {end:.9g} s"
         )
 
 
 def poses_of_view(motion: Motion, view: int, times: NDArray) -> NDArray[np.float64]:
-    """Compute the poses of one view at times after its frame's start, shape ``(N,)``: rows ``(N, 7)``."""
+    """Compute poses of one view at times after the start of its frame, shape ``(N,)``, as rows ``(N, 7)``."""
     check_times(motion, times)
     return motion._poses_of(view, times.astype(np.float64))
 
 
 def instants_of(motion: Motion) -> NDArray[np.float64] | list[PoseLike]:
-    """Return the poses of all instants: rows ``(T, ..., 7)``, or of a GPU what there is for each."""
+    """Return the poses of all instants: rows ``(T, ..., 7)`` on the host, or a list of GPU arrays, one per instant."""
     return motion._parts if motion._rows is None else motion._rows
 
 
 def stacked(arrays: list[wp.array]) -> wp.array:
-    """Copy poses of instants on a device, all of one shape, into one array, shape ``(T, ...)`` transform.
+    """Stack GPU arrays of poses at instants to one array of transforms, shape ``(T, ...)``.
 
     Raises:
-        PoseError: They are of several shapes.
+        PoseError: If their shapes differ.
     """
     first = arrays[0]
     if any(array.shape != first.shape for array in arrays):
-        raise PoseError(f"poses must be as many at each instant, got {', '.join(str(a.shape) for a in arrays[:5])}")
+        raise PoseError(
+            f"poses must have the same shape at each instant, got {', '.join(str(a.shape) for a in arrays[:5])}"
+        )
     out = wp.empty((len(arrays), *first.shape), dtype=wp.transform, device=first.device)
     for k, array in enumerate(arrays):
         wp.copy(out[k], array)
@@ -277,14 +278,14 @@ def stacked(arrays: list[wp.array]) -> wp.array:
 def _read_poses(
     poses: PoseLike | Sequence[PoseLike], quaternion: QuaternionOrder
 ) -> tuple[NDArray[np.float64] | None, list[PoseLike]]:
-    """Return checked rows ``(T, ..., 7)`` of the host, or what there is for each instant on a GPU."""
+    """Return checked rows ``(T, ..., 7)`` on the host, or a list of GPU arrays, one per instant."""
     several = isinstance(poses, list | tuple)
     if several and any(on_gpu(part) for part in poses):
         return None, [to_xyzw(part, quaternion, "poses") for part in poses]
     if on_gpu(poses):
         given: Any = poses
-        one = isinstance(given, wp.array) and given.ndim == 1
-        parts = [given[k : k + 1] if one else given[k] for k in range(given.shape[0])]
+        is_trajectory = isinstance(given, wp.array) and given.ndim == 1
+        parts = [given[k : k + 1] if is_trajectory else given[k] for k in range(given.shape[0])]
         return None, [to_xyzw(part, quaternion, "poses") for part in parts]
     if several:
         poses = [part.numpy() if isinstance(part, wp.array) else part for part in poses]
@@ -293,7 +294,7 @@ def _read_poses(
 
 
 def _host_rows(host: NDArray, quaternion: QuaternionOrder) -> NDArray[np.float64]:
-    """Return checked rows of poses whose first axis is instants, shape ``(T, ..., 7)``."""
+    """Return checked rows of poses at T instants, shape ``(T, ..., 7)``."""
     matrices = host.ndim >= 3 and host.shape[-2:] == (4, 4) and host.shape[-1] != 7
     if not matrices and (host.ndim < 2 or host.shape[-1] != 7):
         raise PoseError(
@@ -303,19 +304,19 @@ def _host_rows(host: NDArray, quaternion: QuaternionOrder) -> NDArray[np.float64
     rows = host if matrices else to_xyzw(host, quaternion, "poses")
     flat = np.asarray(rows).reshape(-1, *((4, 4) if matrices else (7,)))
     if not len(flat):
-        raise PoseError(f"poses must be there, got shape {host.shape}")
-    return _kept(poses_to_opencv(flat, name="poses").reshape(*host.shape[: -2 if matrices else -1], 7))
+        raise PoseError(f"poses must not be empty, got shape {host.shape}")
+    return _freeze(poses_to_opencv(flat, name="poses").reshape(*host.shape[: -2 if matrices else -1], 7))
 
 
 def _numbers(value: ArrayInput, name: str, axes: int | None = 1) -> NDArray[np.float64]:
-    """Return finite numbers in double precision, of so many axes."""
+    """Check that a value is finite numbers with `axes` axes, and return them in double precision, read-only."""
     given = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
     if axes is not None and (given.ndim != axes or not given.size):
         raise ArrayError(f"{name} must be a list of numbers of seconds, got shape {given.shape}")
     array = given.astype(np.float64)
     if not np.isfinite(array).all():
         raise ArrayError(f"{name} must be finite, and {int((~np.isfinite(array)).sum())} are not")
-    return _kept(array)
+    return _freeze(array)
 
 
 def _velocities(value: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -325,43 +326,43 @@ def _velocities(value: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[
             f"{name} must be three finite numbers, or three for each of the poses, of shape {(*shape, 3)}, got "
             f"{given.tolist() if given.size < 5 else given.shape}"
         )
-    return _kept(np.broadcast_to(given, (*shape, 3)).copy())
+    return _freeze(np.broadcast_to(given, (*shape, 3)).copy())
 
 
-def _between(a: NDArray[np.float64], b: NDArray[np.float64], share: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rows between rows, after a share of the way: `warpvis.kernels.motions.between`."""
+def _interpolate(a: NDArray[np.float64], b: NDArray[np.float64], fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Interpolate between rows; the host version of `warpvis.kernels.motions.between`."""
     p, q = a[:, 3:], b[:, 3:]
     q = np.where((p * q).sum(axis=1, keepdims=True) < 0, -q, q)
     angle = 2 * np.arctan2(*(np.linalg.norm(side, axis=1, keepdims=True) for side in (q - p, q + p)))
-    turned = np.where(angle > 0, p * np.sin((1 - share) * angle) + q * np.sin(share * angle), p)
-    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
-    return np.concatenate([a[:, :3] + share * (b[:, :3] - a[:, :3]), turned], axis=1)
+    rotation = np.where(angle > 0, p * np.sin((1 - fraction) * angle) + q * np.sin(fraction * angle), p)
+    rotation /= np.linalg.norm(rotation, axis=1, keepdims=True)
+    return np.concatenate([a[:, :3] + fraction * (b[:, :3] - a[:, :3]), rotation], axis=1)
 
 
 def _along_screw(
     row: NDArray[np.float64], linear: NDArray[np.float64], angular: NDArray[np.float64], times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Rows of what has kept its velocities: `warpvis.kernels.motions.along_screw`."""
-    turn, along = times[:, None] * angular, times[:, None] * linear
-    angle = np.linalg.norm(turn, axis=1, keepdims=True)
+    """Return rows of a screw motion; the host version of `warpvis.kernels.motions.along_screw`."""
+    rotation_vector, along = times[:, None] * angular, times[:, None] * linear
+    angle = np.linalg.norm(rotation_vector, axis=1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         sine = np.where(angle > 1e-8, np.sin(angle / 2) / angle, 0.5)
         third = np.where(angle > 1e-2, (angle - np.sin(angle)) / angle**3, (1 - angle**2 / 20) / 6)
-    across = np.cross(turn, along)
-    moved = along + 2 * sine**2 * across + third * np.cross(turn, across)
-    rotation = np.broadcast_to(row[3:], (len(times), 4))
-    turned = quaternion_product(rotation, np.concatenate([sine * turn, np.cos(angle / 2)], axis=1))
-    place = row[:3] + rotate(rotation, moved)
-    return np.concatenate([place, turned / np.linalg.norm(turned, axis=1, keepdims=True)], axis=1)
+    across = np.cross(rotation_vector, along)
+    displacement = along + 2 * sine**2 * across + third * np.cross(rotation_vector, across)
+    start = np.broadcast_to(row[3:], (len(times), 4))
+    rotation = quaternion_product(start, np.concatenate([sine * rotation_vector, np.cos(angle / 2)], axis=1))
+    position = row[:3] + rotate(start, displacement)
+    return np.concatenate([position, rotation / np.linalg.norm(rotation, axis=1, keepdims=True)], axis=1)
 
 
 def rotate(quaternions: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotate vectors, shape ``(..., 3)``, by unit quaternions ``x y z w``, shape ``(..., 4)``."""
     axis, w = quaternions[..., :3], quaternions[..., 3:]
-    side = 2 * np.cross(axis, vectors)
-    return vectors + w * side + np.cross(axis, side)
+    cross = 2 * np.cross(axis, vectors)
+    return vectors + w * cross + np.cross(axis, cross)
 
 
-def _kept(array: NDArray) -> NDArray:
+def _freeze(array: NDArray) -> NDArray:
     array.flags.writeable = False
     return array

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Find poses whose quaternions have w first, though they are read with w last."""
+"""Detection of quaternions in the order w x y z that are read as x y z w."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from warpvis.core.poses import Convention, vectors_in_axes
 from warpvis.core.types import PoseLike
 from warpvis.core.user_warnings import warn_user
 
-# Fewer poses may be upright by chance in either order; of more, some are enough.
+# With fewer poses, cameras may be upright in either order by coincidence. Of more poses, a subset is checked.
 _MIN_POSES, _MAX_POSES = 3, 256
-# Heights of the cameras' axes: of a level one, and of one that surely points up or down.
+# Maximum z component of a level axis, and minimum z component of an axis that points up.
 _LEVEL, _STEEP = 1e-3, 0.1
 
 
 def warn_of_order(poses: PoseLike, convention: Convention) -> None:
-    """Warn if some cameras are upside down, and with w first all would be level and upright.
+    """Warn if some cameras are upside down, but all would be level and upright with w first.
 
-    The cameras of robots and of `look_at` are level and upright in a world whose vertical axis is z; few sets of poses
-    mix upright and inverted ones. Poses on a GPU are not looked at.
+    Cameras of robots and of `look_at` are level and upright if the vertical axis of the world is z, and poses rarely
+    mix upright and inverted cameras. Poses on a GPU are not checked.
 
     Args:
-        poses: Valid poses, as they were given.
-        convention: The axes of their frame.
+        poses: Valid poses, as given by the user.
+        convention: Axes of their camera frame.
     """
     if on_gpu(poses) or np.shape(poses)[1:] != (7,) or len(poses) < _MIN_POSES:
         return
@@ -43,19 +43,19 @@ def warn_of_order(poses: PoseLike, convention: Convention) -> None:
     if (np.abs(_heights(swapped, right)) < _LEVEL).all() and (_heights(swapped, down) < 0).all():
         share = format_percent(float(inverted.mean()))
         warn_user(
-            f"{share} of the cameras are upside down, and with w first in the quaternions all would be upright: if it "
-            'is, pass quaternion="wxyz"',
+            f"{share} of the cameras are upside down, but all would be upright if the quaternions had w first. If they "
+            'have, pass quaternion="wxyz".',
             UserWarning,
         )
 
 
 @cache
 def _axes(convention: Convention) -> NDArray[np.float64]:
-    """Return a camera's right and down axes in a frame of its own."""
+    """Return the right and down axes of a camera in a frame of the convention."""
     return vectors_in_axes(np.eye(3)[:2], "opencv", convention)
 
 
 def _heights(quaternions: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the z components of an axis as rotations ``x y z w`` turn it."""
+    """Return the z components of an axis rotated by quaternions ``x y z w``."""
     x, y, z, w = quaternions.T
     return 2 * (x * z - y * w) * axis[0] + 2 * (y * z + x * w) * axis[1] + (1 - 2 * (x * x + y * y)) * axis[2]

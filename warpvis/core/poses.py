@@ -30,17 +30,17 @@ _OPENCV_TO: dict[str, tuple[float, float, float, float]] = {
     "ros_optical": (0.0, 0.0, 0.0, 1.0),
 }
 
-# How far from orthonormal a rotation may be: matrices printed with four decimals pass, scaled ones do not.
+# Maximum deviation of a rotation from orthonormality: matrices printed with four decimals pass, scaled ones do not.
 _ROTATION_TOLERANCE = 1e-3
 
-# Squares of lengths that surely are within that, in single precision.
+# Conservative limits of the squared length of quaternions in single precision.
 _MIN_SQUARE, _MAX_SQUARE = 0.9981, 1.0019
 
-# Shapes of a single pose, and coordinates that surely are finite in single precision.
+# Shapes of a single pose, and a limit of coordinates that are finite in single precision.
 _ONE_ROW, _ONE_MATRIX = ((1, 7), (7,)), ((1, 4, 4), (4, 4))
-_FAR = 1e30
+_MAX_COORDINATE = 1e30
 
-# How far from 1 a quaternion's length may be: what was printed with three decimals passes, what is none does not.
+# Maximum deviation of the length of a quaternion from 1: quaternions printed with three decimals pass.
 LENGTH_TOLERANCE = 1e-3
 
 
@@ -52,50 +52,51 @@ def parse_poses(
     device: DeviceLike = "cpu",
     name: str = "camera_to_world",
 ) -> wp.array:
-    """Return poses as casters take them.
+    """Check poses, and convert them to transforms for casters.
 
-    Poses of the host are checked one by one. Poses already on a GPU stay there and are not read back: only their
-    shape, dtype and device are checked.
+    Poses on the host are checked one by one. Poses on a GPU are not copied to the host: only their shape, dtype and
+    device are checked.
 
     Args:
         poses: Camera-to-world poses: rows ``x y z qx qy qz qw`` [m], shape ``(V, 7)`` or ``(7,)`` for one view, or
             matrices, shape ``(V, 4, 4)`` or ``(4, 4)``.
         convention: Axes of the camera frame the poses are for: ``"opencv"`` (x right, y down, z forward), ``"opengl"``
-            (x right, y up, z backward), ``"ros_body"`` (x forward, y left, z up) or ``"ros_optical"`` (as OpenCV's).
-        axes: Axes of the frame whose poses are wanted, by the same names.
-        device: Where the result lives.
-        name: What messages call the poses.
+            (x right, y up, z backward), ``"ros_body"`` (x forward, y left, z up) or ``"ros_optical"`` (as OpenCV).
+        axes: Axes of the frame of the result.
+        device: Device of the result.
+        name: Name of the poses in messages.
 
     Returns:
         Poses of the camera frame of those axes, shape ``(V,)`` `wp.transform` on `device`.
 
     Raises:
-        PoseError: Shape, values or convention are wrong; the first few offending views are named.
+        PoseError: If shape, values or convention are invalid; the message contains the first invalid views.
     """
     device = get_device(device)
-    turn = _turn(convention, axes)
+    rotation = _axes_rotation(convention, axes)
     if isinstance(poses, wp.array) and not poses.device.is_cpu:
-        return parse_on_device(poses, turn, device, name)
+        return parse_on_device(poses, rotation, device, name)
     if hasattr(poses, "__cuda_array_interface__"):
-        return parse_on_device(from_foreign(poses, name), turn, device, name)
-    rows = _turned(poses.numpy() if isinstance(poses, wp.array) else poses, turn, name)
+        return parse_on_device(from_foreign(poses, name), rotation, device, name)
+    rows = _rotate_frames(poses.numpy() if isinstance(poses, wp.array) else poses, rotation, name)
     return wp.array(rows.astype(np.float32), dtype=wp.transform, device=device)
 
 
-def _turn(convention: Convention, axes: Convention) -> tuple[float, float, float, float] | None:
+def _axes_rotation(convention: Convention, axes: Convention) -> tuple[float, float, float, float] | None:
     """Return the quaternion of the frame of `axes` in that of `convention`; None if they are the same."""
     convention, axes = check_convention(convention), check_convention(axes)
     if convention == axes:
         return None
     if axes == "opencv":
         return _OPENCV_TO[convention]
-    *away, w = _OPENCV_TO[axes]
-    x, y, z, w = quaternion_product(np.array(_OPENCV_TO[convention]), np.array([*(-part for part in away), w])).tolist()
+    *vector, w = _OPENCV_TO[axes]
+    conjugate = np.array([*(-part for part in vector), w])
+    x, y, z, w = quaternion_product(np.array(_OPENCV_TO[convention]), conjugate).tolist()
     return x, y, z, w
 
 
 def vectors_in_axes(vectors: NDArray[np.float64], given: Convention, axes: Convention) -> NDArray[np.float64]:
-    """Return vectors of a camera frame with some axes as vectors of the same camera's frame of others."""
+    """Convert vectors in a camera frame from the axes `given` to other axes."""
     to_given, to_axes = (poses_to_matrices([0.0, 0.0, 0.0, *_OPENCV_TO[name]])[:3, :3] for name in (given, axes))
     return vectors @ (to_axes @ to_given.T).T
 
@@ -107,10 +108,9 @@ def host_poses(
     axes: Convention = "opencv",
     name: str = "camera_to_world",
 ) -> NDArray[np.float32]:
-    """Return poses for a caster on the CPU: what `parse_poses` gives, as rows ``(V, 7)``, at the least cost.
+    """Return the result of `parse_poses` as rows ``(V, 7)`` for casters on the CPU, with minimum overhead.
 
-    Poses that are well, as they mostly are, pass after a look. Those in single precision are not normalized: casters do
-    that themselves.
+    Valid poses pass a quick check. Poses in single precision are not normalized, because casters do that.
     """
     given = poses.numpy() if type(poses) is wp.array and poses.device.is_cpu else poses
     if type(given) is np.ndarray:
@@ -119,7 +119,7 @@ def host_poses(
             rows = _one_row(given)
         elif given.size == 16 and given.shape in _ONE_MATRIX:
             rows = _one_matrix(given)
-        elif given.dtype == np.float32 and given.ndim == 2 and given.shape[1] == 7 and _rows_are_well(given):
+        elif given.dtype == np.float32 and given.ndim == 2 and given.shape[1] == 7 and _are_valid_rows(given):
             rows = given
         if rows is not None and check_convention(convention) == axes:
             return rows
@@ -128,13 +128,18 @@ def host_poses(
 
 
 def _one_row(pose: NDArray) -> NDArray[np.float32] | None:
-    """Return one row, shape ``(7,)`` or ``(1, 7)``, as ``(1, 7)`` in single precision, if it surely is well."""
+    """Return one row, shape ``(7,)`` or ``(1, 7)``, as ``(1, 7)`` in single precision; None if it may be invalid."""
     if pose.dtype not in (np.float32, np.float64):
         return None
     x, y, z, *q = pose.ravel().tolist()
     squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    # NaN is in no range.
-    if not (-_FAR < x < _FAR and -_FAR < y < _FAR and -_FAR < z < _FAR and _MIN_SQUARE < squared < _MAX_SQUARE):
+    # Comparisons are false for NaN.
+    if not (
+        -_MAX_COORDINATE < x < _MAX_COORDINATE
+        and -_MAX_COORDINATE < y < _MAX_COORDINATE
+        and -_MAX_COORDINATE < z < _MAX_COORDINATE
+        and _MIN_SQUARE < squared < _MAX_SQUARE
+    ):
         return None
     if pose.dtype == np.float32:
         return pose.reshape(1, 7)
@@ -143,11 +148,15 @@ def _one_row(pose: NDArray) -> NDArray[np.float32] | None:
 
 
 def _one_matrix(pose: NDArray) -> NDArray[np.float32] | None:
-    """Return one matrix as a row ``(1, 7)`` in single precision, if it surely is a pose; as `_rows_from_matrices`."""
+    """Return one matrix as a row ``(1, 7)`` in single precision, like `_rows_from_matrices`; None if maybe invalid."""
     if pose.dtype not in (np.float32, np.float64):
         return None
     a, b, c, x, d, e, f, y, g, h, i, z, *last = pose.ravel().tolist()
-    if last != [0.0, 0.0, 0.0, 1.0] or not (-_FAR < x < _FAR and -_FAR < y < _FAR and -_FAR < z < _FAR):
+    if last != [0.0, 0.0, 0.0, 1.0] or not (
+        -_MAX_COORDINATE < x < _MAX_COORDINATE
+        and -_MAX_COORDINATE < y < _MAX_COORDINATE
+        and -_MAX_COORDINATE < z < _MAX_COORDINATE
+    ):
         return None
     errors = (
         a * a + b * b + c * c - 1,
@@ -157,7 +166,7 @@ def _one_matrix(pose: NDArray) -> NDArray[np.float32] | None:
         a * g + b * h + c * i,
         d * g + e * h + f * i,
     )
-    # NaN is in no range, and of rotations and mirrors the determinant is nearly 1 or -1.
+    # Comparisons are false for NaN. The determinant is about 1 for rotations and about -1 for reflections.
     if not all(-_ROTATION_TOLERANCE < error < _ROTATION_TOLERANCE for error in errors):
         return None
     if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0:
@@ -165,19 +174,19 @@ def _one_matrix(pose: NDArray) -> NDArray[np.float32] | None:
     squares = (1 + a - e - i, 1 - a + e - i, 1 - a - e + i, 1 + a + e + i)
     largest = squares.index(max(squares))
     sums = (b + d, c + g, f + h)
-    turns = (h - f, c - g, d - b)
+    differences = (h - f, c - g, d - b)
     q = (
-        (squares[0], sums[0], sums[1], turns[0]),
-        (sums[0], squares[1], sums[2], turns[1]),
-        (sums[1], sums[2], squares[2], turns[2]),
-        (turns[0], turns[1], turns[2], squares[3]),
+        (squares[0], sums[0], sums[1], differences[0]),
+        (sums[0], squares[1], sums[2], differences[1]),
+        (sums[1], sums[2], squares[2], differences[2]),
+        (*differences, squares[3]),
     )[largest]
     length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return np.array([[x, y, z, *(part / length for part in q)]], dtype=np.float32)
 
 
-def _rows_are_well(rows: NDArray[np.float32]) -> bool:
-    """Tell whether all rows surely are; `einsum` is quick and, unlike other ways, warns of nothing."""
+def _are_valid_rows(rows: NDArray[np.float32]) -> bool:
+    """Return whether all rows are definitely valid; `einsum` is fast and issues no warnings for NaN."""
     if not len(rows):
         return True
     quaternions = rows[:, 3:]
@@ -188,23 +197,23 @@ def _rows_are_well(rows: NDArray[np.float32]) -> bool:
 
 
 def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name: str = "poses") -> NDArray[np.float64]:
-    """Turn poses of the host into checked, normalized rows of the OpenCV camera frame, shape ``(V, 7)``."""
-    return _turned(poses, _turn(convention, "opencv"), name)
+    """Convert poses on the host to checked, normalized rows of the OpenCV camera frame, shape ``(V, 7)``."""
+    return _rotate_frames(poses, _axes_rotation(convention, "opencv"), name)
 
 
 def turn_poses(poses: ArrayLike, convention: Convention, axes: Convention) -> NDArray[np.float64]:
-    """Turn poses of the host from one frame's axes into another's: checked, normalized rows, shape ``(V, 7)``."""
-    return _turned(poses, _turn(convention, axes), "poses")
+    """Convert poses on the host from one convention to another; return checked, normalized rows, shape ``(V, 7)``."""
+    return _rotate_frames(poses, _axes_rotation(convention, axes), "poses")
 
 
-def _turned(poses: ArrayLike, turn: tuple[float, ...] | None, name: str) -> NDArray[np.float64]:
-    """Check and normalize poses of the host, and turn each frame by a quaternion; rows, shape ``(V, 7)``."""
+def _rotate_frames(poses: ArrayLike, rotation: tuple[float, ...] | None, name: str) -> NDArray[np.float64]:
+    """Check and normalize poses on the host, and rotate each frame by a quaternion; return rows, shape ``(V, 7)``."""
     array = as_numpy(poses, name=name).astype(np.float64)
     if array.shape in ((7,), (4, 4)):
         array = array[None]
     if array.ndim == 2 and array.shape[1] == 7:
         rows = _check_rows(array, name)
-        if turn is None:
+        if rotation is None:
             return rows
     elif array.ndim == 3 and array.shape[1:] == (4, 4):
         rows = _rows_from_matrices(array, name)
@@ -212,18 +221,18 @@ def _turned(poses: ArrayLike, turn: tuple[float, ...] | None, name: str) -> NDAr
         raise PoseError(
             f"{name} must have shape (V, 7), rows x y z qx qy qz qw, or (V, 4, 4), camera to world, got {array.shape}"
         )
-    turn = _OPENCV_TO["opencv"] if turn is None else turn
-    return np.concatenate([rows[:, :3], quaternion_product(rows[:, 3:], np.array(turn))], axis=1)
+    rotation = _OPENCV_TO["opencv"] if rotation is None else rotation
+    return np.concatenate([rows[:, :3], quaternion_product(rows[:, 3:], np.array(rotation))], axis=1)
 
 
 def read_pose(pose: ArrayLike, quaternion: QuaternionOrder, *, name: str = "pose") -> NDArray[np.float64]:
-    """Read one pose of the host, a row of 7 numbers or a matrix, as a normalized row ``x y z qx qy qz qw``.
+    """Convert one pose on the host, a row or a matrix, to a normalized row ``x y z qx qy qz qw``.
 
-    A row that is well, as most are, costs little: scenes have many thousands.
+    Valid rows take a fast path, because scenes may have many thousands of objects.
 
     Raises:
-        PoseError: It is no pose, or there are several.
-        ArrayError: It is no array of numbers.
+        PoseError: If the pose is invalid, or if there are several.
+        ArrayError: If it is not an array of numbers.
     """
     if quaternion == "xyzw" and isinstance(pose, tuple | list | np.ndarray) and len(pose) == 7:
         row = as_numpy(pose, name=name).astype(np.float64)
@@ -240,7 +249,7 @@ def read_pose(pose: ArrayLike, quaternion: QuaternionOrder, *, name: str = "pose
 
 
 def poses_to_matrices(poses: ArrayLike) -> NDArray[np.float64]:
-    """Turn rows ``x y z qx qy qz qw``, shape ``(..., 7)``, into matrices, shape ``(..., 4, 4)``."""
+    """Convert rows ``x y z qx qy qz qw``, shape ``(..., 7)``, to matrices, shape ``(..., 4, 4)``."""
     rows = np.asarray(poses, dtype=np.float64)
     x, y, z, w = np.moveaxis(rows[..., 3:] / np.linalg.norm(rows[..., 3:], axis=-1, keepdims=True), -1, 0)
     matrices = np.zeros((*rows.shape[:-1], 4, 4))
@@ -257,14 +266,14 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, up: str | ArrayLike = "z") -> 
 
     Args:
         eye: Camera position in the world [m], shape ``(3,)``.
-        target: A point in the middle of the image [m], shape ``(3,)``.
-        up: What points up in the image: ``"z"``, ``"y"``, or a world direction of shape ``(3,)``.
+        target: Point at the center of the image [m], shape ``(3,)``.
+        up: Direction that points up in the image: ``"z"``, ``"y"``, or a world direction of shape ``(3,)``.
 
     Returns:
         Row ``x y z qx qy qz qw``, camera to world, shape ``(7,)``.
 
     Raises:
-        PoseError: `eye` and `target` coincide, or lie along `up`, which then points nowhere in the image.
+        PoseError: If `eye` and `target` coincide, or if the viewing direction is parallel to `up`.
     """
     eye, target = as_point(eye, "eye", PoseError), as_point(target, "target", PoseError)
     vertical = np.eye(3)[check_up(up)] if isinstance(up, str) else as_point(up, "up", PoseError)
@@ -272,8 +281,8 @@ def look_at(eye: ArrayLike, target: ArrayLike, *, up: str | ArrayLike = "z") -> 
     right = np.cross(forward, vertical)
     if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(forward) * np.linalg.norm(vertical):
         raise PoseError(
-            f"eye {eye.tolist()} and target {target.tolist()} must be apart and not along up, {vertical.tolist()}; "
-            "give another up for a camera that looks straight down"
+            f"eye {eye.tolist()} and target {target.tolist()} must differ, and not along up, {vertical.tolist()}. "
+            "Pass another up for a camera that looks straight down."
         )
     axes = np.stack([right, np.cross(forward, right), forward], axis=1)
     matrix = np.eye(4)
@@ -289,19 +298,19 @@ def check_up(up: str) -> int:
 
 
 def to_xyzw(poses: PoseLike, quaternion: QuaternionOrder, name: str) -> PoseLike:
-    """Return poses with their quaternions in the order ``x y z w``, in which all functions read them.
+    """Return poses with quaternions in the order ``x y z w``, which all functions use.
 
     Args:
         poses: Rows of 7 numbers, of any leading shape, or matrices, on the host or on a GPU; or None.
-        quaternion: The order they are given in: ``"xyzw"`` (Warp, TUM, ROS) or ``"wxyz"`` (MuJoCo, COLMAP, USD).
-        name: What messages call the poses.
+        quaternion: Order of the given quaternions: ``"xyzw"`` (Warp, TUM, ROS) or ``"wxyz"`` (MuJoCo, COLMAP, USD).
+        name: Name of the poses in messages.
 
     Returns:
-        The poses themselves for ``"xyzw"``, and where they are matrices; else reordered copies.
+        The poses themselves for ``"xyzw"`` and for matrices; else reordered copies.
 
     Raises:
-        PoseError: There is no such order.
-        ArrayError: The poses are no array of numbers.
+        PoseError: If `quaternion` is invalid.
+        ArrayError: If the poses are not an array of numbers.
     """
     if isinstance(quaternion, str) and quaternion == "xyzw":
         return poses
@@ -315,21 +324,21 @@ def to_xyzw(poses: PoseLike, quaternion: QuaternionOrder, name: str) -> PoseLike
 
 
 def check_quaternion(quaternion: object) -> None:
-    """Raise a `PoseError` for what is no order of quaternions."""
+    """Raise a `PoseError` if `quaternion` is not an order of quaternions."""
     if not isinstance(quaternion, str) or quaternion not in get_args(QuaternionOrder):
         raise PoseError(f'quaternion must be "xyzw" or "wxyz", got {quaternion!r}')
 
 
 def check_convention(convention: object) -> Convention:
-    """Name the axes of a camera frame; those of OpenCV have one name.
+    """Check a convention, and return it; ``"ros_optical"`` becomes ``"opencv"``.
 
     Raises:
-        PoseError: There is no such convention.
+        PoseError: If there is no such convention.
     """
     if isinstance(convention, str) and convention == "ros":
         raise PoseError(
-            'convention "ros" may mean two frames: say "ros_body" (x forward, y left, z up) or "ros_optical" '
-            '(x right, y down, z forward, as "opencv")'
+            'convention must be "ros_body" (x forward, y left, z up) or "ros_optical" (x right, y down, z forward, as '
+            '"opencv"), got "ros", which is ambiguous'
         )
     if not isinstance(convention, str) or convention not in _OPENCV_TO:
         raise PoseError(f"convention must be one of {', '.join(map(repr, _OPENCV_TO))}, got {convention!r}")
@@ -337,7 +346,7 @@ def check_convention(convention: object) -> Convention:
 
 
 def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Multiply ``x y z w`` quaternions, shapes ``(..., 4)``: Hamilton's ``a b``, first `b` rotates, then `a`."""
+    """Return the Hamilton product ``a b`` of quaternions ``x y z w``, shapes ``(..., 4)``: rotation by `b`, then `a`."""
     ax, ay, az, aw = np.moveaxis(a, -1, 0)
     bx, by, bz, bw = np.moveaxis(b, -1, 0)
     return np.stack(
@@ -352,43 +361,45 @@ def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArra
 
 
 def not_unit(rows: np.ndarray) -> NDArray[np.bool_]:
-    """Tell which rows ``x y z qx qy qz qw`` have a quaternion that is none: its length is not 1, or not a number."""
+    """Return which rows ``x y z qx qy qz qw`` have a quaternion whose length is not 1, or NaN."""
     with np.errstate(invalid="ignore", over="ignore"):
         length = np.linalg.norm(rows[..., 3:].astype(np.float64), axis=-1)
         return ~(np.abs(length - 1) <= LENGTH_TOLERANCE)
 
 
 def wrong_length(row: np.ndarray) -> str:
-    """Say what is wanted of the quaternion of a row that is `not_unit`, what it is, and why, where that can be seen."""
+    """Return the end of a message for a row that is `not_unit`, with a hint if the quaternion seems to come first."""
     length = float(np.linalg.norm(row[3:].astype(np.float64)))
     swapped = (
         length > LENGTH_TOLERANCE and abs(float(np.linalg.norm(row[:4].astype(np.float64))) - 1) <= LENGTH_TOLERANCE
     )
-    hint = ", though of its first four numbers it is 1; rows are x y z qx qy qz qw, the place first" if swapped else ""
+    hint = (
+        ", although its first four numbers have length 1; rows are x y z qx qy qz qw, position first" if swapped else ""
+    )
     return f"must have quaternions of length 1, got {length:.6g}{hint}"
 
 
 def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    _refuse(name, ~np.isfinite(rows).all(axis=1), "must be finite")
+    _reject(name, ~np.isfinite(rows).all(axis=1), "must be finite")
     bad = not_unit(rows)
     if bad.any():
-        _refuse(name, bad, wrong_length(rows[bad.argmax()]))
+        _reject(name, bad, wrong_length(rows[bad.argmax()]))
     length = np.linalg.norm(rows[:, 3:], axis=1)
     return np.concatenate([rows[:, :3], rows[:, 3:] / length[:, None]], axis=1)
 
 
 def _rows_from_matrices(matrices: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    _refuse(name, ~np.isfinite(matrices).all(axis=(1, 2)), "must be finite")
-    _refuse(name, (matrices[:, 3] != [0, 0, 0, 1]).any(axis=1), "must have the last row 0 0 0 1")
+    _reject(name, ~np.isfinite(matrices).all(axis=(1, 2)), "must be finite")
+    _reject(name, (matrices[:, 3] != [0, 0, 0, 1]).any(axis=1), "must have the last row 0 0 0 1")
     rotation = matrices[:, :3, :3]
     error = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
-    _refuse(name, error > _ROTATION_TOLERANCE, "must be rotations without scale")
-    _refuse(name, np.linalg.det(rotation) < 0, "must be rotations, not mirrors")
+    _reject(name, error > _ROTATION_TOLERANCE, "must be rotations without scale")
+    _reject(name, np.linalg.det(rotation) < 0, "must be rotations, not mirrors")
     return np.concatenate([matrices[:, :3, 3], _quaternions(rotation)], axis=1)
 
 
 def _quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute unit quaternions ``x y z w`` of rotation matrices, by the largest component (Shepperd 1978)."""
+    """Convert rotation matrices to unit quaternions ``x y z w``, from the largest component (Shepperd 1978)."""
     m00, m11, m22 = rotations[:, 0, 0], rotations[:, 1, 1], rotations[:, 2, 2]
     squares = np.stack([1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22], axis=1)
     # Row k of `products` is 4 q_k (x, y, z, w); the row with the largest diagonal loses no digits.
@@ -402,9 +413,9 @@ def _quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
-def _refuse(name: str, bad: ArrayLike, wanted: str) -> None:
+def _reject(name: str, bad: ArrayLike, requirement: str) -> None:
     bad = np.asarray(bad)
     if bad.any():
         indices = np.flatnonzero(bad)
         first = ", ".join(map(str, indices[:5])) + (", ..." if len(indices) > 5 else "")
-        raise PoseError(f"{name} {wanted}: wrong in {len(indices)} of {len(bad)}, at index {first}")
+        raise PoseError(f"{name} {requirement}: wrong in {len(indices)} of {len(bad)}, at index {first}")

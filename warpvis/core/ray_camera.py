@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What cameras are whose pixels have rays of their own, for those who render through them."""
+"""Base classes of cameras that define the ray of each pixel explicitly."""
 
 from __future__ import annotations
 
@@ -19,42 +19,42 @@ if TYPE_CHECKING:
     from warpvis.kernels.rays import RayRange
 
 DepthKind = Literal["z", "range"]
-"""What depth is: along the camera's axis, or along the ray."""
+"""Definition of depth: along the axis of the camera, or along the ray."""
 
 MAX_RAYS = 2**26
-"""So many rays may one camera have: they take 1.6 GB."""
+"""Maximum number of rays of a camera; they take 1.6 GB."""
 
 
-_Made = TypeVar("_Made")
+_Value = TypeVar("_Value")
 
 
 class OnceCache:
-    """What is made once, when it is first asked for: who asks for it meanwhile waits."""
+    """A thread-safe cache: each value is created once; concurrent requests for it wait."""
 
     def __init__(self) -> None:
-        """Have nothing yet."""
-        self._made: dict[Hashable, Any] = {}
-        # What is being made may ask for other things.
+        """Create an empty cache."""
+        self._values: dict[Hashable, Any] = {}
+        # Reentrant, because creating a value may request other values.
         self._lock = RLock()
 
-    def get(self, name: Hashable, make: Callable[[], _Made]) -> _Made:
-        """Return what was made under this name, or make it."""
-        if name not in self._made:
+    def get(self, name: Hashable, make: Callable[[], _Value]) -> _Value:
+        """Return the cached value of this name; create it if it is missing."""
+        if name not in self._values:
             with self._lock:
-                if name not in self._made:
-                    self._made[name] = make()
-        return self._made[name]
+                if name not in self._values:
+                    self._values[name] = make()
+        return self._values[name]
 
 
 class RayCamera(ABC):
-    """A camera whose pixels have rays of their own.
+    """A camera that defines the ray of each pixel.
 
-    Subclasses have `width`, `height` [px], `near`, `far` [m], and `kind`, what depth is. Those that say nothing else
-    have OpenCV axes, rays that all start at one point, and images of that width and height.
+    Subclasses have `width`, `height` [px], `near`, `far` [m] and `kind`, the definition of depth. By default, they have
+    OpenCV axes, rays with a common origin, and images of that width and height.
     """
 
-    taken_by = "its rays have no image; wv.render takes it, and what is seen has points and labels of its own"
-    """For messages: where it goes, to who took it elsewhere."""
+    taken_by = "its rays have no image. wv.render accepts it, and its views have points and labels."
+    """Text for error messages: functions that accept the camera."""
     axes: Convention = "opencv"
     width: int
     height: int
@@ -65,59 +65,59 @@ class RayCamera(ABC):
     @property
     @abstractmethod
     def rays(self) -> NDArray[np.float64]:
-        """Rays of all pixels, of depth 1, shape ``(*shape, 3)``; NaN where a pixel has none."""
+        """Rays of depth 1 for all pixels, shape ``(*shape, 3)``; NaN where a pixel has no ray."""
 
     @property
     def origins(self) -> NDArray[np.float64] | None:
-        """Where these rays start in the camera frame [m], of the same shape; None for its origin."""
+        """Ray origins in the camera frame [m], with the shape of `rays`; None if all are zero."""
         return None
 
     @property
     def times(self) -> NDArray[np.float64] | None:
-        """When each ray is cast, after the frame's start [s], of that shape; None if nobody said."""
+        """Time of each ray, after the start of the frame [s], shape ``shape``; None if not given."""
         return None
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The shape of one view's images: height and width, or of a list of rays their number."""
+        """Shape of the image of one view: height and width, or the number of rays of a list."""
         return self.height, self.width
 
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return rays through points of the image [px], shape ``(..., 2)``, likewise; NaN outside of it.
+        """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image.
 
         Raises:
-            CameraError: Between its rays the camera has no image.
+            CameraError: If the image is not defined between the rays of the camera.
         """
         raise CameraError(
-            f"render_at is for points of an image, and {type(self).__name__} are rays without anything between them: "
-            "render other Rays"
+            f"camera must have a continuous image for render_at, got {type(self).__name__}. Render other Rays instead."
         )
 
-    def prepared(self, name: Hashable, make: Callable[[], _Made]) -> _Made:
-        """Return what a caster makes of the camera's rays: once, whoever renders through it, as long as it lives.
+    def prepared(self, name: Hashable, make: Callable[[], _Value]) -> _Value:
+        """Return acceleration data of a caster for the rays; it is created once and cached as long as the camera lives.
 
         Args:
-            name: What it is, such as a word and the alias of a device.
-            make: Makes it of `rays` and `origins` alone: cameras that differ in their range may share it.
+            name: Key of the data, such as a name and the alias of a device.
+            make: Function that creates the data. It must depend only on `rays` and `origins`, because cameras with
+                different ranges may share the data.
         """
         return self._kept().get(name, make)
 
     def prepare_in(self, kept: OnceCache) -> None:
-        """Have what is prepared kept here, where cameras of the same rays find it, too."""
+        """Share a cache of prepared data between cameras with the same rays."""
         self.__dict__["_prepared"] = kept
 
     def _kept(self) -> OnceCache:
-        return self.__dict__.setdefault("_prepared", OnceCache())  # of two threads, the first one's
+        return self.__dict__.setdefault("_prepared", OnceCache())  # atomic: concurrent callers get the same cache
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the camera's state without what was prepared, which copies prepare themselves."""
+        """Return the state without prepared data, which copies prepare again."""
         return {name: value for name, value in self.__dict__.items() if name != "_prepared"}
 
     def device_struct(self, *, clip_near: bool = False) -> RayRange:
-        """Return the camera's range as `warpvis.kernels.ray_table` takes it.
+        """Return the range of the camera as a struct for `warpvis.kernels.ray_table`.
 
         Args:
-            clip_near: Whether what is nearer than `near` is not there, instead of hiding what is behind it.
+            clip_near: Whether surfaces nearer than `near` are ignored instead of occluding.
         """
         from warpvis.kernels.rays import RayRange
 
@@ -128,20 +128,20 @@ class RayCamera(ABC):
 
 
 class LensedCamera(RayCamera):
-    """A `RayCamera` whose rays come from a lens, so that points of the world have places in its image."""
+    """A `RayCamera` with a lens, so that points can be projected to its image."""
 
-    taken_by = "rendering, datasets, points, back-projection, classification and maps take lenses"
+    taken_by = "rendering, datasets, points, back-projection, classification and maps accept lenses"
     lens: Any
-    """What maps directions to points of the image; equal lenses have equal images."""
+    """Mapping of directions to image points; equal lenses have equal images."""
 
     @abstractmethod
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Project camera-frame points [m], shape ``(..., 3)``, to ``(x, y)`` of the image [px]; NaN if nowhere."""
+        """Project camera-frame points [m], shape ``(..., 3)``, to image points ``(x, y)`` [px]; NaN if impossible."""
 
     @abstractmethod
     def unproject(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Find the unit vectors that points ``(x, y)`` of the image [px] show; NaN where none has that image."""
+        """Return the unit vectors of image points ``(x, y)`` [px]; NaN where no direction maps to the point."""
 
     @abstractmethod
     def canvas_rays(self, canvas: tuple[int, int, int, int]) -> NDArray[np.float64]:
-        """Return rays as `rays` has them, through so many pixels more at the left, top, right and bottom."""
+        """Return the rays of the image enlarged by a margin (left, top, right, bottom) [px], like `rays`."""

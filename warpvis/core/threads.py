@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Spread CPU work over all cores: Warp runs a kernel on the calling thread, so each thread launches its own views."""
+"""Parallel CPU kernels: Warp runs a CPU kernel on the calling thread, so several threads launch it for parts."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from warpvis.core.types import KernelArguments
 from warpvis.errors import ArrayError
 from warpvis.kernels.pinhole import Window
 
-# Pieces a thread gets on average: enough to even out views of different cost, few enough that the 0.1 ms of Python
-# that a launch costs does not show.
+# Average number of pieces per thread: enough to balance views of different cost, and few enough that the 0.1 ms of
+# Python per launch is negligible.
 _PIECES_PER_THREAD = 4
 _MIN_PIXELS = 4096
 
-# Rays of one block wait for its slowest: with one query a thread and nothing else, blocks of 64 are 7 % faster than of
-# 256 (H200, three scenes).
+# All rays of a block wait for its slowest one: with one query per thread, blocks of 64 threads are 7 % faster than
+# blocks of 256 (H200, three scenes).
 _CUDA_BLOCK = 64
 
 WHOLE_ROW = 2**30
-"""A span of more pixels than a row has: then a thread of a kernel takes all of one."""
+"""A span longer than any row: each kernel thread processes a whole row."""
 
 MAX_THREADS = 4096
-"""More CPU threads than this are a mistake: each has memory of its own."""
+"""Maximum number of CPU threads; more are probably a mistake, because each needs memory."""
 
 _pool: SimpleQueue[_Task] = SimpleQueue()
 _pool_size = 0
@@ -42,7 +42,7 @@ _Part = TypeVar("_Part")
 
 
 def core_count() -> int:
-    """Return how many cores this process may run on."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -57,20 +57,20 @@ def launch_images(
     span: int = 1,
     least_pixels: int = _MIN_PIXELS,
 ) -> None:
-    """Launch a kernel over all pixels: at once on CUDA, in pieces over the pool's threads on the CPU.
+    """Launch a kernel over all pixels: at once on CUDA, in pieces on the threads of the pool on the CPU.
 
     Args:
         kernel: A kernel with the thread index ``view, y, x`` that adds a `Window` to it.
         shape: ``(views, height, width)``.
-        arguments: The kernel's arguments for a window.
-        device: Where to launch.
+        arguments: Function that returns the arguments of the kernel for a window.
+        device: Device to launch on.
         threads: CPU threads, all cores by default.
         split_views: Whether several threads may share one view.
-        span: How many pixels of a row one thread of the kernel takes; its x counts these spans.
-        least_pixels: Pixels that are worth a CPU thread.
+        span: Number of pixels of a row per kernel thread; the index x counts spans.
+        least_pixels: Minimum number of pixels per piece.
 
     Raises:
-        ArrayError: `threads` is not a whole number from 1 up.
+        ArrayError: If `threads` is not a positive integer.
     """
     views, height, width = shape
     spans = -(-width // span)
@@ -88,28 +88,28 @@ def launch_images(
     def launch_piece(piece: tuple[int, int, int, int]) -> None:
         view, view_count, row, row_count = piece
         dim, window = (view_count, row_count, spans), _window(view, row)
-        known = packed.get(get_ident())
-        if known is None:
-            known = packed[get_ident()] = _PackedPieces(kernel, dim, arguments(window), window)
+        pieces = packed.get(get_ident())
+        if pieces is None:
+            pieces = packed[get_ident()] = _PackedPieces(kernel, dim, arguments(window), window)
         else:
-            known.set(dim, window)
-        known.launch.launch()
+            pieces.set(dim, window)
+        pieces.launch.launch()
 
     run_each(launch_piece, _split(shape, threads, split_views, least_pixels), threads)
 
 
 class _PackedPieces:
-    """A thread's launches of a kernel over pieces: to pack all arguments again takes longer than many a piece."""
+    """A recorded launch that a thread reuses for several pieces; packing all arguments again may take longer."""
 
     def __init__(self, kernel: wp.Kernel, dim: tuple[int, int, int], inputs: KernelArguments, window: Window) -> None:
-        """Pack the first one."""
+        """Pack the launch of the first piece."""
         self.launch = wp.launch(kernel, dim=dim, inputs=inputs, device="cpu", record_cmd=True)
-        self._place = next(place for place, value in enumerate(inputs) if value is window)
+        self._window_index = next(index for index, value in enumerate(inputs) if value is window)
 
     def set(self, dim: tuple[int, int, int], window: Window) -> None:
-        """Have it be of another piece."""
+        """Change the launch to another piece."""
         self.launch.set_dim(dim)
-        self.launch.set_param_at_index(self._place, window)
+        self.launch.set_param_at_index(self._window_index, window)
 
 
 def launch_points(
@@ -120,9 +120,9 @@ def launch_points(
     device: wp.Device,
     threads: int | None = None,
 ) -> None:
-    """Launch a kernel over all points of all views, ``(views, points)``, in rows that CPU threads share out.
+    """Launch a kernel over all points of all views, ``(views, points)``, in rows that are distributed to CPU threads.
 
-    The kernel's thread index is ``view, row, column``; `warpvis.kernels.points.point_index` makes a point of it.
+    The thread index of the kernel is ``view, row, column``; `warpvis.kernels.points.point_index` converts it.
     """
     from warpvis.kernels.points import POINTS_PER_ROW
 
@@ -132,23 +132,23 @@ def launch_points(
 
 
 def pack_launch(kernel: wp.Kernel, inputs: list[object]) -> wp.Launch:
-    """Pack a launch of one CPU thread, for several threads or times: packing takes longer than many a launch.
+    """Record a launch of one CPU thread for repeated use, because packing may take longer than the launch.
 
-    Structs are packed by reference: a launch reads what they hold then.
+    Structs are packed by reference: each launch reads their current contents.
     """
     load_module(kernel)
     return wp.launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
 
 
 class _PartTaker:
-    """Shares out parts among the threads that call it; after a failure the others take no more."""
+    """Distributes parts to the threads that call it; after a failure, no more parts are started."""
 
     def __init__(self, work: Callable[[_Part], object], parts: Sequence[_Part]) -> None:
         self.failures: list[BaseException] = []
-        self._work, self._waiting = work, iter(parts)
+        self._work, self._remaining = work, iter(parts)
 
     def __call__(self) -> None:
-        for part in self._waiting:
+        for part in self._remaining:
             if self.failures:
                 return
             try:
@@ -159,18 +159,18 @@ class _PartTaker:
 
 
 def run_each(work: Callable[[_Part], object], parts: Sequence[_Part], threads: int) -> None:
-    """Call `work` for each part, on at most so many threads at a time: this one and the pool's."""
+    """Call `work` for each part on at most `threads` threads: this one and threads of the pool."""
     run_together(_PartTaker(work, parts), min(threads, len(parts)), lambda: False)
 
 
 def run_together(work: Callable[[], None], workers: int, all_finished: Callable[[], bool]) -> None:
-    """Call `work` as many times at the same time: once here, and on the pool's threads.
+    """Call `work` concurrently: once on this thread, and on threads of the pool.
 
     Args:
-        work: Shares out what there is to do; a call that comes late finds nothing left.
-        workers: How many calls.
-        all_finished: Whether every call is known to have done its work: then nobody waits for its thread to say so,
-            which takes longer than many a frame.
+        work: Function that takes parts of the work until none are left; late calls return at once.
+        workers: Number of calls.
+        all_finished: Returns whether all calls are known to have finished. Then their threads are not waited for, which
+            may take longer than a small frame.
     """
     if workers < 1:
         return
@@ -180,32 +180,32 @@ def run_together(work: Callable[[], None], workers: int, all_finished: Callable[
         if all_finished():
             return
     except BaseException:
-        for other in _begun(others):
-            other.wait()  # it writes to what the caller takes back now
+        for other in _started(others):
+            other.wait()  # it writes to memory that the caller reuses after the error
         raise
-    for other in _begun(others):
+    for other in _started(others):
         other.wait()
         if other.error is not None:
             raise other.error
 
 
 class _Task:
-    """Work for a thread of the pool, unless it is called off before one has begun.
+    """A task for a thread of the pool, which can be canceled until it starts.
 
-    A `Future` does the same, and takes longer to make and to wait for than a small image.
+    Creating and waiting for a `Future` would take longer than a small image.
     """
 
-    __slots__ = ("_begun", "_done", "_work", "error")
+    __slots__ = ("_done", "_started", "_work", "error")
 
     def __init__(self, work: Callable[[], None]) -> None:
         self.error: BaseException | None = None
         self._work = work
-        self._begun, self._done = Lock(), Lock()
+        self._started, self._done = Lock(), Lock()
         self._done.acquire()
 
     def run(self) -> None:
-        """Do it."""
-        if not self._begun.acquire(blocking=False):
+        """Run the task unless it was canceled."""
+        if not self._started.acquire(blocking=False):
             return
         try:
             self._work()
@@ -214,42 +214,41 @@ class _Task:
         finally:
             self._done.release()
 
-    def call_off(self) -> bool:
-        """Have nobody begin any more; whether nobody has."""
-        return self._begun.acquire(blocking=False)
+    def cancel(self) -> bool:
+        """Cancel the task; return False if it has started."""
+        return self._started.acquire(blocking=False)
 
     def wait(self) -> None:
-        """Wait until it is done, once."""
+        """Wait until the task is finished; may be called once."""
         self._done.acquire()
 
 
-def _begun(tasks: list[_Task]) -> list[_Task]:
-    """Return those that could not be called off."""
-    return [task for task in tasks if not task.call_off()]
+def _started(tasks: list[_Task]) -> list[_Task]:
+    """Cancel tasks, and return those that have already started."""
+    return [task for task in tasks if not task.cancel()]
 
 
 class Crew:
-    """Threads apart from the pool's, which work through one call's parts after another's: what they do is no more than
-    so many things at a time, however many callers wait for them.
+    """A fixed number of threads, separate from the pool, that limits concurrency for any number of callers.
 
-    A context: its threads end with it.
+    Parts of calls are processed in the order of the calls. It is a context manager that ends its threads on exit.
     """
 
     def __init__(self, threads: int, name: str) -> None:
-        """Take so many threads, which begin when they are needed; `name` is what debuggers call them."""
+        """Create a crew of `threads` threads, which start on demand; `name` is their name in debuggers."""
         self.threads = threads
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix=name)
 
     def __enter__(self) -> Crew:
-        """Begin."""
+        """Return this crew."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """End when all that was begun is done."""
+        """Finish pending work, and end the threads."""
         self._pool.shutdown()
 
     def each(self, work: Callable[[_Part], object], parts: Sequence[_Part]) -> None:
-        """Call `work` for each part, and wait; an error comes back when nobody works on this call's any more."""
+        """Call `work` for each part, and wait; an error is raised after all running parts have finished."""
         run_parts = _PartTaker(work, parts)
         wait([self._pool.submit(run_parts) for _ in range(min(self.threads, len(parts)))])
         if run_parts.failures:
@@ -257,7 +256,7 @@ class Crew:
 
 
 def check_threads(threads: int | None) -> int:
-    """Return the number of threads to use; all cores for None."""
+    """Check a number of threads, and return it; None stands for all cores."""
     if threads is None:
         return core_count()
     if check_whole(threads, "threads") > MAX_THREADS:
@@ -268,7 +267,7 @@ def check_threads(threads: int | None) -> int:
 def _split(
     shape: tuple[int, int, int], threads: int, split_views: bool, least_pixels: int = _MIN_PIXELS
 ) -> list[tuple[int, int, int, int]]:
-    """Make pieces ``(view, view_count, row, row_count)`` of about equal size that cover all rows of all views."""
+    """Return pieces ``(view, view_count, row, row_count)`` of about equal size that cover all rows of all views."""
     views, height, width = shape
     if threads == 1:
         return [(0, views, 0, height)]
@@ -287,7 +286,7 @@ def _window(view: int, row: int) -> Window:
 
 
 def _submit(work: Callable[[], None], count: int) -> list[_Task]:
-    """Hand `work` to so many threads of the one pool, which grows to as many as were ever asked for."""
+    """Submit `work` to `count` threads of the pool, which grows to the maximum count requested so far."""
     tasks = [_Task(work) for _ in range(count)]
     if _pool_size < count:
         _enlarge_pool(count)
@@ -305,13 +304,13 @@ def _enlarge_pool(size: int) -> None:
 
 
 def _work_for_pool(pool: SimpleQueue[_Task]) -> None:
-    """Do what is to be done, for good: who sleeps here keeps no process from ending."""
+    """Run tasks forever. The threads are daemons: they do not block interpreter exit."""
     while True:
         pool.get().run()
 
 
 def _forget_pool() -> None:
-    """Forget the pool: a forked child has its object but none of its threads."""
+    """Replace the pool: a forked child inherits the object, but none of its threads."""
     global _pool, _pool_size, _pool_lock
     _pool, _pool_size, _pool_lock = SimpleQueue(), 0, Lock()
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Names for what calls take, for signatures and type checkers."""
+"""Types of arguments, for signatures and type checkers."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ DeviceLike = wp.Device | str | None
 
 
 class SupportsDLPack(Protocol):
-    """An array of any library, on any device, that says where its memory is."""
+    """An array of any library on any device that supports the DLPack protocol."""
 
     def __dlpack__(self, *, stream: int | None = None) -> object:
-        """Hand over the memory."""
+        """Export the array as a DLPack capsule."""
 
     def __dlpack_device__(self) -> tuple[int, int]:
-        """Say where it is."""
+        """Return the type and the index of the device."""
 
 
 ArrayInput = ArrayLike | SupportsDLPack | wp.array
@@ -31,10 +31,10 @@ PoseLike = ArrayInput
 """Rows ``x y z qx qy qz qw``, ``(V, 7)`` or ``(7,)``; matrices, ``(V, 4, 4)`` or ``(4, 4)``; transforms of Warp."""
 
 ObjectPoses = ArrayInput | None
-"""Rows ``x y z qx qy qz qw`` of the movable objects, ``(W, M, 7)`` or ``(M, 7)``; None for where they were added."""
+"""Rows ``x y z qx qy qz qw`` of the movable objects, ``(W, M, 7)`` or ``(M, 7)``; None for their initial poses."""
 
 ObjectScales = ArrayInput | None
-"""Factors along the movable objects' own axes, ``(W, M, 3)`` or ``(M, 3)``; None for sizes as they were added."""
+"""Scale factors along the axes of the movable objects, ``(W, M, 3)`` or ``(M, 3)``; None for their initial sizes."""
 
 Excluded = str | Sequence[str | int] | ArrayInput | None
 """Names or indices of objects, or flags of shape ``(V, objects)``."""
@@ -45,18 +45,18 @@ class HasMesh(Protocol):
 
     @property
     def vertices(self) -> ArrayLike:
-        """Corners [m], shape ``(n, 3)``."""
+        """Vertices [m], shape ``(n, 3)``."""
 
     @property
     def faces(self) -> ArrayLike:
-        """Corner indices of the triangles, shape ``(m, 3)``."""
+        """Vertex indices of the triangles, shape ``(m, 3)``."""
 
 
 MeshLike = HasMesh | tuple[ArrayLike, ArrayLike]
 """A mesh, or the pair of its vertices and faces."""
 
 KernelArguments = Sequence[object]
-"""What a kernel is launched with: arrays, structs and numbers."""
+"""Arguments of a kernel launch: arrays, structs and numbers."""
 
 Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
-"""What a JSON text can hold."""
+"""A JSON value."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Warnings that name the line of whoever calls the library, however deep in it they come up."""
+"""Warnings that are attributed to the calling line outside of the package."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _PACKAGE = __name__.partition(".")[0]
 
 
 def warn_user(message: str, category: type[Warning]) -> None:
-    """Warn of the nearest caller outside of this package; Python 3.12 has `skip_file_prefixes` for that."""
+    """Issue a warning for the nearest caller outside of this package, like `skip_file_prefixes` of Python 3.12."""
     level, frame = 2, sys._getframe(1)
     while frame.f_back is not None and _is_ours(str(frame.f_globals.get("__name__", ""))):
         level, frame = level + 1, frame.f_back
@@ -19,5 +19,5 @@ def warn_user(message: str, category: type[Warning]) -> None:
 
 
 def _is_ours(module: str) -> bool:
-    """Tell whether a module is of this package. Methods that dataclasses write have the names of their module."""
+    """Return whether a module is part of this package; generated methods of dataclasses have its module names, too."""
     return module == _PACKAGE or module.startswith(f"{_PACKAGE}.")

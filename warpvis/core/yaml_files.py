@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read YAML files, with ruamel.yaml, which is imported only then."""
+"""Read YAML files with ruamel.yaml, which is imported on demand."""
 
 from __future__ import annotations
 
@@ -11,21 +11,20 @@ from warpvis.errors import FileFormatError
 
 
 def load_yaml(path: Path) -> object:
-    """Read what a YAML file holds: mappings, lists, texts and numbers.
+    """Return the contents of a YAML file: mappings, lists, strings and numbers.
 
     Raises:
-        FileFormatError: It cannot be read, or ruamel.yaml is missing.
+        FileFormatError: If the file cannot be read, or if ruamel.yaml is missing.
     """
     try:
         from ruamel.yaml import YAML
     except ImportError:
-        why = "YAML is read with ruamel.yaml, which is missing: pip install 'warpvis[ros]'"
-        raise FileFormatError(f"{path}: {why}") from None
+        raise FileFormatError(f"{path}: reading YAML requires ruamel.yaml: pip install 'warpvis[ros]'") from None
     try:
-        # OpenCV begins its files with a directive that YAML does not know, and has a tag of its own.
+        # OpenCV's files begin with a directive that is not valid YAML, and use a nonstandard tag.
         text = path.read_text(encoding="utf-8-sig").removeprefix("%YAML:1.0").replace("!!opencv-matrix", "")
         return YAML(typ="safe", pure=True).load(text)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except Exception as error:  # text of any kind raises what it likes
+    except Exception as error:  # ruamel.yaml may raise any exception for malformed files
         raise FileFormatError(f"{path}: is not YAML: {describe_exception(error)}") from None

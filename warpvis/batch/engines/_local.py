@@ -22,7 +22,7 @@ from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, WarpvisError
 
-_LOOK_EVERY = 0.2
+_POLL_INTERVAL = 0.2
 """Interval at which a process that waits for work checks for errors [s]."""
 
 
@@ -57,10 +57,12 @@ def parse_devices(device: DeviceLike) -> list[str]:
     if names == ["cuda:all"]:
         names = [str(found) for found in wp.get_cuda_devices()]
         if not names:
-            raise ArrayError("device 'cuda:all' wants GPUs, and this machine has none")
+            raise ArrayError("device 'cuda:all' requires at least one GPU, got none on this machine")
     devices = list({str(found): found for found in map(get_device, names)}.values())
     if len({found.is_cpu for found in devices}) > 1:
-        raise ArrayError(f"devices must be of one kind, whose images are the same to the last bit, got {device!r}")
+        raise ArrayError(
+            f"device must be the CPU or GPUs, not both, because their images are not bitwise identical, got {device!r}"
+        )
     return [str(found) for found in devices]
 
 
@@ -75,7 +77,7 @@ def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequenc
             process.start()
             theirs.close()
             workers[ours] = process
-        _share_out(iter(shards), done, workers, ahead=writer_count(threads) + 2)
+        _distribute(iter(shards), done, workers, ahead=writer_count(threads) + 2)
     finally:
         for connection, process in workers.items():
             connection.close()
@@ -83,26 +85,26 @@ def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequenc
             process.join()
 
 
-def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, SpawnProcess], *, ahead: int) -> None:
+def _distribute(shards: Iterable[int], done: Done, workers: dict[Connection, SpawnProcess], *, ahead: int) -> None:
     """Distribute shards to the processes until all shards are complete."""
     shards = iter(shards)
     open_shards = dict.fromkeys(workers, 0)
-    told_the_end: set[Connection] = set()
+    ended: set[Connection] = set()
 
-    def hand_out(connection: Connection) -> None:
+    def send_next(connection: Connection) -> None:
         shard = next(shards, None)
         if shard is not None:
             open_shards[connection] += 1
-        elif connection in told_the_end:
+        elif connection in ended:
             return
         else:  # while it waits for work, a process does not check its last shards for errors
-            told_the_end.add(connection)
+            ended.add(connection)
         connection.send(shard)
 
     try:
         for _ in range(ahead):
             for connection in workers:
-                hand_out(connection)
+                send_next(connection)
         while any(open_shards.values()):
             busy = [connection for connection, count in open_shards.items() if count]
             ready = wait(busy)
@@ -114,12 +116,12 @@ def _share_out(shards: Iterable[int], done: Done, workers: dict[Connection, Spaw
                     raise answer
                 open_shards[connection] -= 1
                 done(*answer)
-                hand_out(connection)
+                send_next(connection)
     except (EOFError, ConnectionError):
-        raise WorkerLostError(_obituary(workers)) from None
+        raise WorkerLostError(_describe_loss(workers)) from None
 
 
-def _obituary(workers: dict[Connection, SpawnProcess]) -> str:
+def _describe_loss(workers: dict[Connection, SpawnProcess]) -> str:
     for process in workers.values():
         process.join(timeout=0.2)
         if process.exitcode is not None:
@@ -145,9 +147,9 @@ def _work(connection: Connection, job: Job, device: str, threads: int) -> None:
     except EOFError:  # the parent process has ended
         pass
     except (WarpvisError, OSError) as error:
-        _tell(connection, error)
+        _send_error(connection, error)
     except Exception:
-        _tell(connection, RuntimeError(f"on {device}:\n{traceback.format_exc()}"))
+        _send_error(connection, RuntimeError(f"on {device}:\n{traceback.format_exc()}"))
     if ending.is_set():
         sys.exit(1)
 
@@ -155,13 +157,13 @@ def _work(connection: Connection, job: Job, device: str, threads: int) -> None:
 def _incoming(connection: Connection, *stops: Event) -> Iterator[int]:
     """Yield the received shards until one could not be written or the process must end."""
     while not any(stop.is_set() for stop in stops):
-        if connection.poll(_LOOK_EVERY):
+        if connection.poll(_POLL_INTERVAL):
             shard = connection.recv()
             if shard is None:
                 return
             yield shard
 
 
-def _tell(connection: Connection, error: Exception) -> None:
+def _send_error(connection: Connection, error: Exception) -> None:
     with suppress(OSError):  # the parent process may have ended
         connection.send(error)

@@ -43,7 +43,7 @@ _MAX_RESTARTS = 10
 
 
 _PRINTING_THREADS = ("ray_listen_error_messages", "ray_print_logs")
-_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_COLOR = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class _Row(TypedDict):
@@ -77,14 +77,14 @@ class _WithoutRay:
 class Starts:
     """A Ray actor that counts starts of workers."""
 
-    def __init__(self, most: int) -> None:
-        """Allow `most` starts."""
-        self._left = most
+    def __init__(self, limit: int) -> None:
+        """Allow `limit` starts."""
+        self._remaining = limit
 
     def more(self) -> bool:
         """Count a start, and return whether it is allowed."""
-        self._left -= 1
-        return self._left >= 0
+        self._remaining -= 1
+        return self._remaining >= 0
 
 
 class ShardActor:
@@ -117,7 +117,7 @@ class ShardActor:
         shards = [int(shard) for shard in batch["shard"]]
         error: Exception | None = None
         if self._writer is None:
-            error = WorkerLostError("Ray's workers ended, and were started anew too often")
+            error = WorkerLostError("Ray's workers ended and were restarted too often")
             return {"shard": np.array(shards), "error": np.array([error] * len(shards), dtype=object)}
         try:
             self._writer.run([shard for shard in shards if self._record(shard) is None], lambda shard, record: None)
@@ -165,10 +165,10 @@ def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: 
             part = job.plan.shard_slice(shard)
             record = read_whole(store, shard_record(shard), part.stop - part.start)
             if record is None:
-                raise WorkerLostError(f"shard {shard} was written by a worker and cannot be seen from here")
+                raise WorkerLostError(f"shard {shard} was written by a worker but is not visible to this process")
             done(shard, record)
     except ray.exceptions.RayError as error:
-        reason = _COLOUR.sub("", str(error)).strip().splitlines()[0]
+        reason = _COLOR.sub("", str(error)).strip().splitlines()[0]
         raise WorkerLostError(f"Ray gave up ({type(error).__name__}: {reason})") from None
 
 
@@ -188,7 +188,7 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
         "threads": max(1, int(cpus)),
         "starts": counter.remote(workers * (1 + _MAX_RESTARTS)),
     }
-    made = rows.map_batches(
+    results = rows.map_batches(
         ShardActor,
         batch_size=None,
         compute=ray.data.ActorPoolStrategy(size=workers),
@@ -196,7 +196,7 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
         num_gpus=gpus,
         fn_constructor_kwargs=given,
     )
-    return made.iter_rows()
+    return results.iter_rows()
 
 
 def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) -> _Share:
@@ -206,10 +206,12 @@ def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) ->
         ArrayError: If the cluster has too few resources.
     """
     cpus, gpus = int(resources.get("CPU", 0)), int(resources.get("GPU", 0))
-    most = min(cpus, gpus) if gpu else cpus
-    count = most if workers is None else workers
-    if not 1 <= count <= most:
-        raise ArrayError(f"workers must be from 1 to {most}, the cluster's {'GPUs' if gpu else 'cores'}, got {workers}")
+    limit = min(cpus, gpus) if gpu else cpus
+    count = limit if workers is None else workers
+    if not 1 <= count <= limit:
+        raise ArrayError(
+            f"workers must be from 1 to {limit}, the cluster's {'GPUs' if gpu else 'cores'}, got {workers}"
+        )
     return _Share(int(count), cpus // int(count), 1 if gpu else 0)
 
 

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lay out the files of datasets, one module a format; `_base.Format` says what a format must do."""
+"""Formats of datasets, one module per format; `_base.Format` is their protocol."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The formats of datasets: what each must be able to do, and where it is found by its name."""
+"""The protocol of formats of datasets, and their registry."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Written = TypeVar("Written")
 
-_HOME = {
+_REGISTRY = {
     "npz": ("npz", "Npz"),
     "zarr": ("zarr", "Zarr"),
     "png": ("png", "Png"),
@@ -35,9 +35,9 @@ _HOME = {
     "ply": ("ply", "Ply"),
     "ros2": ("ros2", "Ros2"),
 }
-"""Module and class of every format; imported when asked for."""
+"""Module and class of each format; imported on demand."""
 
-FORMATS = tuple(_HOME)
+FORMATS = tuple(_REGISTRY)
 """Names of the formats."""
 
 IMAGE_DTYPES = {
@@ -52,10 +52,10 @@ IMAGE_DTYPES = {
     "reasons": "uint8",
     "true_depth": "float32",
 }
-"""Dtypes of the images' numbers in a shard."""
+"""Dtypes of images in a shard."""
 
 VECTOR_IMAGES = ("points", "normals", "color", "albedo")
-"""Images of three numbers a pixel."""
+"""Images with three values per pixel."""
 
 VISIBILITY_ARRAYS = {
     "visible_fraction": ("float32", ()),
@@ -69,12 +69,12 @@ VISIBILITY_ARRAYS = {
     "visible_box": ("int32", (4,)),
     "silhouette_box": ("int32", (4,)),
 }
-"""What the output ``"visibility"`` adds to a shard: arrays ``(n, K, ...)``, their dtype and last axes. They are what
-`warpvis.ObjectVisibility` has, whose `fraction` is called ``visible_fraction``."""
+"""Arrays ``(n, K, ...)`` of the output ``"visibility"`` in a shard, with their dtypes and last axes. They are
+attributes of `warpvis.ObjectVisibility`, whose `fraction` is called ``visible_fraction``."""
 
 
-# Each call of NumPy takes and lets go of the interpreter's lock, for which all threads that encode compete: frames are
-# handled by a few at once, as many as fit into a core's cache.
+# Each call of NumPy acquires and releases the GIL, for which all encoding threads compete. Frames are therefore handled
+# in groups, as large as fit into the cache of a core.
 _PIXELS_AT_ONCE = 1 << 19
 
 Images: TypeAlias = Mapping[str, np.ndarray]
@@ -82,73 +82,72 @@ Images: TypeAlias = Mapping[str, np.ndarray]
 
 
 class Format(Protocol):
-    """A layout of files. Its bytes must follow from the plan and the images alone: no clock, no random names."""
+    """A layout of files. Its bytes must depend only on the plan and the images, not on the time or on random names."""
 
     name: ClassVar[str]
-    """As on the command line."""
+    """Name of the format, as on the command line."""
     outputs: ClassVar[frozenset[str]]
-    """Outputs that it can hold."""
+    """Supported outputs."""
     default_outputs: ClassVar[tuple[str, ...]]
-    """Outputs that it holds unless told otherwise."""
+    """Outputs that are written by default."""
     library: ClassVar[str | None] = None
-    """Distributions that decide the bytes besides ours, with spaces between; the manifest names their versions."""
+    """Other distributions that affect the bytes, separated by spaces; the manifest contains their versions."""
     masks: bool = False
-    """Whether a shard's images must have ``"masks"``, of `warpvis.ObjectVisibility`, ``(n, K, H, W)`` uint8."""
+    """Whether the images of a shard must include ``"masks"`` of `warpvis.ObjectVisibility`, ``(n, K, H, W)`` uint8."""
     delta: float = 0.0
-    """`delta` of `warpvis.object_visibility` [m]; the format may take it from the plan's options."""
+    """`delta` of `warpvis.object_visibility` [m]; may be an option of the format."""
     any_depth: ClassVar[bool] = False
-    """Whether visibility is asked for from 0 to infinity, whatever the camera's range is."""
+    """Whether visibility ignores the camera's range and includes objects at any depth."""
     object_label: ClassVar[Label | None] = None
-    """Which objects visibility is of unless the job names some; None for all."""
+    """Label of the objects whose visibility is computed by default; None for all objects."""
     encodes: bool = False
-    """Whether making its files takes a processor longer than writing them."""
+    """Whether encoding takes longer than writing the files."""
     encoders: Crew | None = None
-    """Threads that encode, the same ones for all shards; without, the thread that writes a shard does."""
+    """Encoding threads, shared by all shards; if None, a shard is encoded on the thread that writes it."""
 
     def __init__(self, plan: Plan) -> None:
         """Prepare to write a dataset.
 
         Raises:
-            WarpvisError: The format cannot hold what the plan wants, an option is unknown, or a package is missing.
+            WarpvisError: If the format does not support an output, if an option is unknown, or if a package is missing.
         """
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write the files of one shard.
 
-        It is called by several threads at once, for different shards.
+        Several threads may call this concurrently for different shards.
 
         Args:
-            shard: Its number.
-            images: Arrays of its n frames by name: ``depth (n, H, W)`` float32, ``points`` and ``normals``
-                ``(n, H, W, 3)`` float32, ``labels`` uint8, ``objects`` int32; and `VISIBILITY_ARRAYS`. They are
-                written over after the call.
-            files: Where to write.
+            shard: Number of the shard.
+            images: Arrays of its n frames by name: images ``(n, H, W)`` or ``(n, H, W, 3)`` with the dtypes in
+                `IMAGE_DTYPES`, and `VISIBILITY_ARRAYS`. They are overwritten after the call.
+            files: Destination of the files.
 
         Returns:
-            Its units, relative paths: files, or folders that hold nothing of another shard. Each is then moved to its
-            place in the dataset by one rename.
+            The units of the shard, relative paths of files, or of folders with files of this shard only. Each unit is
+            then moved to the dataset by one rename.
         """
         ...
 
     def begin(self, files: ShardFiles) -> list[str]:
-        """Write what covers the whole dataset and can be said before there are shards; return the units as there."""
+        """Write files for the whole dataset before any shard, and return their units."""
         return []
 
     def index(self, files: ShardFiles) -> list[str]:
-        """Write what covers the whole dataset, after all shards, and return the units as `write_shard` does."""
+        """Write files for the whole dataset after all shards, and return their units."""
         ...
 
     def write_models(self, files: ShardFiles, scene: Scene) -> list[str]:
-        """Write the scene's objects, if there is a place for them, together with `index`; return the units as there."""
+        """Write the meshes of objects, if the format includes them, and return their units; called with `index`."""
         return []
 
     def encode_each(self, count: int, pixels: int, work: Callable[[range], object]) -> None:
-        """Call `work` for all frames of a shard, for a few neighbouring ones at a time, on the threads that encode.
+        """Call `work` for ranges of consecutive frames of a shard, on the encoding threads.
 
         Args:
-            count: Frames of the shard.
-            pixels: Pixels of a frame.
-            work: Encodes frames of those numbers in the shard.
+            count: Number of frames of the shard.
+            pixels: Number of pixels per frame.
+            work: Function that encodes a range of frames, given by their indices in the shard.
         """
         threads = 1 if self.encoders is None else self.encoders.threads
         step = max(1, min(_PIXELS_AT_ONCE // pixels, -(-count // threads)))
@@ -161,66 +160,67 @@ class Format(Protocol):
 
 
 def find_format(name: str) -> type[Format]:
-    """Find the format of that name.
+    """Return the class of a format.
 
     Raises:
-        FileFormatError: There is none.
+        FileFormatError: If there is no such format.
     """
-    if not isinstance(name, str) or name not in _HOME:
+    if not isinstance(name, str) or name not in _REGISTRY:
         raise FileFormatError(f"format must be one of {', '.join(FORMATS)}, got {name!r}")
-    module, kind = _HOME[name]
+    module, kind = _REGISTRY[name]
     return getattr(import_module(f"warpvis.batch.formats._{module}"), kind)
 
 
 def lens_as(plan: Plan, name: str, write: Callable[[Lens], Written]) -> Written:
-    """Return the lens of a plan's camera as a format writes it, whose depth is along the axis; a pinhole has one, too.
+    """Convert the lens of a plan's camera for a format that supports only planar depth; pinhole cameras are included.
 
     Args:
         plan: The plan.
-        name: The format.
-        write: Makes of a lens what the format says, or raises `CameraError`.
+        name: Name of the format.
+        write: Function that converts a lens, or raises `CameraError`.
 
     Raises:
-        FileFormatError: The format has no such lens, or the camera's depth is along the ray.
+        FileFormatError: If the format does not support the lens, or if depth of the camera is along the ray.
     """
     camera = plan.camera
     if isinstance(camera, Camera):
         return write(OpenCVPinhole(camera.fx, camera.fy, camera.cx, camera.cy))
     if camera.kind == "range":
         raise FileFormatError(
-            f'format {name!r} holds depth along the axis, and the camera\'s is along the ray (kind="range"): {_ANY}'
+            f'kind of the camera must be "z" for format {name!r}, got "range", depth along the ray. {_ANY}'
         )
     try:
         return write(camera.lens)
     except CameraError as error:
-        raise FileFormatError(f"format {name!r} cannot say the camera's lens: {error}; {_ANY}") from None
+        raise FileFormatError(f"format {name!r} does not support the lens: {error}. {_ANY}") from None
 
 
 def refuse_lens(plan: Plan, name: str, why: str) -> None:
-    """Refuse a camera with a lens.
+    """Reject cameras with a lens.
 
     Raises:
-        FileFormatError: The plan's has one.
+        FileFormatError: If the camera of the plan has a lens.
     """
     if not isinstance(plan.camera, Camera):
         raise FileFormatError(
-            f"format {name!r} is for pinholes, {why}: tum, nerfstudio, colmap and ros2 say some; {_ANY}"
+            f"camera must be a pinhole camera for format {name!r}, {why}. The formats tum, nerfstudio, colmap and ros2 "
+            f"support some lenses. {_ANY}"
         )
 
 
-_ANY = "npz, zarr and png say any"
+_ANY = "The formats npz, zarr and png support all lenses."
 
 
 def check_options(plan: Plan, name: str, known: Mapping[str, str]) -> None:
-    """Refuse options that a format does not have.
+    """Reject unknown options of a format.
 
     Args:
         plan: The plan.
-        name: The format.
-        known: What it has: names and, for the message, their values.
+        name: Name of the format.
+        known: Names of its options, with descriptions of their values for the message.
 
     Raises:
-        FileFormatError: There is another one.
+        FileFormatError: If an option is unknown.
     """
     unknown = sorted(plan.options.keys() - known.keys())
     if unknown:

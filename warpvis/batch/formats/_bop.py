@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The BOP benchmark's scenewise layout: depth, masks, and the poses and visible fractions of objects."""
+"""The scenewise layout of the BOP benchmark: depth, masks, and poses and visible fractions of objects."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from warpvis.core.frames import Frames
     from warpvis.scene import Scene
 
-_MILLIMETRES = 1000.0
+_MILLIMETERS_PER_METER = 1000.0
 
 
 class _Camera(TypedDict):
-    """An image's entry of ``scene_camera.json``."""
+    """Entry of an image in ``scene_camera.json``."""
 
     cam_K: list[float]
     depth_scale: float
@@ -42,7 +42,7 @@ class _Camera(TypedDict):
 
 
 class _ObjectPose(TypedDict):
-    """An object's entry of ``scene_gt.json``."""
+    """Entry of an object in ``scene_gt.json``."""
 
     cam_R_m2c: list[float]
     cam_t_m2c: list[float]
@@ -50,7 +50,7 @@ class _ObjectPose(TypedDict):
 
 
 class _ObjectInfo(TypedDict):
-    """An object's entry of ``scene_gt_info.json``."""
+    """Entry of an object in ``scene_gt_info.json``."""
 
     bbox_obj: list[int]
     bbox_visib: list[int]
@@ -65,7 +65,7 @@ _NO_BOX = (-1, -1, -1, -1)
 
 @dataclass
 class _Image:
-    """What is said of a frame."""
+    """Number of pixels whose depth does not fit into 16 bits, and entries of the objects in a frame."""
 
     lost: int
     infos: list[_ObjectInfo] = field(default_factory=list)
@@ -74,16 +74,16 @@ class _Image:
 class Bop(Layout):
     """Writes scenes, ``train/000012/``: depth images, masks, ``scene_camera``, ``scene_gt`` and ``scene_gt_info.json``.
 
-    A shard is a BOP scene, its frames are the images 0, 1, 2, ... of it. Models are numbered in the order of the chosen
-    objects, from 1, and movable objects of the same mesh are of one. All objects are annotated in every image, in their
-    order, also where nothing of them shows.
+    A shard is a BOP scene, and its frames are the images 0, 1, 2, ... of the scene. Models are numbered from 1 in the
+    order of the chosen objects; movable objects with the same mesh share a model. All objects are annotated in every
+    image, in their order, even if they are not visible.
 
-    The layout is that of ``docs/bop_datasets_format.md`` of BOP's toolkit, masks, counts and boxes are those of its
-    ``scripts/calc_gt_info.py`` and ``calc_gt_masks.py`` (Hodan et al., "BOP: Benchmark for 6D Object Pose Estimation",
-    ECCV 2018), with the depth as it was before it was rounded. Some of it one would not guess: intrinsics count pixel
-    centres as whole numbers; a box's width is its last column less its first; an object of which nothing is visible has
-    no box; and a pixel without depth (beyond the camera's range, or too far for 16 bits) counts as visible unless the
-    option ``missing`` says ``hidden``, which the toolkit calls bop18.
+    The layout is defined in ``docs/bop_datasets_format.md`` of BOP's toolkit. Masks, counts and boxes are computed as
+    in its ``scripts/calc_gt_info.py`` and ``calc_gt_masks.py`` (Hodan et al., "BOP: Benchmark for 6D Object Pose
+    Estimation", ECCV 2018), but from depth before rounding. Note that pixel centers are at integers; that the width of
+    a box is its last column minus its first; that an object without visible pixels has no box; and that a pixel without
+    depth (outside of the camera's range, or too far for 16 bits) counts as visible unless the option ``missing`` is
+    ``hidden``, called bop18 in the toolkit.
     """
 
     name: ClassVar[str] = "bop"
@@ -91,36 +91,35 @@ class Bop(Layout):
     outputs: ClassVar[frozenset[str]] = frozenset({"depth", "visibility"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth", "visibility")
     options: ClassVar[Mapping[str, str]] = {
-        "delta": "0.015 metres",
-        "depth_scale": "1.0, millimetres of a step of the depth images",
+        "delta": "0.015 meters",
+        "depth_scale": "1.0, millimeters per unit of the depth images",
         "split": "train",
         "missing": "visible or hidden",
     }
     masks = True
     any_depth = True
-    """Whether visibility is asked for from 0 to infinity, whatever the camera's range is: here, missing depth is judged
-    apart."""
+    """Whether visibility includes objects at any depth; here, pixels with missing depth are handled separately."""
     object_label = Label.OBJECT
-    """Which objects are chosen unless the job names some."""
+    """Label of the objects that are annotated by default."""
 
     def __init__(self, plan: Plan) -> None:
         """Check the plan.
 
         Raises:
-            FileFormatError: It has other outputs, no objects, an unknown option, or a camera with a lens.
+            FileFormatError: If it has other outputs, no objects, an unknown option, or a camera with a lens.
         """
         super().__init__(plan)
-        refuse_lens(plan, self.name, "whose images are projected by cam_K alone")
+        refuse_lens(plan, self.name, "which has no distortion")
         if len(plan.outputs) < 2:
-            raise FileFormatError(f"format 'bop' needs the outputs depth and visibility, got only {plan.outputs[0]}")
+            raise FileFormatError(f"outputs must be depth and visibility for format 'bop', got only {plan.outputs[0]}")
         if not plan.chosen:
             raise FileFormatError(
-                "format 'bop' annotates objects, and none of the scene's has the label object: give some that label "
-                "with labels=, or name some with objects="
+                "objects must not be empty for format 'bop', and the scene has none with the label OBJECT. Assign that "
+                "label with labels= or choose objects with objects= to annotate them."
             )
         hidden = [plan.object_names[index] for index in plan.chosen if index in plan.exclude]
         if hidden:
-            raise FileFormatError(f"format 'bop' cannot annotate {hidden[0]!r}, which is excluded from all frames")
+            raise FileFormatError(f"objects must not be excluded for format 'bop', got {hidden[0]!r} in exclude")
         self.delta = self.positive_option("delta", BOP_DELTA)
         self._depth_scale = self.positive_option("depth_scale", 1.0)
         self._split = str(plan.options.get("split", "train"))
@@ -135,7 +134,7 @@ class Bop(Layout):
         models = plan.object_models or range(len(plan.object_names))
         numbers = {model: number for number, model in enumerate(dict.fromkeys(models[k] for k in plan.chosen), start=1)}
         self._model_of = [numbers[models[index]] for index in plan.chosen]
-        """Number of each chosen object's model."""
+        """Number of the model of each chosen object."""
         self._blank = encode_png(np.zeros((plan.camera.height, plan.camera.width), dtype=np.uint8))
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
@@ -143,21 +142,21 @@ class Bop(Layout):
         scene = f"{self._split}/{shard_name(shard)}"
         frames = self.plan.frames[self.plan.shard_slice(shard)]
         count, camera = len(images["depth"]), self.plan.camera
-        made: dict[int, _Image] = {}
+        written: dict[int, _Image] = {}
 
-        def write_some(numbers: range) -> None:
+        def write_images(numbers: range) -> None:
             for image in numbers:
-                made[image] = self._write_image(scene, image, images, files)
+                written[image] = self._write_image(scene, image, images, files)
 
-        self.encode_each(count, camera.width * camera.height, write_some)
-        infos = [made[image].infos for image in range(count)]
+        self.encode_each(count, camera.width * camera.height, write_images)
+        infos = [written[image].infos for image in range(count)]
         world_to_camera = _inverse(poses_to_matrices(frames.camera_to_world))
         files.write_text(f"{scene}/scene_camera.json", _json_lines(enumerate(self._cameras(world_to_camera))))
         files.write_text(f"{scene}/scene_gt.json", _json_lines(enumerate(self._poses(frames, world_to_camera))))
         files.write_text(f"{scene}/scene_gt_info.json", _json_lines(enumerate(infos)))
         files.warn(
-            f"pixels have a depth that 16 bits of {self._depth_scale:g} mm cannot hold, and are 0, no depth",
-            sum(image.lost for image in made.values()),
+            f"pixels have a depth that does not fit into 16 bits of {self._depth_scale:g} mm, and are 0, no depth",
+            sum(image.lost for image in written.values()),
         )
         return [scene]
 
@@ -170,14 +169,14 @@ class Bop(Layout):
         return ["camera.json"]
 
     def write_models(self, files: ShardFiles, scene: Scene) -> list[str]:
-        """Write the objects' meshes as ``models/obj_000001.ply`` in millimetres, and ``models_info.json``.
+        """Write the meshes of objects as ``models/obj_000001.ply`` in millimeters, and ``models_info.json``.
 
         Args:
-            files: Where to write.
+            files: Destination of the files.
             scene: The scene of the job.
 
         Returns:
-            The units, as of `write_shard`.
+            The units, see `write_shard`.
         """
         from warpvis.batch.formats._bop_models import model_info, ply_text
 
@@ -189,7 +188,7 @@ class Bop(Layout):
             if len(names[number]) > 1:
                 continue
             vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
-            points = (vertices.astype(np.float64) - self._origin(index)) * _MILLIMETRES
+            points = (vertices.astype(np.float64) - self._origin(index)) * _MILLIMETERS_PER_METER
             files.write_text(f"models/obj_{number:06d}.ply", ply_text(points, item.faces))
             infos[number] = {**model_info(points), "name": item.name, "names": names[number]}
         files.write_text("models/models_info.json", _json_lines(infos.items()))
@@ -200,32 +199,33 @@ class Bop(Layout):
         return require_camera(self.plan.camera).to_K(pixel_center=0.0)
 
     def _origin(self, index: int) -> NDArray[np.float64]:
-        """Find a model's origin in the mesh [m], shape ``(3,)``: its own if it moves, else the box's middle."""
+        """Return the origin of a model in its mesh [m], shape ``(3,)``: 0 if movable, else the center of the box."""
         if self.plan.object_columns[index] >= 0:
             return np.zeros(3)
         return np.array(self.plan.object_centers[index], dtype=np.float64)
 
     def _write_image(self, scene: str, image: int, images: Images, files: ShardFiles) -> _Image:
-        """Write a frame's depth and masks, and return what is said of it."""
+        """Write depth and masks of a frame, and return its entries."""
         depth = images["depth"][image]
-        units = depth_to_units(depth, _MILLIMETRES / self._depth_scale)
+        units = depth_to_units(depth, _MILLIMETERS_PER_METER / self._depth_scale)
         files.write(f"{scene}/depth/{image:06d}.png", encode_png(units))
-        made = _Image(count_lost(depth, units))
+        result = _Image(count_lost(depth, units))
         missing = units == 0
-        for place, mask in enumerate(images["masks"][image]):
-            whole = int(images["silhouette_pixels"][image, place])
-            if not images["image_pixels"][image, place]:
-                made.infos.append(_object_info(whole, 0, None, ()))
+        for index, mask in enumerate(images["masks"][image]):
+            total = int(images["silhouette_pixels"][image, index])
+            if not images["image_pixels"][image, index]:
+                result.infos.append(_object_info(total, 0, None, ()))
                 pair = self._blank, self._blank
             else:
-                alone = mask > 0
-                visible = (mask > 1) | (alone & missing) if self._missing_is_visible else (mask > 1) & ~missing
-                valid, box = int(np.count_nonzero(alone & ~missing)), images["silhouette_box"][image, place].tolist()
-                made.infos.append(_object_info(whole, valid, visible, box))
-                pair = self._mask_png(alone), self._mask_png(visible)
+                silhouette = mask > 0
+                visible = (mask > 1) | (silhouette & missing) if self._missing_is_visible else (mask > 1) & ~missing
+                valid = int(np.count_nonzero(silhouette & ~missing))
+                box = images["silhouette_box"][image, index].tolist()
+                result.infos.append(_object_info(total, valid, visible, box))
+                pair = self._mask_png(silhouette), self._mask_png(visible)
             for kind, mask_png in zip(("mask", "mask_visib"), pair, strict=True):
-                files.write(f"{scene}/{kind}/{image:06d}_{place:06d}.png", mask_png)
-        return made
+                files.write(f"{scene}/{kind}/{image:06d}_{index:06d}.png", mask_png)
+        return result
 
     def _mask_png(self, mask: NDArray[np.bool_]) -> bytes:
         return encode_png(mask.view(np.uint8) * np.uint8(255)) if mask.any() else self._blank
@@ -237,13 +237,13 @@ class Bop(Layout):
                 "cam_K": matrix,
                 "depth_scale": self._depth_scale,
                 "cam_R_w2c": pose[:3, :3].ravel().tolist(),
-                "cam_t_w2c": (pose[:3, 3] * _MILLIMETRES).tolist(),
+                "cam_t_w2c": (pose[:3, 3] * _MILLIMETERS_PER_METER).tolist(),
             }
             for pose in world_to_camera
         ]
 
     def _poses(self, frames: Frames, world_to_camera: NDArray[np.float64]) -> list[list[_ObjectPose]]:
-        """List the poses model to camera, of every frame and object."""
+        """Return poses from model to camera for all frames and objects."""
         scene_gt: list[list[_ObjectPose]] = [[] for _ in world_to_camera]
         for number, index in zip(self._model_of, self.plan.chosen, strict=True):
             column = self.plan.object_columns[index]
@@ -252,20 +252,20 @@ class Bop(Layout):
             if column >= 0:
                 model_to_world = poses_to_matrices(_poses_of_object(frames, column))
             for entries, pose in zip(scene_gt, world_to_camera @ model_to_world, strict=True):
-                rotation, translation = pose[:3, :3].ravel().tolist(), (pose[:3, 3] * _MILLIMETRES).tolist()
+                rotation, translation = pose[:3, :3].ravel().tolist(), (pose[:3, 3] * _MILLIMETERS_PER_METER).tolist()
                 entries.append({"cam_R_m2c": rotation, "cam_t_m2c": translation, "obj_id": number})
         return scene_gt
 
 
 def _poses_of_object(frames: Frames, column: int) -> NDArray[np.float32]:
-    """Return a movable object's poses in every frame, or in the one world of all, shape ``(n or 1, 7)``."""
-    assert frames.object_poses is not None  # a plan has them if anything moves
+    """Return the poses of a movable object in all frames, or in their common world, shape ``(n or 1, 7)``."""
+    assert frames.object_poses is not None  # set in a plan if an object is movable
     rows = frames.object_poses[:, column]
     return rows if frames.world_index is None else rows[frames.world_index]
 
 
 def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Invert rigid motions, shape ``(n, 4, 4)``."""
+    """Invert rigid transforms, shape ``(n, 4, 4)``."""
     inverse = np.zeros_like(matrices)
     inverse[:, :3, :3] = matrices[:, :3, :3].swapaxes(1, 2)
     inverse[:, :3, 3] = -np.einsum("nij,nj->ni", inverse[:, :3, :3], matrices[:, :3, 3])
@@ -273,20 +273,20 @@ def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     return inverse
 
 
-def _object_info(whole: int, valid: int, visible: NDArray[np.bool_] | None, box: Sequence[int]) -> _ObjectInfo:
-    """Say what ``scene_gt_info.json`` says of an object in an image.
+def _object_info(total: int, valid: int, visible: NDArray[np.bool_] | None, box: Sequence[int]) -> _ObjectInfo:
+    """Return the entry of an object in an image for ``scene_gt_info.json``.
 
     Args:
-        whole: Pixels of its silhouette on the canvas.
-        valid: Pixels of its mask that have a depth.
-        visible: Its visible pixels, shape ``(H, W)``; None where it is outside of the image.
-        box: Of its silhouette on the canvas: x, y, width and height; only looked at if something of it is visible.
+        total: Number of pixels of its silhouette on the canvas.
+        valid: Number of pixels of its mask with depth.
+        visible: Mask of its visible pixels, shape ``(H, W)``; None if it is outside of the image.
+        box: Box of its silhouette on the canvas: x, y, width and height; only used if a pixel is visible.
     """
     count = 0 if visible is None else int(np.count_nonzero(visible))
     info: _ObjectInfo = {
         "bbox_obj": [*_NO_BOX],
         "bbox_visib": [*_NO_BOX],
-        "px_count_all": whole,
+        "px_count_all": total,
         "px_count_valid": valid,
         "px_count_visib": count,
         "visib_fract": 0.0,
@@ -294,17 +294,17 @@ def _object_info(whole: int, valid: int, visible: NDArray[np.bool_] | None, box:
     if visible is not None and count:
         x, y, width, height = box
         info["bbox_obj"], info["bbox_visib"] = [x, y, width - 1, height - 1], _box(visible)
-        info["visib_fract"] = count / whole
+        info["visib_fract"] = count / total
     return info
 
 
 def _box(mask: NDArray[np.bool_]) -> list[int]:
-    """Return x, y, last column less first, last row less first of a mask that is not empty."""
+    """Return x, y, last column - first column, last row - first row of a mask that is not empty."""
     columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
     x, y = int(columns[0]), int(rows[0])
     return [x, y, int(columns[-1]) - x, int(rows[-1]) - y]
 
 
 def _json_lines(items: Iterable[tuple[int, object]]) -> str:
-    """Write values by their number as a JSON object, a line each, as BOP's own files are."""
+    """Format numbered values as a JSON object with one line per value, as in BOP's files."""
     return "{\n" + ",\n".join(f'  "{key}": {json.dumps(value)}' for key, value in items) + "\n}\n"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The layout of COLMAP's dense workspaces, with a model in text."""
+"""The layout of dense COLMAP workspaces, with a text model."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _CAMERA = 1
 class Colmap(Layout):
     """Writes ``sparse/{cameras,images,points3D}.txt`` and ``stereo/depth_maps/000012/000000.png.geometric.bin``.
 
-    The camera is a ``PINHOLE``, or of the model that is its lens, with pixel centres at +0.5. Images are numbered from
-    1, named ``000012/000000.png``, and posed world to camera with OpenCV axes; they have no keypoints, and there are no
-    3D points. Depth maps are float32 [m], 0 where there is none; normal maps, in ``stereo/normal_maps``, are in the
-    camera's frame, 0 where nothing is.
+    The camera model is ``PINHOLE``, or the model of the lens, with pixel centers at +0.5. Images are numbered from 1
+    and named ``000012/000000.png``; their poses are from world to camera with OpenCV axes. There are no keypoints and
+    no 3D points. Depth maps are float32 [m], 0 without depth. Normal maps, in ``stereo/normal_maps``, are in the camera
+    frame, 0 without a surface.
 
-    COLMAP's own ``stereo_fusion`` places a depth map's pixels at whole coordinates, half a pixel from where its
-    documentation and these files have their centres.
+    COLMAP's ``stereo_fusion`` places pixels of depth maps at integer coordinates, half a pixel from the centers defined
+    in its documentation and used here.
 
     Source: https://colmap.github.io/format.html
     """
@@ -45,7 +45,7 @@ class Colmap(Layout):
         """Check the plan.
 
         Raises:
-            FileFormatError: An output, an option or a lens is not this format's.
+            FileFormatError: If the format does not support an output, an option or the lens.
         """
         super().__init__(plan)
         model, parameters = lens_as(plan, self.name, lens_to_colmap)
@@ -68,8 +68,8 @@ class Colmap(Layout):
             rotations = poses_to_matrices(frames.camera_to_world)[:, :3, :3].astype(np.float32)
 
             def make_normals(frame: int) -> Parts:
-                turned = normals[frame] @ rotations[frame]  # rows, so this is the inverse rotation
-                return _map_parts(np.where(np.isnan(turned), 0, turned).transpose(2, 0, 1))
+                rotated = normals[frame] @ rotations[frame]  # row vectors: this is the inverse rotation
+                return _map_parts(np.where(np.isnan(rotated), 0, rotated).transpose(2, 0, 1))
 
             units.append(self._write_maps(shard, "normal_maps", len(normals), make_normals, files))
         return units
@@ -110,6 +110,6 @@ def _world_to_camera(camera_to_world: NDArray[np.float64]) -> list[list[float]]:
 
 
 def _map_parts(channels: NDArray[np.float32]) -> Parts:
-    """Make the file of a depth or normal map of its channels, shape ``(C, H, W)``."""
+    """Return the file of a depth or normal map with channels of shape ``(C, H, W)``."""
     count, height, width = channels.shape
     return f"{width}&{height}&{count}&".encode(), channels.astype("<f4", copy=False)

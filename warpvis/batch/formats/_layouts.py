@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the layouts with a file a frame have in common."""
+"""Base class of formats with one file per frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from warpvis.batch.storage._output import ShardFiles
 
 Parts: TypeAlias = tuple[FilePart, ...]
-"""What a file is written from, in order."""
+"""The parts of a file, in order."""
 
 Row = TypeVar("Row")
 
@@ -30,26 +30,26 @@ _ROWS_AT_ONCE = 4096
 
 
 class Layout(Format):
-    """A format with one file a frame and image: frame j of shard 12 is ``FOLDER/000012/<j in six digits>SUFFIX``.
+    """A format with one file per frame and image: frame j of shard 12 is ``FOLDER/000012/<j in six digits>SUFFIX``.
 
-    A folder holds the files of one shard, so that they appear together.
+    Each folder contains the files of one shard, so that they are added to the dataset atomically.
     """
 
     encodes = True
     options: ClassVar[Mapping[str, str]] = {}
-    """Names of its options, and what messages say of their values."""
+    """Names of the options, with descriptions of their values for messages."""
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan's outputs and the names of its options.
+        """Check the outputs and the names of options of a plan.
 
         Raises:
-            FileFormatError: The format has not those.
+            FileFormatError: If the format does not support them.
         """
         check_options(plan, self.name, self.options)
-        foreign = [output for output in plan.outputs if output not in self.outputs]
-        if foreign or not plan.outputs:
-            has = ", ".join(sorted(self.outputs))
-            raise FileFormatError(f"format {self.name!r} holds {has}, not {foreign[0] if foreign else 'nothing'}")
+        unsupported = [output for output in plan.outputs if output not in self.outputs]
+        if unsupported or not plan.outputs:
+            supported, given = ", ".join(sorted(self.outputs)), unsupported[0] if unsupported else "none"
+            raise FileFormatError(f"outputs must be from {supported} for format {self.name!r}, got {given}")
         self.plan = plan
 
     def write_frames(
@@ -61,37 +61,37 @@ class Layout(Format):
         make: Callable[[range], Iterable[Parts]],
         files: ShardFiles,
     ) -> str:
-        """Write the files of a shard's frames, a few of them on each thread that encodes, and return their folder.
+        """Write the files of the frames of a shard on the encoding threads, and return their folder.
 
         Args:
-            shard: The shard.
-            folder: Where its folder goes.
-            suffix: How the names of files end.
-            count: Frames of the shard.
-            make: Makes the files of neighbouring frames, of their numbers in the shard, in order. Each is written
-                before it makes the next.
-            files: Where to write.
+            shard: Number of the shard.
+            folder: Parent of the folder.
+            suffix: Suffix of file names.
+            count: Number of frames of the shard.
+            make: Function that returns the files for a range of frames, given by their indices in the shard, in order.
+                Each file is written before the next one is requested.
+            files: Destination of the files.
         """
         unit = f"{folder}/{shard_name(shard)}"
 
-        def write_some(frames: range) -> None:
+        def write_range(frames: range) -> None:
             for frame, parts in zip(frames, make(frames), strict=True):
                 files.write(f"{unit}/{frame:06d}{suffix}", *parts)
 
         camera = self.plan.camera
-        self.encode_each(count, camera.width * camera.height, write_some)
+        self.encode_each(count, camera.width * camera.height, write_range)
         return unit
 
     def write_depth_pngs(
         self, shard: int, folder: str, depth: NDArray[np.float32], scale: float, files: ShardFiles
     ) -> str:
-        """Write depth [m] as 16-bit PNG of `scale` units a metre, 0 where there is none, and return their folder."""
+        """Write depth [m] as 16-bit PNG with `scale` units per meter, 0 without depth, and return the folder."""
         lost: list[int] = []
 
         def make(frames: range) -> Iterable[Parts]:
-            some = depth[frames.start : frames.stop]
-            units = depth_to_units(some, scale)
-            lost.append(count_lost(some, units))
+            images = depth[frames.start : frames.stop]
+            units = depth_to_units(images, scale)
+            lost.append(count_lost(images, units))
             return zip(encode_pngs(units))
 
         unit = self.write_frames(shard, folder, ".png", len(depth), make, files)
@@ -99,7 +99,7 @@ class Layout(Format):
         return unit
 
     def write_byte_pngs(self, shard: int, folder: str, images: NDArray[np.uint8], files: ShardFiles) -> str:
-        """Write labels, or other numbers of 8 bits, as PNG, and return their folder."""
+        """Write labels or other 8-bit images as PNG, and return their folder."""
 
         def make(frames: range) -> Iterable[Parts]:
             return zip(encode_pngs(images[frames.start : frames.stop]))
@@ -107,7 +107,7 @@ class Layout(Format):
         return self.write_frames(shard, folder, ".png", len(images), make, files)
 
     def frame_names(self, suffix: str) -> Iterator[str]:
-        """Go through the names of all frames' files, without the folder in front of the shard's."""
+        """Yield the file names of all frames, starting with the folder of the shard."""
         per_shard = self.plan.shard_frames
         for shard in range(self.plan.shard_count):
             frames = self.plan.shard_slice(shard)
@@ -115,10 +115,10 @@ class Layout(Format):
                 yield f"{shard_name(shard)}/{frame - shard * per_shard:06d}{suffix}"
 
     def positive_option(self, name: str, default: float) -> float:
-        """Read a positive number among the options.
+        """Return a positive number from the options.
 
         Raises:
-            FileFormatError: It is none.
+            FileFormatError: If the option is not a positive number.
         """
         given = self.plan.options.get(name, default)
         try:
@@ -130,10 +130,10 @@ class Layout(Format):
         return value
 
     def flag_option(self, name: str) -> bool:
-        """Read a flag among the options, off by default.
+        """Return a flag from the options, False by default.
 
         Raises:
-            FileFormatError: It is neither true nor false.
+            FileFormatError: If the option is neither true nor false.
         """
         given = self.plan.options.get(name, False)
         if given not in (True, False, "true", "false"):
@@ -141,27 +141,27 @@ class Layout(Format):
         return given in (True, "true")
 
     def label_entries(self) -> dict[str, str]:
-        """Name the values of labels, as JSON has them."""
+        """Return the names of labels by value, for JSON."""
         return {str(number): name for number, name in self.plan.label_names.items()}
 
     def object_entries(self) -> list[dict[str, str]]:
-        """List names and labels of the scene's objects, in the order of their indices."""
+        """Return names and labels of the objects of the scene, in the order of their indices."""
         named = zip(self.plan.object_names, self.plan.object_labels, strict=True)
         return [{"name": name, "label": self.plan.label_names.name(label)} for name, label in named]
 
 
 def rows_of(array: NDArray[np.float64], convert: Callable[[NDArray[np.float64]], list[Row]]) -> Iterator[Row]:
-    """Go through an array's rows as Python's numbers, which `convert` makes of some thousand rows at a time."""
+    """Yield the rows of an array as Python objects; `convert` is called for thousands of rows at a time."""
     for first in range(0, len(array), _ROWS_AT_ONCE):
         yield from convert(array[first : first + _ROWS_AT_ONCE])
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Write numbers with spaces between, in as many digits as it takes to read the same ones back."""
+    """Format numbers separated by spaces, with enough digits for exact conversion back."""
     return " ".join(map(repr, values))
 
 
 def write_lines(files: ShardFiles, name: str, lines: Iterable[str]) -> None:
-    """Write a text file line by line; it need not fit into memory."""
+    """Write a text file line by line, without holding it in memory."""
     with files.local_path(name).open("w", encoding="utf-8", newline="\n") as stream:
         stream.writelines(f"{line}\n" for line in lines)

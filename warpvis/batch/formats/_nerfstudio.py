@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The layout of nerfstudio's datasets."""
+"""The layout of nerfstudio datasets."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
-# Right-multiplied, OpenGL's camera axes (x right, y up, z backward) in place of OpenCV's.
+# Right factor that converts camera-to-world matrices from OpenCV axes to OpenGL axes (x right, y up, z backward).
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
-# From a world with y up to nerfstudio's, with z up: (x, y, z) becomes (x, -z, y).
+# Rotation from a world with y up to nerfstudio's world with z up: (x, y, z) to (x, -z, y).
 _Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 
@@ -34,16 +34,16 @@ _COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4")
 class Nerfstudio(Layout):
     """Writes ``transforms.json``, ``depth/000012/000000.png`` and ``labels/000012/000000.png``.
 
-    Intrinsics are for pixel centres at +0.5, a lens is of its models ``OPENCV`` or ``OPENCV_FISHEYE``,
-    ``transform_matrix`` is camera to world with OpenGL axes, and depth is 16-bit PNG in millimetres, 0 where there is
-    none, all as nerfstudio has them by default.
+    The conventions are nerfstudio's defaults: pixel centers are at +0.5, lenses have its models ``OPENCV`` or
+    ``OPENCV_FISHEYE``, ``transform_matrix`` is from camera to world with OpenGL axes, and depth is 16-bit PNG in
+    millimeters, 0 without depth.
 
-    Its world has z up. A scene with y up is turned, ``(x, y, z)`` to ``(x, -z, y)``, and ``applied_transform`` says so:
-    nerfstudio's field for the way from the original world to the saved one. ``orientation_override`` keeps its loader
-    from turning the world again to make the mean camera stand upright.
+    Its world has z up. A scene with y up is rotated, ``(x, y, z)`` to ``(x, -z, y)``, and the rotation is stored in
+    ``applied_transform``, nerfstudio's field for the transform from the original world to the saved one.
+    ``orientation_override`` prevents its loader from rotating the world again to align the mean camera.
 
-    A frame's ``file_path`` is its label image, 8 bits as nerfstudio wants its images, since there is none in colour;
-    without labels it is the depth image, which nerfstudio does not take for training.
+    ``file_path`` of a frame is its label image, an 8-bit image as nerfstudio requires, because there is no color image.
+    Without labels it is the depth image, which nerfstudio cannot use for training.
 
     Source: https://docs.nerf.studio/quickstart/data_conventions.html, and its ``nerfstudio_dataparser.py`` for the two
     fields of the world.
@@ -58,7 +58,7 @@ class Nerfstudio(Layout):
         """Check the plan.
 
         Raises:
-            FileFormatError: An output, an option or a lens is not this format's.
+            FileFormatError: If the format does not support an output, an option or the lens.
         """
         super().__init__(plan)
         self._camera = lens_as(plan, self.name, lens_to_nerfstudio)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""NumPy's ``.npz``, one file a shard: ``shard-000012.npz`` with the arrays of its frames."""
+"""NumPy's ``.npz``, one file per shard: ``shard-000012.npz`` with the arrays of its frames."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
     from warpvis.batch.storage._output import ShardFiles
 
-# The least stamp that a ZIP file can hold: bytes must not depend on the clock.
+# Minimum time stamp of a ZIP file, because bytes must not depend on the time.
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 _PADDING_ID = 0xD935
-"""Header of a ZIP entry's extra field that holds zeros, to align the data; Android's zipalign writes the same."""
+"""Header ID of an extra field of zeros that aligns the data of a ZIP entry, as in Android's zipalign."""
 
 
 class Npz(Format):
-    """Arrays by their names, with ``K``, ``camera_to_world``, ``timestamps`` and ``frame`` beside them.
+    """Arrays by name, and ``K``, ``camera_to_world``, ``timestamps`` and ``frame``.
 
-    Of a lens there is ``camera``, JSON text, and only of OpenCV's pinhole ``K``, with its ``distortion``. What a sensor
-    lost is NaN, and ``sensor`` is its model, JSON text.
+    For cameras with a lens, ``camera`` is JSON text, and ``K`` and ``distortion`` exist only for OpenCV's pinhole. With
+    a sensor, lost pixels are NaN, and ``sensor`` is its model as JSON text.
     """
 
     name: ClassVar[str] = "npz"
@@ -41,41 +41,41 @@ class Npz(Format):
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 
     def __init__(self, plan: Plan) -> None:
-        """Prepare to write; there are no options."""
+        """Prepare to write; the format has no options."""
         check_options(plan, self.name, {})
         self._plan = plan
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
-        """Write the shard's one file."""
+        """Write the file of a shard."""
         plan, part = self._plan, self._plan.shard_slice(shard)
-        beside = {
+        metadata = {
             **_camera_arrays(plan.camera),
             "camera_to_world": plan.frames.camera_to_world[part],
             "timestamps": plan.frames.timestamps[part],
             "frame": np.arange(part.start, part.stop),
         }
         if plan.sensor is not None:
-            beside["sensor"] = np.array(json.dumps(sensor_to_fields(plan.sensor)))
+            metadata["sensor"] = np.array(json.dumps(sensor_to_fields(plan.sensor)))
         name = f"shard-{shard_name(shard)}.npz"
-        files.write(name, *npz_parts({**images, **beside}))
+        files.write(name, *npz_parts({**images, **metadata}))
         return [name]
 
     def index(self, files: ShardFiles) -> list[str]:
-        """Write nothing: each shard says all."""
+        """Write nothing: the shards are complete."""
         return []
 
 
 def _camera_arrays(camera: CalibratedCamera) -> dict[str, np.ndarray]:
-    """Return a pinhole's ``K``; of a lens ``camera``, JSON as `load_camera` reads it, and what OpenCV would call it."""
+    """Return ``K`` of a pinhole camera; for a lens, ``camera``, JSON for `load_camera`, and OpenCV's intrinsics."""
     if isinstance(camera, Camera):
         return {"K": camera.to_K()}
     return {**opencv_intrinsics(camera), "camera": np.array(json.dumps(lens_camera_to_fields(camera)))}
 
 
 def npz_parts(arrays: Mapping[str, np.ndarray]) -> list[memoryview]:
-    """Make the parts of an ``.npz`` file of arrays, not compressed; the same bytes every time.
+    """Return the parts of an uncompressed ``.npz`` file; its bytes depend only on the arrays.
 
-    The data of large arrays begins at a multiple of `ALIGNMENT` bytes.
+    The data of large arrays begins at multiples of `ALIGNMENT` bytes.
     """
     parts = _Parts()
     with zipfile.ZipFile(parts, "w") as archive:
@@ -93,18 +93,18 @@ def npz_parts(arrays: Mapping[str, np.ndarray]) -> list[memoryview]:
     return parts.parts
 
 
-# A local header of ZIP, with the sizes in 64 bits that `force_zip64` adds.
+# Size of a local header of a ZIP entry, with the 64-bit sizes that `force_zip64` adds.
 _HEADER_BYTES = 30 + 20
 
 
 def _padding(end: int) -> bytes:
-    """Make an extra field so long that what ends at `end` ends at a multiple of `ALIGNMENT`."""
+    """Return an extra field that moves the offset `end` to a multiple of `ALIGNMENT`."""
     length = (-end - 4) % ALIGNMENT
     return _PADDING_ID.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(length)
 
 
 class _Parts(io.RawIOBase):
-    """A stream that keeps what is written to it as it is, without a copy."""
+    """A stream that stores references to the written data without copying it."""
 
     def __init__(self) -> None:
         self.parts: list[memoryview] = []

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
-# Of every output: its properties, their type in PLY's words and NumPy's, and what a pixel has that sees nothing.
+# Output: names of its properties, their type in PLY and in NumPy, and the value of pixels without a surface.
 _PROPERTIES: dict[str, tuple[tuple[str, ...], str, str, float]] = {
     "points": (("x", "y", "z"), "float", "<f4", np.nan),
     "normals": (("nx", "ny", "nz"), "float", "<f4", np.nan),
@@ -30,30 +30,30 @@ _PROPERTIES: dict[str, tuple[tuple[str, ...], str, str, float]] = {
 class Ply(Layout):
     """Writes ``clouds/000012/000000.ply`` and ``clouds.json``.
 
-    A cloud is binary, little-endian, and holds the points that one frame sees in the world frame [m], row by row of the
-    image: ``x y z`` as float, and if they are among the outputs, ``nx ny nz`` as float, ``label`` as uchar (a `Label`)
-    and ``object`` as int (an index into the scene's objects). ``clouds.json`` names labels and objects.
+    A cloud is a binary little-endian file with the points of one frame in the world frame [m], in the order of image
+    rows: ``x y z`` as float, and, if they are among the outputs, ``nx ny nz`` as float, ``label`` as uchar (a `Label`)
+    and ``object`` as int (index into the objects of the scene). ``clouds.json`` contains names of labels and objects.
 
     Options:
-        organised: ``true`` for one point a pixel, NaN where nothing is seen; the image's size is in the header's
-            ``obj_info num_cols`` and ``num_rows``, where PCL looks for it.
+        organized: ``true`` for one point per pixel, NaN without a surface; the header then has the size of the image,
+            ``obj_info num_cols`` and ``num_rows``, as expected by PCL.
     """
 
     name: ClassVar[str] = "ply"
     outputs: ClassVar[frozenset[str]] = frozenset(_PROPERTIES)
     default_outputs: ClassVar[tuple[str, ...]] = ("points",)
-    options: ClassVar[Mapping[str, str]] = {"organised": "true or false"}
+    options: ClassVar[Mapping[str, str]] = {"organized": "true or false"}
 
     def __init__(self, plan: Plan) -> None:
         """Check the plan.
 
         Raises:
-            FileFormatError: An output or an option is not this format's, or points are not among the outputs.
+            FileFormatError: If the format does not support an output or an option, or if points are not an output.
         """
         super().__init__(plan)
-        self._organised = self.flag_option("organised")
+        self._organized = self.flag_option("organized")
         if "points" not in plan.outputs:
-            raise FileFormatError(f"format 'ply' needs points among its outputs, got {', '.join(plan.outputs)}")
+            raise FileFormatError(f"outputs must include points for format 'ply', got {', '.join(plan.outputs)}")
         self._outputs = [output for output in _PROPERTIES if output in plan.outputs]
         columns = [(output, _PROPERTIES[output]) for output in self._outputs]
         self._dtype = np.dtype([(output, kind, (len(names),)) for output, (names, _, kind, _) in columns])
@@ -77,15 +77,15 @@ class Ply(Layout):
     def _cloud(self, images: Images) -> Parts:
         height, width = images["points"].shape[:2]
         seen = np.isfinite(images["points"].reshape(-1, 3)[:, 0])
-        kept = np.flatnonzero(seen)
-        cloud = np.empty(seen.size if self._organised else len(kept), dtype=self._dtype)
+        valid = np.flatnonzero(seen)
+        cloud = np.empty(seen.size if self._organized else len(valid), dtype=self._dtype)
         for output in self._outputs:
             pixels = images[output].reshape(seen.size, -1)
-            if self._organised:
+            if self._organized:
                 cloud[output] = pixels
                 cloud[output][~seen] = _PROPERTIES[output][3]
             else:
-                cloud[output] = pixels.take(kept, axis=0)
-        size = f"obj_info num_cols {width}\nobj_info num_rows {height}\n" if self._organised else ""
+                cloud[output] = pixels.take(valid, axis=0)
+        size = f"obj_info num_cols {width}\nobj_info num_rows {height}\n" if self._organized else ""
         header = f"ply\nformat binary_little_endian 1.0\n{size}element vertex {len(cloud)}\n{self._header}end_header\n"
         return header.encode(), cloud

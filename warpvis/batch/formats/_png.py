@@ -26,39 +26,41 @@ _MAX_OBJECTS = 65_535
 
 
 class Png(Layout):
-    """Writes ``depth/000012/000000.png`` and the like for labels and objects, ``camera.json`` and ``images.json``.
+    """Writes files such as ``depth/000012/000000.png`` for depth, labels and objects, ``camera.json``, ``images.json``.
 
-    - Depth: 16 bits, in units of 1 / `scale` m, rounded; 0 where there is none, and where it does not fit. It is
-      planar, but along the ray where a camera's lens has ``kind="range"``.
-    - With a sensor, ``true_depth`` in the same units, and ``reasons`` in 8 bits; ``images.json`` names the values.
-    - Labels: 8 bits; ``images.json`` names the values.
-    - Objects: 16 bits, 0 for none, else the object's index in the scene + 1.
+    - Depth: 16 bits, in units of 1 / `scale` m, rounded; 0 for missing depth, and for depth that does not fit. It is
+      planar, or along the ray for a lens with ``kind="range"``.
+    - With a sensor, ``true_depth`` in the same units, and ``reasons`` with 8 bits.
+    - Labels: 8 bits.
+    - Objects: 16 bits, 0 for none, else the index of the object in the scene + 1.
 
-    ``camera.json`` is a camera as the command line reads it, with its lens; ``images.json`` says what the images'
-    values mean.
+    ``camera.json`` is a camera file for the command line, with the lens; ``images.json`` defines the values of images.
 
     Options:
-        scale: Units of a metre, 1000 (millimetres) by default: depth to 65.534 m, because 65535 is no depth to some
-            readers.
+        scale: Units per meter, 1000 (millimeters) by default: depth up to 65.534 m, because some readers treat 65535
+            as missing depth.
     """
 
     name: ClassVar[str] = "png"
     library: ClassVar[str | None] = "zlib"
     outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels", "segmentation", "reasons", "true_depth"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
-    options: ClassVar[Mapping[str, str]] = {"scale": "units of a metre, 1000"}
+    options: ClassVar[Mapping[str, str]] = {"scale": "units per meter, 1000"}
 
     def __init__(self, plan: Plan) -> None:
         """Check the plan.
 
         Raises:
-            FileFormatError: An output or an option is not this format's, or there are more objects than 16 bits count.
+            FileFormatError: If the format does not support an output or an option, or if there are more than 65535
+                objects.
         """
         super().__init__(plan)
         self._scale = self.positive_option("scale", 1000.0)
         if "segmentation" in plan.outputs and len(plan.object_names) > _MAX_OBJECTS:
             count = len(plan.object_names)
-            raise FileFormatError(f"format 'png' tells {_MAX_OBJECTS} objects apart, the scene has {count}; use npz")
+            raise FileFormatError(
+                f"format 'png' supports at most {_MAX_OBJECTS} objects, got {count}. Use format 'npz'."
+            )
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""

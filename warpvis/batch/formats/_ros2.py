@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""ROS 2 bags with MCAP storage: depth images, intrinsics, point clouds, and where the camera is."""
+"""ROS 2 bags with MCAP storage: depth images, intrinsics, point clouds, and poses of the camera."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ if TYPE_CHECKING:
 _LAST_SECOND = 2**31 - 1
 
 MakeMessage: TypeAlias = Callable[[float, NDArray[np.float32], NDArray[np.float64]], Message]
-"""Makes a frame's message of its time [s], its depth image [m], shape ``(H, W)``, and its camera's pose."""
+"""Function that returns the message of a frame from its time [s], depth image ``(H, W)`` [m], and camera pose."""
 
 
 class Ros2(Layout):
-    """Writes a bag a shard, ``bag_000012/``, which `ros2 bag play` reads.
+    """Writes one bag per shard, ``bag_000012/``, for `ros2 bag play`.
 
-    Topics: ``/camera/depth/image_rect`` (``sensor_msgs/Image``, 32FC1, metres; REP 117: +inf for nothing, -inf for too
-    near), ``/camera/depth/camera_info`` (intrinsics with pixel centres at whole numbers, no distortion), ``/tf`` (world
-    to camera), and if ``points`` are among the outputs ``/camera/depth/points`` (``sensor_msgs/PointCloud2`` in the
-    camera's optical frame, NaN where nothing is; it has the image's rows and columns).
+    Topics: ``/camera/depth/image_rect`` (``sensor_msgs/Image``, 32FC1, meters; REP 117: +inf for nothing, -inf for too
+    near), ``/camera/depth/camera_info`` (intrinsics with pixel centers at integers, no distortion), ``/tf`` (pose of
+    the camera in the world), and, if ``points`` is an output, ``/camera/depth/points`` (``sensor_msgs/PointCloud2`` in
+    the optical frame of the camera, organized in rows and columns of the image, NaN without a surface).
 
-    Through a lens images are not rectified: they are on ``/camera/depth/image_raw``, and the camera info has the
-    distortion, and a ``P`` of the same intrinsics.
+    With a lens, images are not rectified: their topic is ``/camera/depth/image_raw``, and the camera info contains the
+    distortion and a ``P`` with the same intrinsics.
     """
 
     name: ClassVar[str] = "ros2"
@@ -58,12 +58,12 @@ class Ros2(Layout):
         """Check the plan.
 
         Raises:
-            FileFormatError: It has no depth, an unknown option, or a time or a lens that ROS cannot say, or the package
-                ``rosbags`` is missing.
+            FileFormatError: If it has no depth, an unknown option, or a time or a lens that ROS does not support, or if
+                the package ``rosbags`` is missing.
         """
         super().__init__(plan)
         if "depth" not in plan.outputs:
-            raise FileFormatError(f"format 'ros2' needs the output depth, got {', '.join(plan.outputs)}")
+            raise FileFormatError(f"outputs must include depth for format 'ros2', got {', '.join(plan.outputs)}")
         lens_as(plan, self.name, lens_to_ros)
         self._image_topic = image_topic(plan.camera)
         self._frame_id = self._name("frame_id", "camera_depth_optical_frame")
@@ -73,7 +73,7 @@ class Ros2(Layout):
         bad = np.flatnonzero(~((times >= 0) & (times < _LAST_SECOND)))
         if len(bad):
             raise FileFormatError(
-                f"ROS 2 counts times from 0 to {_LAST_SECOND} seconds, and frame {bad[0]} has the time {times[bad[0]]}"
+                f"timestamps must be from 0 to {_LAST_SECOND} s for ROS 2, got {times[bad[0]]} in frame {bad[0]}"
             )
         self._types = _message_types()
         self._maker = MessageMaker(self._types)
@@ -97,18 +97,18 @@ class Ros2(Layout):
         return [name]
 
     def index(self, files: ShardFiles) -> list[str]:
-        """Write nothing: every bag is read by itself."""
+        """Write nothing: each bag is self-contained."""
         return []
 
     def _name(self, option: str, default: str) -> str:
-        """Read a name among the options."""
+        """Return a name from the options."""
         value = self.plan.options.get(option, default)
         if not isinstance(value, str) or not value.strip("/") or any(letter.isspace() for letter in value):
             raise FileFormatError(f"option {option} must be a name without spaces, got {value!r}")
         return value
 
     def _makers(self) -> dict[str, tuple[str, MakeMessage]]:
-        """List of every topic its type, and what makes its message."""
+        """Return the topics with their message types and functions that make their messages."""
         makers: dict[str, tuple[str, MakeMessage]] = {
             "/tf": ("tf2_msgs/msg/TFMessage", self._transforms),
             f"{self._topic}/camera_info": ("sensor_msgs/msg/CameraInfo", self._camera_info),
@@ -145,7 +145,7 @@ class Ros2(Layout):
 
 
 def image_topic(camera: CalibratedCamera) -> str:
-    """Name the topic of a camera's images, which are rectified as they are if it is a pinhole."""
+    """Return the name of the image topic: images of a pinhole camera are rectified, those of a lens are raw."""
     return "image_rect" if isinstance(camera, Camera) else "image_raw"
 
 
@@ -153,5 +153,5 @@ def _message_types() -> Typestore:
     try:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise FileFormatError("format 'ros2' needs the package rosbags: pip install 'warpvis[ros]'") from None
+        raise FileFormatError("format 'ros2' requires rosbags: pip install 'warpvis[ros]'") from None
     return get_typestore(Stores.ROS2_JAZZY)

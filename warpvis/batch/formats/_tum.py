@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The layout of TUM's RGB-D datasets."""
+"""The layout of the TUM RGB-D datasets."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _SCALE = 5000.0
 class Tum(Layout):
     """Writes ``depth/000012/000000.png``, ``depth.txt``, ``groundtruth.txt`` and ``calibration.txt``.
 
-    Depth is 16-bit PNG of 5000 units a metre, to 13.1068 m, 0 where there is none. ``depth.txt`` has lines
-    ``timestamp filename``, ``groundtruth.txt`` lines ``timestamp tx ty tz qx qy qz qw``, camera to world with OpenCV
-    axes, at the same timestamps.
+    Depth is 16-bit PNG with 5000 units per meter, up to 13.1068 m, 0 without depth. ``depth.txt`` has lines
+    ``timestamp filename``; ``groundtruth.txt`` has lines ``timestamp tx ty tz qx qy qz qw`` at the same timestamps,
+    poses from camera to world with OpenCV axes.
 
-    TUM's format has no file for the camera. Its tools take pixel centres at whole numbers (``cx = 319.5`` in the middle
-    of 640 columns); ``calibration.txt`` holds ``fx fy cx cy`` in one line in that convention, as in the datasets of
-    ETH3D's SLAM benchmark, whose layout this is too. Of a lens five coefficients of OpenCV follow, ``k1 k2 p1 p2 k3``,
-    in the order of TUM's own list of its cameras.
+    TUM's format has no file for the camera. Its tools assume pixel centers at integers (``cx = 319.5`` in the middle of
+    640 columns). ``calibration.txt`` contains ``fx fy cx cy`` in one line in this convention, as in the datasets of
+    ETH3D's SLAM benchmark, which have the same layout. For a lens, five coefficients of OpenCV follow,
+    ``k1 k2 p1 p2 k3``, in the order of TUM's list of cameras.
 
     Source: https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
     """
@@ -46,8 +46,8 @@ class Tum(Layout):
         """Check the plan.
 
         Raises:
-            FileFormatError: An output, an option or a lens is not this format's, or timestamps do not increase, by
-                which TUM's tools tell frames apart.
+            FileFormatError: If the format does not support an output, an option or the lens, or if timestamps do not
+                increase: TUM's tools identify frames by them.
         """
         super().__init__(plan)
         self._numbers = lens_as(plan, self.name, lens_to_tum)
@@ -56,8 +56,8 @@ class Tum(Layout):
         if len(late):
             frame = int(late[0]) + 1
             raise FileFormatError(
-                "format 'tum' tells frames apart by timestamps, which must increase: "
-                f"frame {frame} has {times[frame]} s, the one before {times[frame - 1]} s"
+                f"timestamps must increase for format 'tum', got {times[frame]} s in frame {frame} after "
+                f"{times[frame - 1]} s"
             )
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
@@ -73,10 +73,10 @@ class Tum(Layout):
         rows: Iterator[list[float]] = rows_of(frames.camera_to_world, np.ndarray.tolist)
         poses = (f"{time!r} {numbers(row)}" for time, row in zip(self._times(), rows, strict=True))
         write_lines(files, "groundtruth.txt", chain(["# timestamp tx ty tz qx qy qz qw"], poses))
-        bent = any(self._numbers[4:])
-        said = numbers(self._numbers if bent else self._numbers[:4])
-        kinds = "fx fy cx cy k1 k2 p1 p2 k3" if bent else "fx fy cx cy"
-        files.write_text("calibration.txt", f"{said}\n# {kinds} [px], pixel centres at whole numbers\n")
+        has_distortion = any(self._numbers[4:])
+        values = numbers(self._numbers if has_distortion else self._numbers[:4])
+        names = "fx fy cx cy k1 k2 p1 p2 k3" if has_distortion else "fx fy cx cy"
+        files.write_text("calibration.txt", f"{values}\n# {names} [px], pixel centres at whole numbers\n")
         return ["depth.txt", "groundtruth.txt", "calibration.txt"]
 
     def _times(self) -> Iterator[float]:

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Zarr v3: one group, ``data.zarr``, an array for every output, a chunk for every frame, a file for every shard.
+"""Zarr v3: one group, ``data.zarr``, with an array per output, a chunk per frame, and a file per shard.
 
-The metadata is zarr-python's own work, done once at the beginning. The shard files are put together here, as the codec
-``sharding_indexed`` says (https://zarr-specs.readthedocs.io/en/latest/v3/codecs/sharding-indexed/index.html): the
-chunks, and after them the offset and the length of each, in uint64, and a CRC-32C of that table. What is not compressed
-is so the image memory itself, written from where it was rendered to. zarr-python's own writing of such a shard takes
-4.3 s of a core for a GB (3.1.6, 320x240 float32, not compressed), this 0.5 s, most of it the checksum.
+zarr-python writes the metadata once at the beginning. The files of shards are written here, in the format of the codec
+``sharding_indexed`` (https://zarr-specs.readthedocs.io/en/latest/v3/codecs/sharding-indexed/index.html): the chunks,
+then an index with the offset and the length of each, uint64, and a CRC-32C of the index. Uncompressed images are
+written directly from the memory to which they were rendered. zarr-python takes 4.3 s on one core to write a shard of
+1 GB (3.1.6, 320x240 float32, uncompressed); this code takes 0.5 s, mostly for the checksum.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from warpvis.batch.storage._output import ShardFiles
 
-# What is read of frames that were never written.
+# Values read for frames that have not been written.
 _FILL = {
     "depth": np.inf,
     "points": np.nan,
@@ -50,10 +50,10 @@ _FILL = {
     "reasons": int(Reason.EMPTY),
     "true_depth": np.inf,
 }
-# What the last axis of images of vectors counts.
+# Names of the last axis of vector images.
 _COMPONENTS = {"points": "xyz", "normals": "xyz", "color": "rgb", "albedo": "rgb"}
 _GROUP = "data.zarr"
-# "depth/c.12.0.0": a folder for every shard would take time to make.
+# "depth/c.12.0.0" instead of nested folders, whose creation takes time.
 _KEYS: ChunkKeyEncodingParams = {"name": "default", "separator": "."}
 _MISSING = np.uint64(2**64 - 1)
 _OPTIONS = {"compression": "none, zstd", "level": "1 to 22"}
@@ -61,7 +61,7 @@ _DEFAULT_LEVEL = 1
 
 
 class Zarr(Format):
-    """Arrays indexed ``[view, y, x]`` and ``[view, object]``, with poses and times beside them."""
+    """Arrays indexed ``[view, y, x]`` and ``[view, object]``, and arrays of poses and times."""
 
     name: ClassVar[str] = "zarr"
     outputs: ClassVar[frozenset[str]] = frozenset([*IMAGE_DTYPES, "visibility"])
@@ -75,57 +75,57 @@ class Zarr(Format):
             plan: The plan; options ``compression`` (``"none"``, ``"zstd"``) and its ``level``.
 
         Raises:
-            FileFormatError: An option is unknown or malformed, or zarr is missing.
+            FileFormatError: If an option is unknown or malformed, or if zarr is missing.
         """
         check_options(plan, self.name, _OPTIONS)
         try:
             import zarr  # noqa: F401
         except ImportError:
-            raise FileFormatError("format 'zarr' needs zarr: pip install 'warpvis[dataset]'") from None
+            raise FileFormatError("format 'zarr' requires zarr: pip install 'warpvis[dataset]'") from None
         self._plan = plan
         self._level = _parse_level(plan.options)
         self.encodes = self._level is not None
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
-        """Write a file for every array."""
+        """Write one file per array."""
         units = []
         for name, array in images.items():
             unit = f"{_GROUP}/{name}/c.{shard}" + ".0" * (array.ndim - 1)
             if name in IMAGE_DTYPES:
                 files.write(unit, *self._sharded(array))
             else:
-                files.write(unit, _padded(array, self._plan.shard_frames))
+                files.write(unit, _pad(array, self._plan.shard_frames))
             units.append(unit)
         return units
 
     def _sharded(self, array: np.ndarray) -> list[FilePart]:
-        """Make a shard file: one chunk a frame, and the table of where they are."""
+        """Return the file of a shard: one chunk per frame, and the index of chunks."""
         frames = len(array)
         chunks: list[FilePart] = [array]
         sizes = [array.nbytes // frames] * frames
         if self._level is not None:
-            packed = self._compressed(array)
+            packed = self._compress(array)
             chunks, sizes = [*packed], [len(chunk) for chunk in packed]
         table = np.full((self._plan.shard_frames, 2), _MISSING, dtype="<u8")
         table[:frames, 1] = sizes
         table[:frames, 0] = np.cumsum([0, *sizes[:-1]])
         return [*chunks, table, _crc32c(table.tobytes()).to_bytes(4, "little")]
 
-    def _compressed(self, array: np.ndarray) -> list[bytes]:
+    def _compress(self, array: np.ndarray) -> list[bytes]:
         from numcodecs.zstd import compress
 
         frames = [b""] * len(array)
 
-        def compress_some(numbers: range) -> None:
+        def compress_range(numbers: range) -> None:
             for frame in numbers:
                 frames[frame] = compress(array[frame].reshape(-1).view(np.uint8), self._level)
 
         camera = self._plan.camera
-        self.encode_each(len(array), camera.width * camera.height, compress_some)
+        self.encode_each(len(array), camera.width * camera.height, compress_range)
         return frames
 
     def begin(self, files: ShardFiles) -> list[str]:
-        """Write the metadata, and the arrays that are not in shards: what is not finished opens, too."""
+        """Write the metadata, and the arrays that are not in shards, so that unfinished datasets can be opened."""
         import zarr
 
         plan = self._plan
@@ -140,7 +140,7 @@ class Zarr(Format):
         return sorted(files_below(files.folder))
 
     def index(self, files: ShardFiles) -> list[str]:
-        """Write nothing: all was said before."""
+        """Write nothing: `begin` writes the metadata."""
         return []
 
     def _create_image(self, group: zarr.Group, name: str) -> None:
@@ -200,46 +200,46 @@ class Zarr(Format):
 
 
 def _camera_attributes(camera: CalibratedCamera) -> dict[str, Json]:
-    """Describe the camera; of a lens there is ``camera``, as `load_camera` reads it."""
-    kept: dict[str, Json] = {name: array.tolist() for name, array in opencv_intrinsics(camera).items()}
+    """Return attributes of the camera; for a lens, ``camera`` can be read by `load_camera`."""
+    attributes: dict[str, Json] = {name: array.tolist() for name, array in opencv_intrinsics(camera).items()}
     if isinstance(camera, LensCamera):
-        kept["camera"] = lens_camera_to_fields(camera)
+        attributes["camera"] = lens_camera_to_fields(camera)
     else:
-        kept["distortion"] = "none"
+        attributes["distortion"] = "none"
     far = camera.far if math.isfinite(camera.far) else None
-    matrix = {"K": kept.pop("K")} if "K" in kept else {}
-    return {**matrix, "pixel_center": 0.5, "near": camera.near, "far": far, **kept}
+    matrix = {"K": attributes.pop("K")} if "K" in attributes else {}
+    return {**matrix, "pixel_center": 0.5, "near": camera.near, "far": far, **attributes}
 
 
 def _create_whole(group: zarr.Group, name: str, array: np.ndarray) -> None:
-    """Write a whole array in chunks of a few MB."""
+    """Write an array in chunks of a few MB."""
     row = max(1, array[:1].nbytes)
     chunk = (min(len(array), max(1, (1 << 22) // row)), *array.shape[1:])
     stored = group.create_array(name, shape=array.shape, chunks=chunk, dtype=array.dtype, compressors=None)
     stored[...] = array
 
 
-def _padded(array: np.ndarray, frames: int) -> np.ndarray:
-    """Fill an array up with zeros to the frames of a chunk, whose size is full, also of the last one."""
+def _pad(array: np.ndarray, frames: int) -> np.ndarray:
+    """Pad an array with zeros to `frames` frames, because the last chunk also has the full size."""
     if len(array) == frames:
         return array
     return np.concatenate([array, np.zeros((frames - len(array), *array.shape[1:]), dtype=array.dtype)])
 
 
 def _crc32c(data: bytes) -> int:
-    import google_crc32c  # a dependency of zarr's, for this very table
+    import google_crc32c  # a dependency of zarr
 
     return google_crc32c.value(data)
 
 
 def _parse_level(options: Options) -> int | None:
-    """Read Zstandard's level; None for no compression."""
+    """Return the level of Zstandard; None for no compression."""
     kind, level = options.get("compression", "none"), options.get("level", _DEFAULT_LEVEL)
     if kind not in ("none", "zstd"):
         raise FileFormatError(f"compression must be none or zstd, got {kind!r}")
     if kind == "none":
         if "level" in options:
-            raise FileFormatError("level is of compression=zstd, and the compression is none")
+            raise FileFormatError("level must be given only with compression=zstd, got compression=none")
         return None
     try:
         number = int(level)

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read datasets back: `_frames` is what users index, `_job` what a manifest says, the others read shards of formats."""
+"""Read datasets: `_frames` is the interface for users, `_job` reads manifests, the others read shards of formats."""

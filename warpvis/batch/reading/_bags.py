@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of ROS 2 bags: depth images, by rosbags."""
+"""Reader of depth images in ROS 2 bags, based on rosbags."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ from warpvis.core.checks import describe_exception
 from warpvis.errors import FileFormatError
 from warpvis.io import check_mcap, from_image_msg
 
-# A bag is read from its beginning to its end: all of its depth is kept, of the latest few.
+# Bags are read sequentially. All depth images of this number of recent bags are cached.
 _BAGS = 2
 
 
 class BagReader:
-    """Reads ``bag_000012``: depth. Clouds are the same depth again."""
+    """Reads depth from ``bag_000012``; point clouds have the same depth and are not read."""
 
     def __init__(self, files: Files, job: Job) -> None:
         """Prepare to read.
 
         Raises:
-            FileFormatError: The dataset is behind a URL, or rosbags is missing.
+            FileFormatError: If the dataset is at a URL, or if rosbags is missing.
         """
         if not isinstance(files.store, LocalStore):
-            raise FileFormatError(f"{job.name}: bags are read from folders, not from URLs")
+            raise FileFormatError(f"{job.name}: datasets of bags must be in a local folder, got a URL")
         try:
             import rosbags.highlevel  # noqa: F401
         except ImportError:
-            raise FileFormatError(f"{job.name}: bags need the package rosbags: pip install 'warpvis[ros]'") from None
+            raise FileFormatError(f"{job.name}: reading bags requires rosbags: pip install 'warpvis[ros]'") from None
         self._root, self._job = files.store.root, job
         self._specs = {name: spec for name, spec in job.specs().items() if name == "depth"}
         self._topic = "/" + str(job.options.get("topic", "/camera/depth")).strip("/") + f"/{image_topic(job.camera)}"
         self._bags = Recent[NDArray[np.float32]](_BAGS)
 
     def specs(self) -> Mapping[str, FrameSpec]:
-        """List the arrays."""
+        """Return the arrays of a frame."""
         return self._specs
 
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
-        """Copy a frame's depth out of its bag's."""
+        """Copy the depth of a frame."""
         out[...] = self._bags.get(shard, lambda: self._read(shard))[row]
 
     def _read(self, shard: int) -> NDArray[np.float32]:
@@ -68,8 +68,8 @@ class BagReader:
                     if count < length:
                         depth[count] = from_image_msg(reader.deserialize(data, connection.msgtype))
                     count += 1
-        except Exception as error:  # whatever rosbags raises for what is no such bag
+        except Exception as error:  # rosbags may raise any exception for damaged bags
             raise FileFormatError(f"{self._job.name}: {bag.name} cannot be read: {describe_exception(error)}") from None
         if count != length:
-            raise FileFormatError(f"{self._job.name}: {bag.name} has {count} depth images, and should have {length}")
+            raise FileFormatError(f"{self._job.name}: {bag.name} must have {length} depth images, got {count}")
         return depth

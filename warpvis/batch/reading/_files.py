@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes of a dataset's files, and what was made of the latest of them."""
+"""Access to the files of a dataset, and a cache of recently read values."""
 
 from __future__ import annotations
 
@@ -17,53 +17,53 @@ from warpvis.errors import FileFormatError
 
 Value = TypeVar("Value")
 
-# Mapped files cost addresses and no memory; those of a URL are held whole.
-_MAPPED, _HELD = 512, 4
+# Number of cached files: memory-mapped files only use address space, files of URLs are held in memory.
+_MAX_MAPPED, _MAX_IN_MEMORY = 512, 4
 
 
 class Recent(Generic[Value]):
-    """The latest few of what is made by key; callers on several threads may make one twice."""
+    """A cache of recent values by key; concurrent callers may create a value twice."""
 
-    def __init__(self, most: int) -> None:
-        """Keep at most so many."""
-        self._most = most
-        self._kept: OrderedDict[Hashable, Value] = OrderedDict()
+    def __init__(self, size: int) -> None:
+        """Cache at cache_size `size` values."""
+        self._size = size
+        self._values: OrderedDict[Hashable, Value] = OrderedDict()
 
     def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """Return what is kept of the key, or make it."""
-        found = self._kept.get(key)
-        if found is None:
-            found = self._kept[key] = make()
-            while len(self._kept) > self._most:
+        """Return the cached value of the key; create it if it is missing."""
+        value = self._values.get(key)
+        if value is None:
+            value = self._values[key] = make()
+            while len(self._values) > self._size:
                 try:
-                    self._kept.popitem(last=False)
-                except KeyError:  # another thread was quicker
+                    self._values.popitem(last=False)
+                except KeyError:  # removed by another thread
                     break
-        return found
+        return value
 
 
 class Files:
-    """The files of a dataset: of this machine they are mapped into memory, of a URL they are read."""
+    """The files of a dataset: local files are memory-mapped, files of a URL are read whole."""
 
     def __init__(self, store: Store) -> None:
-        """Read files of `store`."""
+        """Read files from `store`."""
         self.store = store
-        self.most = _MAPPED if isinstance(store, LocalStore) else _HELD
-        self._recent = Recent[NDArray[np.uint8]](self.most)
+        self.cache_size = _MAX_MAPPED if isinstance(store, LocalStore) else _MAX_IN_MEMORY
+        self._recent = Recent[NDArray[np.uint8]](self.cache_size)
 
     def bytes_of(self, name: str) -> NDArray[np.uint8]:
-        """Return what a file holds, read-only.
+        """Return the contents of a file, read-only.
 
         Raises:
-            FileFormatError: It is missing, or cannot be read.
+            FileFormatError: If the file is missing or cannot be read.
         """
         return self._recent.get(name, lambda: self._open(name))
 
     def read(self, name: str) -> bytes:
-        """Read a small file, which is not kept.
+        """Read a small file without caching it.
 
         Raises:
-            FileFormatError: It is missing, or cannot be read.
+            FileFormatError: If the file is missing or cannot be read.
         """
         try:
             data = self.store.read(name)
@@ -81,7 +81,7 @@ class Files:
                 return np.frombuffer(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
         except FileNotFoundError:
             raise FileFormatError(f"{self.store.name}: {name} is missing") from None
-        except ValueError:  # nothing to map
+        except ValueError:  # empty files cannot be mapped
             raise FileFormatError(f"{self.store.name}: {name} is empty") from None
         except OSError as error:
             raise FileFormatError(f"{self.store.name}: {name} cannot be read: {error.strerror or error}") from None

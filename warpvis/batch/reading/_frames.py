@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A dataset as its users index it: `open_dataset`."""
+"""Indexed access to the frames of a dataset: `open_dataset`."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ Frame: TypeAlias = dict[str, Any]
 
 
 class NoSuchFrameError(ArrayError, IndexError):
-    """A frame's number is too large: a loop over all frames ends with it."""
+    """The number of a frame is out of range; as an `IndexError`, it ends loops over all frames."""
 
 
 class FrameArray:
-    """One array of all frames, which is read as it is indexed; `numpy.asarray` reads all of it."""
+    """One array of all frames; indexing reads only the selected frames, `numpy.asarray` reads all of them."""
 
     def __init__(self, dataset: FrameDataset, name: str, spec: FrameSpec) -> None:
-        """Show an array of a dataset."""
+        """Create the array `name` of a dataset; nothing is read yet."""
         self._dataset, self._name = dataset, name
         self.dtype = spec.dtype
         self.shape = (len(dataset), *spec.shape)
@@ -61,25 +61,25 @@ class FrameArray:
 
     @property
     def ndim(self) -> int:
-        """How many axes there are."""
+        """Number of axes."""
         return len(self.shape)
 
     def __getitem__(self, key: int | slice | ArrayLike | tuple[Any, ...]) -> NDArray:
-        """Read a frame's array, or those of several, stacked; behind a comma, a part of each, as of a NumPy array.
+        """Read the array of a frame, or the stacked arrays of several; further indices select a part, as in NumPy.
 
         Raises:
-            ArrayError: There is no such frame or part.
+            ArrayError: If there is no such frame or part.
         """
         if not isinstance(key, tuple):
             return self._dataset.read(self._name, key)
         frames, *parts = key or (slice(None),)
         wrong = [part for part in parts if not (is_whole(part) or isinstance(part, slice))]
         if wrong:
-            raise ArrayError(f"a part of each frame's array is chosen by whole numbers and slices, got {wrong[0]!r}")
+            raise ArrayError(f"indices after the frames must be whole numbers or slices, got {wrong[0]!r}")
         array = self._dataset.read(self._name, frames)
-        before = () if is_whole(frames) else (slice(None),)
+        leading = () if is_whole(frames) else (slice(None),)
         try:
-            return array[(*before, *parts)]
+            return array[(*leading, *parts)]
         except (IndexError, TypeError) as error:
             raise ArrayError(f"there is no such part of {self._name}, {self.shape}: {error}") from None
 
@@ -92,20 +92,20 @@ class FrameArray:
 
 
 class FrameDataset:
-    """Frames of a dataset that `render_batch` wrote; `open_dataset` opens it.
+    """Frames of a dataset written by `render_batch`; `open_dataset` opens it.
 
-    ``dataset[3]`` is a frame, a dict: each output's array, ``camera_to_world`` (row ``x y z qx qy qz qw``, ``(7,)``
-    float64), ``K`` (``(3, 3)`` float64, pixel centres at +0.5), ``distortion`` (OpenCV's coefficients, ``(5,)`` zeros
-    of a pinhole; of a lens of another model than OpenCV's pinhole there is neither, see `camera`), ``timestamp`` [s],
-    ``frame`` (its number in the job), and where something moves ``object_poses`` (``(M, 7)``) and ``world``. All arrays
-    are copies. ``dataset[3:9]`` and ``dataset[[5, 1]]`` stack several frames, and ``dataset["depth"]`` is one array of
-    all of them.
+    ``dataset[3]`` is a frame, a dict with the array of each output, ``camera_to_world`` (row ``x y z qx qy qz qw``,
+    ``(7,)`` float64), ``K`` (``(3, 3)`` float64, pixel centers at +0.5) and ``distortion`` (OpenCV's coefficients, five
+    zeros for a pinhole camera), ``timestamp`` [s], ``frame`` (its number in the job), and, if the scene has movable
+    objects, ``object_poses`` (``(M, 7)``) and ``world`` (its index in `frames.object_poses`). For lenses of other
+    models than OpenCV's pinhole, ``K`` and ``distortion`` are missing; see `camera`. All arrays are copies.
+    ``dataset[3:9]`` and ``dataset[[5, 1]]`` stack several frames, and ``dataset["depth"]`` is one array of all frames.
 
-    A `torch.utils.data.DataLoader` takes a dataset as it is, with workers that are forked or spawned.
+    A dataset can be passed to `torch.utils.data.DataLoader`, with forked or spawned workers.
     """
 
     def __init__(self, store: Store, outputs: Iterable[str] | None) -> None:
-        """Read what the dataset says of itself."""
+        """Read the manifest and the poses of a dataset."""
         self._store = store
         self._outputs = None if outputs is None else tuple(outputs)
         self._job = read_job(store)
@@ -113,16 +113,16 @@ class FrameDataset:
         self._reader = _make_reader(store, self._job, frames)
         self._specs = _choose(self._reader.specs(), self._outputs, self._job)
         self.complete = store.size(INDEX_RECORD) is not None
-        """Whether all frames are there; a job that was interrupted has a part of them."""
+        """Whether all frames exist; an interrupted job has written only some of them."""
         shards = range(self._job.shard_count) if self.complete else _recorded_shards(store, self._job)
         self.frame_numbers = _frames_of(self._job, shards)
-        """The number of every frame in its job, shape ``(V,)``: 0, 1, 2, ... if the dataset is complete."""
-        self.frames = _frames_there(frames, self.frame_numbers, complete=self.complete)
+        """The number of each frame in its job, shape ``(V,)``: 0, 1, 2, ... if the dataset is complete."""
+        self.frames = _select_frames(frames, self.frame_numbers, complete=self.complete)
         """Poses, times and worlds of the frames."""
 
     @property
     def camera(self) -> CalibratedCamera:
-        """The camera of all frames: a `warpvis.sensors.LensCamera` if it has a lens, whose `rays` are of depth 1."""
+        """The camera of all frames; a `warpvis.sensors.LensCamera` if it has a lens."""
         return self._job.camera
 
     @property
@@ -132,17 +132,17 @@ class FrameDataset:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names of the arrays of a frame that its files hold."""
+        """Names of the arrays that are read from the files of a frame."""
         return tuple(self._specs)
 
     @property
     def object_names(self) -> tuple[str, ...]:
-        """Names of the scene's objects: values of ``segmentation`` index them."""
+        """Names of the objects of the scene; values of ``segmentation`` are indices into them."""
         return self._job.object_names
 
     @property
     def object_labels(self) -> tuple[int, ...]:
-        """Labels of the scene's objects."""
+        """Labels of the objects of the scene."""
         return self._job.object_labels
 
     @property
@@ -152,21 +152,23 @@ class FrameDataset:
 
     @property
     def sensor(self) -> DepthSensor | None:
-        """The model of a depth camera that made `depth`; None for exact depth, or of a model that is not of warpvis.
+        """The depth-camera model that computed ``depth``; None for exact depth and for models not part of warpvis.
 
         Raises:
-            FileFormatError: The manifest says none.
+            FileFormatError: If the sensor in the manifest is invalid.
         """
         if self._job.sensor is None:
             return None
         try:
             return sensor_from_fields(check_mapping(self._job.sensor, "sensor"))
         except WarpvisError as error:
-            raise FileFormatError(f"{self._job.name}: {MANIFEST} has no sensor: {describe_exception(error)}") from None
+            raise FileFormatError(
+                f"{self._job.name}: {MANIFEST} has an invalid sensor: {describe_exception(error)}"
+            ) from None
 
     @property
     def visibility_objects(self) -> tuple[str, ...]:
-        """Names of the objects that ``visible_fraction`` and its like are of."""
+        """Names of the objects of ``visible_fraction`` and the other arrays of visibility, in their order."""
         return self._job.visibility_objects
 
     def __len__(self) -> int:
@@ -176,35 +178,35 @@ class FrameDataset:
         return (self[index] for index in range(len(self)))
 
     def __getitem__(self, key: Any) -> Any:
-        """Read a frame by number, several by a slice or numbers, or name an array of all frames.
+        """Read a frame by its index, several by a slice or indices; or return an array of all frames by its name.
 
         Raises:
-            ArrayError: There is no such frame or array.
-            FileFormatError: A file is missing or damaged.
+            ArrayError: If there is no such frame or array.
+            FileFormatError: If a file is missing or damaged.
         """
         if isinstance(key, str):
             return self._by_name(key)
         if is_whole(key):
             row = self._row(key)
             images = {name: self.read(name, row) for name in self._specs}
-            return images | self._beside(row)
+            return images | self._metadata(row)
         rows = self._rows(key)
-        return {name: self.read(name, rows) for name in self._specs} | self._beside_rows(rows)
+        return {name: self.read(name, rows) for name in self._specs} | self._metadata_rows(rows)
 
     def read(self, name: str, frames: Any) -> NDArray:
-        """Read one array of a frame, or of several, stacked.
+        """Read one array of a frame, or the stacked arrays of several frames.
 
         Args:
             name: One of `outputs`.
-            frames: A frame's number, from 0; a slice; or several numbers.
+            frames: Index of a frame, from 0; a slice; or several indices.
 
         Raises:
-            ArrayError: There is no such frame or array.
-            FileFormatError: A file is missing or damaged.
+            ArrayError: If there is no such frame or array.
+            FileFormatError: If a file is missing or damaged.
         """
         if not isinstance(name, str) or name not in self._specs:
             raise ArrayError(
-                f"there is no array {name!r}; there are {', '.join([*self._specs, *self._beside_rows(())])}"
+                f"there is no array {name!r}; there are {', '.join([*self._specs, *self._metadata_rows(())])}"
             )
         spec = self._specs[name]
         if is_whole(frames):
@@ -218,42 +220,44 @@ class FrameDataset:
         return out
 
     def _rows(self, key: object) -> Sequence[int]:
-        """List the frames that a slice or numbers choose."""
+        """Return the indices selected by a slice or a list."""
         if isinstance(key, slice):
             try:
                 return range(len(self))[key]
             except TypeError:
-                raise ArrayError(f"a slice of frames must be of whole numbers, got {key!r}") from None
+                raise ArrayError(f"slices of frames must be of whole numbers, got {key!r}") from None
         return [self._row(index) for index in as_items(key, "frames", ArrayError)]
 
     def _memory(self, shape: tuple[int, ...], dtype: np.dtype) -> NDArray:
         try:
             return np.empty(shape, dtype)
         except (MemoryError, ValueError):
-            raise ArrayError(f"{self._job.name}: arrays of {shape} do not fit into the memory; read fewer") from None
+            raise ArrayError(
+                f"{self._job.name}: arrays of shape {shape} do not fit into memory. Read fewer frames."
+            ) from None
 
     def _read_into(self, name: str, row: int, out: NDArray) -> None:
-        shard, place = divmod(int(self.frame_numbers[row]), self._job.shard_frames)
-        self._reader.read_into(name, shard, place, out)
+        shard, offset = divmod(int(self.frame_numbers[row]), self._job.shard_frames)
+        self._reader.read_into(name, shard, offset, out)
 
     def _row(self, index: object) -> int:
         if not is_whole(index):
-            raise ArrayError(f"a frame is a whole number, got {index!r}")
+            raise ArrayError(f"index of a frame must be a whole number, got {index!r}")
         row, count = int(index), len(self)
         if not -count <= row < count:
-            raise NoSuchFrameError(f"frame {row} is not there: the dataset has {count}")
+            raise NoSuchFrameError(f"index of a frame must be less than {count}, the number of frames, got {row}")
         return row % count
 
     def _by_name(self, name: str) -> FrameArray | NDArray:
         if name in self._specs:
             return FrameArray(self, name, self._specs[name])
-        beside = self._beside_rows(range(len(self)))
-        if name not in beside:
-            raise ArrayError(f"there is no array {name!r}; there are {', '.join([*self._specs, *beside])}")
-        return beside[name]
+        metadata = self._metadata_rows(range(len(self)))
+        if name not in metadata:
+            raise ArrayError(f"there is no array {name!r}; there are {', '.join([*self._specs, *metadata])}")
+        return metadata[name]
 
-    def _beside(self, row: int) -> Frame:
-        """Return what belongs to a frame beside its images."""
+    def _metadata(self, row: int) -> Frame:
+        """Return the poses, intrinsics and times of a frame."""
         frames = self.frames
         frame: Frame = {
             "camera_to_world": frames.camera_to_world[row].copy(),
@@ -266,7 +270,7 @@ class FrameDataset:
             frame |= {"object_poses": frames.object_poses[world].copy(), "world": world}
         return frame
 
-    def _beside_rows(self, rows: Sequence[int]) -> Frame:
+    def _metadata_rows(self, rows: Sequence[int]) -> Frame:
         chosen, frames, same = np.asarray(rows, dtype=np.int64), self.frames, opencv_intrinsics(self.camera)
         several: Frame = {
             "camera_to_world": frames.camera_to_world[chosen],
@@ -280,7 +284,7 @@ class FrameDataset:
         return several
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process opens the same dataset with: no open files."""
+        """Return the arguments for opening the dataset in another process, without open files."""
         return {"store": self._store, "outputs": self._outputs}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -293,19 +297,19 @@ class FrameDataset:
 
 
 def open_dataset(path: str | os.PathLike[str], *, outputs: Iterable[str] | None = None) -> FrameDataset:
-    """Open a dataset that `render_batch` or ``warpvis batch`` wrote, to read its frames in any order.
+    """Open a dataset written by `render_batch` or ``warpvis batch`` for random access to its frames.
 
-    Of a job that was interrupted, or goes on, the frames of finished shards are there. Files of this machine are mapped
-    into memory, and nothing is read before it is asked for, but for the poses.
+    If the job was interrupted or is still running, the dataset contains the frames of complete shards. Local files are
+    memory-mapped. Only the poses are read at once; images are read on access.
 
     Args:
-        path: The dataset's folder, or an fsspec URL, of which files are read whole.
-        outputs: The arrays to read, such as ``("depth",)``; all that the files hold by default: images, and
-            ``visible_fraction`` and the like of the output ``visibility``.
+        path: The folder of the dataset, or an fsspec URL, whose files are read whole.
+        outputs: The arrays to read, such as ``("depth",)``. By default all in the files: images, and
+            ``visible_fraction`` and the other arrays of the output ``visibility``.
 
     Raises:
-        FileFormatError: It is no dataset, its format holds no images (``ply``), or it cannot be read.
-        ArrayError: There is no such output.
+        FileFormatError: If the path is not a dataset, if its format has no images (``ply``), or if it cannot be read.
+        ArrayError: If there is no such output.
     """
     if outputs is not None:
         outputs = tuple(as_items(outputs, "outputs", ArrayError))
@@ -321,8 +325,8 @@ def _make_reader(store: Store, job: Job, frames: Frames) -> ShardReader:
     if job.format == "colmap":
         return ColmapReader(files, job, poses_to_matrices(frames.camera_to_world)[:, :3, :3])
     if job.format not in _READERS:
-        held = "; its files are clouds, which say nothing of pixels" if job.format == "ply" else ""
-        raise FileFormatError(f"{job.name}: format {job.format!r} cannot be read back{held}")
+        reason = ": its files are point clouds without pixels" if job.format == "ply" else ""
+        raise FileFormatError(f"{job.name}: format {job.format!r} cannot be read{reason}")
     return _READERS[job.format](files, job)
 
 
@@ -331,30 +335,29 @@ def _choose(specs: Mapping[str, FrameSpec], outputs: Sequence[str] | None, job: 
         return dict(specs)
     missing = [name for name in outputs if not isinstance(name, str) or name not in specs]
     if missing or not outputs:
-        what = f"no output {missing[0]!r}" if missing else "nothing to read"
-        raise ArrayError(f"{job.name}: there is {what}; its files hold {', '.join(specs)}")
+        given = repr(missing[0]) if missing else "none"
+        raise ArrayError(f"{job.name}: outputs must be from {', '.join(specs)}, got {given}")
     return {name: specs[name] for name in outputs}
 
 
 def _read_poses(store: Store, job: Job) -> Frames:
     try:
-        found = read_frame_arrays(store)
-        times, world_index = found.pop("timestamps"), found.pop("world_index", None)
-        poses, objects = found["camera_to_world"], found.get("object_poses")
+        arrays = read_frame_arrays(store)
+        times, world_index = arrays.pop("timestamps"), arrays.pop("world_index", None)
+        poses, objects = arrays["camera_to_world"], arrays.get("object_poses")
         worlds = {"object_poses": objects, "world_index": world_index}
         frames = Frames.from_poses(poses, timestamps=times, camera=job.camera, **worlds)
-    except Exception as error:  # whatever NumPy and zipfile raise for what is no such file
+    except Exception as error:  # NumPy and zipfile may raise any exception for a damaged file
         raise FileFormatError(f"{store.name}: {POSES} is missing or damaged: {describe_exception(error)}") from None
     if len(frames) != job.frames:
         raise FileFormatError(
-            f"{store.name}: {POSES} has {pluralize(len(frames), 'pose')}, and there should be "
-            f"{pluralize(job.frames, 'frame')}"
+            f"{store.name}: {POSES} must have poses of {pluralize(job.frames, 'frame')}, got {len(frames)}"
         )
     return frames
 
 
 def _recorded_shards(store: Store, job: Job) -> list[int]:
-    """List the shards that are whole: their records are there."""
+    """Return the shards that are complete, that is have a record."""
     names = set(store.names(RECORDS_FOLDER))
     return [shard for shard in range(job.shard_count) if f"{shard_name(shard)}.json" in names]
 
@@ -364,8 +367,8 @@ def _frames_of(job: Job, shards: Sequence[int]) -> NDArray[np.int64]:
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
-def _frames_there(frames: Frames, numbers: NDArray[np.int64], *, complete: bool) -> Frames:
-    """Take the frames that are there."""
+def _select_frames(frames: Frames, numbers: NDArray[np.int64], *, complete: bool) -> Frames:
+    """Return the frames of complete shards."""
     if complete:
         return frames
     objects, index = frames.object_poses, frames.world_index
@@ -377,7 +380,7 @@ def _frames_there(frames: Frames, numbers: NDArray[np.int64], *, complete: bool)
 
 
 def _world_of(frames: Frames, row: int) -> int:
-    """Find a frame's world among `Frames.object_poses`."""
+    """Return the index of a frame's world in `Frames.object_poses`."""
     assert frames.object_poses is not None
     if frames.world_index is not None:
         return int(frames.world_index[row])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a dataset's manifest says of its job, as its readers need it."""
+"""Reading of a dataset's manifest."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from warpvis.sensors import CalibratedCamera, lens_camera_from_fields
 
 
 class FrameSpec(NamedTuple):
-    """What a frame's array is."""
+    """Dtype and shape of an array of one frame."""
 
     dtype: np.dtype
     shape: tuple[int, ...]
@@ -30,10 +30,10 @@ class FrameSpec(NamedTuple):
 
 @dataclass(frozen=True)
 class Job:
-    """What a dataset was made of, and how it is laid out."""
+    """The contents and the layout of a dataset, from its manifest."""
 
     name: str
-    """What messages call the dataset."""
+    """Name of the dataset in messages."""
     format: str
     options: Mapping[str, Json]
     outputs: tuple[str, ...]
@@ -44,21 +44,21 @@ class Job:
     object_labels: tuple[int, ...]
     label_names: LabelNames
     visibility_objects: tuple[str, ...]
-    """Names of the objects that visibility is of."""
+    """Names of the objects whose visibility was computed."""
     sensor: Json = None
-    """What the manifest says of the model of a depth camera; None for exact depth."""
+    """The depth-camera model in the manifest; None for exact depth."""
 
     @property
     def shard_count(self) -> int:
-        """How many shards there are."""
+        """Number of shards."""
         return -(-self.frames // self.shard_frames)
 
     def shard_length(self, shard: int) -> int:
-        """Count the frames of a shard."""
+        """Return the number of frames of a shard."""
         return min(self.shard_frames, self.frames - shard * self.shard_frames)
 
     def specs(self) -> dict[str, FrameSpec]:
-        """List the arrays that all outputs of the job are, of a frame each."""
+        """Return dtypes and shapes of the arrays of a frame for all outputs of the job."""
         size = (self.camera.height, self.camera.width)
         specs = {}
         for name in self.outputs:
@@ -72,20 +72,25 @@ class Job:
         return specs
 
     def option(self, name: str, default: float) -> float:
-        """Return an option that is a number."""
+        """Return a numeric option of the format.
+
+        Raises:
+            FileFormatError: If the option is not a number.
+        """
         given = self.options.get(name, default)
         try:
             return float(given)  # type: ignore[arg-type]
         except (TypeError, ValueError, OverflowError):
-            said = f"{MANIFEST} has the option {name}={truncate(repr(given))}, not a number"
-            raise FileFormatError(f"{self.name}: {said}") from None
+            raise FileFormatError(
+                f"{self.name}: option {name} in {MANIFEST} must be a number, got {truncate(repr(given))}"
+            ) from None
 
 
 def read_job(store: Store) -> Job:
     """Read a dataset's manifest.
 
     Raises:
-        FileFormatError: It has none, or its manifest does not say what it holds.
+        FileFormatError: If there is no manifest, or if it does not define the contents.
     """
     manifest = parse_manifest(store.read(MANIFEST))
     if manifest is None:
@@ -114,7 +119,7 @@ def read_job(store: Store) -> Job:
                     visibility_objects=tuple(chosen),
                     sensor=manifest.get("sensor"),
                 )
-    raise FileFormatError(f"{store.name}: is no dataset: its {MANIFEST} does not say what it holds")
+    raise FileFormatError(f"{store.name}: is not a dataset: its {MANIFEST} does not define the contents")
 
 
 def _read_camera(name: str, fields: Mapping[str, Json]) -> CalibratedCamera:
@@ -122,13 +127,13 @@ def _read_camera(name: str, fields: Mapping[str, Json]) -> CalibratedCamera:
         try:
             return lens_camera_from_fields(fields)
         except CameraError as error:
-            raise FileFormatError(f"{name}: {MANIFEST} has no camera: {describe_exception(error)}") from None
+            raise FileFormatError(f"{name}: {MANIFEST} has an invalid camera: {describe_exception(error)}") from None
     if fields.get("far", 0) is None:  # JSON has no infinity
         fields = {**fields, "far": np.inf}
     try:
         return Camera(**fields)  # type: ignore[arg-type]
     except (TypeError, CameraError) as error:
-        raise FileFormatError(f"{name}: {MANIFEST} has no camera: {describe_exception(error)}") from None
+        raise FileFormatError(f"{name}: {MANIFEST} has an invalid camera: {describe_exception(error)}") from None
 
 
 def _read_labels(name: str, objects: Mapping[str, Json]) -> tuple[int, ...]:
@@ -137,4 +142,4 @@ def _read_labels(name: str, objects: Mapping[str, Json]) -> tuple[int, ...]:
         labels: list[Any] = [item["label"] for item in objects.values()]  # type: ignore[index, call-overload]
         return tuple(Label[label] if isinstance(label, str) else by_number.number(label) for label in labels)
     except (KeyError, TypeError, SceneError):
-        raise FileFormatError(f"{name}: {MANIFEST} has objects without a label") from None
+        raise FileFormatError(f"{name}: objects in {MANIFEST} must have a valid label") from None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readers of formats with a file a frame: PNG files of depth, labels and objects, and COLMAP's maps."""
+"""Readers of formats with one file per frame: PNG files of depth, labels and objects, and COLMAP's maps."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from warpvis.io import missing_units
 
 Column: TypeAlias = dict[str, NDArray]
 
-_MILLIMETRES = 1000.0
+_MILLIMETERS_PER_METER = 1000.0
 _BOP_COUNTS = {
     "visible_fraction": ("visib_fract", np.float32),
     "visible_pixels": ("px_count_visib", np.int32),
     "silhouette_pixels": ("px_count_all", np.int32),
 }
-"""What BOP's ``scene_gt_info.json`` says of every object, and under which key."""
+"""Arrays of visibility in BOP's ``scene_gt_info.json``: key and dtype."""
 
 
 class PngReader:
-    """Reads ``depth/000012/000000.png`` and the like: formats ``png``, ``tum`` and ``nerfstudio``.
+    """Reads files such as ``depth/000012/000000.png`` of the formats ``png``, ``tum`` and ``nerfstudio``.
 
-    0 and 65535 are no depth, and become +inf: whether something was too near is not told.
+    Pixels without depth, 0 or 65535, become +inf, also where a surface was nearer than the camera's `near`.
     """
 
-    scale: float = _MILLIMETRES
-    """Units of a metre."""
+    scale: float = _MILLIMETERS_PER_METER
+    """Units of depth per meter."""
 
     def __init__(self, files: Files, job: Job) -> None:
         """Prepare to read."""
@@ -47,14 +47,14 @@ class PngReader:
         self._scale = job.option("scale", self.scale)
 
     def specs(self) -> Mapping[str, FrameSpec]:
-        """List the arrays."""
+        """Return the arrays of a frame."""
         return self._specs
 
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
-        """Decode a frame's file."""
+        """Decode the file of a frame."""
         image = self._decode(f"{self._folder(name, shard)}/{row:06d}.png")
         if name in ("depth", "true_depth"):
-            _to_metres(image, self._scale, out)
+            _to_meters(image, self._scale, out)
         elif name == "segmentation":
             out[...] = image
             out -= 1
@@ -67,47 +67,47 @@ class PngReader:
     def _decode(self, file: str) -> NDArray:
         from PIL import Image, UnidentifiedImageError
 
-        data, place = self._files.read(file), f"{self._job.name}: {file}"
+        data, path = self._files.read(file), f"{self._job.name}: {file}"
         size = (self._job.camera.height, self._job.camera.width)
         try:
             with Image.open(io.BytesIO(data), formats=("PNG",)) as picture:
                 shape = picture.size[::-1]
-                image = np.asarray(picture) if shape == size else None  # of any size, and any memory
+                image = np.asarray(picture) if shape == size else None  # do not decode images of unexpected size
         except UnidentifiedImageError:
-            raise FileFormatError(f"{place} is damaged, or no PNG image") from None
-        except Exception as error:  # each kind of damage has its own
-            raise FileFormatError(f"{place} is damaged: {describe_exception(error)}") from None
+            raise FileFormatError(f"{path} is damaged or not a PNG image") from None
+        except Exception as error:  # Pillow may raise any exception for damaged files
+            raise FileFormatError(f"{path} is damaged: {describe_exception(error)}") from None
         if image is None or image.shape != size:
-            found = shape if image is None else image.shape
-            raise FileFormatError(f"{place} is of shape {found}, and should be of {size}")
+            actual = shape if image is None else image.shape
+            raise FileFormatError(f"{path} must have shape {size}, got {actual}")
         return image
 
 
-def _to_metres(units: NDArray, scale: float, out: NDArray) -> None:
-    units = units.astype(np.uint16, copy=False)  # some versions of Pillow have 32 bits
+def _to_meters(units: NDArray, scale: float, out: NDArray) -> None:
+    units = units.astype(np.uint16, copy=False)  # some versions of Pillow return 32 bits
     np.divide(units, scale, out=out, casting="unsafe")
     out[missing_units(units)] = np.inf
 
 
 class TumReader(PngReader):
-    """The same of 5000 units a metre."""
+    """Reads depth with 5000 units per meter."""
 
     scale = 5000.0
 
 
 class BopReader(PngReader):
-    """Reads depth of BOP's scenes, and what ``scene_gt_info.json`` says of the objects."""
+    """Reads depth of BOP scenes, and visibility from ``scene_gt_info.json``."""
 
     def __init__(self, files: Files, job: Job) -> None:
         """Prepare to read."""
         super().__init__(files, job)
-        self._scale = _MILLIMETRES / job.option("depth_scale", 1.0)
+        self._scale = _MILLIMETERS_PER_METER / job.option("depth_scale", 1.0)
         self._split = str(job.options.get("split", "train"))
         self._specs = {name: spec for name, spec in self._specs.items() if name == "depth" or name in _BOP_COUNTS}
-        self._counts = Recent[Column](files.most)
+        self._counts = Recent[Column](files.cache_size)
 
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
-        """Decode a frame's depth, or look its objects up."""
+        """Decode the depth of a frame, or copy its visibility."""
         if name == "depth":
             super().read_into(name, shard, row, out)
         else:
@@ -134,7 +134,7 @@ class BopReader(PngReader):
 
 
 class ColmapReader:
-    """Reads COLMAP's depth and normal maps; normals are turned into the world's frame again."""
+    """Reads COLMAP's depth and normal maps; normals are rotated to the world frame."""
 
     def __init__(self, files: Files, job: Job, rotations: NDArray[np.float64]) -> None:
         """Prepare to read.
@@ -142,24 +142,24 @@ class ColmapReader:
         Args:
             files: The files.
             job: The job.
-            rotations: Camera to world of every frame, shape ``(frames, 3, 3)``.
+            rotations: Rotations from camera to world of all frames, shape ``(frames, 3, 3)``.
         """
         self._files, self._job, self._specs, self._rotations = files, job, job.specs(), rotations
 
     def specs(self) -> Mapping[str, FrameSpec]:
-        """List the arrays."""
+        """Return the arrays of a frame."""
         return self._specs
 
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
-        """Read a frame's map."""
+        """Read the map of a frame."""
         kind = "depth_maps" if name == "depth" else "normal_maps"
         file = f"stereo/{kind}/{shard_name(shard)}/{row:06d}.png.geometric.bin"
         channels = 1 if name == "depth" else 3
         camera, data = self._job.camera, self._files.read(file)
-        head = f"{camera.width}&{camera.height}&{channels}&".encode()
-        if not data.startswith(head) or len(data) - len(head) != 4 * channels * camera.width * camera.height:
-            raise FileFormatError(f"{self._job.name}: {file} is damaged: its size or its head is another")
-        values = np.frombuffer(data, dtype="<f4", offset=len(head)).reshape(channels, camera.height, camera.width)
+        header = f"{camera.width}&{camera.height}&{channels}&".encode()
+        if not data.startswith(header) or len(data) - len(header) != 4 * channels * camera.width * camera.height:
+            raise FileFormatError(f"{self._job.name}: {file} is damaged: its size or its header is wrong")
+        values = np.frombuffer(data, dtype="<f4", offset=len(header)).reshape(channels, camera.height, camera.width)
         if name == "depth":
             out[...] = values[0]
             out[values[0] == 0] = np.inf

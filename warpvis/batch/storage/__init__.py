@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Put shards where they go: folders, URLs, disks past the page cache."""
+"""Storage of datasets: local folders and URLs, locks, and direct I/O."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writing large files past the page cache, with their checksum on the way."""
+"""Writing of large files with O_DIRECT, bypassing the page cache, and computation of their checksums."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from typing import TypeAlias
 import numpy as np
 
 FilePart: TypeAlias = bytes | memoryview | np.ndarray
-"""What part of a file is written from; an array's bytes are written in C order."""
+"""Part of a file to write; arrays are written in C order."""
 
 ALIGNMENT = 4096
-"""What O_DIRECT wants addresses, offsets and lengths to be multiples of."""
+"""Alignment of addresses, offsets and lengths that O_DIRECT requires [B]."""
 
-# Copying into the page cache and writing it back costs the kernel 1 s of a core for 250 to 700 MB; O_DIRECT 0.2 s a GB,
-# which on two cores that render 1.2 GB/s decides whether writing is in the way. Little parts are not worth it.
+# Writing through the page cache takes 1 s of kernel time on one core for 250 to 700 MB, O_DIRECT 0.2 s per GB. With two
+# cores that render 1.2 GB/s, the page cache would slow down rendering. For small parts O_DIRECT has no advantage.
 MIN_DIRECT = 1 << 20
 _PIECE = 1 << 23
 _O_DIRECT = getattr(os, "O_DIRECT", 0)
 
 
 def write_file(path: str | os.PathLike[str], parts: Iterable[FilePart]) -> tuple[int, int]:
-    """Write a new file from its parts, and return the number of its bytes and their CRC-32.
+    """Write a new file from its parts, and return its size in bytes and its CRC-32.
 
-    Parts are bytes-like or NumPy arrays. Of a part that begins at a page of memory, at a multiple of `ALIGNMENT` in the
-    file, all whole pages go past the page cache, where the system can.
+    Parts are bytes-like objects or NumPy arrays. If a part begins at a page boundary in memory and at a multiple of
+    `ALIGNMENT` in the file, its whole pages bypass the page cache, if the system supports this.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: If the file cannot be written.
     """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
@@ -55,7 +55,7 @@ def _as_bytes(part: FilePart) -> memoryview:
 
 
 def _direct_bytes(data: memoryview, offset: int) -> int:
-    """Count how many of the first bytes may go past the page cache."""
+    """Return the number of leading bytes that can be written with O_DIRECT."""
     if not _O_DIRECT or len(data) < MIN_DIRECT or offset % ALIGNMENT:
         return 0
     address = np.frombuffer(data, dtype=np.uint8).ctypes.data
@@ -63,7 +63,7 @@ def _direct_bytes(data: memoryview, offset: int) -> int:
 
 
 def _write_direct(descriptor: int, data: memoryview, crc: int) -> tuple[int, int]:
-    """Write with O_DIRECT; return the checksum and the bytes that were written, fewer than all if the system cannot."""
+    """Write with O_DIRECT; return the checksum and the number of written bytes, which is less if it is unsupported."""
     import fcntl
 
     flags = fcntl.fcntl(descriptor, fcntl.F_GETFL)
@@ -87,7 +87,7 @@ def _write_direct(descriptor: int, data: memoryview, crc: int) -> tuple[int, int
 
 
 def _write_all(descriptor: int, data: memoryview, crc: int) -> int:
-    """Write bytes the plain way, and return their checksum."""
+    """Write bytes through the page cache, and return the updated checksum."""
     while len(data):
         written = os.write(descriptor, data[:_PIECE])
         crc = zlib.crc32(data[:written], crc)

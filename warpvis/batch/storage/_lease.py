@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A lock for stores that have none: a file that says who writes, for how long from now, written again meanwhile."""
+"""Lease lock for stores without file locks: a file with the owner and the time, which the owner renews regularly."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
 
 LEASE = 120.0
-"""A lock counts for so many seconds from its last writing: longer than clocks of machines differ, or a store stalls."""
+"""Duration of a lease [s]: longer than the difference between clocks of machines, and than delays of the store."""
 
-_REFRESHED = 4  # times in a lease
+_REFRESHES = 4  # per lease
 
 
 class _Holder(NamedTuple):
-    """What a lock says."""
+    """The contents of a lock file."""
 
     owner: str
     host: str
@@ -34,38 +34,38 @@ class _Holder(NamedTuple):
     time: float
 
     def holds(self) -> bool:
-        """Tell whether its process may still be writing."""
+        """Return whether the process may still be writing."""
         return time.time() - self.time < LEASE and not (self.host == socket.gethostname() and _is_gone(self.process))
 
 
 @contextmanager
 def leased(system: AbstractFileSystem, path: str, name: str) -> Iterator[None]:
-    """Hold the lock in the file `path` of a store, within a context; `name` is what messages call the dataset.
+    """Hold the lock in the file `path` of a store, as a context manager; `name` is the name of the dataset in messages.
 
-    Two that begin at the same moment are told apart where the store can create a file only if there is none (fsspec's
-    mode ``"xb"``: memory, disks, S3). Elsewhere, or where a process stood still for longer than the lease, both may
-    write: of the same job they write the same bytes.
+    The lock is exclusive if the store supports exclusive creation of files (fsspec's mode ``"xb"``: memory, disks, S3).
+    On other stores, two processes that start at the same time may both write, as on any store after a process was
+    suspended for longer than the lease. This is harmless for the same job: both write the same bytes.
 
     Raises:
-        FileFormatError: Another process holds it.
-        OSError: It cannot be written.
+        FileFormatError: If another process holds the lock.
+        OSError: If the lock cannot be written.
     """
     owner = uuid.uuid4().hex
     if not _create(system, path, owner):
         require_unlocked(system, path, name)
         system.pipe_file(path, _text(owner))
-    found = _read(system, path)
-    if found is None or found.owner != owner:
-        raise FileFormatError(f"{name}: another process began to write it at the same moment; wait for it, or end it")
-    over = threading.Event()
-    refreshing = threading.Thread(target=_refresh, args=(system, path, owner, over), daemon=True)
-    refreshing.start()
+    holder = _read(system, path)
+    if holder is None or holder.owner != owner:
+        raise FileFormatError(f"{name}: another process started to write it at the same time. Wait for it, or end it.")
+    stop = threading.Event()
+    refresher = threading.Thread(target=_refresh, args=(system, path, owner, stop), daemon=True)
+    refresher.start()
     try:
         yield
     finally:
-        over.set()
-        refreshing.join()
-        with suppress(OSError):  # what is left ends with its lease
+        stop.set()
+        refresher.join()
+        with suppress(OSError):  # a remaining lock expires
             if _is_ours(system, path, owner):
                 system.rm_file(path)
 
@@ -75,27 +75,27 @@ def require_unlocked(system: AbstractFileSystem, path: str, name: str) -> None:
     holder = _read(system, path)
     if holder is not None and holder.holds():
         raise FileFormatError(
-            f"{name}: another process is writing it ({holder.process} on {holder.host}); wait for it, or end it "
-            f"and wait for {LEASE:.0f} s"
+            f"{name}: another process is writing it ({holder.process} on {holder.host}). Wait for it, or end it "
+            f"and wait for {LEASE:.0f} s."
         )
 
 
 def _create(system: AbstractFileSystem, path: str, owner: str) -> bool:
-    """Write the lock if there is none; tell whether it was written."""
+    """Create the lock; return False if it exists already."""
     try:
         system.pipe_file(path, _text(owner), mode="create")
     except FileExistsError:
         return False
-    except (TypeError, ValueError, NotImplementedError):  # of stores that cannot
+    except (TypeError, ValueError, NotImplementedError):  # the store has no exclusive creation
         if _read(system, path) is not None:
             return False
         system.pipe_file(path, _text(owner))
     return True
 
 
-def _refresh(system: AbstractFileSystem, path: str, owner: str, over: threading.Event) -> None:
-    while not over.wait(LEASE / _REFRESHED):
-        with suppress(OSError):  # the next time, maybe
+def _refresh(system: AbstractFileSystem, path: str, owner: str, stop: threading.Event) -> None:
+    while not stop.wait(LEASE / _REFRESHES):
+        with suppress(OSError):  # retry at the next refresh
             if not _is_ours(system, path, owner):
                 return
             system.pipe_file(path, _text(owner))
@@ -111,7 +111,7 @@ def _text(owner: str) -> bytes:
 
 
 def _read(system: AbstractFileSystem, path: str) -> _Holder | None:
-    """Read who holds the lock; None if nobody, or what is there says nothing of it."""
+    """Read the lock; return None if it does not exist or is malformed."""
     try:
         content = json.loads(system.cat_file(path))
         return _Holder(str(content["owner"]), str(content["host"]), int(content["process"]), float(content["time"]))
@@ -120,8 +120,8 @@ def _read(system: AbstractFileSystem, path: str) -> _Holder | None:
 
 
 def _is_gone(process: int) -> bool:
-    """Tell whether this machine has no such process."""
-    if os.name != "posix" or process <= 0:  # elsewhere, asking would end it
+    """Return whether the process does not exist on this machine."""
+    if os.name != "posix" or process <= 0:  # on other systems, os.kill would end the process
         return False
     try:
         os.kill(process, 0)

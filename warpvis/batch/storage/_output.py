@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a dataset's files go: a shard's temporary folder."""
+"""Temporary folders for the files of a shard."""
 
 from __future__ import annotations
 
@@ -14,22 +14,21 @@ from warpvis.batch.storage._direct_io import FilePart, write_file
 
 
 class FileSum(NamedTuple):
-    """What a file holds."""
+    """Size and checksum of a file."""
 
     bytes: int
     crc32: int
 
 
 class ShardFiles:
-    """The files of one shard, or of the index, while they are written: in a folder of their own.
-
-    Several threads may write different files of it.
-    """
+    """The files of one shard, or of the index, in a temporary folder; several threads may write different files."""
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
-        """Write below `folder`, which is there and empty."""
+        """Write to `folder`, which must exist and be empty."""
         self.folder = Path(folder)
-        self._root = os.path.join(folder, "")  # of as many files a second as cores encode, joining paths shows
+        self._root = os.path.join(
+            folder, ""
+        )  # joining strings is faster than joining paths, which is noticeable for small files
         self.warnings: dict[str, int] = {}
         self._sums: dict[str, FileSum] = {}
         self._folders = {""}
@@ -38,9 +37,9 @@ class ShardFiles:
         """Write one file from its parts, in order.
 
         Args:
-            name: Its path in the dataset, relative, with slashes. Folders are made.
-            *parts: Bytes, memoryviews, or NumPy arrays, whose bytes are written in C order. An array that begins at a
-                page of memory and at a multiple of 4096 bytes in the file is written the fastest way there is.
+            name: Path relative to the dataset, with slashes. Missing folders are created.
+            *parts: Bytes, memoryviews, or NumPy arrays, which are written in C order. Arrays that begin at a page
+                boundary in memory and at a multiple of 4096 bytes in the file are written with O_DIRECT.
         """
         self._sums[name] = FileSum(*write_file(self._path(name), parts))
 
@@ -49,7 +48,7 @@ class ShardFiles:
         self.write(name, text.encode())
 
     def local_path(self, name: str) -> Path:
-        """Say where a library that writes files itself must write the file; the folder for it is made."""
+        """Return the path of a file for libraries that write files themselves; its folder is created."""
         return Path(self._path(name))
 
     def _path(self, name: str) -> str:
@@ -60,26 +59,27 @@ class ShardFiles:
         return f"{self._root}{name}"
 
     def warn(self, message: str, count: int) -> None:
-        """Tell the user of something at the end, with its count over all shards.
+        """Record a warning, which is shown to the user at the end with its total count over all shards.
 
         Args:
-            message: What happened to so many, e.g. ``"pixels are farther than 65.535 m and are 0 in the PNG files"``.
-            count: How many; 0 says nothing.
+            message: The end of the message after the count, such as
+                ``"pixels are farther than 65.535 m and are 0 in the PNG files"``.
+            count: The count; nothing is recorded if it is 0.
         """
         if count:
             self.warnings[message] = self.warnings.get(message, 0) + int(count)
 
     def sums(self) -> dict[str, FileSum]:
-        """Return bytes and checksum of every file in the folder, by name, sorted."""
+        """Return size and checksum of each file in the folder, sorted by name."""
         names = sorted(files_below(self.folder))
         return {name: self._sums.get(name) or _sum_file(self.folder / name) for name in names}
 
 
 def files_below(folder: Path) -> Iterator[str]:
-    """Go through all files of a folder and those in it: their paths relative to it, with slashes."""
-    for place, _, names in os.walk(folder):
-        inside = os.path.relpath(place, folder).replace(os.sep, "/")
-        yield from (name if inside == "." else f"{inside}/{name}" for name in names)
+    """Yield the paths of all files in a folder and its subfolders, relative to it, with slashes."""
+    for parent, _, names in os.walk(folder):
+        relative = os.path.relpath(parent, folder).replace(os.sep, "/")
+        yield from (name if relative == "." else f"{relative}/{name}" for name in names)
 
 
 def _sum_file(path: Path) -> FileSum:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where datasets are: a folder of this machine or an fsspec URL, read and written through the same few calls."""
+"""Stores of datasets, local folders and fsspec URLs, with a common interface."""
 
 from __future__ import annotations
 
@@ -21,55 +21,55 @@ from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError
 
 _PART = ".part-"
-"""Temporary folders of a dataset begin so: whatever is in them was not finished."""
+"""Prefix of temporary folders in a dataset; their contents are incomplete."""
 _LOCK = f"{_PART}lock"
-"""Of URLs: who writes the dataset."""
+"""Name of the lock file at a URL."""
 
 
 class Store(Protocol):
-    """The files of a dataset, by their paths relative to it, with slashes."""
+    """The files of a dataset. Paths are relative to the dataset, with slashes."""
 
     name: str
-    """What messages call it."""
+    """Name of the dataset in messages."""
 
     def read(self, name: str) -> bytes | None:
-        """Read what a file holds; None if there is none."""
+        """Return the contents of a file; None if it does not exist."""
         ...
 
     def open(self, name: str) -> IO[bytes]:
-        """Open a file to read it."""
+        """Open a file for reading."""
         ...
 
     def size(self, name: str) -> int | None:
-        """Count the bytes of a file; None if there is none."""
+        """Return the size of a file in bytes; None if it does not exist."""
         ...
 
     def entries(self) -> list[str]:
-        """List the files and folders at the top, without what was not finished."""
+        """Return the files and folders at the top level, without temporary ones."""
         ...
 
     def names(self, folder: str) -> list[str]:
-        """List what a folder holds, without what is in its folders; nothing if there is none."""
+        """Return the entries of a folder, not recursively; an empty list if it does not exist."""
         ...
 
     def files(self) -> Iterator[str]:
-        """Go through every file, without what was not finished."""
+        """Yield all files, without temporary ones."""
         ...
 
     def create(self) -> None:
-        """Make the folder if it is missing."""
+        """Create the folder if it is missing."""
         ...
 
     def clean(self) -> None:
-        """Remove what was not finished."""
+        """Remove temporary folders."""
         ...
 
     def remove(self, name: str) -> None:
-        """Remove a file, if it is there."""
+        """Remove a file if it exists."""
         ...
 
     def locked(self) -> AbstractContextManager[None]:
-        """Keep other processes from writing the dataset, within a context; of a folder, those of this machine."""
+        """Lock the dataset for writing, as a context manager; a folder is locked for processes of this machine."""
         ...
 
     def require_unlocked(self) -> None:
@@ -77,22 +77,22 @@ class Store(Protocol):
         ...
 
     def new_files(self) -> AbstractContextManager[ShardFiles]:
-        """Make a context with `ShardFiles` in a new temporary folder, which is gone after it."""
+        """Create `ShardFiles` in a new temporary folder, as a context manager that removes the folder on exit."""
         ...
 
     def put(self, files: ShardFiles, units: Iterable[str]) -> None:
-        """Move files and folders of a temporary folder to their places, each as a whole, in this order.
+        """Move files and folders from a temporary folder to the dataset, each atomically, in this order.
 
-        On a disk of this machine they stay there then, whatever happens to the machine.
+        On a local disk they are synchronized and survive a power failure.
         """
         ...
 
 
 class LocalStore:
-    """A folder of this machine. Its temporary folders are inside it, so that moving is renaming."""
+    """A local folder. It contains its temporary folders, so that moving files is renaming."""
 
     def __init__(self, root: Path) -> None:
-        """Take the dataset in the folder `root`, which may be missing."""
+        """Open the dataset in the folder `root`, which need not exist."""
         self.root = root.absolute()
         self.name = str(root)
         self._on_disk = {self.root}
@@ -105,10 +105,10 @@ class LocalStore:
 
     def size(self, name: str) -> int | None:
         try:
-            found = (self.root / name).stat()
+            status = (self.root / name).stat()
         except (FileNotFoundError, NotADirectoryError):
             return None
-        return found.st_size if stat.S_ISREG(found.st_mode) else None  # a device or a pipe would be read for ever
+        return status.st_size if stat.S_ISREG(status.st_mode) else None  # reading a device or a pipe may never end
 
     def entries(self) -> list[str]:
         if not self.root.exists():
@@ -125,9 +125,9 @@ class LocalStore:
         yield from (name for name in files_below(self.root) if not name.startswith(_PART))
 
     def create(self) -> None:
-        new = [place for place in (self.root, *self.root.parents) if not place.is_dir()]
+        new = [folder for folder in (self.root, *self.root.parents) if not folder.is_dir()]
         self.root.mkdir(parents=True, exist_ok=True)
-        sync_folders(place.parent for place in new)
+        sync_folders(folder.parent for folder in new)
 
     def clean(self) -> None:
         for path in self.root.glob(f"{_PART}*"):
@@ -139,10 +139,10 @@ class LocalStore:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes of this machine from writing the dataset, within a context.
+        """Lock the dataset for writing by other processes of this machine, as a context manager.
 
         Raises:
-            FileFormatError: Another one does already.
+            FileFormatError: If another process holds the lock.
         """
         try:
             import fcntl
@@ -154,7 +154,7 @@ class LocalStore:
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise FileFormatError(f"{self.name}: another process is writing it; wait for it, or end it") from None
+                raise FileFormatError(f"{self.name}: another process is writing it. Wait for it, or end it.") from None
             yield
         finally:
             os.close(descriptor)
@@ -178,32 +178,32 @@ class LocalStore:
             target = self.root / unit
             changed.add(target.parent)
             self._make_folder(target.parent)
-            if target.is_dir():  # of an attempt that was not recorded; a folder cannot be renamed over it
+            if target.is_dir():  # from an attempt without a record; os.replace cannot overwrite a folder
                 shutil.rmtree(target)
             os.replace(files.folder / unit, target)
         sync_folders(changed)
 
     def _make_folder(self, folder: Path) -> None:
-        """Make a folder, and wait until it is on the disk with those that it is in: another thread may have made it."""
+        """Create a folder, and synchronize it and its parents, also if another thread has created them."""
         folder.mkdir(parents=True, exist_ok=True)
-        unsure = list(itertools.takewhile(lambda place: place not in self._on_disk, (folder, *folder.parents)))
-        sync_folders(place.parent for place in unsure)
-        self._on_disk.update(unsure)
+        unsynced = list(itertools.takewhile(lambda path: path not in self._on_disk, (folder, *folder.parents)))
+        sync_folders(path.parent for path in unsynced)
+        self._on_disk.update(unsynced)
 
 
 class RemoteStore:
-    """An fsspec URL. Files are written to a temporary folder of this machine first, and then copied."""
+    """An fsspec URL. Files are written to a local temporary folder first, and then copied."""
 
     def __init__(self, url: str) -> None:
         """Open the dataset at `url`.
 
         Raises:
-            FileFormatError: fsspec does not know such URLs, or a package for them is missing.
+            FileFormatError: If fsspec does not support the URL, or if a package is missing.
         """
         try:
             import fsspec
         except ImportError:
-            raise FileFormatError(f"{url}: URLs need fsspec: pip install 'warpvis[cluster]'") from None
+            raise FileFormatError(f"{url}: URLs require fsspec: pip install 'warpvis[cluster]'") from None
         try:
             self._system, self._root = fsspec.core.url_to_fs(url)
         except (ImportError, ValueError, OSError) as error:
@@ -225,10 +225,10 @@ class RemoteStore:
 
     def size(self, name: str) -> int | None:
         try:
-            found = self._system.info(self._path(name))
+            info = self._system.info(self._path(name))
         except (FileNotFoundError, NotADirectoryError):
             return None
-        return found["size"] if found["type"] == "file" else None
+        return info["size"] if info["type"] == "file" else None
 
     def entries(self) -> list[str]:
         return sorted(self._names(self._root))
@@ -238,10 +238,10 @@ class RemoteStore:
 
     def _names(self, path: str) -> list[str]:
         try:
-            found = self._system.ls(path, detail=False)
+            entries = self._system.ls(path, detail=False)
         except FileNotFoundError:
             return []
-        names = [entry.rstrip("/").rsplit("/", 1)[-1] for entry in found]
+        names = [entry.rstrip("/").rsplit("/", 1)[-1] for entry in entries]
         return [name for name in names if not name.startswith(_PART)]
 
     def files(self) -> Iterator[str]:
@@ -252,14 +252,14 @@ class RemoteStore:
         self._system.makedirs(self._root, exist_ok=True)
 
     def clean(self) -> None:
-        self._system.invalidate_cache()  # temporary folders are elsewhere
+        self._system.invalidate_cache()  # temporary folders are local and removed by their context managers
 
     def remove(self, name: str) -> None:
         with suppress(FileNotFoundError):
             self._system.rm_file(self._path(name))
 
     def locked(self) -> AbstractContextManager[None]:
-        """Keep other processes, of any machine, from writing the dataset, within a context; see `leased`."""
+        """Lock the dataset for writing by other processes on any machine, as a context manager; see `leased`."""
         return leased(self._system, self._path(_LOCK), self.name)
 
     def require_unlocked(self) -> None:
@@ -281,22 +281,22 @@ class RemoteStore:
 
 
 def is_local(out: str | os.PathLike[str]) -> bool:
-    """Tell whether a dataset is in a folder of this machine."""
+    """Return whether a dataset is a local folder."""
     return "://" not in os.fspath(out).removeprefix("file://")
 
 
 def open_store(out: str | os.PathLike[str]) -> Store:
-    """Open the dataset of a folder, or of an fsspec URL such as ``s3://bucket/name``.
+    """Open the dataset in a folder, or at an fsspec URL such as ``s3://bucket/name``.
 
     Raises:
-        FileFormatError: It is a file, or a URL that cannot be opened.
+        FileFormatError: If `out` is a file, or a URL that cannot be opened.
     """
     as_path(out, "out")
     text = os.fspath(out)
     if not is_local(text):
         return RemoteStore(text)
     path = as_path(text.removeprefix("file://"), "out")
-    there = next((place for place in (path, *path.parents) if place.exists()), path)
-    if there.exists() and not there.is_dir():
-        raise FileFormatError(f"{there}: is a file; a dataset needs a folder")
+    existing = next((folder for folder in (path, *path.parents) if folder.exists()), path)
+    if existing.exists() and not existing.is_dir():
+        raise FileFormatError(f"{existing}: is a file, but a dataset must be a folder")
     return LocalStore(path)

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""From a shard's images to its files: on threads, and where there are many cores, in processes beside."""
+"""Encoding and writing of shards, on threads, and in additional processes on machines with many cores."""

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 class WorkerLostError(WarpvisError):
-    """A process that rendered or encoded ended before its work did."""
+    """A process that rendered or encoded ended before its work was finished."""
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What is written, and where; it pickles."""
+    """The plan of a dataset, its format and its path; it can be pickled."""
 
     plan: Plan
     format: str
@@ -33,13 +33,13 @@ class Target:
 
 
 class Encoder:
-    """Encodes images of shards, and writes them with their records; several threads may call it for different shards.
+    """Encodes images of shards, and writes them with their records; several threads may write different shards.
 
-    A context: its threads end with it.
+    It is a context manager that ends its threads on exit.
     """
 
     def __init__(self, target: Target, threads: int) -> None:
-        """Take what is written, and how many threads encode."""
+        """Start `threads` encoding threads."""
         self._plan = target.plan
         self._store = open_store(target.out)
         self._crew = Crew(threads, "warpvis-encoder")
@@ -47,22 +47,22 @@ class Encoder:
         self.layout.encoders = self._crew
 
     def __enter__(self) -> Encoder:
-        """Begin."""
+        """Return this encoder."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """End when all that was begun is done."""
+        """Finish pending work, and end the threads."""
         self._crew.__exit__(*error)
 
     def write(self, shard: int, images: Images) -> Record:
         """Write a shard and then its record.
 
         Args:
-            shard: Its number.
+            shard: Number of the shard.
             images: Arrays of its frames, by name.
 
         Raises:
-            OSError: A file cannot be written.
+            OSError: If a file cannot be written.
         """
         part = self._plan.shard_slice(shard)
         with self._store.new_files() as files:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Encoding and writing of shards in processes beside, each with an interpreter's lock of its own.
+"""Encoding and writing of shards in additional processes, each with a separate global interpreter lock (GIL).
 
-Compression lets go of the lock, but what is around it for every frame (opening a file, sums, ...) takes it a dozen
-times: one process of 16 threads wrote 1,600 PNG images a second on 16 cores, two processes 3,900. So no process has
-more than a few threads that encode. Images go there through memory that both map.
+Compression releases the GIL, but other work for each frame (opening a file, checksums, ...) acquires it a dozen times:
+on 16 cores, one process with 16 threads wrote 1,600 PNG images per second, two processes 3,900. Each process therefore
+has only a few encoding threads. Images are passed through shared memory.
 """
 
 from __future__ import annotations
@@ -29,41 +29,44 @@ from warpvis.batch.storage._direct_io import ALIGNMENT
 from warpvis.batch.writing._encoder import Target, WorkerLostError
 
 _THREADS = 4
-"""Threads of a process that encode."""
+"""Encoding threads per process."""
 _SHARDS = 2
-"""Shards of a process: one is encoded while the disk is waited for by another."""
+"""Concurrent shards per process: one is encoded while another one waits for the disk."""
 
-# The path is the parent's, as of processes that multiprocessing spawns; unlike those, these do not import the user's
-# script again, which need not be written for it.
+# `sys.path` is that of the parent, as with multiprocessing's spawn. Unlike spawn, the process does not import the main
+# script, which might lack a guard for that.
 _START = "import sys; sys.path[:] = sys.argv[1].split('\\n'); from warpvis.batch.writing._worker import main; main()"
 
 Place: TypeAlias = tuple[str, str, tuple[int, ...], int]
-"""An array in shared memory: its name, dtype, shape, and where it begins."""
+"""An array in shared memory: name, dtype, shape and offset in bytes."""
 
 
 def can_start() -> bool:
-    """Tell whether this system and this interpreter can."""
+    """Return whether the system and the interpreter support encoding processes."""
     return hasattr(os, "memfd_create") and bool(get_executable()) and not getattr(sys, "frozen", False)
 
 
 def process_count(threads: int) -> int:
-    """Choose how many processes encode with so many threads in all; 0 if this one is enough."""
+    """Return the number of encoding processes for a total number of threads; 0 if this process is enough."""
     return threads // _THREADS if threads >= 2 * _THREADS else 0
 
 
 def shards_at_once(threads: int) -> int:
-    """Tell how many shards those processes write at a time."""
+    """Return the number of shards that these processes write concurrently."""
     return process_count(threads) * _SHARDS
 
 
 class EncodingProcesses:
-    """Processes that encode images of shards, and write them with their records. A context: they end with it."""
+    """Processes that encode images of shards, and write them with their records.
+
+    It is a context manager that ends the processes on exit.
+    """
 
     def __init__(self, target: Target, count: int) -> None:
-        """Start so many; `ready` waits for them."""
+        """Start `count` processes without waiting; `ready` waits for them."""
         self._slots: SimpleQueue[Slot] = SimpleQueue()
         self._started = False
-        # They end when this end of the pipe does, however this process ends.
+        # The processes end when this end of the pipe is closed, which also happens if this process crashes.
         theirs, self._life = os.pipe()
         shared, sizes, data = _share(target)
         try:
@@ -79,7 +82,7 @@ class EncodingProcesses:
         for slot, (_, theirs) in zip(slots, ends, strict=True):
             numbers += [theirs.fileno(), slot.memory]
         command = [get_executable(), "-P", "-c", _START, "\n".join(sys.path), *map(str, numbers)]
-        # In a session of its own: Ctrl-C is for the process that shares out the work.
+        # A new session: Ctrl-C must only reach the parent process.
         process = subprocess.Popen(
             [os.fsdecode(part) for part in command],
             stdin=subprocess.DEVNULL,
@@ -91,28 +94,28 @@ class EncodingProcesses:
             theirs.close()
             slot.process = process
             self._slots.put(slot)
-        slots[0].tell((_THREADS, sizes, data))
+        slots[0].send((_THREADS, sizes, data))
         return process
 
     def ready(self) -> None:
-        """Wait until they have started.
+        """Wait until all processes have started.
 
         Raises:
-            WorkerLostError: One cannot.
+            WorkerLostError: If a process cannot start.
         """
         if not self._started:
             slots = [self._slots.get() for _ in range(len(self._processes) * _SHARDS)]
             for slot in slots:
-                slot.answer()
+                slot.receive()
                 self._slots.put(slot)
             self._started = True
 
     def __enter__(self) -> EncodingProcesses:
-        """Begin."""
+        """Return this object."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """End them: those that still write have nobody to tell it."""
+        """End the processes."""
         os.close(self._life)
         for process in self._processes:
             process.wait()
@@ -121,7 +124,7 @@ class EncodingProcesses:
 
     @contextmanager
     def slot(self) -> Iterator[Slot]:
-        """Wait until there is room for a shard's images, and have it as a context; several threads may call this."""
+        """Wait for a free slot for the images of a shard, as a context manager; several threads may call this."""
         slot = self._slots.get()
         try:
             yield slot
@@ -130,7 +133,7 @@ class EncodingProcesses:
 
 
 class Slot:
-    """Room for a shard's images in memory that a process shares, and the connection to the thread that writes it."""
+    """Shared memory for the images of a shard, and the connection to the thread that writes it."""
 
     process: subprocess.Popen[bytes]
 
@@ -141,7 +144,7 @@ class Slot:
         self._places: list[Place] = []
 
     def fill(self, images: Mapping[str, np.ndarray]) -> None:
-        """Copy images of a shard, by name; they may be written over then."""
+        """Copy the images of a shard to shared memory; they may be overwritten afterwards."""
         places: list[Place] = []
         size = 0
         for name, image in images.items():
@@ -155,24 +158,24 @@ class Slot:
         self._places = places
 
     def write(self, shard: int) -> Record:
-        """Write a shard, whose images were copied, and then its record.
+        """Write a shard, whose images were copied by `fill`, and then its record.
 
         Raises:
-            OSError: A file cannot be written.
-            WorkerLostError: The process that had it ended.
+            OSError: If a file cannot be written.
+            WorkerLostError: If the process has ended.
         """
-        self.tell((shard, self._places, 0 if self._mapped is None else len(self._mapped)))
-        answer = self.answer()
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
+        self.send((shard, self._places, 0 if self._mapped is None else len(self._mapped)))
+        reply = self.receive()
+        if isinstance(reply, Exception):
+            raise reply
+        return reply
 
-    def tell(self, message: object) -> None:
-        with self._noticing_loss():
+    def send(self, message: object) -> None:
+        with self._detect_loss():
             self._connection.send(message)
 
-    def answer(self) -> Record | Exception:
-        with self._noticing_loss():
+    def receive(self) -> Record | Exception:
+        with self._detect_loss():
             return self._connection.recv()
 
     def close(self) -> None:
@@ -180,25 +183,25 @@ class Slot:
         os.close(self.memory)
 
     @contextmanager
-    def _noticing_loss(self) -> Iterator[None]:
+    def _detect_loss(self) -> Iterator[None]:
         try:
             yield
         except (EOFError, ConnectionError):
             code = self.process.wait()
-            raise WorkerLostError(f"a process that encodes ended with exit code {code}") from None
+            raise WorkerLostError(f"an encoding process ended with exit code {code}") from None
 
 
 def mapped_arrays(memory: mmap.mmap, places: list[Place]) -> Iterator[tuple[str, np.ndarray]]:
-    """Go through the names and arrays that shared memory holds."""
+    """Yield the names and arrays in shared memory."""
     for name, dtype, shape, offset in places:
         yield name, np.ndarray(shape, dtype, memory, offset)
 
 
 def _share(target: Target) -> tuple[int, list[int], bytes]:
-    """Put the arrays of a job, its poses above all, into memory that all processes map, and pickle the rest.
+    """Copy the arrays of a target, mainly poses, to shared memory, and pickle the rest.
 
     Returns:
-        The memory's file descriptor; the arrays' sizes, one after the other; and the rest.
+        The file descriptor of the memory, the sizes of the arrays in order, and the pickled rest.
     """
     arrays: list[pickle.PickleBuffer] = []
     data = pickle.dumps(target, protocol=5, buffer_callback=arrays.append)
@@ -211,7 +214,7 @@ def _share(target: Target) -> tuple[int, list[int], bytes]:
 
 
 def unshare(descriptor: int, sizes: list[int], data: bytes) -> Target:
-    """Make a job of what `_share` made of it; its arrays stay where they are."""
+    """Restore a target shared by `_share`; its arrays are views of shared memory."""
     whole = memoryview(mmap.mmap(descriptor, sum(sizes), access=mmap.ACCESS_READ) if sum(sizes) else b"")
     ends = list(accumulate(sizes))
     return pickle.loads(data, buffers=[whole[end - size : end] for end, size in zip(ends, sizes, strict=True)])

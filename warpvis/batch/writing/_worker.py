@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a process that encodes does; `_processes` starts it."""
+"""Main function of encoding processes, which `_processes` starts."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from warpvis.errors import WarpvisError
 
 
 def main() -> None:
-    """Write shards until the process that started this one ends, or wants no more.
+    """Write shards until the parent process ends or closes the pipe.
 
-    The arguments are numbers of files that are open: of a pipe that ends with it, of memory with the job's arrays, and
-    of a connection and memory for each shard that is written at a time.
+    The command-line arguments are open file descriptors: a pipe that the parent process closes, shared memory with the
+    arrays of the job, and a connection and shared memory for each concurrent shard.
     """
     life, shared, *numbers = map(int, sys.argv[2:])
     connections = [Connection(number) for number in numbers[::2]]
@@ -34,9 +34,9 @@ def main() -> None:
 
 
 def _serve(encoder: Encoder, connection: Connection, memory: int) -> None:
-    """Write the shards that come in through one connection."""
+    """Write the shards received through one connection."""
     mapped: mmap.mmap | None = None
-    with suppress(EOFError, OSError):  # nobody is there any more
+    with suppress(EOFError, OSError):  # the parent process has ended
         connection.send(None)
         while True:
             shard, places, size = connection.recv()
@@ -47,5 +47,5 @@ def _serve(encoder: Encoder, connection: Connection, memory: int) -> None:
             except (WarpvisError, OSError) as error:
                 answer = error
             except Exception:
-                answer = RuntimeError(f"in a process that encodes:\n{traceback.format_exc()}")
+                answer = RuntimeError(f"in an encoding process:\n{traceback.format_exc()}")
             connection.send(answer)
