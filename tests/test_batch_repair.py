@@ -88,7 +88,7 @@ def test_what_another_process_writes_is_not_repaired(wholes, tmp_path):
     os.close(holder)
     with pytest.raises(wv.errors.FileFormatError, match="cannot be resumed because it was started with other input"):
         run(tmp_path / "out", resume=True, repair=True, shard_frames=4)
-    with pytest.raises(wv.errors.ArrayError, match="it needs resume=True"):
+    with pytest.raises(wv.errors.ArrayError, match="repair=True requires resume=True"):
         run(tmp_path / "out", repair=True)
     with pytest.raises(wv.errors.FileFormatError, match="is not a dataset: the folder does not exist or is empty"):
         verify(tmp_path / "nowhere", repair=True)

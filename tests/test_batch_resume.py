@@ -131,7 +131,7 @@ def test_resuming_something_else_is_refused(whole, case):
     if case == "format":
         pytest.importorskip("zarr")
     before = tree(whole)
-    with pytest.raises(wv.errors.FileFormatError, match=f"cannot be continued, .*: .*{message}"):
+    with pytest.raises(wv.errors.FileFormatError, match=f"cannot be resumed because .*: .*{message}"):
         run(whole, resume=True, **change)
     assert tree(whole) == before
 
@@ -142,7 +142,7 @@ def test_resuming_from_a_manifest_whose_objects_are_none_is_refused(tmp_path, wh
     manifest = json.loads((whole / "manifest.json").read_text())
     manifest["scene"]["objects"] = objects
     (tmp_path / "out" / "manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(wv.errors.FileFormatError, match=r"cannot be continued, .*scene's object"):
+    with pytest.raises(wv.errors.FileFormatError, match=r"cannot be resumed because .*scene's object"):
         run(tmp_path / "out", resume=True)
 
 
@@ -189,7 +189,7 @@ def test_a_full_disk(tmp_path, monkeypatch, whole):
 
     monkeypatch.setattr(direct_io.os, "write", write_a_little)
     with pytest.raises(
-        wv.errors.FileFormatError, match=r"cannot be written: No space left on device; \d of 7 shards are whole"
+        wv.errors.FileFormatError, match=r"cannot be written: No space left on device; \d of 7 shards are complete"
     ):
         run(tmp_path / "out")
     monkeypatch.undo()

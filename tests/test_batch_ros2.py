@@ -227,13 +227,13 @@ def test_our_own_reader_gives_the_poses_back(bags):
     ("changes", "message"),
     [
         ({"outputs": ("points",)}, "outputs must include depth for format 'ros2', got points"),
-        ({"outputs": ("depth", "labels")}, "format 'ros2' holds depth, points, not labels"),
+        ({"outputs": ("depth", "labels")}, "outputs must be from depth, points for format 'ros2', got labels"),
         ({"rate": 30}, "format 'ros2' has no option 'rate'; its options: frame_id=camera_depth_optical_frame"),
         ({"frame_id": ""}, "option frame_id must be a name without spaces, got ''"),
         ({"topic": "/"}, "option topic must be a name without spaces, got '/'"),
         ({"parent_frame_id": "the world"}, "option parent_frame_id must be a name without spaces, got 'the world'"),
         ({"times": [0, 1, -2, 3, 4]}, "timestamps must be from 0 to 2147483647 s for ROS 2, got -2.0 in frame 2"),
-        ({"times": [0, 1, 2, 3, 3e9]}, "and frame 4 has the time 3000000000.0"),
+        ({"times": [0, 1, 2, 3, 3e9]}, "got 3000000000.0 in frame 4"),
     ],
 )
 def test_bad_plans(changes, message):

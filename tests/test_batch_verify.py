@@ -37,11 +37,11 @@ def change(path, **fields):
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"shard_frames": 0}, "does not say what it holds"),
-        ({"frames": -1}, "does not say what it holds"),
-        ({"frames": "20"}, "does not say what it holds"),
-        ({"poses": {}}, "does not say what it holds"),
-        ({"format": None}, "does not say what it holds"),
+        ({"shard_frames": 0}, "does not define the contents"),
+        ({"frames": -1}, "does not define the contents"),
+        ({"frames": "20"}, "does not define the contents"),
+        ({"poses": {}}, "does not define the contents"),
+        ({"format": None}, "does not define the contents"),
     ],
 )
 def test_a_manifest_of_nonsense(copy, fields, said):
@@ -53,7 +53,7 @@ def test_a_manifest_of_nonsense(copy, fields, said):
 @pytest.mark.parametrize("text", ["[" * 100_000, "1" * 10_000, "[1]", "null", "\x00", '{"warpvis_dataset": 1}'])
 def test_a_manifest_that_is_none(copy, text):
     (copy / "manifest.json").write_text(text)
-    with pytest.raises(wv.WarpvisError, match=r"is no dataset: its? "):
+    with pytest.raises(wv.WarpvisError, match=r"is not a dataset: its? "):
         verify(copy)
 
 
@@ -75,7 +75,7 @@ def test_missing_shards_are_counted(copy):
         (copy / "shards" / name).write_text("{}")
     problems = verify(copy).problems
     assert problems[0] == "4 of 7 shards are missing: 0, 2-3, 6"
-    assert "shards/7.json: is in no record" in problems
+    assert "shards/7.json: is not part of any record" in problems
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_a_record_that_names_what_is_elsewhere(copy, name):
     content = json.loads(record.read_text())
     change(record, files={**content["files"], name: {"bytes": 0, "crc32": "00000000"}})
     report = verify(copy)
-    assert "shards/000001.json: is no record" in report.problems and report.damaged == ("shards/000001.json",)
+    assert "shards/000001.json: is not a valid record" in report.problems and report.damaged == ("shards/000001.json",)
     before = tree(copy)
     assert run(copy, resume=True).rendered_frames == 3
     assert verify(copy).ok and tree(copy) != before
@@ -101,7 +101,7 @@ def test_what_is_no_file(copy, name, kind):
     path.unlink()
     {"pipe": os.mkfifo, "device": lambda path: path.symlink_to("/dev/zero"), "folder": os.mkdir}[kind](path)
     if name == "manifest.json":
-        with pytest.raises(wv.WarpvisError, match=r"is no dataset: it has no manifest\.json of warpvis"):
+        with pytest.raises(wv.WarpvisError, match=r"is not a dataset: it has no manifest\.json of warpvis"):
             verify(copy)
     else:
         wanted = {"poses.npz": "poses.npz: is missing", "shard-000001.npz": "shard-000001.npz: is missing"}
@@ -120,7 +120,7 @@ def test_what_is_no_file(copy, name, kind):
 )
 def test_a_record_of_nonsense(copy, record):
     change(copy / "shards" / "000001.json", **record)
-    assert "shards/000001.json: is no record" in verify(copy).problems
+    assert "shards/000001.json: is not a valid record" in verify(copy).problems
 
 
 def test_poses_that_would_unpack_to_much_more(copy):

@@ -73,9 +73,9 @@ def datasets(tmp_path_factory):
     [
         (png(32, 24, head=b"\0\0"), "is damaged: Truncated IHDR chunk"),
         (png(100_000, 100_000), "is damaged: Image size (10000000000 pixels) exceeds limit"),
-        (png(9_000, 9_000), "is of shape (9000, 9000), and should be of (24, 32)"),
+        (png(9_000, 9_000), "must have shape (24, 32), got (9000, 9000)"),
         (png(32, 24)[:45], "is damaged: "),
-        (b"no picture", "is damaged, or no PNG image"),
+        (b"no picture", "is damaged or not a PNG image"),
     ],
     ids=["short head", "larger than all memory", "larger", "cut off", "no picture"],
 )

@@ -456,10 +456,13 @@ REFUSED = {
         lambda s: wv.render(s, lidar_of(0.0, 0.2), MOVES),
         "times must be within those of the motion, 0 to 0.1 s, got 0 to 0.2 s",
     ),
-    "early rays": (lambda s: wv.render(s, lidar_of(-0.01, 0.0), MOVES), "times from -0.01 to 0 s must lie in"),
+    "early rays": (
+        lambda s: wv.render(s, lidar_of(-0.01, 0.0), MOVES),
+        "times must be within those of the motion, 0 to 0.1 s, got -0.01 to 0 s",
+    ),
     "late rays for objects": (
         lambda s: wv.render(s, lidar_of(0.2), STRAIGHT, object_poses=Motion(np.tile(STRAIGHT, (2, 5, 1)), [0, 0.1])),
-        "times from 0 to 0.2 s must|times from 0.2 to 0.2 s must",
+        "of the motion, 0 to 0.1 s, got 0 to 0.2 s|of the motion, 0 to 0.1 s, got 0.2 to 0.2 s",
     ),
     "packets": (
         lambda s: wv.render(s, RollingShutter(CAMERA, 0.1), MOVES, caster="packets"),
@@ -514,7 +517,10 @@ REFUSED = {
         r"points must have shape \(1, 3\), .* got \(2, 3\)",
     ),
     "times of points": (lambda s: deskew(np.zeros((1, 3)), MOVES, times=[np.nan]), "times must be finite"),
-    "moment": (lambda s: deskew(np.zeros((1, 3)), MOVES, times=[0.0], at=1.0), "times from 1 to 1 s must lie in"),
+    "moment": (
+        lambda s: deskew(np.zeros((1, 3)), MOVES, times=[0.0], at=1.0),
+        "times must be within those of the motion, 0 to 0.1 s, got 1 to 1 s",
+    ),
 }
 
 

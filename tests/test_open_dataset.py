@@ -329,15 +329,17 @@ def test_what_is_wrong_is_said(written, tmp_path):
         dataset["depth"][0, "a"]
     with pytest.raises(wv.WarpvisError, match=r"there is no such part of depth, .*: index 99 is out of bounds"):
         dataset["depth"][0, 99]
-    with pytest.raises(wv.WarpvisError, match="a frame is a whole number, got 'a'"):
+    with pytest.raises(wv.WarpvisError, match="index of a frame must be a whole number, got 'a'"):
         dataset[["a", "b"]]
-    with pytest.raises(wv.WarpvisError, match="there is no output 'rgb'; its files hold albedo, color, depth"):
+    with pytest.raises(wv.WarpvisError, match=r"outputs must be from albedo, color, depth, .*, got 'rgb'"):
         wv.open_dataset(written("npz"), outputs=["rgb"])
     (tmp_path / "looked").mkdir()
     for path in (tmp_path / "nowhere", tmp_path / "looked"):
         with pytest.raises(wv.WarpvisError, match="is not a dataset: the folder does not exist or is empty"):
             wv.open_dataset(path)
-    with pytest.raises(wv.WarpvisError, match=r"it has no manifest\.json of warpvis; .*npz.* in it would be"):
+    with pytest.raises(
+        wv.WarpvisError, match=r"it has no manifest\.json of warpvis; its subfolders with datasets: .*npz"
+    ):
         wv.open_dataset(written("npz").parent)
     with pytest.raises(wv.WarpvisError, match="format 'ply' cannot be read: its files are point clouds"):
         wv.open_dataset(written("ply"))
@@ -346,7 +348,7 @@ def test_what_is_wrong_is_said(written, tmp_path):
 def test_files_stay_open_only_so_long(written, monkeypatch):
     """No more than so many, of a dataset of many shards."""
     frames = importlib.import_module("warpvis.batch.reading._files")
-    monkeypatch.setattr(frames, "_MAPPED", 1)
+    monkeypatch.setattr(frames, "_MAX_MAPPED", 1)
     dataset = wv.open_dataset(written("npz"))
     before = len(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else 0
     for index in (0, 3, 6, 0, 3, 6):

@@ -189,7 +189,9 @@ def test_ros_alone_is_no_convention():
         lambda axes: wv.read_frames("walk.txt", convention=axes),
         lambda axes: wv.maps.plan_visibility(SCENE, CAMERA, wv.look_at((0, 0, 0), (1, 0, 0)), convention=axes),
     ):
-        with pytest.raises(wv.errors.PoseError, match=r'say "ros_body" \(x forward.*"ros_optical" \(x right'):
+        with pytest.raises(
+            wv.errors.PoseError, match=r'convention must be "ros_body" \(x forward.*"ros_optical" \(x right'
+        ):
             take("ros")
         with pytest.raises(wv.errors.PoseError, match="must be one of 'opencv', 'opengl', 'ros_body', 'ros_optical'"):
             take("blender")

@@ -346,7 +346,7 @@ def check_convention(convention: object) -> Convention:
 
 
 def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Hamilton product ``a b`` of quaternions ``x y z w``, shapes ``(..., 4)``: rotation by `b`, then `a`."""
+    """Return the Hamilton product ``a b`` of quaternions ``x y z w``, shapes ``(..., 4)``: first `b`, then `a`."""
     ax, ay, az, aw = np.moveaxis(a, -1, 0)
     bx, by, bz, bw = np.moveaxis(b, -1, 0)
     return np.stack(

@@ -82,7 +82,7 @@ class Job:
             return float(given)  # type: ignore[arg-type]
         except (TypeError, ValueError, OverflowError):
             raise FileFormatError(
-                f"{self.name}: option {name} in {MANIFEST} must be a number, got {truncate(repr(given))}"
+                f"{self.name}: {MANIFEST} has an invalid option: {name} must be a number, got {truncate(repr(given))}"
             ) from None
 
 
