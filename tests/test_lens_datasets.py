@@ -84,7 +84,11 @@ def test_reading_back_gives_the_same_camera(kind, room, tmp_path):
         if (HOLD[kind] is ANY and name not in ANY) or (name == "four" and kind != "tum"):
             continue
         if name not in HOLD[kind]:
-            why = WHY[kind] if camera.kind == "z" or kind == "bop" else 'along the ray \\(kind="range"\\)'
+            why = (
+                WHY[kind]
+                if camera.kind == "z" or kind == "bop"
+                else 'kind of the camera must be "z" for format .*, got "range", depth along the ray'
+            )
             with pytest.raises(FileFormatError, match=f"{why}.*npz, zarr and png support all lenses") as error:
                 write(room, camera, out, kind)
             assert "\n" not in str(error.value) and not out.exists()
@@ -388,7 +392,7 @@ def test_the_command_line_sees_through_the_lens(room, tmp_path, monkeypatch, cap
     assert wv.open_dataset(tmp_path / "a" / "npz").camera == camera
     assert (tmp_path / "a" / "preview" / "000000.png").is_file()
     code, _, said = run(monkeypatch, capsys, "render", *given, "--out", tmp_path / "b", "--format", "bop")
-    assert code == 2 and "format 'bop' is for pinholes" in said and not (tmp_path / "b").exists()
+    assert code == 2 and "camera must be a pinhole camera for format 'bop'" in said and not (tmp_path / "b").exists()
     again = ("batch", "experiment_1", "--poses", tmp_path / "a" / "colmap" / "sparse" / "images.txt", "--quiet")
     code, _, said = run(monkeypatch, capsys, *again, "--out", tmp_path / "c")
     assert code == 0 and wv.open_dataset(tmp_path / "c").camera == camera and "distortion" not in said
