@@ -243,8 +243,8 @@ NO_EFFECT = {
         ("info", "scene.xml"),
         "scene.xml: must be MJCF, which begins with <mujoco>, or URDF, with <robot>, got XML of <scene>",
     ),
-    "missing mesh": (("info", "cart.urdf", "--strict"), "left out package://far/box.stl"),
-    "nothing left": (("info", "cart.urdf"), "cart.urdf: left out package://far/box.stl"),
+    "missing mesh": (("info", "cart.urdf", "--strict"), "skipped package://far/box.stl"),
+    "nothing left": (("info", "cart.urdf"), "cart.urdf: skipped package://far/box.stl"),
 }
 
 
@@ -265,4 +265,4 @@ def test_warnings_are_sentences(run, folder):
     code, out, error = run("info", "two.urdf")
     (folder / "two.urdf").unlink()
     assert code == 0 and "cart    robot" in out
-    assert error.startswith("warning: two.urdf: left out package://far/box.stl, of which") and error.count("\n") == 1
+    assert error.startswith("warning: two.urdf: skipped package://far/box.stl, whose files") and error.count("\n") == 1

@@ -120,10 +120,10 @@ def test_meshes_are_found_on_the_search_path(package, tmp_path, url):
         trimesh.creation.box((2, 2, 2)).export(place / "hand.stl")
     path = package / "urdf" / "arm.urdf"
     path.write_text(ROBOT.replace("package://robots/meshes/hand.stl", url))
-    with pytest.warns(UserWarning, match=rf"arm.urdf: left out {url}, of which no file was found") as caught:
+    with pytest.warns(UserWarning, match=rf"arm.urdf: skipped {url}, whose files were not found") as caught:
         assert [item.name for item in Scene.load(path)] == ["base", "v"]
     assert caught[0].filename == __file__
-    with pytest.raises(FileFormatError, match=f"left out {url}"):
+    with pytest.raises(FileFormatError, match=f"skipped {url}"):
         load(path, strict=True)
     for root in [folder] + [folder.parent] * ("://" in url):
         assert bounds(load(path, strict=True, search_path=root), "hand") == [[4.5, -0.5, -0.5], [5.5, 0.5, 0.5]]
@@ -225,7 +225,7 @@ def test_meshes_of_robots_may_be_flat(tmp_path, text):
 def test_meshes_of_robots_without_triangles_are_named(tmp_path):
     (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\n")
     path = robot_of(tmp_path, "points.obj", rest=f"<visual>{BOX}</visual>")
-    message = r"robot.urdf: left out .*points.obj, without triangles"
+    message = r"robot.urdf: skipped .*points.obj, without triangles"
     with pytest.warns(UserWarning, match=message):
         assert Scene.load(path).triangle_count == 12
     with pytest.raises(FileFormatError, match=r"points.obj: left out"):
@@ -331,9 +331,9 @@ def test_what_is_soft_is_named_or_refused(tmp_path):
     soft = '<flexcomp name="cloth" type="grid" dim="2" count="3 3 1" spacing=".1 .1 .1" radius=".01"/>'
     text = SHAPES.replace("<worldbody>", f"<worldbody>{soft}")
     (tmp_path / "cloth.xml").write_text(text)
-    with pytest.warns(UserWarning, match=r"cloth.xml: left out 1 flexes, which have no fixed shape"):
+    with pytest.warns(UserWarning, match=r"cloth.xml: skipped 1 flexes, which have no fixed shape"):
         Scene.load(tmp_path / "cloth.xml")
-    with pytest.raises(FileFormatError, match="left out 1 flexes"):
+    with pytest.raises(FileFormatError, match="skipped 1 flexes"):
         load(tmp_path / "cloth.xml", strict=True)
 
 

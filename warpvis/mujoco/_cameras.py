@@ -42,7 +42,7 @@ def camera_from_mujoco(
     width: int | None = None,
     height: int | None = None,
 ) -> AnyCamera:
-    """Make the camera that MuJoCo renders with, from the frustum that MuJoCo computes.
+    """Return MuJoCo's rendering camera, with the frustum that MuJoCo computes.
 
     `mjv_cameraFrustum` (src/engine/engine_vis_visualize.c) computes the frustum from a field of view or from a focal
     length, principal point and sensor size, and `setView` (src/render/classic/render_gl3.c) maps it to an image: a
@@ -151,7 +151,7 @@ def camera_id(model: mujoco.MjModel, camera: int | str) -> int:
     """Find the id of one of the model's cameras, given by name or id.
 
     Raises:
-        CameraError: If there is none.
+        CameraError: If there is no such camera.
     """
     if isinstance(camera, str):
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)

@@ -214,7 +214,7 @@ class _Triangles:
         normal = np.cross(b - a, c - a)
         length = np.sqrt(np.einsum("nk,nk->n", normal, normal))
         normal /= np.where(length > 0, length, 1)[:, None]
-        # Measured from a corner of its own piece, offsets are small numbers with more significant digits.
+        # Measured from a corner of the object's piece, offsets are small numbers with more significant digits.
         _, first, dense = np.unique(pieces, return_index=True, return_inverse=True)
         start = np.zeros((len(first), 3))
         start[dense[owners]] = a

@@ -58,15 +58,15 @@ def read_model(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # MuJoCo's warnings concern dynamics
-            model, groups, appearances, left_out, warned = _compile(path, root, folders, strict=strict)
+            model, groups, appearances, skipped, warned = _compile(path, root, folders, strict=strict)
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise
         _require_assets(path, root, folders)
         raise FileFormatError(f"{path}: MuJoCo cannot compile it: {describe_exception(error)}") from None
     soft = [f"{count} {what}" for count, what in ((model.nflex, "flexes"), (model.nskin, "skins")) if count]
-    left_out += [f"{' and '.join(soft)}, which have no fixed shape"] if soft else []
-    message = f"{path}: left out {'; '.join(left_out)}" if left_out else ""
+    skipped += [f"{' and '.join(soft)}, which have no fixed shape"] if soft else []
+    message = f"{path}: skipped {'; '.join(skipped)}" if skipped else ""
     if strict and message:
         raise FileFormatError(message)
     parts = _parts(model, groups, appearances, robot=root.tag == "robot")

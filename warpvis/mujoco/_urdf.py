@@ -60,7 +60,7 @@ class CompiledRobot(NamedTuple):
     """Groups of its visible geoms."""
     appearances: dict[int, LazyAppearance]
     """Appearances from mesh files, by geom, for geoms without a color; texture coordinates are per face corner."""
-    left_out: list[str]
+    skipped: list[str]
     """Descriptions of skipped meshes, as parts of a sentence."""
     warnings: list[str]
     """Warnings of the mesh readers."""
@@ -122,7 +122,7 @@ def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[P
             uncolored_geoms += [(geom, mesh)] if mesh is not None and mesh.appearance is not None else []
     model = spec.compile()
     appearances = {geom.id: _compiled_appearance(model, geom.id, mesh) for geom, mesh in uncolored_geoms}
-    return CompiledRobot(model, groups, appearances, found.left_out(), found.warnings)
+    return CompiledRobot(model, groups, appearances, found.skipped(), found.warnings)
 
 
 @dataclass
@@ -149,12 +149,13 @@ class _Meshes:
             self.read[name] = _read_mesh(found, self.warnings, strict=self.strict)
         return None if self.read.get(name, ()) is None else name
 
-    def left_out(self) -> list[str]:
+    def skipped(self) -> list[str]:
         """Describe missing meshes and meshes without triangles, as parts of a sentence."""
         parts = []
         if self.missing:
             names = ", ".join(map(truncate, dict.fromkeys(self.missing)))
-            parts.append(f"{names}, of which no file was found beside it, in packages above it, or on the search path")
+            searched = "in the robot's folder, in packages above it, or on the search path"
+            parts.append(f"{names}, whose files were not found {searched}")
         empty = ", ".join(name for name, mesh in self.read.items() if mesh is None)
         return [*parts, f"{empty}, without triangles"] if empty else parts
 

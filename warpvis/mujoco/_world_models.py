@@ -194,7 +194,7 @@ def _read(given: object) -> dict[str, Any]:
     """Collect the arrays by name.
 
     Raises:
-        ArrayError: If there are none, or a mapping has unknown names.
+        ArrayError: If no arrays are found, or a mapping has unknown names.
     """
     if isinstance(given, mujoco.MjModel):
         raise ArrayError("model must have arrays with a dimension for worlds, like MuJoCo Warp's model, got an MjModel")

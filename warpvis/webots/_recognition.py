@@ -65,7 +65,7 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
     part outside the image is cut off. The box must overlap the image and be at least a pixel wide and high in it. The
     forward distance of its center must be at most `maxRange` plus half of the box's forward length.
 
-    Then the field `occlusion` selects a test: 0 is none; 1 casts a ray to the Solid's origin, 2 one to each corner of
+    Then the field `occlusion` selects a test: 0 skips it; 1 casts a ray to the Solid's origin, 2 one to each corner of
     its box. At least one ray must not end in another Solid's bounding object more than half of the box's length before
     its target. The camera's own robot and Solids without a bounding object do not occlude; compare `visible_pixels`.
     The `maxObjects` objects with the largest sizes in the image are returned.

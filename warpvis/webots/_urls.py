@@ -54,7 +54,7 @@ class Places:
     """Folder of Webots' cache."""
 
     def find(self, url: str, file: str, protos: Iterable[str] = ()) -> Found | None:
-        """Find the local file of a URL; return None if there is none.
+        """Find the local file of a URL; return None if it is not found.
 
         Args:
             url: The URL.

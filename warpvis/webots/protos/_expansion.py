@@ -177,7 +177,7 @@ class Protos:
         }
 
     def _find(self, node: Node) -> ProtoFile | None:
-        """Find and read the file of an instance's PROTO; return None if there is none."""
+        """Find and read the file of an instance's PROTO; return None if it is not found."""
         key = (node.type, node.file)
         if key not in self._found:
             found = self._locate(node)
