@@ -54,7 +54,7 @@ def builders_of_a_gpu(mesh: Mesh, device: wp.Device) -> dict[str, Callable[[], o
     indices = there.faces.flatten()
 
     def build() -> None:
-        build_device_bvh(there, most_levels=8)
+        build_device_bvh(there, max_levels=8)
         wp.synchronize_device(device)
 
     def build_warp(constructor: str) -> None:

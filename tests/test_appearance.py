@@ -64,7 +64,7 @@ def test_texture_coordinates_of_vertices_become_those_of_corners():
 def test_faces_of_trimesh_keep_their_colours(movable):
     scene = added(painted(), movable=movable)
     scene.add_instances(painted(), np.tile([0.0, 0, 0, 0, 0, 0, 1], (3, 1)), names="copy", movable=movable)
-    for same in (scene, pickle.loads(pickle.dumps(scene)), scene.to("cpu"), scene.apart()):
+    for same in (scene, pickle.loads(pickle.dumps(scene)), scene.to("cpu"), scene.isolated()):
         assert len(same) == 4
         for item in same:
             np.testing.assert_array_equal(item.appearance.face_colors, COLORS)
@@ -165,7 +165,7 @@ def test_attached_objects_and_those_that_are_exchanged_keep_it():
     scene = added(painted(), movable=True)
     scene.add(painted(), name="hat", attach_to="box", appearance=(1, 0, 0))
     scene.replace_objects([*scene, *added(painted(), name="new", movable=True)])
-    for same in (scene, pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene), scene.to("cpu"), scene.apart()):
+    for same in (scene, pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene), scene.to("cpu"), scene.isolated()):
         assert [item.appearance.materials[0].base_color[:3] for item in same] == [(1, 1, 1), (1, 0, 0), (1, 1, 1)]
         np.testing.assert_array_equal(same["new"].appearance.face_colors, COLORS)
 

@@ -96,7 +96,7 @@ def test_leaves_are_filled_and_the_tree_is_small(case):
     assert all(getattr(tree, name).ptr % 64 == 0 for name in ARRAYS)
 
 
-@pytest.mark.parametrize("options", [{"lanes": 16}, {"lanes": 32}, {"lanes": 32, "most_levels": 3}], ids=str)
+@pytest.mark.parametrize("options", [{"lanes": 16}, {"lanes": 32}, {"lanes": 32, "max_levels": 3}], ids=str)
 @pytest.mark.parametrize("name", ["blobs_77k", "identical", "soup"])
 def test_the_tree_is_the_same_for_any_number_of_threads(name, options):
     given = CASES[name]()
@@ -107,18 +107,18 @@ def test_the_tree_is_the_same_for_any_number_of_threads(name, options):
 
 def test_no_triangles_make_a_tree_deeper_than_asked(case):
     given, unlimited = case
-    for most_levels in range(least_levels(len(given.faces), unlimited.lanes), unlimited.depth):
-        tree = given.build(lanes=unlimited.lanes, most_levels=most_levels)
-        assert tree.depth <= most_levels
+    for max_levels in range(least_levels(len(given.faces), unlimited.lanes), unlimited.depth):
+        tree = given.build(lanes=unlimited.lanes, max_levels=max_levels)
+        assert tree.depth <= max_levels
         assert_every_triangle_is_there_once(given, tree)
-    assert_equal(unlimited, given.build(lanes=unlimited.lanes, most_levels=unlimited.depth))
+    assert_equal(unlimited, given.build(lanes=unlimited.lanes, max_levels=unlimited.depth))
 
 
 @pytest.mark.parametrize("lanes", LANES)
 @pytest.mark.parametrize("name", ["room", "doubling"])
 def test_bounds_of_shallow_trees_hold_what_is_below(name, lanes):
     given = CASES[name]()
-    tree = given.build(lanes=lanes, most_levels=least_levels(len(given.faces), lanes))
+    tree = given.build(lanes=lanes, max_levels=least_levels(len(given.faces), lanes))
     assert tree.depth < given.build(lanes=lanes).depth
     assert_boxes_and_cones_hold(given, tree)
 
@@ -131,17 +131,17 @@ def test_some_triangles_make_a_deep_tree():
 @pytest.mark.parametrize("levels", [1, 2])
 def test_a_full_tree_is_the_most_that_levels_hold(lanes, levels):
     count = lanes ** (levels + 1)
-    tree = soup(random_triangles(count)).build(lanes=lanes, most_levels=levels)
+    tree = soup(random_triangles(count)).build(lanes=lanes, max_levels=levels)
     assert (tree.depth, tree.leaf_count) == (levels, count // lanes)
     with pytest.raises(
         SceneError, match=rf"{lanes} lanes and at most {levels} levels holds {count} .* got {count + 1}$"
     ):
-        soup(random_triangles(count + 1)).build(lanes=lanes, most_levels=levels)
+        soup(random_triangles(count + 1)).build(lanes=lanes, max_levels=levels)
 
 
 def test_a_tree_has_levels_and_16_or_32_lanes():
     with pytest.raises(SceneError, match=r"at most 0 levels holds 0 triangles, got 1$"):
-        soup(random_triangles(1)).build(most_levels=0)
+        soup(random_triangles(1)).build(max_levels=0)
     with pytest.raises(ArrayError, match=r"^lanes must be 16 or 32, got 8$"):
         soup(random_triangles(1)).build(lanes=8)
 

@@ -27,9 +27,9 @@ CASES = bvh_checks.CASES
 MAX_LEVELS = 8
 
 
-def build(given, device="cpu", most_levels=MAX_LEVELS) -> Bvh:
+def build(given, device="cpu", max_levels=MAX_LEVELS) -> Bvh:
     arrays = given.vertices, given.faces, given.owner, given.closed
-    return _bvh_cuda.build_device_bvh(_bvh_cuda.DeviceMesh.of(*arrays, wp.get_device(device)), most_levels=most_levels)
+    return _bvh_cuda.build_device_bvh(_bvh_cuda.DeviceMesh.of(*arrays, wp.get_device(device)), max_levels=max_levels)
 
 
 def areas(tree: Bvh) -> tuple[float, float]:
@@ -103,7 +103,7 @@ def test_more_triangles_than_a_tree_holds_are_refused():
     with pytest.raises(SceneError, match=r"at most 1 levels holds 1024 triangles, got 3000$"):
         arrays = CASES["soup"]()
         mesh = _bvh_cuda.DeviceMesh.of(arrays.vertices, arrays.faces, arrays.owner, arrays.closed, wp.get_device("cpu"))
-        _bvh_cuda.build_device_bvh(mesh, most_levels=1)
+        _bvh_cuda.build_device_bvh(mesh, max_levels=1)
 
 
 def exponents():

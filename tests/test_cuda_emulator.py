@@ -216,7 +216,7 @@ def test_trees_that_a_gpu_built(emulator, monkeypatch):
         scene = build("cpu", moved(), movable=movable)
         expected = render(emulator, scene, eyes(2))
         with monkeypatch.context() as patch:
-            patch.setattr("warpvis.scene._kept_trees.builds_on", lambda device, count: built.append(count) or True)
+            patch.setattr("warpvis.scene._tree_cache.builds_on", lambda device, count: built.append(count) or True)
             assert_bits_equal(render(emulator, scene, eyes(2)), expected)
     assert len(built) == 1 + 5
 

@@ -112,7 +112,7 @@ OURS = {
     "OrthographicCamera.device_struct",
     "Scene.replace_objects",
     "SceneObject.placed",
-    "SceneObject.staying",
+    "SceneObject.from_shared_mesh",
     "Scene.add_parts",
     "Scene.use_labels",
     "Renderer.render_parsed",

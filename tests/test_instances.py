@@ -11,7 +11,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.rendering import OrthographicCamera
-from warpvis.scene import _drawn, solids
+from warpvis.scene import _traversal_plan, solids
 
 from compare import assert_matches_reference
 from support import instances as instance_scenes
@@ -169,7 +169,7 @@ def test_which_objects_share_a_tree(uses, subdivisions, instances):
     scene = wv.Scene()
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
     scene.add_instances(mesh, np.tile(STILL, (uses, 1)), movable=False)
-    assert len(_drawn.draw_plan(scene._objects, scene.device).instances) == instances
+    assert len(_traversal_plan.plan_traversal(scene._objects, scene.device).instances) == instances
 
 
 def test_a_hundred_thousand_instances_take_little():
@@ -187,4 +187,4 @@ def test_a_hundred_thousand_instances_take_little():
     arrays = [getattr(struct, name) for name in names]
     assert sum(array.size * wp.types.type_size_in_bytes(array.dtype) for array in arrays) < 15e6
     assert scene.triangle_count == len(places) * len(mesh.faces)
-    assert all(isinstance(item, _drawn.Instances) for _, _, item in scene._objects.runs())
+    assert all(isinstance(item, _traversal_plan.Instances) for _, _, item in scene._objects.runs())

@@ -66,7 +66,7 @@ def test_a_scene_keeps_its_lights_and_its_background():
     assert scene.background is None
     scene.lights = [Light("point", "lamp"), Light()]
     scene.background = Background((1, 0, 0), sky=FACES)
-    for same in (pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene), scene.to("cpu"), scene.apart()):
+    for same in (pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene), scene.to("cpu"), scene.isolated()):
         assert [light.name for light in same.lights] == ["lamp", ""]
         assert same.background.color == (1, 0, 0)
         np.testing.assert_array_equal(same.background.image[::4, 0, 0], [0, 40, 80, 120, 160, 200])

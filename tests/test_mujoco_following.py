@@ -177,7 +177,7 @@ def test_moving_again_what_was_moved_builds_nothing():
 
 
 def test_only_what_changed_is_built_again(monkeypatch):
-    from warpvis.scene import _kept_trees
+    from warpvis.scene import _tree_cache
 
     model, data = task()
     renderer = Renderer(model, 90, 120)
@@ -185,8 +185,8 @@ def test_only_what_changed_is_built_again(monkeypatch):
     model.geom("knob").size[0] = 0.04
     shown(renderer, model, data)
     built = []
-    build = _kept_trees.build_bvh
-    monkeypatch.setattr(_kept_trees, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build(*a, **k))
+    build = _tree_cache.build_bvh
+    monkeypatch.setattr(_tree_cache, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build(*a, **k))
     model.geom("knob").size[0] = 0.05
     assert_as_new(renderer, model, data)
     ball = len(renderer.scene["knob"].faces)

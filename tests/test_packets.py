@@ -135,7 +135,7 @@ def test_leaving_out_back_faces_changes_nothing(monkeypatch, device):
     scene = build()
     assert scene.bvh().struct.closed_count == 6  # all but the open box
     lean = wv.render(scene, SMALL, poses, outputs=ALL)
-    monkeypatch.setattr("warpvis.scene._kept_trees.provably_closed", lambda vertices, faces: False)
+    monkeypatch.setattr("warpvis.scene._tree_cache.provably_closed", lambda vertices, faces: False)
     scene = build()
     assert scene.bvh().struct.closed_count == 0
     whole = wv.render(scene, SMALL, poses, outputs=ALL)

@@ -106,10 +106,10 @@ def test_what_has_no_triangles_is_named_or_refused(folder):
 
 
 def test_strict_reaches_worlds(folder):
-    with pytest.warns(UserWarning, match="left out UnheardOf") as caught:
+    with pytest.warns(UserWarning, match="skipped UnheardOf") as caught:
         Scene.load(folder / "unknown.wbt")
     assert len(caught) == 1 and caught[0].filename == __file__
-    with pytest.raises(FileFormatError, match="left out UnheardOf"):
+    with pytest.raises(FileFormatError, match="skipped UnheardOf"):
         load(folder / "unknown.wbt", strict=True)
 
 

@@ -14,7 +14,7 @@ import warp as wp
 import warpvis as wv
 from warpvis.errors import SceneError
 from warpvis.kernels.bvh_cuda_items import check_mesh
-from warpvis.scene import _kept_trees, _new_mesh, geometry, solids
+from warpvis.scene import _new_mesh, _tree_cache, geometry, solids
 from warpvis.scene._spliced import splice_bvh
 from warpvis.scene.geometry import build_scene_bvh
 
@@ -95,9 +95,9 @@ def test_objects_that_share_a_mesh_keep_it(device):
 def test_only_what_changed_is_built_again(monkeypatch):
     """And whether the others are closed is not asked again, nor of what changed."""
     built, asked = [], []
-    build_bvh, provably_closed = _kept_trees.build_bvh, _kept_trees.provably_closed
-    monkeypatch.setattr(_kept_trees, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build_bvh(*a, **k))
-    monkeypatch.setattr(_kept_trees, "provably_closed", lambda v, f: asked.append(len(f)) or provably_closed(v, f))
+    build_bvh, provably_closed = _tree_cache.build_bvh, _tree_cache.provably_closed
+    monkeypatch.setattr(_tree_cache, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build_bvh(*a, **k))
+    monkeypatch.setattr(_tree_cache, "provably_closed", lambda v, f: asked.append(len(f)) or provably_closed(v, f))
     scene = build("cpu", CONE, BALL)
     update(scene, "second", HALF)
     scene.bvh()
@@ -135,8 +135,8 @@ def test_an_update_after_rendering_builds_one_tree(device, monkeypatch):
     scene.bvh(), scene.triangles()
     built, meshes = [], []
     for name in ("build_bvh", "build_device_bvh"):
-        make = getattr(_kept_trees, name)
-        monkeypatch.setattr(_kept_trees, name, lambda *a, make=make, **k: built.append(1) or make(*a, **k))
+        make = getattr(_tree_cache, name)
+        monkeypatch.setattr(_tree_cache, name, lambda *a, make=make, **k: built.append(1) or make(*a, **k))
     make_mesh = geometry.make_mesh
     monkeypatch.setattr(geometry, "make_mesh", lambda *a: meshes.append(1) or make_mesh(*a))
     for name, mesh in [("first", HALF), ("second", CONE), ("box_0", BALL), ("box_1", HALF), ("first", BOX)]:
@@ -204,7 +204,7 @@ def test_its_tree_is_built_there_and_takes_the_others_place(monkeypatch, closed)
     tree = _new_mesh.build_mesh_tree(item, closed, scene.device)
     assert (tree.lanes, tree.triangle_count) == (32, len(BALL.faces))
     assert (tree.nodes.numpy().reshape(-1, 10, 32)[:, 9].min() < 2) == closed
-    spliced = splice_bvh(built, 0, tree, closed=closed, had=12).struct
+    spliced = splice_bvh(built, 0, tree, closed=closed, old_count=12).struct
     np.testing.assert_array_equal(spliced.leaves[-len(tree.leaves) :].numpy(), tree.leaves.numpy())
     np.testing.assert_array_equal(spliced.owners[-len(tree.owners) :].numpy(), -1 if closed else 0)
     box = spliced.movable_boxes.numpy()[:6]

@@ -8,7 +8,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.scene import _drawn, solids
+from warpvis.scene import _traversal_plan, solids
 from warpvis.scene.worlds import parse_worlds
 
 from compare import wrong_depth
@@ -21,9 +21,9 @@ COUNT = 35  # of which some groups of lanes are full, and one is not
 @pytest.fixture
 def shared(monkeypatch):
     """Few instances share a tree here: the reference has to draw them."""
-    monkeypatch.setattr(_drawn, "_MIN_USES", 10)
-    monkeypatch.setattr(_drawn, "_MIN_SAVED", 1000)
-    monkeypatch.setattr(_drawn, "_MIN_SAVED_CUDA", 1000)
+    monkeypatch.setattr(_traversal_plan, "_MIN_USES", 10)
+    monkeypatch.setattr(_traversal_plan, "_MIN_SAVED", 1000)
+    monkeypatch.setattr(_traversal_plan, "_MIN_SAVED_CUDA", 1000)
 
 
 def rows(seed=0):
@@ -56,7 +56,7 @@ def twin(scene):
 
 
 def instances_of(scene):
-    return len(_drawn.draw_plan(scene.objects, scene.device).instances)
+    return len(_traversal_plan.plan_traversal(scene.objects, scene.device).instances)
 
 
 def assert_alike(one, other):

@@ -52,7 +52,7 @@ def main() -> None:
     if sys.argv[1:] == ["--version"]:
         print(f"warpvis {warpvis.__version__}")
         return
-    with _interrupts.ending_the_process():
+    with _interrupts.exiting_on_interrupt():
         commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | View | Info | SensorFit
         run_command(tyro.cli(commands, prog="warpvis", description=_DESCRIPTION).run)
 
@@ -60,7 +60,7 @@ def main() -> None:
 def run_command(run: Callable[[], None]) -> None:
     """Run a command: invalid input ends with a message of one sentence and exit code 2, Ctrl-C with 130."""
     command = getattr(run, "__self__", None)
-    with _interrupts.ending_the_process():
+    with _interrupts.exiting_on_interrupt():
         try:
             _quiet_warp()
             with warnings.catch_warnings():

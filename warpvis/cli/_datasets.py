@@ -300,14 +300,14 @@ class Batch(ImageOptions):
     def run(self) -> None:
         """Run the command."""
         from warpvis.batch import find_format
-        from warpvis.cli._apart import run_apart
+        from warpvis.cli._subprocess import run_in_subprocess
 
         find_format(self.format)
         if self.engine == "ray":
             lost = (
                 "the Ray cluster, or its node on this machine, was lost; complete shards are kept; --resume continues"
             )
-            run_apart(self.render, f"{self.out}: {lost}")
+            run_in_subprocess(self.render, f"{self.out}: {lost}")
         else:
             self.render()
 

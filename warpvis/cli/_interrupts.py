@@ -20,7 +20,7 @@ _GRACE = 10.0
 
 
 @contextmanager
-def ending_the_process() -> Iterator[None]:
+def exiting_on_interrupt() -> Iterator[None]:
     """Exit with code 130 on SIGINT: at once while modules are imported, else after interrupted work has cleaned up.
 
     A `KeyboardInterrupt` alone is not enough: a module under import may catch it as an error and go on.

@@ -72,7 +72,7 @@ def read_model(
     parts = _parts(model, groups, appearances, robot=root.tag == "robot")
     sentences = (message, *warned) if message else tuple(warned)
     lights, background = model_lights(model), model_background(model)
-    return FileParts(path, parts, up="z", settled=True, warnings=sentences, lights=lights, background=background)
+    return FileParts(path, parts, up="z", defines_frame=True, warnings=sentences, lights=lights, background=background)
 
 
 def _parts(

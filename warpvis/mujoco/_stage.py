@@ -26,7 +26,7 @@ from warpvis.mujoco._visual_shapes import Blocks
 from warpvis.mujoco._visuals import VisualKey
 from warpvis.mujoco._watch import ModelWatch
 from warpvis.rendering import AnyCamera, Output
-from warpvis.scene import Part, Scene, SceneObject, as_it_is
+from warpvis.scene import Part, Scene, SceneObject, take_snapshot
 from warpvis.scene.solids import Solid
 
 # Tolerance of comparisons of double-precision poses [m; rotations: 1].
@@ -142,7 +142,7 @@ class Stage:
         """Return the state for `restore`."""
         objects = self.scene.objects
         parents = [None if item.parent is None else objects[item.parent].name for item in objects]
-        items = [(as_it_is(item), parent) for item, parent in zip(objects, parents, strict=True)]
+        items = [(take_snapshot(item), parent) for item, parent in zip(objects, parents, strict=True)]
         added, places = items[len(self._made) + len(self.visuals) :], (self._position.copy(), self._rotation.copy())
         return StageState(list(self._made), added, self.visuals.state(), *places)
 

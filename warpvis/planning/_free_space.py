@@ -17,7 +17,7 @@ from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import PoseError
 from warpvis.scene import Scene, require_scene
-from warpvis.scene.closed import may_hold
+from warpvis.scene.closed import may_contain_points
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility import choose_objects
 
@@ -129,7 +129,7 @@ def standing_room(
     hinders = [i for i, item in enumerate(scene.objects) if item.label not in scene.ground_labels and not excluded[i]]
     mesh = build_mesh(scene, vertices, hinders) if hinders else None
     cameras = poses.numpy().reshape(-1, 7)[:, :3]
-    solid = [may_hold(vertices[i], scene.objects[i].faces, cameras) for i in hinders]
+    solid = [may_contain_points(vertices[i], scene.objects[i].faces, cameras) for i in hinders]
     flags = np.repeat(np.array(solid, dtype=np.uint8), [len(scene.objects[i].faces) for i in hinders])
     inputs = [mesh.id if mesh else 0, wp.array(flags, dtype=wp.uint8, device=device), up, poses]
     room = empty(poses.shape, wp.uint8, name="room", device=device)

@@ -14,7 +14,7 @@ from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses
 from warpvis.planning._free_space import build_mesh, one_world
 from warpvis.scene import Scene
-from warpvis.scene.closed import may_hold
+from warpvis.scene.closed import may_contain_points
 
 
 def inside_solids(
@@ -51,7 +51,11 @@ def inside_solids(
     device = scene.device
     places = as_points(points, "points", "N", device)
     host = places.numpy()
-    chosen = [i for i, item in enumerate(scene.objects) if not excluded[i] and may_hold(vertices[i], item.faces, host)]
+    chosen = [
+        i
+        for i, item in enumerate(scene.objects)
+        if not excluded[i] and may_contain_points(vertices[i], item.faces, host)
+    ]
     if not chosen:
         return np.zeros(len(host), dtype=bool)
     mesh = build_mesh(scene, vertices, chosen)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warpvis.core.user_warnings import warn_user
 from warpvis.rendering._views import Views
 from warpvis.scene import Scene, too_large_for
-from warpvis.scene.closed import holds
+from warpvis.scene.closed import contains_points
 
 # Approximate number of pixels per image that are checked first.
 _PIXELS = 256
@@ -77,7 +77,7 @@ def warn_of_eyes_inside(
     enclosing = []
     for item, included in zip(scene.objects, seen, strict=True):
         is_small = included and np.ptp(item.bounds, axis=0).min() <= _MAX_NEARS * near
-        if is_small and holds(item.vertices, item.faces, eyes).any():
+        if is_small and contains_points(item.vertices, item.faces, eyes).any():
             enclosing.append(item.name)
     if enclosing:
         names = ", ".join(map(repr, enclosing[:3]))

@@ -5,7 +5,11 @@
 from __future__ import annotations
 
 from warpvis.scene import lights, materials, solids
-from warpvis.scene._object import SceneObject as SceneObject, as_it_is as as_it_is, keep_winding as keep_winding
+from warpvis.scene._object import (
+    SceneObject as SceneObject,
+    keep_winding as keep_winding,
+    take_snapshot as take_snapshot,
+)
 from warpvis.scene._parts import Y_UP_TO_Z_UP as Y_UP_TO_Z_UP, Axis as Axis, FileParts as FileParts, Part as Part
 from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
 from warpvis.scene._units import (

@@ -94,7 +94,7 @@ def build_bvh(
     closed: NDArray[np.bool_],
     *,
     lanes: int = 16,
-    most_levels: int | None = None,
+    max_levels: int | None = None,
     threads: int | None = None,
 ) -> Bvh:
     """Build the tree by the surface area heuristic; a leaf's cost does not depend on how many triangles it holds.
@@ -105,18 +105,18 @@ def build_bvh(
         owner: Object indices of the triangles, shape ``(m,)``.
         closed: Whether an object's back faces can be culled when it is seen from outside, shape ``(objects,)``.
         lanes: Maximum number of triangles per leaf and of children per node: 16 or 32.
-        most_levels: Maximum number of node levels. Where the heuristic would exceed it, ranges are split into halves of
+        max_levels: Maximum number of node levels. Where the heuristic would exceed it, ranges are split into halves of
             equal count. No limit by default.
         threads: CPU threads, all cores by default. The tree does not depend on it.
 
     Raises:
         ArrayError: If `lanes` is not 16 or 32.
-        SceneError: If a tree of `most_levels` levels cannot hold the triangles.
+        SceneError: If a tree of `max_levels` levels cannot hold the triangles.
     """
     from warpvis.kernels import bvh
 
     count = len(faces)
-    check_size(count, lanes, most_levels)
+    check_size(count, lanes, max_levels)
     threads = check_threads(threads) if count > 2 * _MIN_RANGE else 1
     load_module(bvh.load_items)
     scene = [
@@ -128,7 +128,7 @@ def build_bvh(
 
     items = aligned_empty((count * ITEM_WORDS,), wp.float32)
     _launch_parts(bvh.load_items, count, lambda first: [*scene[:2], first, items], threads)
-    children, leaf_ranges, node_count, leaf_count, depth = _arrange(items, lanes, most_levels, threads)
+    children, leaf_ranges, node_count, leaf_count, depth = _arrange(items, lanes, max_levels, threads)
     check_leaves(leaf_count, lanes)
 
     leaves = aligned_empty((leaf_count * LEAF_ROWS * lanes,), wp.float32)
@@ -145,32 +145,32 @@ def build_bvh(
     return Bvh(leaves, triangles, owners, nodes, children, lanes, depth, leaf_count, node_count, count)
 
 
-def check_size(count: int, lanes: int, most_levels: int | None) -> None:
+def check_size(count: int, lanes: int, max_levels: int | None) -> None:
     """Raise an error if no tree can have this number of triangles, lanes and levels."""
     if lanes not in (CPU_LANES, CUDA_LANES):
         raise ArrayError(f"lanes must be {CPU_LANES} or {CUDA_LANES}, got {lanes!r}")
     if count > MAX_PLACES:
         raise SceneError(f"a scene has at most {MAX_PLACES} triangles, got {count}")
-    if most_levels is None:
+    if max_levels is None:
         return
-    most = lanes ** (most_levels + 1) if most_levels > 0 else 0
-    if count > most:
+    max_triangles = lanes ** (max_levels + 1) if max_levels > 0 else 0
+    if count > max_triangles:
         raise SceneError(
-            f"a tree of {lanes} lanes and at most {most_levels} levels holds {most} triangles, got {count}"
+            f"a tree of {lanes} lanes and at most {max_levels} levels holds {max_triangles} triangles, got {count}"
         )
 
 
 def check_leaves(leaf_count: int, lanes: int) -> None:
     """Raise a `SceneError` if all trees together have more leaves than the kernels can index."""
-    most = MAX_PLACES // lanes
-    if leaf_count > most:
+    max_leaves = MAX_PLACES // lanes
+    if leaf_count > max_leaves:
         raise SceneError(
-            f"a scene has at most {most} leaves of up to {lanes} triangles, got {leaf_count}; share meshes "
+            f"a scene has at most {max_leaves} leaves of up to {lanes} triangles, got {leaf_count}; share meshes "
             "between objects, or simplify them"
         )
 
 
-def _arrange(items: wp.array, lanes: int, most_levels: int | None, threads: int) -> _Nodes:
+def _arrange(items: wp.array, lanes: int, max_levels: int | None, threads: int) -> _Nodes:
     """Sort the items into leaves, and build the nodes above them."""
     from warpvis.kernels import bvh
 
@@ -178,21 +178,21 @@ def _arrange(items: wp.array, lanes: int, most_levels: int | None, threads: int)
     splits = aligned_empty((count * SPLIT_WORDS,), wp.int32)
     _split(bvh.split_range, items, splits, lanes, 0, threads)
     nodes = _collapse(bvh.collapse_tree, splits, lanes, evenly=False)
-    if most_levels is not None and nodes.depth > most_levels:
-        _split(bvh.split_range, items, splits, lanes, _shallow_root(count, lanes, most_levels), threads)
+    if max_levels is not None and nodes.depth > max_levels:
+        _split(bvh.split_range, items, splits, lanes, _shallow_root(count, lanes, max_levels), threads)
         nodes = _collapse(bvh.collapse_tree, splits, lanes, evenly=True)
     return nodes
 
 
-def _shallow_root(count: int, lanes: int, most_levels: int) -> int:
-    """Return the initial depth at which ranges are halved early enough for at most `most_levels` levels of nodes.
+def _shallow_root(count: int, lanes: int, max_levels: int) -> int:
+    """Return the initial depth at which ranges are halved early enough for at most `max_levels` levels of nodes.
 
     Each node that `_collapse` builds with `evenly` spans log2(lanes) levels of the binary tree. Halving n leaves takes
     ceil(log2(n)) of these levels; the remaining ones are split by the heuristic.
     """
     leaves = -(-count // lanes)
-    left = most_levels * (lanes.bit_length() - 1) - (leaves - 1).bit_length()
-    return max(0, HALVING_DEPTH - left)
+    free_levels = max_levels * (lanes.bit_length() - 1) - (leaves - 1).bit_length()
+    return max(0, HALVING_DEPTH - free_levels)
 
 
 class _Range(NamedTuple):
@@ -214,13 +214,13 @@ def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, roo
     links = splits.numpy().reshape(-1, SPLIT_WORDS)[:, :2]
     count = len(links)
     large = max(_MIN_RANGE, count // (threads * _RANGES_PER_THREAD)) if threads > 1 else count
-    nowhere = aligned_empty((0,), wp.float32)
+    no_box = aligned_empty((0,), wp.float32)
 
     def split(work: tuple[_Range, int, int, wp.array]) -> None:
         part, max_splits, first, boxes = work
         _launch(kernel, [lanes, *part[:4], max_splits, part.boxes, part.slot, first, items, splits, boxes])
 
-    pending, ready = [_Range(0, count, 0, root_depth, nowhere, -1)], list[_Range]()
+    pending, ready = [_Range(0, count, 0, root_depth, no_box, -1)], list[_Range]()
     while pending:
         boxes = aligned_empty((len(pending) * 2 * ITEM_WORDS,), wp.float32)
         run_each(split, [(part, 1, 2 * index, boxes) for index, part in enumerate(pending)], threads)
@@ -233,7 +233,7 @@ def _split(kernel: wp.Kernel, items: wp.array, splits: wp.array, lanes: int, roo
         pending = [part for part in parts if part.end - part.begin > large]
         ready += [part for part in parts if part.end - part.begin <= large]
     ready.sort(key=lambda part: part.begin - part.end)
-    run_each(split, [(part, _ALL, 0, nowhere) for part in ready], threads)
+    run_each(split, [(part, _ALL, 0, no_box) for part in ready], threads)
 
 
 def _collapse(kernel: wp.Kernel, splits: wp.array, lanes: int, *, evenly: bool) -> _Nodes:
@@ -245,9 +245,9 @@ def _collapse(kernel: wp.Kernel, splits: wp.array, lanes: int, *, evenly: bool) 
     binaries, children, leaf_ranges, counts = (aligned_empty(shape, wp.int32) for shape in shapes)
     _launch(kernel, [lanes, splits, count, int(evenly), binaries, children, leaf_ranges, counts])
     nodes = int(counts.numpy()[0])
-    kept = aligned_empty((nodes * lanes,), wp.int32)
-    kept.numpy()[:] = children.numpy()[:nodes].ravel()
-    return _Nodes(kept, leaf_ranges, *counts.numpy().tolist())
+    used_children = aligned_empty((nodes * lanes,), wp.int32)
+    used_children.numpy()[:] = children.numpy()[:nodes].ravel()
+    return _Nodes(used_children, leaf_ranges, *counts.numpy().tolist())
 
 
 def _launch_parts(kernel: wp.Kernel, count: int, arguments: Callable[[int], KernelArguments], threads: int) -> None:

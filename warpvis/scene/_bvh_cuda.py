@@ -61,22 +61,22 @@ class DeviceMesh(NamedTuple):
         )
 
 
-def build_device_bvh(mesh: DeviceMesh, *, most_levels: int) -> Bvh:
+def build_device_bvh(mesh: DeviceMesh, *, max_levels: int) -> Bvh:
     """Build a tree of 32 lanes on the mesh's device, as `warpvis.scene._bvh.build_bvh` does on the CPU.
 
     Only the number of ranges and nodes per level is copied to the host.
 
     Args:
         mesh: The triangles, at least 1.
-        most_levels: Maximum number of node levels, at least 8.
+        max_levels: Maximum number of node levels, at least 8.
 
     Raises:
         SceneError: If there are more triangles than a tree holds.
     """
-    check_size(len(mesh.faces), CUDA_LANES, most_levels)
+    check_size(len(mesh.faces), CUDA_LANES, max_levels)
     items, binary, levels = _Splitter(mesh).split()
     nodes = _collapse(binary, levels, evenly=False)
-    if nodes.depth > most_levels:
+    if nodes.depth > max_levels:
         nodes = _collapse(binary, levels, evenly=True)
     return _fill(mesh, items, nodes)
 

@@ -123,7 +123,7 @@ class SceneChanges(SceneTrees):
 
         From then on the scene caches its trees, so that only trees of new triangles are built.
         """
-        from warpvis.scene._kept_trees import KeptTrees
+        from warpvis.scene._tree_cache import TreeCache
 
         index = {item.name: number for number, item in enumerate(objects)}
         if len(index) < len(objects):
@@ -132,7 +132,7 @@ class SceneChanges(SceneTrees):
         with self._lock:
             self._objects, self._index = ObjectList(objects), index
             self._movable = [number for number, item in enumerate(objects) if item.pose is not None]
-            self._kept_trees = self._kept_trees or KeptTrees()
+            self._tree_cache = self._tree_cache or TreeCache()
             self._forget()
 
     def _require_alone(self, index: int, what: str) -> None:

@@ -17,9 +17,9 @@ from warpvis.errors import ArrayError, SceneError
 from warpvis.kernels.constants import CPU_LANES, CUDA_LANES
 from warpvis.scene._bvh import Bvh
 from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh
-from warpvis.scene._kept_trees import build_tree
 from warpvis.scene._object import SceneObject, check_mesh
 from warpvis.scene._shared_mesh import placed_at
+from warpvis.scene._tree_cache import build_tree
 
 
 class MeshOnDevice(SceneObject):
@@ -106,7 +106,7 @@ def build_mesh_tree(item: SceneObject, closed: bool, device: wp.Device) -> Bvh:
         from warpvis.kernels.packets_cuda import LEVELS
 
         mesh: DeviceMesh = item.__dict__["mesh"]
-        return build_device_bvh(mesh._replace(closed=_flag(closed, device)), most_levels=LEVELS)
+        return build_device_bvh(mesh._replace(closed=_flag(closed, device)), max_levels=LEVELS)
     vertices, faces = item.mesh_vertices, item.faces
     assert vertices is not None
     lanes = CPU_LANES if device.is_cpu else CUDA_LANES

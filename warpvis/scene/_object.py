@@ -64,7 +64,7 @@ class SceneObject:
         return item
 
     @classmethod
-    def staying(
+    def from_shared_mesh(
         cls,
         name: str,
         label: int,
@@ -80,12 +80,12 @@ class SceneObject:
         return item
 
     def __getattr__(self, name: str) -> NDArray[np.float32]:
-        """Compute the vertices that `placed` and `staying` left out."""
+        """Compute the vertices that `placed` and `from_shared_mesh` left out."""
         if name == "vertices" and self.mesh_vertices is not None and self.pose is not None:
             vertices = placed_at(self.mesh_vertices, self.pose).astype(np.float32)
         elif name == "vertices" and "shared" in self.__dict__:
             vertices = self.__dict__["shared"].rounded_at(self.__dict__["row"])
-            if self.__dict__["shared"].is_kept_once:
+            if self.__dict__["shared"].exceeds_cache:
                 return vertices
         else:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -132,7 +132,7 @@ class SceneObject:
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
-def as_it_is(item: SceneObject) -> SceneObject:
+def take_snapshot(item: SceneObject) -> SceneObject:
     """Return a snapshot of the object with its current vertices, which do not deform any more."""
     if item.points is None:
         return item
@@ -147,7 +147,7 @@ def as_it_is(item: SceneObject) -> SceneObject:
     )
 
 
-def by_itself(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bool = False) -> SceneObject:
+def detach(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bool = False) -> SceneObject:
     """Return the object as a movable one that is detached from all others.
 
     A static object then has its vertices in the world's frame, and the identity for a pose; an instance has its shared

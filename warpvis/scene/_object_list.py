@@ -45,7 +45,7 @@ class Instances:
         place = index - self.first
         name, row = self.names[place], self.rows[place]
         if not self.movable:
-            return SceneObject.staying(name, self.label, self.mesh, row, self.lazy_appearance)
+            return SceneObject.from_shared_mesh(name, self.label, self.mesh, row, self.lazy_appearance)
         arrays = self.mesh.rounded, self.mesh.faces
         return SceneObject.placed(name, self.label, arrays, row.astype(np.float32), self.solid, self.lazy_appearance)
 

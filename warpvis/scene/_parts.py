@@ -66,7 +66,7 @@ class Part:
         names = ("mesh", "name", "label", "pose", "movable", "attach_to", "appearance")
         return {name: getattr(self, name) for name in names}
 
-    def fits(self, pattern: str) -> bool:
+    def matches(self, pattern: str) -> bool:
         """Return whether a pattern (``"wall_*"``) matches this part."""
         return any(fnmatch.fnmatchcase(name, pattern) for name in (self.name, *self.aliases))
 
@@ -81,7 +81,7 @@ class FileParts:
     """Its parts, in the order of the scene's objects."""
     up: Axis | None = None
     """The vertical axis of its geometry, if defined by the file or its format; else None."""
-    settled: bool = False
+    defines_frame: bool = False
     """Whether the format defines the unit (m) and the vertical axis, so that arguments cannot override them."""
 
     warnings: tuple[str, ...] = ()
@@ -95,7 +95,7 @@ class FileParts:
 
     def scene_up(self, up: Axis | None) -> Axis:
         """Return the vertical axis of a scene of these parts: `up` if given."""
-        return up or (self.up if self.settled and self.up else "z")
+        return up or (self.up if self.defines_frame and self.up else "z")
 
     def objects(
         self,
@@ -122,7 +122,7 @@ class FileParts:
         if not self.parts:
             left_out = truncate(next(iter(self.warnings), ""), _LONGEST_LIST)
             raise SceneError(f"{left_out}; nothing is left" if left_out else f"{self.path}: holds no triangles")
-        if self.settled and (scale != 1 or file_up is not None):
+        if self.defines_frame and (scale != 1 or file_up is not None):
             raise SceneError(
                 f"{self.path}: the format defines the unit (m) and the vertical axis; leave out scale and file_up"
             )
@@ -130,12 +130,12 @@ class FileParts:
         upright = self._upright(scene_up, file_up)
         factor = factors.flat[0]
         uniform = bool((factors == factor).all())
-        parts = [part if _is_apart(part, uniform) else _without_pose(part) for part in _moving(self, movable)]
-        poses = _turned_poses(parts, upright, factor)
+        parts = [part if _keeps_pose(part, uniform) else _without_pose(part) for part in _with_movable(self, movable)]
+        poses = _rotated_poses(parts, upright, factor)
         objects = []
         for part, pose in zip(parts, poses, strict=True):
             label = labels.label(part.name, part.label, part.aliases)
-            mesh = part.mesh if pose is not None else _turned(part, upright)
+            mesh = part.mesh if pose is not None else _rotated_mesh(part, upright)
             objects.append({**part.arguments(), "mesh": mesh, "pose": pose, "label": label, "scale": scale})
         labels.require_used((part.name for part in self.parts), self.path)
         return objects
@@ -147,10 +147,10 @@ class FileParts:
         if not self.lights and self.background is None:
             return (), None
         upright = self._upright(scene_up, file_up)
-        turn = np.eye(3) if upright is None else upright[:3, :3]
+        rotation = np.eye(3) if upright is None else upright[:3, :3]
         factor = float(np.max(check_scale(scale, str(self.path))))
-        lights = tuple(light.moved(turn, factor) for light in self.lights)
-        return lights, None if self.background is None else self.background.turned(turn)
+        lights = tuple(light.moved(rotation, factor) for light in self.lights)
+        return lights, None if self.background is None else self.background.rotated(rotation)
 
     def _upright(self, scene_up: Axis, file_up: Axis | None) -> NDArray[np.float64] | None:
         """Return the rotation from the file's vertical axis to the scene's; None for the identity."""
@@ -159,7 +159,7 @@ class FileParts:
         return None if axis == scene_up else (Y_UP_TO_Z_UP if axis == "y" else Y_UP_TO_Z_UP.T)
 
 
-def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
+def _with_movable(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
     """Return the parts, with `movable` set as the argument specifies."""
     if isinstance(movable, str):
         movable = [movable]
@@ -170,14 +170,14 @@ def _moving(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
     wanted = [] if movable is False or movable is None else as_items(movable, "movable", SceneError)
     if not all(isinstance(pattern, str) for pattern in wanted):
         raise SceneError(f"movable must be true, false, or names of objects, got {movable!r}")
-    unused = [pattern for pattern in wanted if not any(part.fits(pattern) for part in file.parts)]
+    unused = [pattern for pattern in wanted if not any(part.matches(pattern) for part in file.parts)]
     if unused:
         some = ", ".join(repr(part.name) for part in file.parts[:10])
         raise SceneError(f"movable {unused[0]!r} matches no object of {file.path}, which has {some}")
-    return [replace(part, movable=any(map(part.fits, wanted)), attach_to=None) for part in file.parts]
+    return [replace(part, movable=any(map(part.matches, wanted)), attach_to=None) for part in file.parts]
 
 
-def _is_apart(part: Part, uniform: bool) -> bool:
+def _keeps_pose(part: Part, uniform: bool) -> bool:
     """Return whether a part keeps its pose: not if the scale is not uniform."""
     return part.pose is None or (uniform and (part.has_frame or not part.movable))
 
@@ -190,7 +190,7 @@ def _without_pose(part: Part) -> Part:
     return replace(part, mesh=(placed_at(vertices, part.pose), faces), pose=None)
 
 
-def _turned(part: Part, upright: NDArray[np.float64] | None) -> MeshLike:
+def _rotated_mesh(part: Part, upright: NDArray[np.float64] | None) -> MeshLike:
     """Return the mesh of a part without a pose, rotated upright."""
     if upright is None or isinstance(part.mesh, Solid):
         return part.mesh
@@ -198,7 +198,7 @@ def _turned(part: Part, upright: NDArray[np.float64] | None) -> MeshLike:
     return np.asarray(vertices) @ upright[:3, :3].T, faces
 
 
-def _turned_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, factor: float) -> list[PoseLike | None]:
+def _rotated_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, factor: float) -> list[PoseLike | None]:
     """Return the parts' poses in meters, rotated upright; None for meshes without a pose."""
     if upright is None and factor == 1:
         return [part.pose for part in parts]
@@ -211,13 +211,13 @@ def _turned_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, fa
             matrices[list(alike)] = poses_to_matrices(poses_to_opencv(np.stack(list(alike.values()))))
     matrices[:, :3, 3] *= factor
     # One batch, since the conversion takes long.
-    turned = iter(poses_to_opencv(matrices if upright is None else upright @ matrices))
-    return [next(turned) if own else None for own in posed]
+    rotated = iter(poses_to_opencv(matrices if upright is None else upright @ matrices))
+    return [next(rotated) if own else None for own in posed]
 
 
-def joined(objects: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+def merge_instances(objects: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Merge consecutive arguments of `Scene.add` that differ only in name and pose to one of `Scene.add_instances`."""
-    for _, run in itertools.groupby(objects, key=_what_instances_share):
+    for _, run in itertools.groupby(objects, key=_instance_key):
         first, *others = run
         if others:
             names, poses = ([item[key] for item in (first, *others)] for key in ("name", "pose"))
@@ -227,7 +227,7 @@ def joined(objects: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
             yield first
 
 
-def _what_instances_share(item: dict[str, Any]) -> object:
+def _instance_key(item: dict[str, Any]) -> object:
     """Return a key that is equal for arguments of `Scene.add` that can be merged."""
     mesh = item["mesh"]
     if isinstance(mesh, Solid) or item["pose"] is None or item["attach_to"] is not None:

@@ -131,7 +131,7 @@ class BvhRefit:
         leaves = leaves.reshape((-1, LEAF_ROWS, lanes))
         nodes = nodes.reshape((-1, NODE_ROWS, lanes))
         # Recorded launches do not hold references to their arguments.
-        self._kept = [corners, leaf_slots, node_slots, order, leaves, nodes, box, points]
+        self._references = [corners, leaf_slots, node_slots, order, leaves, nodes, box, points]
 
         def record(kernel: wp.Kernel, count: int, arguments: KernelArguments) -> wp.Launch:
             return launch(kernel, (count, parts), arguments, device, record_cmd=True)

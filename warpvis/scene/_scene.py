@@ -29,12 +29,12 @@ from warpvis.core.poses import (
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._bounds import bounds_of
-from warpvis.scene._drawn import instance_indices
 from warpvis.scene._exports import SceneExports
 from warpvis.scene._meshes import SharedMeshes, instance_names
-from warpvis.scene._object import SceneObject, as_it_is, by_itself, check_scale
+from warpvis.scene._object import SceneObject, check_scale, detach, take_snapshot
 from warpvis.scene._object_list import Instances, ObjectList
-from warpvis.scene._parts import joined
+from warpvis.scene._parts import merge_instances
+from warpvis.scene._traversal_plan import instance_indices
 from warpvis.scene.appearances import LazyAppearance, choose_appearance
 from warpvis.scene.materials import AppearanceLike
 from warpvis.scene.solids import Solid
@@ -77,7 +77,7 @@ class Scene(SceneExports):
         check_up(up)
         super().__init__(get_device(device), up, label_names, ground_labels)
         self._meshes = SharedMeshes()
-        self._apart: Scene | None = None
+        self._isolated: Scene | None = None
 
     @classmethod
     def load(
@@ -192,7 +192,7 @@ class Scene(SceneExports):
         stays = attach_to is None and not movable
         if stays and shared.uses:
             shared.check_reach((_IDENTITY if row is None else row)[None], name)
-            item = SceneObject.staying(name, number, shared, row, lazy_appearance)
+            item = SceneObject.from_shared_mesh(name, number, shared, row, lazy_appearance)
         elif attach_to is not None or not movable:
             placed = shared.placed(row, name)
             frame = {} if attach_to is None else self._attach(attach_to, mesh, name, placed)
@@ -308,7 +308,7 @@ class Scene(SceneExports):
         objects = found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options)
         lights, background = found.environment(self.up, options.get("file_up"), options.get("scale", 1.0))
         self.lights, self.background = (*self.lights, *lights), background or self.background
-        for arguments in joined(objects):
+        for arguments in merge_instances(objects):
             try:
                 (self.add_instances if "poses" in arguments else self.add)(**arguments)
             except WarpvisError as error:
@@ -343,14 +343,14 @@ class Scene(SceneExports):
     def to(self, device: DeviceLike) -> Scene:
         """Return a copy of the scene on another device."""
         scene = Scene(device=device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels)
-        scene._objects = ObjectList(map(as_it_is, self._objects))
+        scene._objects = ObjectList(map(take_snapshot, self._objects))
         scene._index, scene._movable = dict(self._index), list(self._movable)
         scene._take_environment(self)
         return scene
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the objects without trees; another process builds them again."""
-        objects = [as_it_is(item) for item in self._objects]
+        objects = [take_snapshot(item) for item in self._objects]
         classes = {"label_names": dict(self._label_names), "ground_labels": sorted(self._ground_labels)}
         places = {"device": str(self.device), "up": self.up}
         around = {"lights": self.lights, "background": self.background}
@@ -365,9 +365,9 @@ class Scene(SceneExports):
 
     def _forget(self) -> None:
         super()._forget()
-        self._apart = None
+        self._isolated = None
 
-    def apart(self) -> Scene:
+    def isolated(self) -> Scene:
         """Return a scene of the same objects, each movable and with a separate tree, so that each can be isolated.
 
         It is cached until the scene changes. The columns of its `object_poses` are all objects. A static object has its
@@ -377,21 +377,21 @@ class Scene(SceneExports):
             SceneError: If the scene is empty.
         """
         with self._lock:
-            if self._apart is None:
-                items = [as_it_is(item) for item in self.require_objects()]
-                apart = Scene(
+            if self._isolated is None:
+                items = [take_snapshot(item) for item in self.require_objects()]
+                isolated = Scene(
                     device=self.device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels
                 )
                 instances = instance_indices(self._objects, self.device)
-                apart._objects = ObjectList(
-                    by_itself(item, items, is_instance=index in instances) for index, item in enumerate(items)
+                isolated._objects = ObjectList(
+                    detach(item, items, is_instance=index in instances) for index, item in enumerate(items)
                 )
-                apart._index, apart._movable = dict(self._index), list(range(len(items)))
-                apart._take_environment(self)
+                isolated._index, isolated._movable = dict(self._index), list(range(len(items)))
+                isolated._take_environment(self)
                 if any(item.points is not None for item in self._objects):
-                    return apart  # not cached: a replayed CUDA graph may deform objects without notice
-                self._apart = apart
-            return self._apart
+                    return isolated  # not cached: a replayed CUDA graph may deform objects without notice
+                self._isolated = isolated
+            return self._isolated
 
 
 def require_scene(scene: object) -> Scene:

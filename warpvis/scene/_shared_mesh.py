@@ -15,7 +15,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import SceneError
 
 # If all instances of a mesh together have more corners, their world vertices are not cached.
-_MAX_KEPT = 1 << 24
+_MAX_CACHED = 1 << 24
 
 
 @dataclass(eq=False)
@@ -30,9 +30,9 @@ class SharedMesh:
     """Number of static objects that share it."""
 
     @property
-    def is_kept_once(self) -> bool:
+    def exceeds_cache(self) -> bool:
         """Whether the world vertices of all instances would take too much memory to cache."""
-        return self.uses * len(self.vertices) > _MAX_KEPT
+        return self.uses * len(self.vertices) > _MAX_CACHED
 
     def rounded_at(self, row: NDArray[np.float64] | None) -> NDArray[np.float32]:
         """Return the corners in the world of an object at a pose, in single precision."""

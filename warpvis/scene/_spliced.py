@@ -29,7 +29,7 @@ class _Span(NamedTuple):
     leaves_end: int
 
 
-def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: int) -> SceneBvh:
+def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, old_count: int) -> SceneBvh:
     """Return the trees with that of one movable object replaced; the new tree comes last.
 
     Args:
@@ -37,7 +37,7 @@ def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: in
         column: Column of the object in `Scene.movable`. It is neither attached to another one nor a parent.
         tree: The object's new tree, on any device.
         closed: Whether its back faces can be culled when it is seen from outside.
-        had: Number of triangles it had before.
+        old_count: Number of triangles it had before.
 
     Raises:
         SceneError: If all trees together exceed what the kernels can index.
@@ -45,25 +45,25 @@ def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, had: in
     old, lanes = built.struct, tree.lanes
     struct = _copied(old)
     roots, leaves = old.movable_root.numpy(), old.movable_leaf.numpy()
-    gone = _gone(roots, leaves, column, len(old.children) // lanes, len(old.owners) // lanes)
-    node = len(old.children) // lanes - (gone.nodes_end - gone.node)
-    leaf = len(old.owners) // lanes - (gone.leaves_end - gone.leaf)
+    span = _find_span(roots, leaves, column, len(old.children) // lanes, len(old.owners) // lanes)
+    node = len(old.children) // lanes - (span.nodes_end - span.node)
+    leaf = len(old.owners) // lanes - (span.leaves_end - span.leaf)
     check_leaves(leaf + tree.leaf_count, lanes)
-    removed = had if gone.nodes_end > gone.node else 0
+    removed = old_count if span.nodes_end > span.node else 0
     for name, words, begin, end in (
-        ("leaves", LEAF_ROWS * lanes, gone.leaf, gone.leaves_end),
-        ("owners", lanes, gone.leaf, gone.leaves_end),
-        ("nodes", NODE_ROWS * lanes, gone.node, gone.nodes_end),
-        ("children", lanes, gone.node, gone.nodes_end),
+        ("leaves", LEAF_ROWS * lanes, span.leaf, span.leaves_end),
+        ("owners", lanes, span.leaf, span.leaves_end),
+        ("nodes", NODE_ROWS * lanes, span.node, span.nodes_end),
+        ("children", lanes, span.node, span.nodes_end),
     ):
         setattr(struct, name, _exchanged(getattr(old, name), begin * words, end * words, getattr(tree, name)))
     if built.has_faces:  # the tree's triangles are numbered as the object's faces
-        struct.slot_face = _exchanged(old.slot_face, gone.leaf * lanes, gone.leaves_end * lanes, tree.triangles)
-    _renumber(struct, gone, node, leaf, lanes)
+        struct.slot_face = _exchanged(old.slot_face, span.leaf * lanes, span.leaves_end * lanes, tree.triangles)
+    _renumber(struct, span, node, leaf, lanes)
     struct.owners[leaf * lanes :].fill_(-1 if closed else 0)  # owner 0, complemented if closed
     roots, leaves = (
         np.where(starts >= end, starts - (end - begin), starts)
-        for starts, begin, end in ((roots, gone.node, gone.nodes_end), (leaves, gone.leaf, gone.leaves_end))
+        for starts, begin, end in ((roots, span.node, span.nodes_end), (leaves, span.leaf, span.leaves_end))
     )
     roots[column], leaves[column] = node, leaf
     _set_columns(struct, column, roots, leaves, tree, closed=closed)
@@ -89,7 +89,9 @@ def splice_triangles(built: Triangles, column: int, index: int, mesh: wp.Mesh) -
     return replace(built, struct=struct, meshes=[*built.meshes, mesh], refits=refits)
 
 
-def _gone(roots: NDArray[np.int32], leaves: NDArray[np.int32], column: int, nodes_end: int, leaves_end: int) -> _Span:
+def _find_span(
+    roots: NDArray[np.int32], leaves: NDArray[np.int32], column: int, nodes_end: int, leaves_end: int
+) -> _Span:
     """Return the range of an object's tree; an empty one at the end if other objects share it."""
     if (roots == roots[column]).sum() > 1:
         return _Span(nodes_end, nodes_end, leaves_end, leaves_end)
@@ -100,26 +102,26 @@ def _gone(roots: NDArray[np.int32], leaves: NDArray[np.int32], column: int, node
 
 def _exchanged(array: wp.array, begin: int, end: int, added: wp.array) -> wp.array:
     """Copy an array without the range from `begin` to `end`, and append `added`."""
-    kept = len(array) - (end - begin)
+    retained = len(array) - (end - begin)
     if array.device.is_cpu:
-        result = aligned_empty((kept + len(added),), array.dtype)
+        result = aligned_empty((retained + len(added),), array.dtype)
     else:
-        result = wp.empty(kept + len(added), dtype=array.dtype, device=array.device)
+        result = wp.empty(retained + len(added), dtype=array.dtype, device=array.device)
     for to, source, first, count in (
         (0, array, 0, begin),
-        (begin, array, end, kept - begin),
-        (kept, added, 0, len(added)),
+        (begin, array, end, retained - begin),
+        (retained, added, 0, len(added)),
     ):
         if count:
             wp.copy(result, source, dest_offset=to, src_offset=first, count=count)
     return result
 
 
-def _renumber(struct: Any, gone: _Span, node: int, leaf: int, lanes: int) -> None:
+def _renumber(struct: Any, span: _Span, node: int, leaf: int, lanes: int) -> None:
     """Offset the children of trees behind the removed range, and of the new tree at the end."""
     ends = node, len(struct.children) // lanes
-    moves = (gone.node - gone.nodes_end, gone.leaf - gone.leaves_end), (node, leaf)
-    for (begin, end), (nodes, leaves) in zip(pairwise((gone.node, *ends)), moves, strict=True):
+    moves = (span.node - span.nodes_end, span.leaf - span.leaves_end), (node, leaf)
+    for (begin, end), (nodes, leaves) in zip(pairwise((span.node, *ends)), moves, strict=True):
         if end > begin and (nodes or leaves):
             move_children(struct.children[begin * lanes : end * lanes], nodes, leaves)
 

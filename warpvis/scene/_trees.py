@@ -13,15 +13,15 @@ import warp as wp
 
 from warpvis.core.ray_camera import OnceCache
 from warpvis.errors import SceneError
-from warpvis.scene._drawn import draw_plan
 from warpvis.scene._object import SceneObject
 from warpvis.scene._object_list import ObjectList
+from warpvis.scene._traversal_plan import plan_traversal
 from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles
 
 if TYPE_CHECKING:
     from warpvis.kernels.lighting import Lights
     from warpvis.kernels.shading import DeviceMaterials
-    from warpvis.scene._kept_trees import KeptTrees
+    from warpvis.scene._tree_cache import TreeCache
     from warpvis.scene.lights import Background, Light
 
 
@@ -33,7 +33,7 @@ class SceneTrees:
         self.device = device
         self._objects = ObjectList()
         self._movable: list[int] = []
-        self._kept_trees: KeptTrees | None = None
+        self._tree_cache: TreeCache | None = None
         # Prepared ray bundles of the most recent renderers, by their inputs.
         self.cached_rays: dict[Hashable, OnceCache] = {}
         self._lock = Lock()
@@ -74,7 +74,7 @@ class SceneTrees:
             if self._triangles is None:
                 self._triangles = build_triangles(self.require_objects(), self.device)
             if faces:
-                self._triangles.tell_faces()
+                self._triangles.store_faces()
             return self._triangles
 
     def bvh(self, *, faces: bool = False) -> SceneBvh:
@@ -91,7 +91,7 @@ class SceneTrees:
             self._wants_faces |= faces
             if self._bvh is None or (faces and not self._bvh.has_faces):
                 self._bvh = build_scene_bvh(
-                    self.require_objects(), self.device, kept=self._kept_trees, faces=self._wants_faces
+                    self.require_objects(), self.device, cache=self._tree_cache, faces=self._wants_faces
                 )
             return self._bvh
 
@@ -117,13 +117,13 @@ class SceneTrees:
 
     def object_labels(self) -> wp.array:
         """Return the objects' labels on the scene's device, shape ``(objects,)`` uint8."""
-        return wp.array(draw_plan(self.require_objects(), self.device).labels, dtype=wp.uint8, device=self.device)
+        return wp.array(plan_traversal(self.require_objects(), self.device).labels, dtype=wp.uint8, device=self.device)
 
     def movable_sizes(self) -> wp.array:
         """Return the initial solid sizes of the movable objects on the device, shape ``(M,)`` vec4."""
         with self._lock:
             if self._sizes is None:
-                sizes = draw_plan(self._objects, self.device).solid_sizes[: len(self._movable)]
+                sizes = plan_traversal(self._objects, self.device).solid_sizes[: len(self._movable)]
                 self._sizes = wp.array(sizes, dtype=wp.vec4, device=self.device)
             return self._sizes
 
@@ -135,7 +135,7 @@ class SceneTrees:
         with self._lock:
             if worlds == 1 and self._poses is not None:
                 return self._poses
-            rows = draw_plan(self._objects, self.device).movable_poses
+            rows = plan_traversal(self._objects, self.device).movable_poses
             repeated = np.repeat(rows[None], worlds, axis=0)
             poses = wp.array(repeated, dtype=wp.transform, shape=repeated.shape[:2], device=self.device)
             if worlds == 1:
@@ -159,24 +159,26 @@ class SceneTrees:
             item: The new object, movable if the old one is.
             closed: Whether its back faces can be culled when it is seen from outside.
         """
-        from warpvis.scene._kept_trees import KeptTrees
         from warpvis.scene._new_mesh import build_mesh_tree, build_warp_mesh
         from warpvis.scene._spliced import splice_bvh, splice_triangles
+        from warpvis.scene._tree_cache import TreeCache
 
-        had = self._objects[index].triangle_count
+        old_count = self._objects[index].triangle_count
         with self._lock:
             bvh, triangles = self._bvh, self._triangles
             column = self._movable.index(index) if item.pose is not None else -1
             if column < 0 or (bvh and bvh.refits.keys() - {index}):  # other objects deform in these arrays
                 bvh = None
-            bvh = bvh and splice_bvh(bvh, column, build_mesh_tree(item, closed, self.device), closed=closed, had=had)
+            bvh = bvh and splice_bvh(
+                bvh, column, build_mesh_tree(item, closed, self.device), closed=closed, old_count=old_count
+            )
             triangles = None if column < 0 or triangles is None else triangles
             if triangles is not None:
                 triangles = splice_triangles(triangles, column, index, build_warp_mesh(item, self.device))
             if bvh is None:
-                self._kept_trees = self._kept_trees or KeptTrees()
-            if self._kept_trees is not None:
-                self._kept_trees.know_closed(item, closed)
+                self._tree_cache = self._tree_cache or TreeCache()
+            if self._tree_cache is not None:
+                self._tree_cache.set_closed(item, closed)
             self._objects[index] = item
             self._forget()
             self._bvh, self._triangles = bvh, triangles

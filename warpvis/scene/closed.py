@@ -63,7 +63,7 @@ def has_no_boundary(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
     return sum(totals) % 2**64 == 0
 
 
-def may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> bool:
+def may_contain_points(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> bool:
     """Return whether points may be inside of an object: some are in its box, and it is closed and faces outwards."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     if not ((points >= low) & (points <= high)).all(axis=1).any() or not has_no_boundary(vertices, faces):
@@ -72,9 +72,11 @@ def may_hold(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: ND
     return bool((a * np.cross(b, c)).sum() > 0)
 
 
-def holds(vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]) -> NDArray[np.bool_]:
+def contains_points(
+    vertices: NDArray[np.float32], faces: NDArray[np.int32], points: NDArray[np.float32]
+) -> NDArray[np.bool_]:
     """Return which points are inside of a closed mesh that faces outwards: its solid angle from there is 4 pi."""
-    if not may_hold(vertices, faces, points):
+    if not may_contain_points(vertices, faces, points):
         return np.zeros(len(points), dtype=bool)
     return np.array([_solid_angle(vertices.astype(np.float64) - point, faces) > 2 * np.pi for point in points])
 

@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import get_device
 from warpvis.errors import SceneError
 from warpvis.kernels.constants import BOX_WORDS, CPU_LANES, CUDA_LANES, LEAF_ROWS, NODE_ROWS
-from warpvis.scene._drawn import Drawn, DrawnMesh, draw_plan, flatten, frame_vertices
 from warpvis.scene._instance_tree import instance_steps
 from warpvis.scene._joined_trees import first_leaves, first_nodes, join_trees
 from warpvis.scene._own_faces import own_faces, slot_faces
+from warpvis.scene._traversal_plan import InstancedMesh, TraversalPlan, flatten, frame_vertices, plan_traversal
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
     from warpvis.kernels.triangle_scene import TriangleScene
     from warpvis.scene._bvh import Bvh
-    from warpvis.scene._kept_trees import KeptTrees
     from warpvis.scene._object import SceneObject
     from warpvis.scene._refit import BvhRefit
+    from warpvis.scene._tree_cache import TreeCache
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Triangles:
     instances: wp.array | None = None
     """Owns the memory of the instance steps that `struct` points to."""
 
-    def tell_faces(self) -> None:
+    def store_faces(self) -> None:
         """Store the face index in the object's mesh for each triangle."""
         if self.struct.triangle_face is None:
             owner = self.struct.triangle_object
@@ -79,13 +79,15 @@ def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triang
     from warpvis.kernels.instance_steps import InstanceStep
     from warpvis.kernels.triangle_scene import TriangleScene
 
-    plan = draw_plan(objects, device)
+    plan = plan_traversal(objects, device)
     count = len(plan.movable) + len(plan.instances)
     struct = TriangleScene()
     meshes = []
-    still = [objects[index] for index in plan.static]
-    vertices, faces, owner = flatten([item.vertices for item in still], [item.faces for item in still], plan.static)
-    if still:
+    static_objects = [objects[index] for index in plan.static]
+    vertices, faces, owner = flatten(
+        [item.vertices for item in static_objects], [item.faces for item in static_objects], plan.static
+    )
+    if static_objects:
         meshes.append(make_mesh(vertices, faces, device))
         struct.mesh = meshes[0].id
     owners, first_face = [owner], np.full(count, -1, dtype=np.int32)
@@ -120,7 +122,7 @@ def build_scene_bvh(
     device: wp.Device,
     *,
     lanes: int | None = None,
-    kept: KeptTrees | None = None,
+    cache: TreeCache | None = None,
     faces: bool = False,
 ) -> SceneBvh:
     """Build the BVHs in joined arrays.
@@ -129,26 +131,26 @@ def build_scene_bvh(
         objects: The scene's objects.
         device: Device of the arrays.
         lanes: Triangles per leaf; by default as many as the device's caster processes at once.
-        kept: Cached trees of an earlier build: valid ones are reused, and replaced by those of this build.
+        cache: Cached trees of an earlier build: valid ones are reused, and replaced by those of this build.
         faces: Whether to store the face index in the object's mesh for each triangle.
     """
     from warpvis.kernels.packets import BvhScene
-    from warpvis.scene._kept_trees import KeptTrees
+    from warpvis.scene._tree_cache import TreeCache
 
-    kept = KeptTrees(keep=False) if kept is None else kept
+    cache = TreeCache(keep=False) if cache is None else cache
     lanes = lanes or (CPU_LANES if device.is_cpu else CUDA_LANES)
-    plan = draw_plan(objects, device)
+    plan = plan_traversal(objects, device)
     static = plan.static
     trees, closed_of, owners = [], [], []
     closed = np.zeros(len(objects), dtype=bool)
-    still = [objects[index] for index in static]
+    static_objects = [objects[index] for index in static]
     if static:
-        closed[static] = [kept.closed(item.vertices, item.faces) for item in still]
-        flat = flatten([item.vertices for item in still], [item.faces for item in still], static)
-        trees.append(kept.tree(*flat, closed, lanes, device))
+        closed[static] = [cache.closed(item.vertices, item.faces) for item in static_objects]
+        flat = flatten([item.vertices for item in static_objects], [item.faces for item in static_objects], static)
+        trees.append(cache.tree(*flat, closed, lanes, device))
         closed_of.append(closed)
         owners.append(flat[2])
-    boxes = [item.bounds for index, item in zip(static, still, strict=True) if closed[index]]
+    boxes = [item.bounds for index, item in zip(static, static_objects, strict=True) if closed[index]]
     struct = BvhScene()
     struct.closed_boxes = _floats(boxes, device)
     struct.closed_object = wp.array([i for i in static if closed[i]], dtype=wp.int32, device=device)
@@ -158,14 +160,14 @@ def build_scene_bvh(
     tree_of = np.zeros(len(one_object), dtype=np.int64)
     mesh_closed = np.zeros(len(one_object), dtype=np.int32)
     for mesh in plan.meshes:
-        owner, part_closed = _owners(mesh, objects, kept)
+        owner, part_closed = _owners(mesh, objects, cache)
         places = mesh.places
         tree_of[places], mesh_closed[places] = len(trees), part_closed[owner].all()
-        trees.append(kept.tree(mesh.vertices, mesh.faces, owner, part_closed, lanes, device))
+        trees.append(cache.tree(mesh.vertices, mesh.faces, owner, part_closed, lanes, device))
         closed_of.append(part_closed)
         owners.append(owner)
-    kept.finish()
-    join_trees(struct, trees, closed_of, device, share=not kept.keep)
+    cache.finish()
+    join_trees(struct, trees, closed_of, device, share=not cache.keep)
     if faces:
         struct.slot_face = slot_faces(trees, owners, device)
 
@@ -204,19 +206,19 @@ def build_scene_bvh(
 
 
 def _owners(
-    mesh: DrawnMesh, objects: Sequence[SceneObject], kept: KeptTrees
+    mesh: InstancedMesh, objects: Sequence[SceneObject], cache: TreeCache
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
     """Return the objects of a mesh's triangles, 0 if it belongs to one object, and which owners are closed."""
     if mesh.owner is None:
-        closed = mesh.points is None and kept.closed(mesh.vertices, mesh.faces)
+        closed = mesh.points is None and cache.closed(mesh.vertices, mesh.faces)
         return np.zeros(len(mesh.faces), dtype=np.int32), np.array([closed])
     flags = np.zeros(len(objects), dtype=bool)
     for part in np.unique(mesh.owner):
-        flags[part] = kept.closed(frame_vertices(objects[part]), objects[part].faces)
+        flags[part] = cache.closed(frame_vertices(objects[part]), objects[part].faces)
     return mesh.owner, flags
 
 
-def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: Drawn) -> dict[int, BvhRefit]:
+def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: TraversalPlan) -> dict[int, BvhRefit]:
     """Create refits of the trees of objects that deform, in the joined arrays; the last trees are `plan.meshes`."""
     from warpvis.scene._refit import BvhRefit
 

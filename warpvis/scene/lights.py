@@ -137,8 +137,8 @@ class Light:
         points = np.clip(np.asarray(points, dtype=np.float64), -1e100, 1e100)
         if self.kind not in ("point", "spot"):
             return np.ones(points.shape[:-1])
-        ways = points - np.array(self.position)
-        distance = np.linalg.norm(ways, axis=-1)
+        directions = points - np.array(self.position)
+        distance = np.linalg.norm(directions, axis=-1)
         a, b, c = self.attenuation
         with np.errstate(divide="ignore", over="ignore"):
             share = np.where(distance <= self.reach, 1 / (a + b * distance + c * distance**2), 0.0)
@@ -146,10 +146,10 @@ class Light:
             share = share * np.clip(1 - (distance / max(self.reach, 1e-300)) ** 4, 0, 1)
         if self.kind == "point":
             return share
-        along = (ways @ np.array(self.direction)) / np.where(distance > 0, distance, 1.0)
-        return share * self._beside_axis(np.where(distance > 0, np.clip(along, -1, 1), 1.0))
+        along = (directions @ np.array(self.direction)) / np.where(distance > 0, distance, 1.0)
+        return share * self._cone_falloff(np.where(distance > 0, np.clip(along, -1, 1), 1.0))
 
-    def _beside_axis(self, cosine: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _cone_falloff(self, cosine: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the fraction of light at angles from a spot's axis, given by their cosines."""
         inner, outer = self.inner_angle, self.outer_angle
         if self.falloff == "gltf":
@@ -162,12 +162,12 @@ class Light:
             return np.ones_like(cosine)
         return np.where(angle <= outer, np.maximum(cosine, 0.0) ** self.exponent, 0.0)
 
-    def moved(self, turn: NDArray[np.float64], scale: float = 1.0) -> Light:
-        """Return the light in a rotated frame and another unit: ``p' = scale turn p``."""
+    def moved(self, rotation: NDArray[np.float64], scale: float = 1.0) -> Light:
+        """Return the light in a rotated frame and another unit: ``p' = scale rotation p``."""
         return replace(
             self,
-            position=tuple((scale * (turn @ np.array(self.position))).tolist()),
-            direction=tuple((turn @ np.array(self.direction)).tolist()),
+            position=tuple((scale * (rotation @ np.array(self.position))).tolist()),
+            direction=tuple((rotation @ np.array(self.direction)).tolist()),
             reach=scale * self.reach,
         )
 
@@ -218,9 +218,9 @@ class Background:
             faces = [face[..., :3] for face in faces]
         return np.concatenate(faces)
 
-    def turned(self, turn: NDArray[np.float64]) -> Background:
-        """Return the background in a rotated world: ``p' = turn p``."""
-        first, second, third = (tuple(row) for row in (np.array(self.world_to_cube) @ turn.T).tolist())
+    def rotated(self, rotation: NDArray[np.float64]) -> Background:
+        """Return the background in a rotated world: ``p' = rotation p``."""
+        first, second, third = (tuple(row) for row in (np.array(self.world_to_cube) @ rotation.T).tolist())
         return replace(self, world_to_cube=(first, second, third))
 
 
@@ -234,11 +234,11 @@ def cube_coordinates(directions: ArrayLike) -> tuple[NDArray[np.int32], NDArray[
         The image, 0 to 5, shape ``(...,)``; and the position in it, shape ``(..., 2)``: from its left to its right
         edge, and from its upper to its lower one, 0 to 1.
     """
-    ways = np.asarray(directions, dtype=np.float64)
-    axis = np.abs(ways).argmax(axis=-1)
-    longest = np.take_along_axis(ways, axis[..., None], axis=-1)[..., 0]
+    directions = np.asarray(directions, dtype=np.float64)
+    axis = np.abs(directions).argmax(axis=-1)
+    longest = np.take_along_axis(directions, axis[..., None], axis=-1)[..., 0]
     image = 2 * axis + (longest < 0)
-    x, y, z = np.moveaxis(ways, -1, 0)
+    x, y, z = np.moveaxis(directions, -1, 0)
     right = np.choose(image, [-z, z, x, x, x, -x])
     down = np.choose(image, [-y, -y, z, -z, -y, -y])
     size = np.where(longest == 0, 1.0, np.abs(longest))

@@ -203,9 +203,8 @@ class MujocoStage:
         name = _unique_name(self.model.body(body).name.rstrip("/") or item.name, names)
         self._note_free(name, body, root)
         if len(parts) == 1:
-            return SceneObject.placed(
-                name, label, (item.mesh_vertices, item.faces), item.pose, item.solid, item.lazy_appearance
-            )  # type: ignore[arg-type]  # it is movable
+            mesh = item.mesh_vertices, item.faces
+            return SceneObject.placed(name, label, mesh, item.pose, item.solid, item.lazy_appearance)  # type: ignore[arg-type]  # it is movable
         meshes = [(part.mesh_vertices, part.faces) for part in parts]
         return SceneObject.placed(name, label, _joined(meshes), item.pose)  # type: ignore[arg-type]  # likewise
 

@@ -67,7 +67,7 @@ class SilhouetteCounter:
         self._device, self._camera, self._threads, self._delta = device, camera, threads, delta
         self._lens = None if isinstance(camera, Camera) else _canvas_rays(camera, canvas, device)
         self._packets = caster == "packets" and device.is_cpu and self._lens is None
-        self._isolated = scene.apart()
+        self._isolated = scene.isolated()
         clusters = self._isolated.bvh()
         self._columns = wp.array(pose_columns(scene), dtype=wp.int32, device=device)
         self._chosen = Chosen()

@@ -155,5 +155,7 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     parts, names = make_parts(reader.solids, reader.find_mesh)
     sentences = tuple(filter(None, (message, f"{path}: {listed}" if notes else "")))
     lights, background = tuple(reader.lights), reader.background
-    found = FileParts(path, parts, up=reader.up, settled=True, warnings=sentences, lights=lights, background=background)
+    found = FileParts(
+        path, parts, up=reader.up, defines_frame=True, warnings=sentences, lights=lights, background=background
+    )
     return reader, names, found

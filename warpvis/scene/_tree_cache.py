@@ -17,7 +17,7 @@ from warpvis.scene.closed import provably_closed
 _Key = tuple[bytes, ...]
 
 
-class KeptTrees:
+class TreeCache:
     """The trees of the last build, by their inputs; the next build reuses those with equal inputs."""
 
     def __init__(self, *, keep: bool = True) -> None:
@@ -63,7 +63,7 @@ class KeptTrees:
         self._closed_now[key] = known
         return known[2]
 
-    def know_closed(self, item: SceneObject, closed: bool) -> None:
+    def set_closed(self, item: SceneObject, closed: bool) -> None:
         """Store whether an object's mesh is closed, so that it is not checked."""
         vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
         self._closed[id(vertices), id(item.faces)] = (vertices, item.faces, closed)
@@ -86,6 +86,6 @@ def build_tree(
     from warpvis.kernels.packets_cuda import LEVELS
 
     if lanes == CUDA_LANES and builds_on(device, len(faces)):
-        return build_device_bvh(DeviceMesh.of(vertices, faces, owner, closed, device), most_levels=LEVELS)
-    most_levels = LEVELS if lanes == CUDA_LANES else None
-    return build_bvh(vertices, faces, owner, closed, lanes=lanes, most_levels=most_levels)
+        return build_device_bvh(DeviceMesh.of(vertices, faces, owner, closed, device), max_levels=LEVELS)
+    max_levels = LEVELS if lanes == CUDA_LANES else None
+    return build_bvh(vertices, faces, owner, closed, lanes=lanes, max_levels=max_levels)

@@ -34,7 +34,7 @@ _Run = tuple[int, int, SceneObject | Instances]
 
 
 @dataclass(eq=False)
-class DrawnMesh:
+class InstancedMesh:
     """A mesh in its own frame, and the objects that use it."""
 
     vertices: NDArray[np.float32]
@@ -53,7 +53,7 @@ class DrawnMesh:
 
 
 @dataclass(eq=False)
-class Drawn:
+class TraversalPlan:
     """A scene's objects, grouped by how they are traversed."""
 
     labels: NDArray[np.uint8]
@@ -74,7 +74,7 @@ class Drawn:
     """Static objects with their own frames; they follow the movable ones."""
     instance_poses: NDArray[np.float32]
     """Poses of `instances`, object to world."""
-    meshes: list[DrawnMesh]
+    meshes: list[InstancedMesh]
     """The distinct meshes of `movable` and `instances`, in order of first use."""
 
     def one_object(self) -> NDArray[np.int32]:
@@ -103,11 +103,11 @@ class Drawn:
         boxes = self.boxes()[len(self.movable) :].astype(np.float64)
         matrices = poses_to_matrices(self.instance_poses.astype(np.float64))
         middle, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2
-        turned = np.einsum("nij,nj->ni", matrices[:, :3, :3], middle) + matrices[:, :3, 3]
+        centers = np.einsum("nij,nj->ni", matrices[:, :3, :3], middle) + matrices[:, :3, 3]
         reach = np.einsum("nij,nj->ni", np.abs(matrices[:, :3, :3]), half)
         # Ray origins and distances have single precision.
-        slack = _BOX_SLACK * (np.abs(turned).max(initial=0) + reach.max(initial=0))
-        return np.stack([turned - reach - slack, turned + reach + slack], axis=1).astype(np.float32)
+        slack = _BOX_SLACK * (np.abs(centers).max(initial=0) + reach.max(initial=0))
+        return np.stack([centers - reach - slack, centers + reach + slack], axis=1).astype(np.float32)
 
 
 def flatten(
@@ -121,43 +121,43 @@ def flatten(
     return joined, np.concatenate([np.zeros((0, 3), dtype=np.int32), *moved]).astype(np.int32), owner
 
 
-def draw_plan(objects: Sequence[SceneObject], device: wp.Device) -> Drawn:
+def plan_traversal(objects: Sequence[SceneObject], device: wp.Device) -> TraversalPlan:
     """Group objects by how they are traversed on a device, without creating the objects of instance batches."""
     listed = objects if isinstance(objects, ObjectList) else ObjectList(objects)
     labels = np.zeros(len(listed), dtype=np.uint8)
-    moving: list[_Run] = []
-    staying: list[_Run] = []
+    movable_runs: list[_Run] = []
+    static: list[_Run] = []
     pieces: dict[int, list[int]] = {}
     for run in listed.runs():
         first, count, item = run
         labels[first : first + count] = int(item.label)
         if item.movable if isinstance(item, Instances) else item.pose is not None:
-            moving.append(run)
+            movable_runs.append(run)
         elif isinstance(item, SceneObject) and item.parent is not None:
             pieces.setdefault(item.parent, [item.parent]).append(first)
         else:
-            staying.append(run)
-    shared = _meshes_that_pay(staying, device)
-    alike = [run for run in staying if id(_mesh_of(run[2])) in shared]
-    movable, instances = _indices(moving), _indices(alike)
-    kinds, sizes, corners = _solids(moving, len(movable) + len(instances))
-    return Drawn(
+            static.append(run)
+    shared = _find_instanced_meshes(static, device)
+    instanced = [run for run in static if id(_mesh_of(run[2])) in shared]
+    movable, instances = _indices(movable_runs), _indices(instanced)
+    kinds, sizes, corners = _solids(movable_runs, len(movable) + len(instances))
+    return TraversalPlan(
         labels,
-        [index for run in staying if id(_mesh_of(run[2])) not in shared for index in range(run[0], run[0] + run[1])],
+        [index for run in static if id(_mesh_of(run[2])) not in shared for index in range(run[0], run[0] + run[1])],
         movable,
-        _poses(moving, len(movable)),
+        _poses(movable_runs, len(movable)),
         kinds,
         sizes,
         corners,
         instances,
-        _poses(alike, len(instances)),
-        _find_meshes(listed, pieces, moving, alike),
+        _poses(instanced, len(instances)),
+        _find_meshes(listed, pieces, movable_runs, instanced),
     )
 
 
 def instance_indices(objects: ObjectList, device: wp.Device) -> frozenset[int]:
     """Return the static objects that have their own frames on a device."""
-    return frozenset(draw_plan(objects, device).instances.tolist())
+    return frozenset(plan_traversal(objects, device).instances.tolist())
 
 
 def _mesh_of(item: SceneObject | Instances) -> SharedMesh | None:
@@ -165,20 +165,20 @@ def _mesh_of(item: SceneObject | Instances) -> SharedMesh | None:
     return item.mesh if isinstance(item, Instances) else item.shared_mesh
 
 
-def _meshes_that_pay(staying: Sequence[_Run], device: wp.Device) -> set[int]:
+def _find_instanced_meshes(static: Sequence[_Run], device: wp.Device) -> set[int]:
     """Return the ids of shared meshes whose static objects are traversed faster as instances."""
     uses: dict[int, int] = {}
     triangles = {}
-    for _, count, item in staying:
+    for _, count, item in static:
         mesh = _mesh_of(item)
         if mesh is not None:
             uses[id(mesh)] = uses.get(id(mesh), 0) + count
             triangles[id(mesh)] = len(mesh.faces)
-    least = _MIN_SAVED if device.is_cpu else _MIN_SAVED_CUDA
+    min_saved = _MIN_SAVED if device.is_cpu else _MIN_SAVED_CUDA
     return {
         mesh
         for mesh, count in uses.items()
-        if count >= _MIN_USES and triangles[mesh] >= _MIN_TRIANGLES and (count - 1) * triangles[mesh] >= least
+        if count >= _MIN_USES and triangles[mesh] >= _MIN_TRIANGLES and (count - 1) * triangles[mesh] >= min_saved
     }
 
 
@@ -190,34 +190,36 @@ def _indices(runs: Sequence[_Run]) -> NDArray[np.int32]:
 def _poses(runs: Sequence[_Run], total: int) -> NDArray[np.float32]:
     poses, end = np.zeros((total, 7), dtype=np.float32), 0
     for first, count, item in runs:
-        at, end = end, end + count
-        poses[at:end] = item.poses(first, count) if isinstance(item, Instances) else item.place
+        start, end = end, end + count
+        poses[start:end] = item.poses(first, count) if isinstance(item, Instances) else item.place
     return poses
 
 
-def _solids(moving: Sequence[_Run], total: int) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
+def _solids(
+    movable_runs: Sequence[_Run], total: int
+) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
     """Return kinds, sizes and half extents of the solids of objects with their own frames."""
     kinds, sizes = np.zeros(total, dtype=np.int32), np.ones((total, SOLID_WORDS), dtype=np.float32)
     corners, end = np.zeros((total, 3), dtype=np.float32), 0
-    for _, count, item in moving:
-        at, end = end, end + count
+    for _, count, item in movable_runs:
+        start, end = end, end + count
         if item.solid is not None:
-            kinds[at:end], sizes[at:end] = item.solid.kind, [*item.solid.radii, item.solid.half]
-            corners[at:end] = np.nextafter(item.solid.extent, np.inf, dtype=np.float32)
+            kinds[start:end], sizes[start:end] = item.solid.kind, [*item.solid.radii, item.solid.half]
+            corners[start:end] = np.nextafter(item.solid.extent, np.inf, dtype=np.float32)
     return kinds, sizes, corners
 
 
 def _find_meshes(
-    objects: ObjectList, pieces: dict[int, list[int]], moving: Sequence[_Run], alike: Sequence[_Run]
-) -> list[DrawnMesh]:
+    objects: ObjectList, pieces: dict[int, list[int]], movable_runs: Sequence[_Run], instanced: Sequence[_Run]
+) -> list[InstancedMesh]:
     """Find the distinct meshes of the objects with their own frames, in order of first use."""
     from warpvis.scene._refit import check_values
 
-    meshes: dict[int | tuple[bytes, bytes], DrawnMesh] = {}
-    of_arrays: dict[tuple[int, int], DrawnMesh] = {}  # identical arrays need not be compared
+    meshes: dict[int | tuple[bytes, bytes], InstancedMesh] = {}
+    of_arrays: dict[tuple[int, int], InstancedMesh] = {}  # identical arrays need not be compared
     end = 0
-    for first, count, item in chain(moving, alike):
-        at, end = end, end + count
+    for first, count, item in chain(movable_runs, instanced):
+        start, end = end, end + count
         shared = None if isinstance(item, SceneObject) and item.pose is not None else _mesh_of(item)
         if shared is not None:
             vertices, faces = shared.rounded, shared.faces
@@ -227,17 +229,17 @@ def _find_meshes(
             if first in pieces:
                 parts = [objects[index] for index in pieces[first]]
                 flat = flatten([frame_vertices(part) for part in parts], [part.faces for part in parts], pieces[first])
-                meshes[first] = DrawnMesh(*flat[:2], [range(at, end)], owner=flat[2])
+                meshes[first] = InstancedMesh(*flat[:2], [range(start, end)], owner=flat[2])
                 continue
             if item.points is not None:
                 check_values(vertices, item.name)  # GPU vertices are unchecked so far: builders cannot handle NaN
-                meshes[first] = DrawnMesh(vertices, faces, [range(at, end)], item.points)
+                meshes[first] = InstancedMesh(vertices, faces, [range(start, end)], item.points)
                 continue
         arrays = id(vertices), id(faces)
         if arrays not in of_arrays:
-            found = DrawnMesh(vertices, faces)
+            found = InstancedMesh(vertices, faces)
             of_arrays[arrays] = meshes.setdefault((vertices.tobytes(), faces.tobytes()), found)
-        of_arrays[arrays].members.append(range(at, end))
+        of_arrays[arrays].members.append(range(start, end))
     return list(meshes.values())
 
 

@@ -16,7 +16,7 @@ from warpvis.errors import WarpvisError
 _GRACE = 15.0  # seconds, a little more than the subprocess takes to clean up
 
 
-def run_apart(work: Callable[[], None], lost: str) -> None:
+def run_in_subprocess(work: Callable[[], None], lost: str) -> None:
     """Run a picklable function as a command in a subprocess, and exit like it.
 
     Raises:

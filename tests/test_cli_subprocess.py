@@ -10,24 +10,24 @@ import pytest
 
 import warpvis as wv
 from warpvis.cli import run_command
-from warpvis.cli._apart import run_apart
 from warpvis.cli._datasets import Batch
+from warpvis.cli._subprocess import run_in_subprocess
 
 
 def test_a_process_that_is_ended_is_one_sentence(capsys):
     with pytest.raises(wv.WarpvisError, match=r"^the node was lost \(exit code 1\)$"):
-        run_apart(partial(os._exit, 1), "the node was lost")
+        run_in_subprocess(partial(os._exit, 1), "the node was lost")
     with pytest.raises(SystemExit) as end:
-        run_command(partial(run_apart, partial(os._exit, 0), "the node was lost"))
+        run_command(partial(run_in_subprocess, partial(os._exit, 0), "the node was lost"))
     assert end.value.code == 2
     assert capsys.readouterr().err == "warpvis: the node was lost (exit code 0)\n"
 
 
 def test_exit_codes_are_the_processs(tmp_path):
     with pytest.raises(SystemExit) as end:
-        run_apart(partial(sys.exit, 3), "the node was lost")
+        run_in_subprocess(partial(sys.exit, 3), "the node was lost")
     assert end.value.code == 3
     with pytest.raises(SystemExit) as end:  # bad input, which the process has said
         Batch(file=tmp_path / "nowhere.glb", poses="nowhere.txt", out=str(tmp_path / "out"), engine="ray").run()
     assert end.value.code == 2
-    run_apart(partial(print, "well"), "the node was lost")
+    run_in_subprocess(partial(print, "well"), "the node was lost")
