@@ -25,15 +25,17 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # The documentation's site, in docs/_build/html: every warning is an error. Notebooks run, and nothing is read from a network.
+DOCS_TESTS := $(addprefix tests/test_,$(addsuffix .py,site docs docs_tutorials))
+
 docs: $(DOCS)
 	-@./scripts/ensure_chromium.sh
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build/html
-	$(BIN)/python -m pytest -q -m site tests/test_site.py
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "(docs or site) and not slow" $(DOCS_TESTS)
 
-# What takes long: the native code under sanitizers over random scenes, packets of more sizes on the emulated warp, Ray.
+# What takes long: most parameters of the slowest tests, the native code under sanitizers over random scenes, Ray.
 test-slow: $(STAMP)
 	-@./scripts/ensure_clang.sh $(BIN)/python
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m slow
 
 # The live viewer in a real browser. Screenshots are in .pytest_cache/screenshots, or where WARPVIS_SCREENSHOTS says.
 test-browser: $(STAMP)

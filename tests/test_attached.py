@@ -11,6 +11,7 @@ import warpvis as wv
 
 from compare import assert_matches_reference
 from support.attached import build
+from support.slow import parametrize
 from support.worlds import ALL, SMALL, assert_bits_equal, eyes, random_poses, view_of
 
 NAMES = "'floor', 'table', 'lamp', 'tray', 'ball', 'egg', 'rag'"
@@ -29,7 +30,7 @@ def test_what_is_attached_has_no_pose_of_its_own():
     np.testing.assert_allclose(lamp.vertices, twin.vertices, atol=1e-6)
 
 
-@pytest.mark.parametrize("cull_backfaces", [False, True])
+@parametrize("cull_backfaces", [False, True])
 def test_it_moves_along(device, caster, cull_backfaces):
     rng = np.random.default_rng(1)
     first, poses, cameras = random_poses(rng, 2), random_poses(rng, 3, 2), eyes(5)

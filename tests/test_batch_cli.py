@@ -207,6 +207,7 @@ def test_a_manifest_that_does_not_say_what_there_is_is_not_verified(tmp_path, ma
         Verify(str(tmp_path)).run()
 
 
+@pytest.mark.slow
 def test_an_interrupted_job_says_how_to_go_on(workspace):
     many = ORBIT.replace("count=9", "count=100000")
     assert many != ORBIT

@@ -20,6 +20,8 @@ from warpvis.batch import _writer as writer
 from warpvis.batch.engines._local import _incoming
 from warpvis.batch.writing._processes import EncodingProcesses, can_start, process_count, shards_at_once
 
+from support.slow import parametrize
+
 pytestmark = pytest.mark.skipif(not can_start() or not Path("/proc/self/stat").exists(), reason="needs Linux")
 
 SCRIPT = """
@@ -62,7 +64,7 @@ def test_no_process_has_many_threads():
     assert [shards_at_once(threads) for threads in (7, 16)] == [0, 8]
 
 
-@pytest.mark.parametrize("name, options", [("zarr", {"compression": "zstd"}), ("bop", {}), ("png", {})])
+@parametrize("name, options", [("zarr", {"compression": "zstd"}), ("bop", {}), ("png", {})])
 def test_bytes_are_those_of_one_thread(tmp_path, started, name, options):
     if name == "zarr":
         pytest.importorskip("zarr")

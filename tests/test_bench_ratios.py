@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import sys
@@ -42,6 +43,12 @@ def contest(ours, same=1.0, **peers):
 
 def workload(name, ours=1.0, **peers):
     return Workload(name, lambda: contest(constant(ours), **{peer: [constant(t)] for peer, t in peers.items()}))
+
+
+@pytest.fixture(autouse=True)
+def no_collection(monkeypatch):
+    """Collect no garbage between calls: in a large process of tests a collection takes a second."""
+    monkeypatch.setattr(gc, "collect", lambda: 0)
 
 
 @pytest.fixture
@@ -152,6 +159,7 @@ def test_figures_of_another_machine_are_compared_and_written(tmp_path, monkeypat
     assert "--figures must be a file of --out, got" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_workloads_have_names_of_their_own_and_one_runs_on_a_cpu(tmp_path, capsys):
     assert gpu_all.main(["--device", "cpu", "--list"]) == 0
     names = capsys.readouterr().out.splitlines()
@@ -163,6 +171,7 @@ def test_workloads_have_names_of_their_own_and_one_runs_on_a_cpu(tmp_path, capsy
     assert figure.ms > 0 and np.isfinite(figure.ratios["bare"])
 
 
+@pytest.mark.slow
 def test_workloads_of_a_cpu_core_run(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(os, "sched_setaffinity", lambda process, cores: None, raising=False)
     out = tmp_path / "out.json"

@@ -26,6 +26,7 @@ from warpvis.rendering._ray_packets import prepare_packets
 from warpvis.sensors import Rays, lidars
 
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
+from support.slow import parametrize
 from support.worlds import ALL
 
 SQUARES = Variant(16, True, False, ray_table=True, origins=True)
@@ -55,14 +56,14 @@ def render(request, emulator):
 
 
 @pytest.mark.cxx
-@pytest.mark.parametrize("size", [0.05, 1.0, 40.0])
+@parametrize("size", [0.05, 1.0, 40.0])
 def test_inside_a_box(size, render):
     check_box(render, size, (outlets(20, 100), spread_out(700)))
 
 
 @pytest.mark.cxx
-@pytest.mark.parametrize("cull_backfaces", [False, True])
-@pytest.mark.parametrize("near", [0.004, 0.05, 1.0])
+@parametrize("cull_backfaces", [False, True])
+@parametrize("near", [0.004, 0.05, 1.0])
 def test_triangles_as_near_as_origins_match_the_reference(near, cull_backfaces, render):
     check_soup(render, near, cull_backfaces, 450)
 
@@ -73,6 +74,7 @@ def test_rays_begin_on_either_side_of_a_plate(render):
 
 
 @pytest.mark.cxx
+@parametrize("render", KINDS, indirect=True)
 def test_the_room_matches_the_reference(render):
     scene = wv.scenes.PRESETS["room"].build("cpu")
     poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
@@ -83,11 +85,13 @@ def test_the_room_matches_the_reference(render):
 
 
 @pytest.mark.cxx
+@parametrize("render", KINDS, indirect=True)
 def test_nothing_leaks(render):
     check_no_leaks(render, 2)
 
 
 @pytest.mark.cxx
+@parametrize("render", KINDS, indirect=True)
 def test_a_closed_mesh_from_outside(render):
     """Its back is never looked at: from beside every origin, it is hidden."""
     ball, scene = trimesh.creation.icosphere(subdivisions=3, radius=0.7), wv.Scene(device="cpu")
@@ -100,6 +104,7 @@ def test_a_closed_mesh_from_outside(render):
 
 
 @pytest.mark.cxx
+@parametrize("render", KINDS, indirect=True)
 def test_worlds_and_exclude_are_those_of_single_rays(render):
     check_worlds(render, Rays(*outlets(16, 40)), 0.999)
 
@@ -116,7 +121,7 @@ def test_depth_alone(emulator):
     np.testing.assert_allclose(one[shown], other[shown], rtol=2e-6)
 
 
-@pytest.mark.parametrize("name", ["vlp16", "hdl64e", "OS1-128", "OS0-128"])
+@parametrize("name", ["vlp16", "hdl64e", "OS1-128", "OS0-128"])
 def test_eyes_of_lidars_are_amidst_their_rays(name):
     """Rays pass an eye much nearer than they begin apart, and begin before it; a slot's ray is its ray of the table."""
     lidar = getattr(lidars, name)() if hasattr(lidars, name) else lidars.ouster(name)

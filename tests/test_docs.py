@@ -77,6 +77,7 @@ def test_the_quickstart_runs_as_written(tmp_path):
     assert (tmp_path / "map.png").is_file()
 
 
+@pytest.mark.docs
 @pytest.mark.parametrize("page", [page for page in SNIPPETS if fences(page, "python")], ids=lambda page: page.stem)
 def test_code_runs(page, tmp_path, monkeypatch):
     """All Python of a page, one fence after the other, after what the page takes for granted."""
@@ -86,6 +87,7 @@ def test_code_runs(page, tmp_path, monkeypatch):
         exec(compile(preludes.made_smaller(code), f"{page.name}, fence {number}", "exec"), names)
 
 
+@pytest.mark.docs
 @pytest.mark.parametrize(
     "page",
     [page for page in [*PAGES[:1], *SNIPPETS] if "warpvis " in "".join(fences(page, "bash"))],

@@ -54,6 +54,7 @@ def run_notebook(name):
     return names
 
 
+@pytest.mark.docs
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_prints_what_it_shows(name, elsewhere, monkeypatch, capsys):
     text = (TUTORIALS / f"{name}.md").read_text()
@@ -78,6 +79,7 @@ def test_every_page_is_run():
     assert names | {"index"} == {page.stem for page in TUTORIALS.glob("*.md")}
 
 
+@pytest.mark.docs
 def test_a_kinect_in_ten_minutes(elsewhere):
     """Noise grows as the text says, some 1.4 mm at a metre, and the point by hand is the rendered one."""
     names = run_notebook("kinect_in_ten_minutes")
@@ -88,6 +90,7 @@ def test_a_kinect_in_ten_minutes(elsewhere):
     assert (elsewhere / "desk.png").is_file()
 
 
+@pytest.mark.docs
 def test_who_sees_what(elsewhere):
     """The robot sees both things from the proposed place, and does not see the bowl any more."""
     names = run_notebook("who_sees_what")

@@ -40,12 +40,11 @@ def test_there_are_no_others():
     assert {path.relative_to(EXAMPLES).as_posix() for path in EXAMPLES.rglob("*.py")} == set(SAYS)
 
 
-_SLOW = {"aloha_perspective.py", "gymnasium_depth.py", "mujoco_warp_depth.py", "depth_noise.py", "lens.py", "lidar.py"}
-_SLOW |= {"motion.py", "sensor_fit.py", "time_of_flight.py"}
+_FAST = {"depth_sensors.py"}
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in _SLOW else name for name in SAYS]
+    "name", [name if name in _FAST else pytest.param(name, marks=pytest.mark.slow) for name in SAYS]
 )
 def test_examples_run(name, tmp_path):
     for module in ("mujoco_warp", "gymnasium", "torch"):

@@ -14,6 +14,8 @@ import pytest
 
 import warpvis as wv
 
+from support.slow import parametrize
+
 gym = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium_environments import Cup, make_cup  # noqa: E402
@@ -193,7 +195,7 @@ def test_a_vector_sees_what_each_environment_does(mode, camera):
     compare_vectors("sync", mode, camera)
 
 
-@pytest.mark.parametrize(("kind", "count"), [("fork", 2), ("spawn", 1)])
+@parametrize(("kind", "count"), [("fork", 2), ("spawn", 1)])
 def test_workers(kind, count):
     compare_vectors(kind, "SameStep", "front", count)
 

@@ -11,6 +11,8 @@ import pytest
 import warpvis as wv
 from warpvis.sensors import Reason, StereoDepth, TimeOfFlight, randomized
 
+from support.slow import parametrize
+
 gym = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium_environments import Cup, make_cup  # noqa: E402
@@ -79,7 +81,7 @@ def test_a_copy_goes_on():
     assert (second != first[WALL]).mean() > 0.5
 
 
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("camera", ["front", ["chase", "front"]])
 def test_an_environment_has_its_noise_alone_and_in_a_vector(mode, camera):
     one = vector("DepthObservation", mode, 3, **(ALL | {"camera": camera}))

@@ -93,6 +93,7 @@ def test_of_six_processes_one_compiles_and_a_killed_one_blocks_nobody(start, tmp
     assert "kernels" not in logged(start(**environment)), "nothing is said of what is there"
 
 
+@pytest.mark.slow
 def test_a_cache_that_cannot_be_made_is_elsewhere(start, tmp_path):
     text = logged(start(WARP_CACHE_PATH="/dev/null/cache", TMPDIR=str(tmp_path)))
     assert "UserWarning: Warp's cache cannot be written to" in text and COMPILED in text

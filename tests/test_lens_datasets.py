@@ -20,6 +20,7 @@ from warpvis.io import load_camera
 from warpvis.sensors import LensCamera, lenses
 
 from support.lens_camera import FISHEYE, PLUMB_BOB, RATIONAL, SMALL, STRAIGHT, WIDE
+from support.slow import parametrize
 
 TILTED = (*RATIONAL, 0.001, 0, 0, 0, 0.01, 0.02)
 CAMERAS = {
@@ -77,7 +78,7 @@ def write(room, camera, out, kind, **options):
     return wv.open_dataset(out)
 
 
-@pytest.mark.parametrize("kind", HOLD)
+@parametrize("kind", HOLD)
 def test_reading_back_gives_the_same_camera(kind, room, tmp_path):
     for name, camera in CAMERAS.items():
         out = tmp_path / name

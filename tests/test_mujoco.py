@@ -10,6 +10,8 @@ import warpvis as wv
 from warpvis import scenes
 from warpvis.core.poses import poses_to_matrices
 
+from support.slow import parametrize
+
 NAMES = [experiment.name for experiment in scenes.EXPERIMENTS]
 
 
@@ -81,7 +83,7 @@ def away_from_silhouettes(depth, reach=2, step=0.03):
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("name", [*NAMES, "room"])
+@parametrize("name", [*NAMES, "room"])
 def test_depth_and_segmentation_agree_with_mujocos_renderer(name):
     preset = scenes.PRESETS[name]
     scene = preset.build()

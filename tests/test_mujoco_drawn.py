@@ -17,6 +17,7 @@ from warpvis.mujoco._options import asks_for_more
 from warpvis.mujoco._visuals import Visuals
 
 from support.mujoco_renderer import assert_same_images, images
+from support.slow import parametrize
 
 HEIGHT, WIDTH = 120, 160
 OBJ, FLAG = mujoco.mjtObj, mujoco.mjtVisFlag
@@ -303,7 +304,7 @@ def test_what_is_added_stays_behind():
 @pytest.mark.parametrize(
     "copied", [copy.deepcopy, lambda item: pickle.loads(pickle.dumps(item))], ids=["copy", "pickle"]
 )
-@pytest.mark.parametrize("name", MODELS)
+@parametrize("name", MODELS)
 def test_a_copy_shows_the_same(name, copied):
     model, data = model_of(name)
     renderer = Renderer(model, 60, 80)

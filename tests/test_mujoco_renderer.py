@@ -19,6 +19,7 @@ import warpvis as wv
 from warpvis.mujoco import BatchRenderer, Kinematics, Renderer, WorldPoses, camera_poses, geom_poses
 
 from support.mujoco_renderer import assert_same_images, free_camera, geoms_only, images
+from support.slow import parametrize
 
 GEOM, UNKNOWN = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_UNKNOWN)
 BALL = """<mujoco><statistic extent="2"/><visual><map znear=".01" zfar="50"/></visual><worldbody>
@@ -62,7 +63,7 @@ CAMERAS |= {"id": 0, "default": -1, "free": free_camera(), "tracking": tracking_
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("camera", CAMERAS)
+@parametrize("camera", CAMERAS, keep=2)
 def test_images_are_mujocos(camera, device):
     model, data = shapes_model()
     with Renderer(model, 150, 200, tolerance=2e-4, device=device) as renderer:
@@ -336,6 +337,7 @@ def test_mujocos_own_batch_is_a_source_of_poses():
     assert_views(views, expected_views(batch_of(), [ball_data(0.0), ball_data(0.5), ball_data(1.0)], [0]))
 
 
+@pytest.mark.slow
 def test_mujoco_warps_data_is_a_source_of_poses(device):
     mjwarp = pytest.importorskip("mujoco_warp", reason="the package mujoco_warp is not installed")
     with wp.ScopedDevice(device):

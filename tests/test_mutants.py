@@ -89,6 +89,7 @@ def all_mutants() -> list[Mutant]:
     return mutate.collect(list(mutate.FILES), [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", mutate.known_equivalents(), ids=lambda known: known.becomes)
 def test_known_equivalents_are_mutants_of_lines_that_are_there(known, all_mutants):
     assert known.reason

@@ -22,6 +22,7 @@ from support.coinciding import FLUSH, eye_of, model_of
 from support.mujoco_drop_in import HEIGHT, WIDTH
 from support.mujoco_following import task
 from support.mujoco_renderer import assert_same_images, free_camera, geoms_only, images
+from support.slow import parametrize
 from support.solids import build as build_solids
 from support.worlds import ALL, random_poses
 
@@ -40,7 +41,7 @@ def assert_matches_reference(views, scene, camera, poses, **options):
         assert_view_matches(views, view, expected, depth_beside)
 
 
-@pytest.mark.parametrize(("near_plane", "cull_backfaces"), [("occlude", True), ("clip", False), ("clip", True)])
+@parametrize(("near_plane", "cull_backfaces"), [("occlude", True), ("clip", False), ("clip", True)])
 def test_solids_and_moved_meshes_match_the_reference(near_plane, cull_backfaces, device):
     """Among them, so that the camera's plane goes through them."""
     rng = np.random.default_rng(1)

@@ -21,6 +21,7 @@ from warpvis.scenes import terrain
 import reference
 from compare import assert_matches_reference, wrong_depth
 from support.packets import ALL
+from support.slow import parametrize
 
 SMALL = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
 LEVEL = (0, 0, 0, 0.5, -0.5, 0.5, -0.5)  # at the origin, looking along -x
@@ -308,7 +309,7 @@ np.savez(sys.argv[2], **images)
 
 
 @pytest.mark.skipif(os.uname().machine != "x86_64", reason="names x86-64's instruction sets")
-@pytest.mark.parametrize("flags", ["-target-cpu haswell", ""], ids=["AVX2", "generic"])
+@parametrize("flags", ["-target-cpu haswell", ""], ids=["AVX2", "generic"])
 def test_narrower_lanes_make_the_same_images(flags, tmp_path):
     """For AVX2 alone, and for Warp's generic x86-64, which has AVX; `make test-lanes` runs all casters' tests so."""
     path = tmp_path / "images.npz"
@@ -321,7 +322,7 @@ def test_narrower_lanes_make_the_same_images(flags, tmp_path):
         assert (stored[f"{name}_objects"] != views.segmentation.numpy()).mean() <= 1e-4
 
 
-@pytest.mark.parametrize("thickness", [1e-4, 1e-3, 0.02])
+@parametrize("thickness", [1e-4, 1e-3, 0.02])
 @pytest.mark.parametrize("behind", [False, True])
 def test_slivers(device, caster, thickness, behind):
     """Long triangles between pixels' centres, upright, lying and slanted; some reach behind the camera."""

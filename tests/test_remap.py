@@ -15,6 +15,7 @@ from warpvis.scene import solids
 import reference
 from compare import wrong_depth
 from support.packets import ALL
+from support.slow import parametrize
 from support.worlds import assert_bits_equal, eyes, random_poses
 
 # No square pixels, and a principal point that single precision does not have.
@@ -66,7 +67,7 @@ def assert_map_matches(views, scene, camera, poses, places, **options):
 
 
 # Whole tiles; ends within a block; less than a block; more than one tree side by side, and below each other.
-@pytest.mark.parametrize("shape", [(64, 64), (75, 90), (3, 70), (2, 2), (9, 700), (260, 150)])
+@parametrize("shape", [(64, 64), (75, 90), (3, 70), (2, 2), (9, 700), (260, 150)], keep=(1, 3))
 def test_maps_match_their_twin(shape, device, caster):
     scene, cameras = build(device, random_poses(np.random.default_rng(1), len(SHAPES))), eyes(2)
     places = warped(*shape, 2, noise=0.02 if shape[0] < 10 else 0.4)
@@ -75,7 +76,7 @@ def test_maps_match_their_twin(shape, device, caster):
     assert_map_matches(views, scene, CAMERA, cameras, places)
 
 
-@pytest.mark.parametrize("cull_backfaces", [False, True])
+@parametrize("cull_backfaces", [False, True])
 def test_square_pixels_and_a_room(cull_backfaces, device, caster):
     preset = scenes.PRESETS["room"]
     scene, cameras = preset.build(device), preset.poses(2)

@@ -22,13 +22,14 @@ from support.ros_bags import (
     transforms,
     write_bag,
 )
+from support.slow import parametrize
 
 TIMES = np.array(SECONDS) + 1e-9 * np.array(NANOSECONDS)
 ROS = np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])
 """A ROS body's axes in the OpenCV camera's frame: forward is z, left is -x, up is -y."""
 
 
-@pytest.mark.parametrize("storage", STORAGES)
+@parametrize("storage", STORAGES)
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_message_in_both_storages(tmp_path, kind, storage):
     messages, convention = KINDS[kind]

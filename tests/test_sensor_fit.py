@@ -17,6 +17,8 @@ from warpvis.errors import ArrayError, FileFormatError
 from warpvis.sensors import StereoDepth, fit
 from warpvis.sensors.depth._noise_spacing import expected_correlation, find_spacing
 
+from support.slow import parametrize
+
 CAMERA = wv.Camera.from_fov(320, 200, hfov=1.4, near=0.1, far=20.0)
 BASELINE = 0.05
 WALLS = ((0.6, 0), (1.0, 10), (1.5, 20), (2.0, 0), (3.0, 15), (4.0, 25))  # metres, degrees
@@ -43,10 +45,8 @@ def millimetres(depth):
     return np.rint(np.where(np.isfinite(depth), depth, 0) * 1000) / 1000
 
 
-@pytest.mark.parametrize(
-    "given", [{"baseline": BASELINE}, {"subpixel": "own"}, {}], ids=["baseline", "subpixel", "band"]
-)
-@pytest.mark.parametrize("rounded", [False, True], ids=["metres", "millimetres"])
+@parametrize("given", [{"baseline": BASELINE}, {"subpixel": "own"}, {}], ids=["baseline", "subpixel", "band"])
+@parametrize("rounded", [False, True], ids=["metres", "millimetres"])
 @pytest.mark.parametrize(
     "numbers",
     [
@@ -128,7 +128,7 @@ def test_report_and_picture(tmp_path):
         assert np.asarray(picture.convert("L")).std() > 20
 
 
-@pytest.mark.parametrize("kind", ["png", "npy", "npy of millimetres"])
+@parametrize("kind", ["png", "npy", "npy of millimetres"])
 def test_the_command_line_fits(tmp_path, monkeypatch, capsys, kind):
     images = pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32))
     folder = tmp_path / "walls"

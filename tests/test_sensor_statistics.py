@@ -29,6 +29,7 @@ from warpvis.sensors import (
 )
 
 from support.kinect_noise import AHEAD, POSES, make_scene, wall
+from support.slow import parametrize
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
 
@@ -101,7 +102,7 @@ WALLS = [(distance, angle) for distance in (0.5, 1.0, 2.0, 3.5, 5.0) for angle i
 QUICK = {(0.5, 0), (2.0, 40), (3.5, 80)}
 
 
-@pytest.mark.parametrize("name", MODELS)
+@parametrize("name", MODELS, keep=3)
 @pytest.mark.parametrize(
     "walls",
     [sorted(QUICK), pytest.param([one for one in WALLS if one not in QUICK], marks=pytest.mark.slow)],

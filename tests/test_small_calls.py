@@ -21,6 +21,8 @@ from warpvis.core.poses import host_poses, poses_to_matrices, poses_to_opencv
 from warpvis.rendering._cpu_packets import RayCosts
 from warpvis.rendering._prepared import FreeList
 
+from support.slow import parametrize
+
 ALL = ("depth", "points", "normals", "labels", "segmentation")
 CAMERA = wv.Camera.from_fov(40, 33, hfov=1.2, near=0.05, far=50.0)
 
@@ -352,7 +354,7 @@ def test_copies_of_a_renderer_that_was_used_prepare_their_own(device, caster, co
     assert_identical(convert(renderer).render(eyes(2)), out)
 
 
-@pytest.mark.parametrize("caster", ["auto", "rays"])
+@parametrize("caster", ["auto", "rays"])
 @pytest.mark.parametrize("convert", [copy.deepcopy, lambda renderer: pickle.loads(pickle.dumps(renderer))])
 def test_copies_of_a_renderer_of_rays_that_was_used(device, caster, convert):
     """What a caster has made of rays for a device is no part of it: renderers that were used could not be copied."""

@@ -19,6 +19,7 @@ from warpvis.webots import load_webots
 from warpvis.webots.protos import _expansion as expansion, _template_engine as engines, _templates as templates
 from warpvis.webots.protos._expansion import Protos
 
+from support.slow import parametrize
 from support.webots_protos import Project
 
 needs_engines = pytest.mark.skipif(
@@ -49,7 +50,7 @@ ENDLESS = {
 }
 
 
-@pytest.mark.parametrize("case", ENDLESS)
+@parametrize("case", ENDLESS)
 def test_code_in_c_ends_with_the_clock(case, project, monkeypatch):
     monkeypatch.setattr(templates, "SECONDS", 1)
     head, program = ENDLESS[case]
@@ -171,7 +172,7 @@ def ball_world(project):
     return path
 
 
-@pytest.mark.parametrize("method", ["fork", "spawn"])
+@parametrize("method", ["fork", "spawn"])
 def test_other_processes_have_their_own(method, project):
     """Forked ones too, from a process whose own is running."""
     path = ball_world(project)
