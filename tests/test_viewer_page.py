@@ -163,7 +163,7 @@ def test_the_command_serves_the_page(tmp_path):
     [
         (["experiment_3", "--robot", "0 0 1 1 0 1"], "it takes no --robot"),
         (["experiment_3", "--port", "0"], "port must be"),
-        (["experiment_3", "--movable", "cup"], "'cup' in movable fits no object"),
+        (["experiment_3", "--movable", "cup"], "'cup' in movable matches no object"),
         (["experiment_3", "--host", "300.0.0.1"], "cannot listen on host '300.0.0.1'"),
         (["room.glb", "--robot-body", "robot"], "--robot-body has no effect without --robot"),
         (["room.glb", "--human-body", "robot"], "--human-body has no effect without --human"),

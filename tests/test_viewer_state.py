@@ -210,7 +210,7 @@ def test_what_is_refused():
         (lambda: ViewerState(scene, [robot, human, third]), "agents must be one or two of warpvis.Agent, got 3"),
         (lambda: ViewerState(scene, [many]), "'robot' must have one pose to begin with, got 2"),
         (lambda: ViewerState(scene, [robot, robot]), "agents must have different names"),
-        (lambda: ViewerState(scene, [robot], movable=["cup*"]), "'cup\\*' in movable fits no object"),
+        (lambda: ViewerState(scene, [robot], movable=["cup*"]), "'cup\\*' in movable matches no object"),
         (lambda: ViewerState(scene, [robot], objects=["cup"]), "no object 'cup'"),
         (
             lambda: ViewerState(scene, [robot]).move_object("low obstacle", (0,) * 6 + (1,)),

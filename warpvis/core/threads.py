@@ -55,7 +55,7 @@ def launch_images(
     threads: int | None = None,
     split_views: bool = True,
     span: int = 1,
-    least_pixels: int = _MIN_PIXELS,
+    min_pixels: int = _MIN_PIXELS,
 ) -> None:
     """Launch a kernel over all pixels: at once on CUDA, in pieces on the threads of the pool on the CPU.
 
@@ -67,7 +67,7 @@ def launch_images(
         threads: CPU threads, all cores by default.
         split_views: Whether several threads may share one view.
         span: Number of pixels of a row per kernel thread; the index x counts spans.
-        least_pixels: Minimum number of pixels per piece.
+        min_pixels: Minimum number of pixels per piece.
 
     Raises:
         ArrayError: If `threads` is not a positive integer.
@@ -95,7 +95,7 @@ def launch_images(
             pieces.set(dim, window)
         pieces.launch.launch()
 
-    run_each(launch_piece, _split(shape, threads, split_views, least_pixels), threads)
+    run_each(launch_piece, _split(shape, threads, split_views, min_pixels), threads)
 
 
 class _PackedPieces:
@@ -265,13 +265,13 @@ def check_threads(threads: int | None) -> int:
 
 
 def _split(
-    shape: tuple[int, int, int], threads: int, split_views: bool, least_pixels: int = _MIN_PIXELS
+    shape: tuple[int, int, int], threads: int, split_views: bool, min_pixels: int = _MIN_PIXELS
 ) -> list[tuple[int, int, int, int]]:
     """Return pieces ``(view, view_count, row, row_count)`` of about equal size that cover all rows of all views."""
     views, height, width = shape
     if threads == 1:
         return [(0, views, 0, height)]
-    pixels = max(views * height * width // (threads * _PIECES_PER_THREAD), least_pixels)
+    pixels = max(views * height * width // (threads * _PIECES_PER_THREAD), min_pixels)
     if not split_views or pixels >= height * width:
         step = max(1, pixels // (height * width))
         return [(view, min(step, views - view), 0, height) for view in range(0, views, step)]

@@ -75,7 +75,7 @@ def _launch_camera(
     depth: wp.array,
     inputs: KernelArguments,
     threads: int | None,
-    least_pixels: int,
+    min_pixels: int,
 ) -> None:
     """Launch the kernel for pinhole cameras or the one for ray tables."""
     pinhole_kernel, rays_kernel = kernels
@@ -85,7 +85,7 @@ def _launch_camera(
     def arguments(window: Window) -> KernelArguments:
         return [struct, poses, window, *rays, depth, *inputs]
 
-    _launch(rays_kernel if rays else pinhole_kernel, depth, arguments, threads, least_pixels)
+    _launch(rays_kernel if rays else pinhole_kernel, depth, arguments, threads, min_pixels)
 
 
 def _launch(
@@ -93,7 +93,7 @@ def _launch(
     depth: wp.array,
     arguments: Callable[[Window], KernelArguments],
     threads: int | None,
-    least_pixels: int,
+    min_pixels: int,
 ) -> None:
     launch_images(
         kernel,
@@ -102,5 +102,5 @@ def _launch(
         device=depth.device,
         threads=threads,
         span=WHOLE_ROW if depth.device.is_cpu else 1,
-        least_pixels=least_pixels,
+        min_pixels=min_pixels,
     )

@@ -247,10 +247,10 @@ class Panel:
         return change
 
     def _reach(self, name: str) -> Callable[[float], None]:
-        def change(metres: float) -> None:
+        def change(meters: float) -> None:
             camera = self._state.agents[name].camera
             assert isinstance(camera, Camera)  # only these cameras have the slider
-            self._state.set_camera(name, with_view(camera, far=metres))
+            self._state.set_camera(name, with_view(camera, far=meters))
 
         return change
 

@@ -82,7 +82,7 @@ def _choose_draggable(items: Sequence[SceneObject], bodies: set[str], movable: S
     patterns = as_items(movable, "movable", SceneError)
     for pattern in patterns:
         if not isinstance(pattern, str) or not any(fnmatch.fnmatchcase(item.name, pattern) for item in items):
-            raise SceneError(f"{pattern!r} in movable fits no object of the scene")
+            raise SceneError(f"{pattern!r} in movable matches no object of the scene")
     free = [item for item in items if item.parent is None and item.name not in bodies]
     return [item.name for item in free if any(fnmatch.fnmatchcase(item.name, pattern) for pattern in patterns)]
 

@@ -49,7 +49,7 @@ _MAX_TABLE_OBJECTS = 16
 _MAX_POINTS = 1_000_000
 _LIFT = 0.35
 """Offset of displayed points from their surfaces, relative to the spacing of points."""
-_GREY = {Label.GROUND: (222, 222, 222), Label.OBSTACLE: (165, 165, 165), Label.HUMAN: (105, 105, 105)}
+_GRAY = {Label.GROUND: (222, 222, 222), Label.OBSTACLE: (165, 165, 165), Label.HUMAN: (105, 105, 105)}
 _BACKGROUND = (70, 70, 70)
 _NO_POINTS = np.zeros((0, 3), dtype=np.float32)
 _NO_STATES = np.zeros(0, dtype=np.uint8)
@@ -346,9 +346,9 @@ class ViewerState:
         rows = []
         for item in self.scene.objects:
             ground = item.label in self.scene.ground_labels
-            grey = _GREY[Label.GROUND if ground else Label.HUMAN if item.name in bodies else Label.OBSTACLE]
+            gray = _GRAY[Label.GROUND if ground else Label.HUMAN if item.name in bodies else Label.OBSTACLE]
             state = None if item.name in bodies else states.get(item.name)
-            rows.append(grey if state is None else STATE_COLORS[state])
+            rows.append(gray if state is None else STATE_COLORS[state])
         return np.array([*rows, _BACKGROUND], dtype=np.uint8)
 
     def _picture(self, agent: Agent) -> AgentPicture:
