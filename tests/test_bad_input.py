@@ -191,7 +191,7 @@ CASES = {
     ),
     "more than memory": (
         lambda: wv.render(box_scene(), Camera.from_fov(20000, 20000, hfov=1), np.tile(POSE, (100_000, 1))),
-        "depth of shape .* needs 160000.0 GB on cpu, .*; render fewer views at a time",
+        "depth of shape .* needs 160000.0 GB on cpu, .*Render fewer views at a time",
     ),
     # Worlds
     "poses of what stays": (

@@ -193,7 +193,7 @@ def test_the_given_camera_must_be_the_poses_own(tmp_path):
     )
     with pytest.raises(wv.errors.CameraError, match=message):
         wv.render_batch(scene, wv.Camera.kinect(), frames, tmp_path / "other")
-    with pytest.raises(wv.errors.CameraError, match="do not say which camera they are for, so give one"):
+    with pytest.raises(wv.errors.CameraError, match="camera must be given because the frames define none"):
         wv.render_batch(scene, None, ROWS, tmp_path / "none")
     with pytest.raises(wv.errors.CameraError, match=r"camera must be a warpvis\.Camera"):
         wv.Frames.from_poses(ROWS, camera="kinect")

@@ -152,7 +152,7 @@ def test_warnings_name_options(folder, tmp_path):
     given = ("--poses", tmp_path / "poses.npy", "--file-up", "z", "--out", tmp_path / "out")
     for more, warned in ((), True), (("--quaternion", "wxyz"), False):
         result = run_inside("check", "two.glb", *given[:-2], *more, cwd=folder)
-        assert ("if it is, pass --quaternion wxyz" in result.stderr) == warned
+        assert ("If they have, pass --quaternion wxyz" in result.stderr) == warned
 
 
 def test_messages_of_files_keep_their_keys():

@@ -127,9 +127,17 @@ BAD = {
         "convention must be one of 'opencv', 'opengl', 'ros_body', 'ros_optical', got 'bl",
     ),
     "no convention": (([POSE],), {"convention": None}, "convention must be one of"),
-    "times": (([POSE],), {"timestamps": [0, 1]}, "timestamps must be 1 seconds, one a frame, got int64 of shape (2,)"),
+    "times": (
+        ([POSE],),
+        {"timestamps": [0, 1]},
+        "timestamps must be 1 numbers of seconds, one per frame, got int64 of shape (2,)",
+    ),
     "NaN time": (([POSE],), {"timestamps": [np.nan]}, "timestamps must be finite: 1 are not, the first at index 0"),
-    "worlds": (([POSE] * 3,), {"object_poses": worlds(2)}, "object_poses are of 2 worlds for 3 frames; give"),
+    "worlds": (
+        ([POSE] * 3,),
+        {"object_poses": worlds(2)},
+        "object_poses must be of 1 world or of 3 worlds, one per frame, got 2",
+    ),
     "objects": (([POSE],), {"object_poses": [POSE[:6]]}, "object_poses must have shape (W, M, 7), rows x y z qx qy qz"),
     "no objects": (([POSE],), {"object_poses": np.zeros((1, 0, 7))}, "object_poses must have shape (W, M, 7)"),
     "object NaN": (([POSE],), {"object_poses": [[np.nan] * 7]}, "object_poses must be finite numbers of at most 1e18"),
@@ -141,7 +149,7 @@ BAD = {
     "world alone": (
         ([POSE],),
         {"world_index": [0]},
-        "world_index says which of object_poses a frame has, so give object_poses",
+        "object_poses must be given with world_index, which contains indices",
     ),
     "no such world": (
         ([POSE] * 2,),
@@ -151,15 +159,15 @@ BAD = {
     "half a world": (
         ([POSE],),
         {"world_index": [0.5], "object_poses": worlds(3)},
-        "world_index must be 1 whole numbers, one a fr",
+        "world_index must be 1 whole numbers, one per fr",
     ),
     "source": (
         ([POSE],),
         {"source": {"a": object()}},
-        "source must be a mapping of what JSON can hold, got {'a': <obj",
+        "source must be a mapping of JSON values, got {'a': <obj",
     ),
-    "source NaN": (([POSE],), {"source": {"a": np.nan}}, "source must be a mapping of what JSON can hold"),
-    "source list": (([POSE],), {"source": [1]}, "source must be a mapping of what JSON can hold, got [1]"),
+    "source NaN": (([POSE],), {"source": {"a": np.nan}}, "source must be a mapping of JSON values"),
+    "source list": (([POSE],), {"source": [1]}, "source must be a mapping of JSON values, got [1]"),
 }
 
 
@@ -173,7 +181,7 @@ def test_bad_input(case):
 
 
 def test_frames_are_cut_by_slices():
-    with pytest.raises(wv.WarpvisError, match=r"frames are cut by slices, frames\[a:b\], got 0"):
+    with pytest.raises(wv.WarpvisError, match=r"frames must be indexed by a slice, frames\[a:b\], got 0"):
         Frames.from_poses([POSE])[0]
 
 
@@ -192,9 +200,9 @@ HAND_MADE = {
         "camera_to_world of frames must be a NumPy array of numbers, shape (n, 7)",
     ),
     "words": ({"timestamps": np.array(["a"] * 4)}, "timestamps of frames must be a NumPy array of numbers"),
-    "worlds": ({"object_poses": worlds(3)}, "object_poses are of 3 worlds for 4 frames; give each frame's"),
+    "worlds": ({"object_poses": worlds(3)}, "object_poses must be of 1 world or of 4 worlds, one per frame, got 3"),
     "objects": ({"object_poses": np.zeros((4, 7))}, "object_poses of frames must have shape (n, n, 7), got (4, 7)"),
-    "no objects": ({"world_index": np.zeros(4, np.int32)}, "world_index says which of object_poses a frame has"),
+    "no objects": ({"world_index": np.zeros(4, np.int32)}, "object_poses must be given with world_index"),
     "index": (
         {"object_poses": worlds(3), "world_index": np.zeros(2, np.int32)},
         "world_index of frames must have shape (4,), got (2,)",
@@ -203,7 +211,7 @@ HAND_MADE = {
         {"object_poses": worlds(3), "world_index": np.full(4, 3)},
         "world_index must be from 0 to 2, the worlds of object_poses, got 3 for frame 0",
     ),
-    "source": ({"source": 3}, "source must be a mapping of what JSON can hold, got 3"),
+    "source": ({"source": 3}, "source must be a mapping of JSON values, got 3"),
 }
 
 

@@ -96,7 +96,7 @@ def test_of_six_processes_one_compiles_and_a_killed_one_blocks_nobody(start, tmp
 @pytest.mark.slow
 def test_a_cache_that_cannot_be_made_is_elsewhere(start, tmp_path):
     text = logged(start(WARP_CACHE_PATH="/dev/null/cache", TMPDIR=str(tmp_path)))
-    assert "UserWarning: Warp's cache cannot be written to" in text and COMPILED in text
+    assert "UserWarning: Warp's cache is not writable" in text and COMPILED in text
     assert len(objects(tmp_path)) == 1
 
 
@@ -114,7 +114,7 @@ def test_a_cache_that_cannot_be_written_to_is_read(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "TemporaryDirectory", refuse)
     for _ in range(2):
         wp.config.kernel_cache_dir = str(old)
-        with pytest.warns(UserWarning, match=r"cannot be written to \(read-only\)"):
+        with pytest.warns(UserWarning, match=r"is not writable \(read-only\)"):
             folder = kernel_cache._writable_cache()
         assert folder.parent.parent == base and str(folder) == wp.config.kernel_cache_dir
         assert (folder / "wp_module_1234567").resolve() == old / "wp_module_1234567"

@@ -197,7 +197,7 @@ BAD = {
     ),
     "pinhole": (
         lambda: wv.Camera.from_mujoco(shapes_model()[0], "flat", 8, 6),
-        "camera 'flat' is orthographic: warpvis.mujoco.camera_from_mujoco makes an OrthographicCamera of it",
+        "camera 'flat' is orthographic. Use warpvis.mujoco.camera_from_mujoco to create",
     ),
 }
 

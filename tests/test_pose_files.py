@@ -292,12 +292,12 @@ BAD_FILES = [
     (
         "poses.npz",
         save(np.savez, camera_to_world=ROWS, timestamp=TIMES[:2]),
-        "poses.npz: timestamps must be 6 seconds, one a frame, got float64 of shape (2,)",
+        "poses.npz: timestamps must be 6 numbers of seconds, one per frame, got float64 of shape (2,)",
     ),
     (
         "poses.npz",
         save(np.savez, camera_to_world=ROWS, object_poses=unit(np.ones((2, 1, 7)))),
-        "poses.npz: object_poses are of 2 worlds for 6 frames",
+        "poses.npz: object_poses must be of 1 world or of 6 worlds, one per frame, got 2",
     ),
     (
         "poses.npz",

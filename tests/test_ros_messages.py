@@ -85,7 +85,7 @@ def test_a_raw_image_has_the_numbers_of_k(ros, d):
 
 def test_without_p_an_image_without_distortion_is_rectified():
     assert numbers_of(wv.Camera.from_camera_info(info(p=np.zeros(12))))[2:4] == (500.0, 510.0)
-    with pytest.raises(CameraError, match=r"has no P, and a Camera has no distortion"):
+    with pytest.raises(CameraError, match=r"has no P, but a Camera has no distortion"):
         wv.Camera.from_camera_info(info(p=np.zeros(12), d=BENT))
 
 
@@ -121,7 +121,7 @@ def test_binning_and_region_as_image_geometry_applies_them(binning, roi, expecte
 def test_the_second_camera_of_a_pair_is_told_of():
     """Tx = -fx B: the camera is B to the right of the frame that both share."""
     p = [480.0, 0, 318.4, -480.0 * 0.12, 0, 480.0, 241.3, 0, 0, 0, 1, 0]
-    with pytest.warns(IntrinsicsWarning, match=r"stands at x = 0\.12 m, y = 0 m in the frame") as said:
+    with pytest.warns(IntrinsicsWarning, match=r"stereo pair, at x = 0\.12 m, y = 0 m in the frame") as said:
         camera = wv.Camera.from_camera_info(info(p=p, binning=(2, 2)))
     assert said[0].filename == __file__ and camera.fx == 240.0
 
@@ -129,14 +129,17 @@ def test_the_second_camera_of_a_pair_is_told_of():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"k": np.zeros(9), "p": np.zeros(12)}, "is of a camera that is not calibrated: its K is zero$"),
-        ({"d": BENT, "rectified": False}, r"raw image with distortion, .*: take the rectified image \(image_rect\)"),
-        ({"d": BENT, "roi": (9, 9, 100, 100, True)}, "does not say which region of the rectified image that becomes"),
-        ({"roi": (9, 9, 100, 100, True)}, "which region of the rectified image"),
-        ({"roi": (600, 0, 100, 100, False)}, r"region of interest of 100 x 100 pixels from \(600, 0\), which is not"),
-        ({"roi": (5, 0, 0, 0, False)}, r"region of interest of 0 x 0 pixels"),
-        ({"size": (0, 0)}, r"of 0 x 0 pixels from \(0, 0\), which is not in its image of 0 x 0$"),
-        ({"binning": (641, 1)}, "bins 641 x 1 pixels of an image of 640 x 480"),
+        ({"k": np.zeros(9), "p": np.zeros(12)}, "K of CameraInfo must not be zero: the camera is not calibrated$"),
+        ({"d": BENT, "rectified": False}, r"raw image with distortion, .*Use the rectified image \(image_rect\)"),
+        ({"d": BENT, "roi": (9, 9, 100, 100, True)}, "does not define the corresponding region of the rectified image"),
+        ({"roi": (9, 9, 100, 100, True)}, "the corresponding region of the rectified image"),
+        (
+            {"roi": (600, 0, 100, 100, False)},
+            r"within its image of 640 x 480 pixels, got 100 x 100 pixels from \(600, 0\)",
+        ),
+        ({"roi": (5, 0, 0, 0, False)}, r"region of interest of CameraInfo must be .*, got 0 x 0 pixels"),
+        ({"size": (0, 0)}, r"within its image of 0 x 0 pixels, got 0 x 0 pixels from \(0, 0\)$"),
+        ({"binning": (641, 1)}, "binning of CameraInfo must be at most the image size 640 x 480, got 641 x 1"),
         ({"k": [500, 3, 320, 0, 500, 240, 0, 0, 1], "rectified": False}, "without skew"),
         ({"k": [-5, 0, 3, 0, -5, 2, 0, 0, 1], "rectified": False}, "focal lengths must be positive"),
         ({"k": [math.nan] * 9}, "K of CameraInfo must be finite"),
@@ -158,7 +161,7 @@ def test_camera_infos_whose_numbers_are_none(changes):
 
 
 def test_what_is_no_camera_info():
-    with pytest.raises(MessageError, match="a message with the field k is wanted, got str"):
+    with pytest.raises(MessageError, match="message must have the field k, got str"):
         wv.Camera.from_camera_info("camera")
 
 
@@ -262,9 +265,9 @@ def test_an_image_shares_no_memory():
         ({"data": bytes(25)}, "and 24 in all, got 25"),
         ({"width": 0}, "must have pixels, got 0 x 2"),
         ({"height": 0, "data": b""}, "must have pixels, got 3 x 0"),
-        ({"height": "two"}, "field height of a message must be a whole number from 0 up, got 'two'"),
-        ({"step": 12.5}, "field step of a message must be a whole number"),
-        ({"width": math.nan}, "field width of a message must be a whole number"),
+        ({"height": "two"}, "^height of a message must be a whole number from 0 up, got 'two'"),
+        ({"step": 12.5}, "^step of a message must be a whole number"),
+        ({"width": math.nan}, "^width of a message must be a whole number"),
         ({"data": "text"}, "data of an Image must be bytes"),
         ({"data": [1, 256]}, "data of an Image must be bytes"),
     ],
@@ -293,7 +296,7 @@ def test_arrays_of_all_kinds_go_in(device):
         (np.ones((2, 2, 3)), {}, r"depth must be one image of shape \(H, W\), got \(2, 2, 3\)"),
         (np.ones((0, 3)), {}, r"one image of shape \(H, W\), got \(0, 3\)"),
         (ODD, {"encoding": "rgb8"}, 'encoding must be "32FC1" or "16UC1", got \'rgb8\''),
-        (ODD, {"stamp": -1.0}, "stamp must be from 0 to 2147483647 seconds, as ROS 2 counts, got -1.0"),
+        (ODD, {"stamp": -1.0}, "stamp must be from 0 to 2147483647 s, the range of ROS 2, got -1.0"),
         (ODD, {"stamp": math.nan}, "stamp must be from 0"),
         (ODD, {"stamp": "now"}, "stamp must be a time in seconds or a Time message, got 'now'"),
         (ODD, {"frame_id": 7}, "frame_id must be text, got 7"),
@@ -306,7 +309,9 @@ def test_bad_arguments_of_images(depth, options, message):
 
 
 def test_a_store_of_ros_1_makes_no_messages_of_ros_2():
-    with pytest.raises(MessageError, match=r"have another std_msgs/msg/Header than ROS 2 .*: take Stores.ROS2_JAZZY"):
+    with pytest.raises(
+        MessageError, match=r"types must define std_msgs/msg/Header as in ROS 2 .*Use Stores.ROS2_JAZZY"
+    ):
         to_image_msg(ODD, frame_id="eye", types=ROS1)
 
 
@@ -423,7 +428,7 @@ def test_without_ros_one_sentence_says_what_to_do(monkeypatch):
     monkeypatch.setattr(builtins, "__import__", refuse)
     for make in (lambda: CAMERA.to_camera_info(frame_id="eye"), lambda: to_image_msg(ODD, frame_id="eye")):
         with pytest.raises(
-            MessageError, match=r"needs ROS 2, which is not on Python's path .* or rosbags: pip install"
+            MessageError, match=r"requires ROS 2, which is not on Python's path .* or rosbags: pip install"
         ):
             make()
 

@@ -100,14 +100,14 @@ def as_points(points: ArrayInput, name: str, count: str, device: wp.Device) -> w
     Raises:
         ArrayError: If `points` has the wrong shape, dtype or device, or a point is not finite.
     """
-    places = as_warp(points, wp.vec3, (count,), name=name, device=device)
+    array = as_warp(points, wp.vec3, (count,), name=name, device=device)
     if not on_gpu(points):
-        rows = places.numpy()
-        fine = surely_finite(rows) or np.isfinite(rows).all(axis=1)
-        bad = np.flatnonzero(np.logical_not(fine))
+        rows = array.numpy()
+        finite = surely_finite(rows) or np.isfinite(rows).all(axis=1)
+        bad = np.flatnonzero(np.logical_not(finite))
         if len(bad):
             raise ArrayError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
-    return places
+    return array
 
 
 def as_numpy(value: ArrayInput, *, name: str) -> np.ndarray:
@@ -126,11 +126,11 @@ def as_numpy(value: ArrayInput, *, name: str) -> np.ndarray:
     return host
 
 
-def check_shape(got: tuple[int, ...], wanted: Shape, *, name: str) -> None:
-    """Raise `ArrayError` unless `got` fits `wanted`."""
-    fits = len(got) == len(wanted) and all(isinstance(w, str) or g == w for g, w in zip(got, wanted, strict=False))
+def check_shape(got: tuple[int, ...], expected: Shape, *, name: str) -> None:
+    """Raise `ArrayError` unless `got` matches `expected`."""
+    fits = len(got) == len(expected) and all(isinstance(e, str) or g == e for g, e in zip(got, expected, strict=False))
     if not fits:
-        raise ArrayError(f"{name} must have shape {format_shape(wanted)}, got {got}")
+        raise ArrayError(f"{name} must have shape {format_shape(expected)}, got {got}")
 
 
 def empty(shape: tuple[int, ...], dtype: type, *, name: str, device: wp.Device) -> wp.array:
@@ -140,8 +140,8 @@ def empty(shape: tuple[int, ...], dtype: type, *, name: str, device: wp.Device) 
     except (MemoryError, RuntimeError, ValueError) as error:
         gigabytes = np.prod(shape, dtype=np.float64) * wp.types.type_size_in_bytes(dtype) / 1e9
         raise ArrayError(
-            f"{name} of shape {shape} needs {gigabytes:.1f} GB on {device}, which could not be had ({error}); "
-            "render fewer views at a time"
+            f"{name} of shape {shape} needs {gigabytes:.1f} GB on {device}, which cannot be allocated ({error}). "
+            "Render fewer views at a time."
         ) from None
 
 

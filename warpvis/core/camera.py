@@ -128,7 +128,7 @@ class Camera(CameraMakers):
         if not isinstance(made, cls):
             name = "the free camera" if camera == -1 else f"camera {camera!r}"
             raise CameraError(
-                f"{name} is orthographic: warpvis.mujoco.camera_from_mujoco makes an OrthographicCamera of it"
+                f"{name} is orthographic. Use warpvis.mujoco.camera_from_mujoco to create an OrthographicCamera."
             )
         return made
 
@@ -166,8 +166,8 @@ class Camera(CameraMakers):
         """Create a camera from a ``sensor_msgs/CameraInfo`` of ROS 2, rosbags or ROS 1.
 
         Binning and region of interest change size and intrinsics as in `image_geometry`. The message's pixel centers
-        are
-        at integer coordinates. Issue a warning if the camera is the second of a stereo pair, offset from its frame.
+        are at integer coordinates. A warning is issued if the camera is the second of a stereo pair, offset from its
+        frame.
 
         Args:
             message: The message, or any object with its fields.
@@ -293,11 +293,11 @@ def clip_inv_z(near: float) -> float:
     """Return the greatest 1 / z, in single precision, for which 1 / (1 / z) is at least `near`."""
     import numpy as np
 
-    least, one = np.float32(near), np.float32(1)
-    most = one / least
-    while one / most < least:
-        most = np.nextafter(most, np.float32(0))
-    return float(most)
+    min_z, one = np.float32(near), np.float32(1)
+    max_inv_z = one / min_z
+    while one / max_inv_z < min_z:
+        max_inv_z = np.nextafter(max_inv_z, np.float32(0))
+    return float(max_inv_z)
 
 
 def check_numbers(camera: Any, positive: str) -> None:
@@ -322,8 +322,7 @@ def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
     """Check that intrinsics are in pixels, and not divided by the image size.
 
     A normalized principal point is in the first pixel, and normalized focal lengths are about 1. Focal lengths in
-    pixels
-    that are less than a 20th of the image size would mean 87 degrees of view to one side of such a point.
+    pixels that are less than a 20th of the image size would mean 87 degrees of view to one side of such a point.
 
     Raises:
         CameraError: If `fx`, `fy`, `cx` and `cy` of `intrinsics` are normalized, or those of an identity matrix.
@@ -391,7 +390,7 @@ def describe_pinhole(camera: Camera) -> str:
 
 
 def require_camera(camera: object) -> Camera:
-    """Return `camera` itself; raise `CameraError` if it is not a pinhole camera."""
+    """Return `camera`, or raise `CameraError` if it is not a pinhole camera."""
     if not isinstance(camera, Camera):
         if isinstance(camera, RayCamera):
             raise CameraError(

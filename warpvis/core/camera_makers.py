@@ -204,6 +204,6 @@ class CameraMakers:
         entry = check_mapping(fields, "fields", CameraError)
         missing = [name for name in ("fl_x", "fl_y", "cx", "cy", "w", "h") if entry.get(name) is None]
         if missing:
-            raise CameraError(f"a camera of nerfstudio needs fl_x, fl_y, cx, cy, w and h, and {missing[0]} is missing")
+            raise CameraError(f"fields must contain fl_x, fl_y, cx, cy, w and h, missing {missing[0]}")
         lens = lens_from_nerfstudio(entry, (entry["w"], entry["h"]), [entry[n] for n in ("fl_x", "fl_y", "cx", "cy")])
         return camera_of(lens, entry["w"], entry["h"], near=near, far=far, kind=kind)

@@ -34,8 +34,7 @@ def read_depth(
     """Return a camera's depth images, shape ``(V, H, W)``, as an array on a device; by default the device they are on.
 
     The unit of arrays in host memory is checked, see `check_meters`. Arrays on a GPU are not examined, because that
-    would
-    require synchronization.
+    would require synchronization.
 
     Args:
         depth: The images [m].
@@ -63,10 +62,9 @@ def check_meters(depth: NDArray, name: str, near: float, far: float) -> None:
     """Check that depth is a float array in meters whose values are not obviously millimeters.
 
     With a finite `far`, values are millimeters if nearly all of them exceed it, most of them tenfold, and a thousandth
-    of
-    most values is between `near` and `far`. With an infinite `far`, values are millimeters if all of them are integers
-    and
-    many of them are different. NaN, infinities, 0 and negative values are not measurements and are ignored.
+    of most values is between `near` and `far`. With an infinite `far`, values are millimeters if all of them are
+    integers and many of them are different. NaN, infinities, 0 and negative values are not measurements and are
+    ignored.
 
     Args:
         depth: Depth of any shape, in host memory.
@@ -79,7 +77,7 @@ def check_meters(depth: NDArray, name: str, near: float, far: float) -> None:
     """
     if depth.dtype.kind != "f":
         raise ArrayError(f"{name} must be in meters, a float array, got {depth.dtype}; divide millimeters by 1000")
-    if not _in_millimeters(_some_of(depth), near, far) or not _in_millimeters(depth, near, far):
+    if not _in_millimeters(_sample(depth), near, far) or not _in_millimeters(depth, near, far):
         return
     median = float(np.median(_measured(depth)))
     if math.isinf(far):
@@ -93,7 +91,7 @@ def check_meters(depth: NDArray, name: str, near: float, far: float) -> None:
     )
 
 
-def _some_of(depth: NDArray) -> NDArray:
+def _sample(depth: NDArray) -> NDArray:
     """Return the pixels of a regular grid in each image, about `_SAMPLE` in total."""
     if depth.ndim < 2 or not depth.size:
         return depth
@@ -116,8 +114,8 @@ def _in_millimeters(depth: NDArray, near: float, far: float) -> bool:
         return len(np.unique(values)) >= _MANY_WHOLE_NUMBERS
     if np.mean(values > far) < _NEARLY_ALL or np.mean(values > _FAR_BEYOND * far) < _MOST:
         return False
-    least = 1e3 * max(near, _MIN_MILLIMETER_DEPTH)
-    return bool(np.mean((values >= least) & (values <= 1e3 * far)) >= _MOST)
+    lower = 1e3 * max(near, _MIN_MILLIMETER_DEPTH)
+    return bool(np.mean((values >= lower) & (values <= 1e3 * far)) >= _MOST)
 
 
 def read_labels(labels: ArrayInput, shape: tuple[int, ...], device: wp.Device) -> wp.array:

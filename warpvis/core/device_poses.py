@@ -10,21 +10,21 @@ from warpvis.core.kernel_cache import launch
 from warpvis.core.types import PoseLike
 from warpvis.errors import PoseError
 
-_NO_TURN = (0.0, 0.0, 0.0, 1.0)
+_NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
 
-def parse_on_device(poses: wp.array, turn: tuple[float, ...] | None, device: wp.Device, name: str) -> wp.array:
+def parse_on_device(poses: wp.array, rotation: tuple[float, ...] | None, device: wp.Device, name: str) -> wp.array:
     """Check shape, dtype and device of poses on a GPU, and rotate each frame by a quaternion; see `parse_poses`."""
     from warpvis.kernels import poses as kernels
 
     if poses.device != device:
         raise PoseError(f"{name} must be on device {device}, got {poses.device}")
     matrices, poses = _as_poses(poses, name)
-    if not matrices and turn is None:
+    if not matrices and rotation is None:
         return poses
     kernel = kernels.poses_from_matrices if matrices else kernels.poses_to_opencv
     out = wp.empty(poses.shape, dtype=wp.transform, device=device)
-    launch(kernel, poses.shape, [poses, wp.quat(*(turn or _NO_TURN)), out], device)
+    launch(kernel, poses.shape, [poses, wp.quat(*(rotation or _NO_ROTATION)), out], device)
     return out
 
 

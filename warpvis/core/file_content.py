@@ -21,12 +21,12 @@ _HEAD = 512
 """Number of bytes that identify the content of a file."""
 
 
-def require_content(source: Path | bytes, wanted: str, *, name: object = None, images: bool = True) -> None:
+def require_content(source: Path | bytes, expected: str, *, name: object = None, images: bool = True) -> None:
     """Reject a file that contains a git-lfs pointer, an HTML page or an image instead of the expected content.
 
     Args:
         source: A file, or its bytes. Unreadable files are not reported here, but by their reader.
-        wanted: Expected content, such as "a mesh".
+        expected: Expected content, such as "a mesh".
         name: Name of the file in error messages; its path by default.
         images: Whether images are rejected, too.
 
@@ -35,13 +35,13 @@ def require_content(source: Path | bytes, wanted: str, *, name: object = None, i
     """
     head, name = _head(source), source if name is None else name
     if head.startswith(_GIT_LFS):
-        raise FileFormatError(f"{name}: is a git-lfs pointer, not {wanted}. Run `git lfs pull`.")
+        raise FileFormatError(f"{name}: is a git-lfs pointer, not {expected}. Run `git lfs pull`.")
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
     if text.startswith(_PAGES) or (text.startswith(b"<?xml") and any(page in text for page in _PAGES)):
-        raise FileFormatError(f"{name}: is an HTML page, not {wanted}. Download the file that the page shows.")
+        raise FileFormatError(f"{name}: is an HTML page, not {expected}. Download the file that the page shows.")
     image = next((kind for magic, kind in _IMAGES.items() if images and head.startswith(magic)), None)
     if image is not None:
-        raise FileFormatError(f"{name}: is {image}, not {wanted}")
+        raise FileFormatError(f"{name}: is {image}, not {expected}")
 
 
 def is_file(path: Path) -> bool:

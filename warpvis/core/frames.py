@@ -58,17 +58,17 @@ class Frames:
         if self.camera is not None:
             require_image_camera(self.camera)
         if not isinstance(self.source, Mapping):
-            raise ArrayError(f"source must be a mapping of what JSON can hold, got {self.source!r}")
+            raise ArrayError(f"source must be a mapping of JSON values, got {self.source!r}")
         if self.object_poses is None:
             if self.world_index is not None:
-                raise ArrayError("world_index says which of object_poses a frame has, so give object_poses")
+                raise ArrayError("object_poses must be given with world_index, which contains indices into them")
             return
         worlds = _length(self.object_poses, "object_poses", (None, None, 7))
         if self.world_index is None:
             if worlds not in (1, count):
                 raise ArrayError(
-                    f"object_poses are of {pluralize(worlds, 'world')} for {pluralize(count, 'frame')}; "
-                    "give each frame's world_index"
+                    f"object_poses must be of 1 world or of {pluralize(count, 'world')}, one per frame, got {worlds}. "
+                    "Pass world_index for any other number."
                 )
             return
         _length(self.world_index, "world_index", (count,))
@@ -84,7 +84,7 @@ class Frames:
             ArrayError: If `part` is not a slice.
         """
         if not isinstance(part, slice):
-            raise ArrayError(f"frames are cut by slices, frames[a:b], got {part!r}")
+            raise ArrayError(f"frames must be indexed by a slice, frames[a:b], got {part!r}")
         objects = self.object_poses
         if objects is not None and self.world_index is None and len(objects) > 1:
             objects = objects[part]
@@ -99,13 +99,13 @@ class Frames:
         """
         if camera is None:
             if self.camera is None:
-                raise CameraError("the frames do not say which camera they are for, so give one")
+                raise CameraError("camera must be given because the frames define none")
             return self.camera
         require_image_camera(camera)
         if self.camera is not None and not same_pixels(camera, self.camera):
             raise CameraError(
-                f"the frames are of a camera of {describe_pixels(self.camera)}, and the given one is of "
-                f"{describe_pixels(camera)}; leave it out, or drop the frames' own: "
+                f"camera must have the pixels of the frames' camera, {describe_pixels(self.camera)}, got "
+                f"{describe_pixels(camera)}. Leave it out, or remove the camera of the frames: "
                 "dataclasses.replace(frames, camera=None), on the command line --replace-camera"
             )
         return camera
@@ -154,8 +154,8 @@ class Frames:
             worlds = _check_world(world_index, count, objects)
         elif objects is not None and len(objects) not in (1, count):
             raise ArrayError(
-                f"object_poses are of {pluralize(len(objects), 'world')} for {pluralize(count, 'frame')}; "
-                "give each frame's world_index"
+                f"object_poses must be of 1 world or of {pluralize(count, 'world')}, one per frame, got "
+                f"{len(objects)}. Pass world_index for any other number."
             )
         return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source), camera)
 
@@ -167,13 +167,13 @@ def _length(array: np.ndarray, name: str, shape: tuple[int | None, ...]) -> int:
         ArrayError: If `array` is not a NumPy array of numbers, or has another shape; None in `shape` matches any
             length.
     """
-    wanted = "(" + ", ".join("n" if size is None else str(size) for size in shape) + ("," * (len(shape) == 1)) + ")"
+    expected = "(" + ", ".join("n" if size is None else str(size) for size in shape) + ("," * (len(shape) == 1)) + ")"
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
         raise ArrayError(
-            f"{name} of frames must be a NumPy array of numbers, shape {wanted}, got {type(array).__name__}"
+            f"{name} of frames must be a NumPy array of numbers, shape {expected}, got {type(array).__name__}"
         )
     if array.ndim != len(shape) or any(size not in (None, got) for size, got in zip(shape, array.shape, strict=True)):
-        raise ArrayError(f"{name} of frames must have shape {wanted}, got {array.shape}")
+        raise ArrayError(f"{name} of frames must have shape {expected}, got {array.shape}")
     return len(array)
 
 
@@ -214,12 +214,12 @@ def _object_rows(poses: PoseLike) -> NDArray[np.float32]:
 def _check_size(array: NDArray[np.float64], name: str) -> None:
     """Raise `PoseError` if values are not finite, or too large to be squared in single precision."""
     with np.errstate(invalid="ignore"):
-        fine = np.less_equal(np.abs(np.atleast_1d(array)), FARTHEST)
-    fine = np.all(fine.reshape(len(fine), -1), axis=1)
-    bad = np.flatnonzero(~fine)
+        valid = np.less_equal(np.abs(np.atleast_1d(array)), FARTHEST)
+    valid = np.all(valid.reshape(len(valid), -1), axis=1)
+    bad = np.flatnonzero(~valid)
     if len(bad):
         raise PoseError(
-            f"{name} must be finite numbers of at most 1e18: {len(bad)} of {len(fine)} are not, the first at index "
+            f"{name} must be finite numbers of at most 1e18: {len(bad)} of {len(valid)} are not, the first at index "
             f"{bad[0]}"
         )
 
@@ -229,7 +229,9 @@ def _check_timestamps(timestamps: ArrayInput | None, count: int) -> NDArray[np.f
         return np.arange(count, dtype=np.float64)
     times = _host(timestamps, "timestamps")
     if times.dtype.kind == "b" or times.shape != (count,):
-        raise ArrayError(f"timestamps must be {count} seconds, one a frame, got {times.dtype} of shape {times.shape}")
+        raise ArrayError(
+            f"timestamps must be {count} numbers of seconds, one per frame, got {times.dtype} of shape {times.shape}"
+        )
     times = times.astype(np.float64)
     bad = np.flatnonzero(~np.isfinite(times))
     if len(bad):
@@ -239,11 +241,11 @@ def _check_timestamps(timestamps: ArrayInput | None, count: int) -> NDArray[np.f
 
 def _check_world(world_index: ArrayInput | None, count: int, objects: NDArray[np.float32] | None) -> NDArray[np.int32]:
     if objects is None:
-        raise ArrayError("world_index says which of object_poses a frame has, so give object_poses")
+        raise ArrayError("object_poses must be given with world_index, which contains indices into them")
     worlds = _host(world_index, "world_index")
     if worlds.dtype.kind not in "iu" or worlds.shape != (count,):
         raise ArrayError(
-            f"world_index must be {count} whole numbers, one a frame, got {worlds.dtype} of shape {worlds.shape}"
+            f"world_index must be {count} whole numbers, one per frame, got {worlds.dtype} of shape {worlds.shape}"
         )
     bad = np.flatnonzero((worlds < 0) | (worlds >= len(objects)))
     if len(bad):
@@ -263,7 +265,7 @@ def _check_source(source: Mapping[str, Json] | None) -> dict[str, Json]:
             return json.loads(json.dumps(dict(source), allow_nan=False))
     except (TypeError, ValueError):
         pass
-    raise ArrayError(f"source must be a mapping of what JSON can hold, got {source!r}")
+    raise ArrayError(f"source must be a mapping of JSON values, got {source!r}")
 
 
 def _host(value: ArrayInput, name: str) -> np.ndarray:

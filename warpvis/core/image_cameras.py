@@ -19,7 +19,7 @@ ImageCamera: TypeAlias = Camera | LensedCamera
 
 
 def require_image_camera(camera: object) -> ImageCamera:
-    """Return `camera` itself; raise `CameraError` if it is neither a pinhole nor a camera with a lens."""
+    """Return `camera`, or raise `CameraError` if it is neither a pinhole nor a camera with a lens."""
     if not isinstance(camera, Camera | LensedCamera):
         kinds = "a warpvis.Camera or a warpvis.sensors.LensCamera"
         why = f": {camera.taken_by}" if isinstance(camera, RayCamera) else ""

@@ -26,6 +26,6 @@ def read_json(path: Path) -> Json:
     except json.JSONDecodeError as error:
         raise FileFormatError(f"{path}:{error.lineno}: is not JSON: {error.msg}") from None
     except RecursionError:
-        raise FileFormatError(f"{path}: is not JSON that can be read: it is nested too deeply") from None
+        raise FileFormatError(f"{path}: cannot be read as JSON: it is nested too deeply") from None
     except ValueError as error:  # an integer with thousands of digits
-        raise FileFormatError(f"{path}: is not JSON that can be read: {error}") from None
+        raise FileFormatError(f"{path}: cannot be read as JSON: {error}") from None

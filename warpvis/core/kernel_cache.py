@@ -23,13 +23,13 @@ from warpvis.core.types import KernelArguments
 _logger = logging.getLogger("warpvis")
 
 # Seconds of waiting before a message about another process; also the interval of progress messages.
-_PATIENCE = 1.0
-_USUALLY = {True: "about 10 s", False: "about 20 s"}  # on a CPU, for a GPU
+_MESSAGE_INTERVAL = 1.0
+_TYPICAL_DURATION = {True: "about 10 s", False: "about 20 s"}  # on a CPU, for a GPU
 
 _CUDA_BLOCK = 256  # of `wp.launch`
 
 _load_lock = Lock()
-_said: set[str] = set()
+_logged: set[str] = set()
 _compiling = 0
 
 
@@ -44,17 +44,16 @@ def launch(
 ) -> Any:
     """Launch a kernel as `wp.launch` does, after `load_module`."""
     load_module(kernel, device, block_dim)
-    # Warp 1.17 takes None for no size of a block.
+    # Warp 1.17 does not accept None as a block size.
     block = {} if block_dim is None else {"block_dim": block_dim}
     return wp.launch(kernel, dim=dim, inputs=inputs, device=device, record_cmd=record_cmd, **block)
 
 
 def load_module(kernel: wp.Kernel, device: wp.Device | None = None, block_dim: int | None = None) -> None:
-    """Load a kernel's module, after compiling it where the cache does not have it.
+    """Load a kernel's module, after compiling it if the cache does not contain it.
 
     Threads must not load a module concurrently, and a file lock in the cache lets other processes wait for the first
-    one
-    instead of compiling again. The operating system releases the lock when its process ends, even after a crash.
+    one instead of compiling again. The operating system releases the lock when its process ends, even after a crash.
 
     Args:
         kernel: The kernel.
@@ -71,7 +70,7 @@ def load_module(kernel: wp.Kernel, device: wp.Device | None = None, block_dim: i
         if _is_compiled(module, device, variant):
             _load(module, device, variant)
             return
-    _finish_elsewhere(module, device, variant)
+    _compile_on_thread(module, device, variant)
 
 
 def init_warp() -> None:
@@ -94,7 +93,7 @@ def _load(module: Any, device: wp.Device, variant: int) -> None:
     wp.load_module(module, device, block_dim=variant)
 
 
-def _finish_elsewhere(module: Any, device: wp.Device, variant: int) -> None:
+def _compile_on_thread(module: Any, device: wp.Device, variant: int) -> None:
     """Compile on a separate thread and wait for it: compilation blocks Ctrl-C, waiting for an event does not."""
     done, failures = Event(), list[BaseException]()
 
@@ -121,16 +120,16 @@ def _compile(module: Any, device: wp.Device, variant: int) -> None:
     if _is_compiled(module, device, variant):
         _load(module, device, variant)
         return
-    _say("compiling", f"compiling kernels, once: {_USUALLY[device.is_cpu]}")
+    _log_once("compiling", f"compiling kernels, once: {_TYPICAL_DURATION[device.is_cpu]}")
     name, start = module.name.rpartition(".")[2], time.perf_counter()
-    with _counting(name, start):
+    with _show_progress(name, start):
         _load(module, device, variant)
     seconds = time.perf_counter() - start
     _logger.info("compiled kernels of %s for %s in %.1f s", name, device.alias, seconds)
 
 
 @contextlib.contextmanager
-def _counting(name: str, start: float) -> Iterator[None]:
+def _show_progress(name: str, start: float) -> Iterator[None]:
     """Print elapsed seconds on a terminal."""
     if not _on_terminal():
         yield
@@ -138,7 +137,7 @@ def _counting(name: str, start: float) -> Iterator[None]:
     done = Event()
 
     def count() -> None:
-        while not done.wait(_PATIENCE):
+        while not done.wait(_MESSAGE_INTERVAL):
             print(f"\r  {name} {time.perf_counter() - start:3.0f} s", end="", file=sys.stderr, flush=True)
 
     counter = Thread(target=count, name="warpvis-progress", daemon=True)
@@ -159,12 +158,12 @@ def _one_process(module: Any) -> Iterator[None]:
     folder = _writable_cache() / "warpvis-locks"
     folder.mkdir(exist_ok=True)
     # One lock for all devices and variants: Warp stores them in one folder.
-    lock = FileLock(folder / f"{module.name}.lock", timeout=_PATIENCE)
+    lock = FileLock(folder / f"{module.name}.lock", timeout=_MESSAGE_INTERVAL)
     try:
         try:
             lock.acquire()
         except Timeout:
-            _say("waiting", "waiting for another process to compile the kernels")
+            _log_once("waiting", "waiting for another process to compile the kernels")
             lock.acquire(timeout=-1)
     except (OSError, NotImplementedError) as error:
         # The file system does not support locks: several processes may compile.
@@ -203,8 +202,8 @@ def _use_temporary_cache(error: OSError) -> Path:
     folder = base / wp.config.version
     folder.mkdir(exist_ok=True)
     warnings.warn(
-        f"Warp's cache cannot be written to ({error}); kernels are compiled into {folder}; "
-        "WARP_CACHE_PATH may name another folder",
+        f"Warp's cache is not writable ({error}). Kernels are compiled to {folder}. Set WARP_CACHE_PATH to use another "
+        "folder.",
         stacklevel=2,
     )
     for entry in Path(old or folder).glob("wp_*"):
@@ -214,11 +213,11 @@ def _use_temporary_cache(error: OSError) -> Path:
     return folder
 
 
-def _say(kind: str, sentence: str) -> None:
+def _log_once(kind: str, sentence: str) -> None:
     """Write a sentence to the log and to a terminal, once."""
-    if kind in _said:
+    if kind in _logged:
         return
-    _said.add(kind)
+    _logged.add(kind)
     _logger.info(sentence)
     if _on_terminal():
         print(f"warpvis: {sentence}", file=sys.stderr, flush=True)

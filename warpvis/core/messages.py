@@ -70,9 +70,9 @@ class MessageMaker:
         try:
             return self._types.types[kind](**fields)
         except KeyError:
-            raise MessageError(f"types have no {kind}: take a store of ROS 2, such as Stores.ROS2_JAZZY") from None
+            raise MessageError(f"types must contain {kind}. Use a store of ROS 2, such as Stores.ROS2_JAZZY.") from None
         except TypeError as error:
-            raise MessageError(f"types have another {kind} than ROS 2 ({error}): take Stores.ROS2_JAZZY") from None
+            raise MessageError(f"types must define {kind} as in ROS 2 ({error}). Use Stores.ROS2_JAZZY.") from None
 
     def sequence(self, values: NDArray[Any]) -> Any:
         """Convert numbers to the type of a sequence field; rosbags uses the NumPy array itself.
@@ -139,7 +139,7 @@ def _ros_class(kind: str) -> Any:
         return getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError):
         raise MessageError(
-            f"a message {kind} needs ROS 2, which is not on Python's path (source its setup file), or rosbags: "
+            f"{kind} requires ROS 2, which is not on Python's path (source its setup file), or rosbags: "
             "pip install 'warpvis[ros]' and types=get_typestore(Stores.ROS2_JAZZY)"
         ) from None
 
@@ -157,7 +157,7 @@ def stamp_nanoseconds(stamp: Stamp) -> int:
     """
     if is_number(stamp):
         if not 0 <= stamp < _LAST_SECOND:
-            raise MessageError(f"stamp must be from 0 to {_LAST_SECOND} seconds, as ROS 2 counts, got {stamp!r}")
+            raise MessageError(f"stamp must be from 0 to {_LAST_SECOND} s, the range of ROS 2, got {stamp!r}")
         return nanoseconds(float(stamp))
     for names in (("sec", "nanosec"), ("secs", "nsecs")):
         if all(hasattr(stamp, name) for name in names):
@@ -175,7 +175,7 @@ def field(message: Message, *names: str) -> Any:
     for name in names:
         if hasattr(message, name):
             return getattr(message, name)
-    raise MessageError(f"a message with the field {names[0]} is wanted, got {type(message).__name__}")
+    raise MessageError(f"message must have the field {names[0]}, got {type(message).__name__}")
 
 
 def whole_field(message: Message, name: str) -> int:
@@ -186,7 +186,7 @@ def whole_field(message: Message, name: str) -> int:
     """
     value = field(message, name)
     if not is_number(value) or not math.isfinite(value) or value != int(value) or value < 0:
-        raise MessageError(f"the field {name} of a message must be a whole number from 0 up, got {value!r}")
+        raise MessageError(f"{name} of a message must be a whole number from 0 up, got {value!r}")
     return int(value)
 
 
@@ -216,23 +216,25 @@ def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
     rectified = check_flag(rectified, "rectified", CameraError)
     k = _matrix(field(message, "k", "K"), (3, 3), "K")
     if k[0, 0] == 0:
-        raise CameraError("CameraInfo is of a camera that is not calibrated: its K is zero")
+        raise CameraError("K of CameraInfo must not be zero: the camera is not calibrated")
     p = _matrix(field(message, "p", "P"), (3, 4), "P")
-    bends = bool(_numbers(field(message, "d", "D"), "D").any())
+    is_distorted = bool(_numbers(field(message, "d", "D"), "D").any())
     region = _read_region(message)
     if rectified and p[0, 0] != 0:
         _check_projection(p)
-        straight = not bends and (p[:, :3] == k).all() and _is_plain(_matrix(field(message, "r", "R"), (3, 3), "R"))
-        if region.rectify and not region.whole and not straight:
+        is_rectified = (
+            not is_distorted and (p[:, :3] == k).all() and _is_plain(_matrix(field(message, "r", "R"), (3, 3), "R"))
+        )
+        if region.rectify and not region.whole and not is_rectified:
             raise CameraError(
-                "CameraInfo has a region of interest of the raw image, and does not say which region of the rectified "
-                "image that becomes (do_rectify); rectify the whole image"
+                "CameraInfo has a region of interest of the raw image, but does not define the corresponding region of "
+                "the rectified image (do_rectify). Rectify the whole image."
             )
         k = p[:, :3].copy()
-    elif bends:
-        wanted = "has no P" if rectified else "is of a raw image with distortion"
+    elif is_distorted:
+        problem = "has no P" if rectified else "is of a raw image with distortion"
         raise CameraError(
-            f"CameraInfo {wanted}, and a Camera has no distortion: take the rectified image (image_rect) and its P"
+            f"CameraInfo {problem}, but a Camera has no distortion. Use the rectified image (image_rect) and its P."
         )
     return _in_region(k, region)
 
@@ -249,7 +251,7 @@ def read_raw_camera_info(message: Message) -> tuple[CameraInfo, NDArray[np.float
     """
     k = _matrix(field(message, "k", "K"), (3, 3), "K")
     if k[0, 0] == 0:
-        raise CameraError("CameraInfo is of a camera that is not calibrated: its K is zero")
+        raise CameraError("K of CameraInfo must not be zero: the camera is not calibrated")
     coefficients, model = _numbers(field(message, "d", "D"), "D"), field(message, "distortion_model")
     if not isinstance(model, str):
         raise CameraError(f"distortion_model of CameraInfo must be text, got {model!r}")
@@ -287,12 +289,14 @@ def _read_region(message: Message) -> _Region:
         columns, rows = width, height
     if x + columns > width or y + rows > height or min(columns, rows) < 1:
         raise CameraError(
-            f"CameraInfo has a region of interest of {columns} x {rows} pixels from ({x}, {y}), which is not in its "
-            f"image of {width} x {height}"
+            f"region of interest of CameraInfo must be within its image of {width} x {height} pixels, got {columns} x "
+            f"{rows} pixels from ({x}, {y})"
         )
     binning_x, binning_y = (max(whole_field(message, name), 1) for name in ("binning_x", "binning_y"))
     if binning_x > columns or binning_y > rows:
-        raise CameraError(f"CameraInfo bins {binning_x} x {binning_y} pixels of an image of {columns} x {rows}")
+        raise CameraError(
+            f"binning of CameraInfo must be at most the image size {columns} x {rows}, got {binning_x} x {binning_y}"
+        )
     whole = (columns, rows) == (width, height)
     return _Region(x, y, columns, rows, binning_x, binning_y, whole, bool(field(roi, "do_rectify")))
 
@@ -305,8 +309,8 @@ def _check_projection(p: NDArray[np.float64]) -> None:
         return
     x, y = 0.0 - p[0, 3] / p[0, 0], 0.0 - p[1, 3] / p[1, 1]
     warn_user(
-        f"P of CameraInfo is of the second camera of a stereo pair, which stands at x = {x:.6g} m, y = {y:.6g} m in "
-        "the frame that its header names; a Camera stands where its pose says",
+        f"P of CameraInfo is of the second camera of a stereo pair, at x = {x:.6g} m, y = {y:.6g} m in the frame of "
+        "its header. A Camera ignores this offset: include it in the pose.",
         IntrinsicsWarning,
     )
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Name the images that a renderer makes; nothing heavy is imported, so that the command line can list them."""
+"""Names of the images of a renderer. This module has no expensive imports, because the command line lists them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Literal, get_args
 Output = Literal[
     "depth", "points", "normals", "labels", "segmentation", "faces", "color", "albedo", "reasons", "true_depth"
 ]
-"""Names of images that a renderer makes; `OUTPUTS` says what they hold."""
+"""Names of images of a renderer; `OUTPUTS` defines their contents."""
 
 SENSOR_NAMES = ("reasons", "true_depth")
-"""Those that need the model of a depth camera."""
+"""Images that require a depth-camera model."""
 
 IMAGE_NAMES = tuple(name for name in get_args(Output) if name not in SENSOR_NAMES)
-"""The others."""
+"""Images that do not require one."""
 
 VISIBILITY = "visibility"
-"""The output of datasets that is no image: the results of `warpvis.object_visibility`."""
+"""Output of datasets that is not an image: the results of `warpvis.object_visibility`."""
