@@ -223,7 +223,7 @@ def test_what_is_no_pattern_is_refused(name):
 
 def test_who_brings_a_wide_camera_where_a_lens_is_needed_is_told_where_it_goes():
     camera = wv.rendering.WideCamera(8, 4, 6.0)
-    with pytest.raises(CameraError, match=r"got WideCamera: wv\.render takes it"):
+    with pytest.raises(CameraError, match=r"got WideCamera: wv\.render accepts it"):
         wv.object_visibility(wv.scenes.PRESETS["room"].build(), camera, STRAIGHT)
 
 
