@@ -109,8 +109,8 @@ CASES = {
         "'opencv', 'opengl', 'ros_body', 'ros_optical', got 'blender'",
     ),
     "unknown device": (lambda: wv.core.poses.parse_poses(POSE, device="gpu"), "device 'gpu' is not on this machine"),
-    "look at itself": (lambda: wv.look_at((1, 2, 3), (1, 2, 3)), "must be apart"),
-    "look straight down": (lambda: wv.look_at((0, 0, 1), (0, 0, 0)), "give another up"),
+    "look at itself": (lambda: wv.look_at((1, 2, 3), (1, 2, 3)), "must differ, and not along up"),
+    "look straight down": (lambda: wv.look_at((0, 0, 1), (0, 0, 0)), "Pass another up"),
     "look at NaN": (lambda: wv.look_at((0, 0, 0), (1, 0, np.nan)), "target must be three finite numbers"),
     "up is x": (lambda: wv.look_at((0, 0, 0), (1, 0, 0), up="x"), 'up must be "z" or "y", got \'x\''),
     # Scenes

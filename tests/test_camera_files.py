@@ -188,9 +188,7 @@ def test_the_given_camera_must_be_the_poses_own(tmp_path):
     assert wv.open_dataset(tmp_path / "own").camera == CAMERA
     wv.render_batch(scene, replace(CAMERA, far=5.0), frames, tmp_path / "range")
     assert wv.open_dataset(tmp_path / "range").frames.camera.far == 5.0
-    message = (
-        r"the frames are of a camera of 64x48 pixels, fx=60 .* the given one is of 320x240 pixels.*--replace-camera"
-    )
+    message = r"the pixels of the frames' camera, 64x48 pixels, fx=60 .* got 320x240 pixels.*--replace-camera"
     with pytest.raises(wv.errors.CameraError, match=message):
         wv.render_batch(scene, wv.Camera.kinect(), frames, tmp_path / "other")
     with pytest.raises(wv.errors.CameraError, match="camera must be given because the frames define none"):
@@ -216,7 +214,7 @@ def test_the_command_line_takes_the_poses_camera(tmp_path, monkeypatch, capsys):
     assert run("own")[0] in (0, None)
     same(wv.open_dataset(tmp_path / "own").camera)
     code, said = run("other", "--camera", "kinect")
-    assert code == 2 and "the frames are of a camera of 64x48" in said
+    assert code == 2 and "the pixels of the frames' camera, 64x48" in said
     assert run("replaced", "--camera", "kinect", "--replace-camera")[0] in (0, None)
     assert wv.open_dataset(tmp_path / "replaced").camera == wv.Camera.kinect()
     code, said = run("useless", "--replace-camera")

@@ -304,7 +304,7 @@ def test_frames_have_cameras_with_lenses():
     frames = wv.Frames.from_poses(POSES, camera=camera)
     same = LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, (*PLUMB_BOB, 0, 0, 0)), 64, 48, far=5.0)
     assert frames.choose_camera() is camera and frames[:1].choose_camera(same) is same
-    other = r"the frames are of a camera of 64x48 pixels, OpenCVPinhole\(.*, and the given one is of 64x48 pixels, "
+    other = r"the pixels of the frames' camera, 64x48 pixels, OpenCVPinhole\(.*, got 64x48 pixels, "
     for given in (wv.Camera(64, 48, 52, 50, 32, 24), CAMERAS["four"], replace(camera, kind="range")):
         with pytest.raises(CameraError, match=other):
             frames.choose_camera(given)
