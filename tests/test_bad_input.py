@@ -256,12 +256,12 @@ CASES = {
     "spheres of three": (lambda: wv.classify(DEPTH, KINECT, POSE, spheres=[[1, 2, 3]]), r"shape \(S, 4\)"),
     "negative sigma": (
         lambda: wv.classify(DEPTH, KINECT, POSE, ground_tolerance=-1),
-        "ground_tolerance must be a number of metres from 0 up, got -1",
+        "ground_tolerance must be a number of meters from 0 up, got -1",
     ),
     "NaN ground": (lambda: wv.classify(DEPTH, KINECT, POSE, ground_height=np.nan), "ground_height must be a finite"),
     "negative range": (
         lambda: wv.classify(DEPTH, KINECT, POSE, max_range=-1),
-        "max_range must be a number of metres from 0 up",
+        "max_range must be a number of meters from 0 up",
     ),
     "NumPy out": (lambda: wv.classify(DEPTH, KINECT, POSE, out=LABELS), "out must be a wp.array .* got ndarray"),
     "out of another dtype": (
@@ -316,7 +316,7 @@ CASES = {
     ),
     "map sigma": (
         lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, level_tolerance=-1),
-        "level_tolerance must be a number of metres from 0 up",
+        "level_tolerance must be a number of meters from 0 up",
     ),
     "picture of no kind": (
         lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE).save("map.xyz"),

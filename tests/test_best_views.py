@@ -270,10 +270,10 @@ def test_objects_of_several_worlds_are_refused():
     ("change", "said"),
     [
         ({"center": (0, 0)}, "center must be three finite numbers, got [0.0, 0.0]"),
-        ({"radius": -1}, "radius must be a number of metres from 0 up, got -1"),
-        ({"radius": np.nan}, "radius must be a number of metres from 0 up, got nan"),
-        ({"step": 0}, "step must be a positive number of metres, got 0"),
-        ({"height": np.inf}, "height must be a finite number of metres, got inf"),
+        ({"radius": -1}, "radius must be a number of meters from 0 up, got -1"),
+        ({"radius": np.nan}, "radius must be a number of meters from 0 up, got nan"),
+        ({"step": 0}, "step must be a positive number of meters, got 0"),
+        ({"height": np.inf}, "height must be a finite number of meters, got inf"),
         ({"look_at": (0, np.nan, 0)}, "look_at must be three finite numbers, got "),
         (
             {"step": 1e-6},

@@ -334,13 +334,13 @@ POSES = ("--poses", "poses.txt")
         (("perspective", "lab.glb", *LOOK, "--camera", "none.json", "--out", "x"), "none.json: no such file"),
         (
             ("perspective", "lab.glb", *LOOK, "--max-distance", "-1", "--out", "x"),
-            "--max-distance must be a number of metres from 0 up",
+            "--max-distance must be a number of meters from 0 up",
         ),
         (
             ("perspective", "lab.glb", *LOOK, "--robot-radius", "0"),
-            "--robot-radius must be a positive number of metres",
+            "--robot-radius must be a positive number of meters",
         ),
-        (("perspective", "lab.glb", *LOOK, "--floor", "nan"), "--floor must be a finite number of metres, got nan"),
+        (("perspective", "lab.glb", *LOOK, "--floor", "nan"), "--floor must be a finite number of meters, got nan"),
         (("perspective", "lab.glb", *LOOK, "--out", "lab.glb"), "lab.glb: must be a folder, but is a file"),
         (
             ("perspective", "experiment_1", "--robot", ROBOT, "--scale", "2"),
@@ -353,7 +353,7 @@ POSES = ("--poses", "poses.txt")
         (("check", "lab.glb", *POSES, "--points", "p.csv"), "p.csv: no such file"),
         (
             ("check", "lab.glb", *POSES, "--points", "points.csv", "--tolerance", "-1"),
-            "--tolerance must be a number of metres",
+            "--tolerance must be a number of meters",
         ),
         (
             ("check", "lab.glb", *POSES, "--points", "points.csv", "--objects", "ball"),

@@ -193,7 +193,7 @@ def test_worlds_exclusion_and_batches(device, monkeypatch):
     ("change", "said"),
     [
         ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
-        ({"spacing": 0}, "spacing must be a positive number of metres, got 0"),
+        ({"spacing": 0}, "spacing must be a positive number of meters, got 0"),
         ({"spacing": 1e-9}, "spacing must give at most 1e+08 samples, got 8e+18 with 1e-09 m; use a greater spacing"),
         ({"seed": -1}, "seed must be a whole number from 0 up, got -1"),
         ({"objects": ["ball"]}, "the scene has no object 'ball'; it has 'floor', 'wall'"),
@@ -238,7 +238,7 @@ def test_bad_input_of_samples(change, said):
         ),
         ({"samples": TWO, "weights": [0, 0]}, "weights and areas of samples must not all be zero"),
         ({"exclude": ["floor", "wall"]}, "exclude must not contain all objects if no samples are given"),
-        ({"tolerance": -1}, "tolerance must be a number of metres from 0 up, got -1"),
+        ({"tolerance": -1}, "tolerance must be a number of meters from 0 up, got -1"),
     ],
 )
 def test_bad_input(change, said):

@@ -444,7 +444,7 @@ SMALL = from_xml('<geom name="ball" size="1"/><camera name="eye"/>')
 
 BAD = {
     "no model": (lambda: scene_from_mujoco("model.xml"), "model must be a mujoco.MjModel, got str"),
-    "bad tolerance": (lambda: scene_from_mujoco(SMALL, tolerance=0), "tolerance must be a positive number of metres"),
+    "bad tolerance": (lambda: scene_from_mujoco(SMALL, tolerance=0), "tolerance must be a positive number of meters"),
     "NaN tolerance": (lambda: scene_from_mujoco(SMALL, tolerance=math.nan), "tolerance must be a positive number"),
     "group 6": (lambda: scene_from_mujoco(SMALL, geom_groups=(0, 6)), r"geom_groups must be of 0 to 5, got \(0, 6\)"),
     "bad movable": (lambda: scene_from_mujoco(SMALL, movable="none"), 'movable must be "bodies" or "all"'),

@@ -235,8 +235,8 @@ def test_no_views():
         ({"objects": ["ball", 2]}, "objects must be one or more distinct objects"),
         ({"objects": [8]}, "objects must be names, or indices from 0 to 7, got 8"),
         ({"objects": [True]}, "objects must be names, or indices from 0 to 7, got True"),
-        ({"delta": -1.0}, "delta must be a number of metres from 0 up, got -1.0"),
-        ({"delta": float("nan")}, "delta must be a number of metres from 0 up, got nan"),
+        ({"delta": -1.0}, "delta must be a number of meters from 0 up, got -1.0"),
+        ({"delta": float("nan")}, "delta must be a number of meters from 0 up, got nan"),
         ({"min_pixels": 0}, "min_pixels must be a whole number from 1 up, got 0"),
         (
             {"canvas": (1, 2, 3)},

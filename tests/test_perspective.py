@@ -323,7 +323,7 @@ FOUR = np.tile(ROBOT_EYES, (4, 1))
         ({"objects": []}, "objects must be one or more"),
         ({"min_fraction": 1.5}, "min_fraction must be from 0 to 1, got 1.5"),
         ({"min_pixels": 0}, "min_pixels must be a whole number from 1 up, got 0"),
-        ({"delta": -1}, "delta must be a number of metres from 0 up, got -1"),
+        ({"delta": -1}, "delta must be a number of meters from 0 up, got -1"),
         (
             {"agents": [Agent.kinect("a", FOUR), Agent.kinect("b", FOUR[:3])]},
             "agents and worlds must have one situation or the same number: 'a' has 4 poses, 'b' has 3 poses",

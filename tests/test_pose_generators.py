@@ -302,13 +302,13 @@ BAD = {
         orbit,
         TARGET,
         {"radius": 0, "height": 1, "count": 3},
-        "radius must be a positive number of metres, got",
+        "radius must be a positive number of meters, got",
     ),
     "height": (
         orbit,
         TARGET,
         {"radius": 1, "height": np.inf, "count": 3},
-        "height must be a finite number of metres, g",
+        "height must be a finite number of meters, g",
     ),
     "start": (
         orbit,
@@ -338,7 +338,7 @@ BAD = {
     ),
     "bounds": (grid, BOX[0], {"step": 1}, "bounds must be the lower and upper corner of a box, shape (2, 3), got [0.0"),
     "turned box": (grid, BOX[::-1], {"step": 1}, "bounds must be the lower and upper corner of a box, shape (2, 3), g"),
-    "step": (grid, BOX, {"step": 0}, "step must be a positive number of metres, got 0"),
+    "step": (grid, BOX, {"step": 0}, "step must be a positive number of meters, got 0"),
     "tiny step": (
         grid,
         BOX,
@@ -391,7 +391,7 @@ BAD = {
         random_poses,
         BOX,
         {**RANDOM, "clearance": -1},
-        "clearance must be a number of metres from 0 up, got",
+        "clearance must be a number of meters from 0 up, got",
     ),
     "seed": (random_poses, BOX, {**RANDOM, "seed": -1}, "seed must be a whole number from 0 up, got -1"),
     "look": (random_poses, BOX, {**RANDOM, "look": "up"}, 'look must be "level", "any" or a point of shape (3,), got'),

@@ -99,7 +99,7 @@ ORBIT = "orbit target=0,0,0 radius=1 height=1 count=3"
         ("orbit count=3.5", "count of orbit must be a whole number, got '3.5'"),
         ("orbit count=", "count of orbit must be a whole number, got ''"),
         (ORBIT.replace("count=3", "count=0"), "count must be a whole number from 1 up, got 0"),
-        (ORBIT.replace("radius=1", "radius=-1"), "radius must be a positive number of metres, got -1.0"),
+        (ORBIT.replace("radius=1", "radius=-1"), "radius must be a positive number of meters, got -1.0"),
         (
             "grid bounds=0,0,0,1,1 step=1",
             "bounds of grid must be six finite numbers, the lower and upper corner",

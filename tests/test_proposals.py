@@ -144,10 +144,10 @@ def test_y_up():
             "camera of 'robot' must be a warpvis.Camera",
         ),
         ({"robot": Agent.kinect("robot", scenes.EXPERIMENTS[0].poses(2))}, "'robot' must have one pose, got"),
-        ({"max_distance": -1}, "max_distance must be a number of metres"),
-        ({"step": 0}, "step must be a positive number of metres"),
-        ({"radius": 0}, "radius must be a positive number of metres"),
-        ({"floor": float("nan")}, "floor must be a finite number of metres"),
+        ({"max_distance": -1}, "max_distance must be a number of meters"),
+        ({"step": 0}, "step must be a positive number of meters"),
+        ({"radius": 0}, "radius must be a positive number of meters"),
+        ({"floor": float("nan")}, "floor must be a finite number of meters"),
     ],
 )
 def test_bad_input(change, said):

@@ -153,12 +153,12 @@ def test_another_device_keeps_solids(device):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: solids.sphere(0), "radius of a sphere must be a positive number of metres, got 0"),
+        (lambda: solids.sphere(0), "radius of a sphere must be a positive number of meters, got 0"),
         (lambda: solids.ellipsoid(3), "half_axes of an ellipsoid must be three finite numbers, got 3.0"),
-        (lambda: solids.capsule(-1, 1), "radius of a capsule must be a positive number of metres, got -1"),
-        (lambda: solids.capsule(1, np.nan), "half_length of a capsule must be a positive number of metres, got nan"),
-        (lambda: solids.cylinder("wide", 1), "radius of a cylinder must be a positive number of metres, got 'wide'"),
-        (lambda: solids.cylinder(1, 1, tolerance=0), "tolerance must be a positive number of metres, got 0"),
+        (lambda: solids.capsule(-1, 1), "radius of a capsule must be a positive number of meters, got -1"),
+        (lambda: solids.capsule(1, np.nan), "half_length of a capsule must be a positive number of meters, got nan"),
+        (lambda: solids.cylinder("wide", 1), "radius of a cylinder must be a positive number of meters, got 'wide'"),
+        (lambda: solids.cylinder(1, 1, tolerance=0), "tolerance must be a positive number of meters, got 0"),
     ],
 )
 def test_bad_sizes(make, said):

@@ -299,9 +299,9 @@ UNIT = ((0, 0, 0), (1, 1, 1))
         ({"bounds": ((0, 0, 0), (1, 0, 1))}, "bounds must be the lower and upper corner of a box"),
         ({"bounds": ((0, 0, 0), (1, np.nan, 1))}, "bounds must be the lower and upper corner of a box"),
         ({"bounds": "room"}, "bounds must be an array of numbers"),
-        ({"cell_size": 0}, "cell_size must be a positive number of metres, got 0"),
-        ({"cell_size": np.nan}, "cell_size must be a positive number of metres, got nan"),
-        ({"cell_size": "5 cm"}, "cell_size must be a positive number of metres, got '5 cm'"),
+        ({"cell_size": 0}, "cell_size must be a positive number of meters, got 0"),
+        ({"cell_size": np.nan}, "cell_size must be a positive number of meters, got nan"),
+        ({"cell_size": "5 cm"}, "cell_size must be a positive number of meters, got '5 cm'"),
         (
             {"cell_size": 1e-4},
             "a grid must have at most 2147483647 voxels, got 10000 x 10000 x 10000; use a cell_size greater",
@@ -360,7 +360,7 @@ def test_bad_calls(tmp_path):
     calls = {
         "scene must be a warpvis.Scene, got int": lambda: voxel_map_from_scene(3, CAMERA, POSES),
         "the scene has no objects": lambda: voxel_map_from_scene(wv.Scene(), CAMERA, POSES),
-        "cell_size must be a positive number of metres, got -1": lambda: voxel_map_from_scene(
+        "cell_size must be a positive number of meters, got -1": lambda: voxel_map_from_scene(
             scene, CAMERA, POSES, cell_size=-1
         ),
         "out must be a warpvis.VoxelMap, got int": lambda: voxel_map_from_scene(scene, CAMERA, POSES, out=3),

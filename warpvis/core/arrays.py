@@ -263,8 +263,8 @@ def check_metres(
         or not (signed or value > 0 or (zero and value == 0))
         or not (infinite or math.isfinite(value))
     ):
-        wanted = "a number of metres from 0 up" if zero else "a positive number of metres"
-        raise error(f"{name} must be {'a finite number of metres' if signed else wanted}, got {value!r}")
+        expected = "a number of meters from 0 up" if zero else "a positive number of meters"
+        raise error(f"{name} must be {'a finite number of meters' if signed else expected}, got {value!r}")
     return float(value)
 
 

@@ -368,7 +368,7 @@ def not_unit(rows: np.ndarray) -> NDArray[np.bool_]:
 
 
 def wrong_length(row: np.ndarray) -> str:
-    """Return the end of a message for a row that is `not_unit`, with a hint if the quaternion seems to come first."""
+    """Return the end of a message for a row that is `not_unit`, with a hint if the quaternion comes first."""
     length = float(np.linalg.norm(row[3:].astype(np.float64)))
     swapped = (
         length > LENGTH_TOLERANCE and abs(float(np.linalg.norm(row[:4].astype(np.float64))) - 1) <= LENGTH_TOLERANCE
