@@ -43,7 +43,7 @@ def site_poses(poses: WorldPoses) -> NDArray[np.float32]:
     matrices = np.tile(np.eye(4), (len(poses.site_xpos), 1, 1))
     matrices[:, :3, :3] = np.asarray(poses.site_xmat)[:, 0].reshape(-1, 3, 3)
     matrices[:, :3, 3] = np.asarray(poses.site_xpos)[:, 0]
-    turned = wv.core.poses.turn_poses(matrices, "ros_body", "ros_body")
+    turned = wv.core.poses.convert_axes(matrices, "ros_body", "ros_body")
     return turned.astype(np.float32)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.batch.formats._base import VISIBILITY_ARRAYS
-from warpvis.core.arrays import as_numpy, check_metres, get_device
+from warpvis.core.arrays import as_numpy, check_length, get_device
 from warpvis.core.checks import as_items, check_flag, check_mapping
 from warpvis.core.outputs import VISIBILITY
 from warpvis.core.types import DeviceLike
@@ -115,7 +115,7 @@ class FrameRenderer:
             self.scene,
             eye,
             objects=choose_objects(self.scene, objects) if VISIBILITY in self.outputs else None,
-            delta=check_metres(delta, "delta"),
+            delta=check_length(delta, "delta"),
             masks=check_flag(masks, "masks"),
             exclude=self._exclude,
             caster=caster,

@@ -66,7 +66,7 @@ def describe(scene: Scene) -> str:
     """Return a scene's size, labels and memory, and a hint if its unit seems to be millimeters."""
     import numpy as np
 
-    from warpvis.scene import looks_like_millimetres
+    from warpvis.scene import looks_like_millimeters
 
     if not len(scene):
         return "empty"
@@ -82,7 +82,7 @@ def describe(scene: Scene) -> str:
         f"labels  {', '.join(f'{name} {count}' for name, count in labels.most_common())}",
         f"memory  {f'about {memory / 1e6:.3g}' if memory >= 1e5 else 'less than 0.1'} MB with its trees",
     ]
-    if looks_like_millimetres(size):
+    if looks_like_millimeters(size):
         scaled = " x ".join(f"{side / 1000:.3g}" for side in size)
         lines.append(f"units   possibly millimeters: with --scale 0.001 it spans {scaled} m")
     return "\n".join(lines)

@@ -64,14 +64,14 @@ class Perspective(ViewpointOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from warpvis.core.arrays import check_metres
+        from warpvis.core.arrays import check_length
         from warpvis.core.labels import Label
         from warpvis.planning import propose_view
         from warpvis.visibility import State, perspective
 
-        max_distance = check_metres(self.max_distance, "--max-distance")
-        radius = check_metres(self.robot_radius, "--robot-radius", zero=False)
-        floor = check_metres(self.floor, "--floor", signed=True)
+        max_distance = check_length(self.max_distance, "--max-distance")
+        radius = check_length(self.robot_radius, "--robot-radius", zero=False)
+        floor = check_length(self.floor, "--floor", signed=True)
         scene, robot, human = self._read()
         bodies = {*robot.body, *human.body}
         if any(item.label == Label.OBJECT and item.name not in bodies for item in scene):

@@ -243,7 +243,7 @@ def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError
     return point
 
 
-def check_metres(
+def check_length(
     value: object,
     name: str,
     *,

@@ -394,7 +394,7 @@ def require_camera(camera: object) -> Camera:
     if not isinstance(camera, Camera):
         if isinstance(camera, RayCamera):
             raise CameraError(
-                f"camera must be a pinhole here, a warpvis.Camera, got a {type(camera).__name__}: {camera.taken_by}"
+                f"camera must be a pinhole here, a warpvis.Camera, got a {type(camera).__name__}: {camera.usage_hint}"
             )
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
     return camera

@@ -20,10 +20,10 @@ from warpvis.core.poses import (
     Convention,
     QuaternionOrder,
     check_convention,
-    not_unit,
+    describe_wrong_length,
+    is_not_unit,
     poses_to_opencv,
     to_xyzw,
-    wrong_length,
 )
 from warpvis.core.types import ArrayInput, Json, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, CameraError, PoseError
@@ -204,10 +204,10 @@ def _object_rows(poses: PoseLike) -> NDArray[np.float32]:
         )
     _check_size(given.astype(np.float64), "object_poses")
     rows = given.astype(np.float32)
-    bad = np.argwhere(not_unit(rows))
+    bad = np.argwhere(is_not_unit(rows))
     if len(bad):
         where = ", ".join(f"object {m} in world {w}" for w, m in bad[:3])
-        raise PoseError(f"object_poses {wrong_length(rows[tuple(bad[0])])}: wrong in {len(bad)}, of {where}")
+        raise PoseError(f"object_poses {describe_wrong_length(rows[tuple(bad[0])])}: wrong in {len(bad)}, of {where}")
     return rows
 
 

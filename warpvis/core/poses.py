@@ -201,7 +201,7 @@ def poses_to_opencv(poses: ArrayLike, convention: Convention = "opencv", *, name
     return _rotate_frames(poses, _axes_rotation(convention, "opencv"), name)
 
 
-def turn_poses(poses: ArrayLike, convention: Convention, axes: Convention) -> NDArray[np.float64]:
+def convert_axes(poses: ArrayLike, convention: Convention, axes: Convention) -> NDArray[np.float64]:
     """Convert poses on the host from one convention to another; return checked, normalized rows, shape ``(V, 7)``."""
     return _rotate_frames(poses, _axes_rotation(convention, axes), "poses")
 
@@ -360,15 +360,15 @@ def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArra
     )
 
 
-def not_unit(rows: np.ndarray) -> NDArray[np.bool_]:
+def is_not_unit(rows: np.ndarray) -> NDArray[np.bool_]:
     """Return which rows ``x y z qx qy qz qw`` have a quaternion whose length is not 1, or NaN."""
     with np.errstate(invalid="ignore", over="ignore"):
         length = np.linalg.norm(rows[..., 3:].astype(np.float64), axis=-1)
         return ~(np.abs(length - 1) <= LENGTH_TOLERANCE)
 
 
-def wrong_length(row: np.ndarray) -> str:
-    """Return the end of a message for a row that is `not_unit`, with a hint if the quaternion comes first."""
+def describe_wrong_length(row: np.ndarray) -> str:
+    """Return the end of a message for a row that is `is_not_unit`, with a hint if the quaternion comes first."""
     length = float(np.linalg.norm(row[3:].astype(np.float64)))
     swapped = (
         length > LENGTH_TOLERANCE and abs(float(np.linalg.norm(row[:4].astype(np.float64))) - 1) <= LENGTH_TOLERANCE
@@ -381,9 +381,9 @@ def wrong_length(row: np.ndarray) -> str:
 
 def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     _reject(name, ~np.isfinite(rows).all(axis=1), "must be finite")
-    bad = not_unit(rows)
+    bad = is_not_unit(rows)
     if bad.any():
-        _reject(name, bad, wrong_length(rows[bad.argmax()]))
+        _reject(name, bad, describe_wrong_length(rows[bad.argmax()]))
     length = np.linalg.norm(rows[:, 3:], axis=1)
     return np.concatenate([rows[:, :3], rows[:, 3:] / length[:, None]], axis=1)
 

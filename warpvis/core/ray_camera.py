@@ -53,7 +53,7 @@ class RayCamera(ABC):
     OpenCV axes, rays with a common origin, and images of that width and height.
     """
 
-    taken_by = "its rays have no image. wv.render accepts it, and its views have points and labels."
+    usage_hint = "its rays have no image. wv.render accepts it, and its views have points and labels."
     """Text for error messages: functions that accept the camera."""
     axes: Convention = "opencv"
     width: int
@@ -130,7 +130,7 @@ class RayCamera(ABC):
 class LensedCamera(RayCamera):
     """A `RayCamera` with a lens, so that points can be projected to its image."""
 
-    taken_by = "rendering, datasets, points, back-projection, classification and maps accept lenses"
+    usage_hint = "rendering, datasets, points, back-projection, classification and maps accept lenses"
     lens: Any
     """Mapping of directions to image points; equal lenses have equal images."""
 

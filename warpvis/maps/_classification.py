@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-from warpvis.core.arrays import as_numpy, as_warp, check_metres, check_out, empty, on_gpu
+from warpvis.core.arrays import as_numpy, as_warp, check_length, check_out, empty, on_gpu
 from warpvis.core.depth_images import read_depth
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.labels import Label, LabelNames
@@ -44,7 +44,7 @@ class Sphere:
         center = as_numpy(self.center, name="center of a sphere")
         if center.shape != (3,) or not np.isfinite(center).all():
             raise SceneError(f"center of a sphere must be three finite numbers, got {center.tolist()}")
-        check_metres(self.diameter, "diameter of a sphere", zero=False, error=SceneError)
+        check_length(self.diameter, "diameter of a sphere", zero=False, error=SceneError)
         object.__setattr__(self, "center", tuple(map(float, center)))
         object.__setattr__(self, "label", LabelNames().number(self.label))
 
@@ -142,7 +142,7 @@ def classify(
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device, max_range)
     ground = kernels.Ground()
     ground.up = check_up(up)
-    ground.sigma = check_metres(ground_tolerance, "ground_tolerance", infinite=True)
+    ground.sigma = check_length(ground_tolerance, "ground_tolerance", infinite=True)
     ground.height = _check_finite(ground_height, "ground_height")
     reach = _check_range(max_range, camera)
     balls, sphere_count = _device_spheres(spheres, depth.device)
@@ -181,7 +181,7 @@ def classify_rendered(
     require_scene(scene)
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
     objects = _read_objects(objects, depth, scene)
-    reach = check_metres(max_range, "max_range", infinite=True)
+    reach = check_length(max_range, "max_range", infinite=True)
     labels = _allocate(out, wp.uint8, depth, "out")
     launch_label_objects(scene.object_labels(), depth, objects, reach, labels, threads)
     return labels
@@ -246,8 +246,8 @@ def _allocate(out: wp.array | None, dtype: type, like: wp.array, name: str) -> w
 
 
 def _check_range(max_range: float | None, camera: ImageCamera) -> float:
-    return camera.far if max_range is None else check_metres(max_range, "max_range", infinite=True)
+    return camera.far if max_range is None else check_length(max_range, "max_range", infinite=True)
 
 
 def _check_finite(value: float, name: str) -> float:
-    return check_metres(value, name, signed=True)
+    return check_length(value, name, signed=True)

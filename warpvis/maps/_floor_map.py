@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, as_warp, check_metres, empty, get_device
+from warpvis.core.arrays import as_numpy, as_warp, check_length, empty, get_device
 from warpvis.core.checks import is_whole
 from warpvis.core.depth_images import read_labels
 from warpvis.core.labels import Label, LabelNames
@@ -161,7 +161,7 @@ def map_numbers(
     grid.origin, grid.cell, grid.level = (
         wp.vec2(*low),
         cell_size,
-        check_metres(level_tolerance, "level_tolerance", infinite=True),
+        check_length(level_tolerance, "level_tolerance", infinite=True),
     )
     grid.ground = ground_bits(ground_labels)
     discs = _check_robots(robots, device)
@@ -202,7 +202,7 @@ def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDAr
 
 
 def _check_cells(size: NDArray[np.float64], cell_size: float) -> tuple[int, int]:
-    check_metres(cell_size, "cell_size", zero=False)
+    check_length(cell_size, "cell_size", zero=False)
     # Tolerate rounding of the quotient: a map of 4 m in cells of 2 cm has 200 cells.
     columns, rows = np.ceil(size / cell_size - 1e-6)
     if columns * rows > _MAX_CELLS:

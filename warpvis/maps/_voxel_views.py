@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-from warpvis.core.arrays import as_numpy, check_metres, empty
+from warpvis.core.arrays import as_numpy, check_length, empty
 from warpvis.core.camera import Camera
 from warpvis.core.depth_images import read_depth, read_labels
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
@@ -171,7 +171,7 @@ def voxel_map_from_scene(
         box = require_map(out, "out").bounds
     elif box is None:
         box = scene.bounds.astype(np.float64) + [
-            [-1.5 * check_metres(cell_size, "cell_size", zero=False)],
+            [-1.5 * check_length(cell_size, "cell_size", zero=False)],
             [1.5 * cell_size],
         ]
     classes = (scene.label_names, scene.ground_labels)
@@ -256,7 +256,7 @@ def _zeros(shape: tuple[int, ...], dtype: type, device: wp.Device) -> wp.array:
 
 def _check_grid(bounds: ArrayLike, cell_size: float) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:
     """Check the box of a grid; return the grid's origin, size and voxel side."""
-    side = check_metres(cell_size, "cell_size", zero=False)
+    side = check_length(cell_size, "cell_size", zero=False)
     corners = as_numpy(bounds, name="bounds").astype(np.float64)
     if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
         raise ArrayError(f"bounds must be the lower and upper corner of a box, shape (2, 3), got {corners.tolist()}")

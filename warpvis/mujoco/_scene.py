@@ -14,7 +14,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import check_metres
+from warpvis.core.arrays import check_length
 from warpvis.core.checks import as_items, check_choice, check_flag, check_mapping, is_whole
 from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.labels import LabelNames
@@ -229,7 +229,7 @@ def select_geoms(
     if not isinstance(model, mujoco.MjModel):
         raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
     static = check_flag(static, "static", SceneError)
-    tolerance = check_metres(tolerance, "tolerance", zero=False, error=SceneError)
+    tolerance = check_length(tolerance, "tolerance", zero=False, error=SceneError)
     groups, sites, exclude = (
         check_groups(geom_groups),
         check_groups(site_groups, "site_groups"),

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, as_point, check_metres, empty
+from warpvis.core.arrays import as_numpy, as_point, check_length, empty
 from warpvis.core.checks import as_items, check_choice, check_number, check_whole, degrees_hint, is_number
 from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_opencv, to_xyzw
@@ -96,8 +96,8 @@ def pose_grid(
     vertical = check_up(up)
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
     middle = as_point(center, "center")
-    radius, step = check_metres(radius, "radius"), check_metres(step, "step", zero=False)
-    height = check_metres(height, "height", signed=True)
+    radius, step = check_length(radius, "radius"), check_length(step, "step", zero=False)
+    height = check_length(height, "height", signed=True)
     directions = check_whole(headings, "headings") if look_at is None else 1
     across = 2 * radius / step + 1  # of a square around the disc; checked before allocation
     if directions > _MAX_PLACES or not across * across * directions <= _MAX_PLACES:

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import as_numpy, as_points, check_metres, empty
+from warpvis.core.arrays import as_numpy, as_points, check_length, empty
 from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Label, Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
@@ -80,7 +80,7 @@ def surface_samples(
         WarpvisError: If an argument is invalid.
     """
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-    spacing = check_metres(spacing, "spacing", zero=False)
+    spacing = check_length(spacing, "spacing", zero=False)
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise ArrayError(f"seed must be a whole number from 0 up, got {seed!r}")
     vertices, _ = one_world(scene, object_poses, None)

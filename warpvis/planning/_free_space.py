@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import as_points, check_metres, empty, surely_finite
+from warpvis.core.arrays import as_points, check_length, empty, surely_finite
 from warpvis.core.poses import QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
 from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -62,7 +62,7 @@ def clearance(
     from warpvis.kernels.clearance import nearest_surface
 
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-    max_distance = check_metres(max_distance, "max_distance", infinite=True)
+    max_distance = check_length(max_distance, "max_distance", infinite=True)
     vertices, excluded = one_world(scene, object_poses, exclude)
     chosen = [index for index in choose_objects(scene, objects) if not excluded[index]]
     device = scene.device
@@ -121,8 +121,8 @@ def standing_room(
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-    radius = check_metres(radius, "radius", zero=False)
-    low = check_metres(floor, "floor", signed=True) + check_metres(step, "step")
+    radius = check_length(radius, "radius", zero=False)
+    low = check_length(floor, "floor", signed=True) + check_length(step, "step")
     vertices, excluded = one_world(scene, object_poses, exclude)
     device, up = scene.device, check_up(scene.up)
     poses = parse_poses(camera_to_world, device=device)

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import as_points, check_metres, empty
+from warpvis.core.arrays import as_points, check_length, empty
 from warpvis.core.checks import check_choice
 from warpvis.core.poses import QuaternionOrder, check_up, to_xyzw
 from warpvis.core.threads import launch_points
@@ -72,8 +72,8 @@ def minimum_height(
 
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_choice(raises, "raises", ("target", "eye"))
-    max_height = check_metres(max_height, "max_height")
-    tolerance = check_metres(tolerance, "tolerance", zero=False)
+    max_height = check_length(max_height, "max_height")
+    tolerance = check_length(tolerance, "tolerance", zero=False)
     vertices, excluded = one_world(scene, object_poses, exclude)
     device = scene.device
     viewers, points = as_points(eyes, "eyes", "E", device), as_points(targets, "targets", "N", device)

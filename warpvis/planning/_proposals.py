@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import check_metres
+from warpvis.core.arrays import check_length
 from warpvis.core.checks import as_items
 from warpvis.core.poses import QuaternionOrder, check_up, to_xyzw
 from warpvis.core.types import ObjectPoses
@@ -91,7 +91,7 @@ def propose_view(
     missed = [item for item in given if item.state == State.FIRST and item.object not in robot.body]
     if not missed:
         return None
-    max_distance = check_metres(max_distance, "max_distance")
+    max_distance = check_length(max_distance, "max_distance")
     here, vertical = robot.poses[0], check_up(scene.up)
     moved = missed[0].object_poses if object_poses is None else object_poses
     corners = one_world(scene, moved, None)[0][scene.index(missed[0].object)]

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import FARTHEST, as_numpy, as_point, check_metres
+from warpvis.core.arrays import FARTHEST, as_numpy, as_point, check_length
 from warpvis.core.checks import check_angle, check_whole, degrees_hint, pluralize
 from warpvis.core.poses import check_up
 from warpvis.core.types import Excluded
@@ -67,7 +67,7 @@ def orbit(
         WarpvisError: If an argument is invalid.
     """
     vertical, middle = check_up(up), as_point(target, "target")
-    radius, height = check_metres(radius, "radius", zero=False), check_metres(height, "height", signed=True)
+    radius, height = check_length(radius, "radius", zero=False), check_length(height, "height", signed=True)
     angles: NDArray[np.float64] = np.arange(_check_count(count), dtype=np.float64) * (2 * math.pi / count)
     angles += check_angle(start, "start")
     places = middle + radius * _directions(angles, np.zeros(len(angles)), vertical)
@@ -106,7 +106,7 @@ def sphere(
         WarpvisError: If an argument is invalid.
     """
     vertical, middle = check_up(up), as_point(target, "target")
-    radius = check_metres(radius, "radius", zero=False)
+    radius = check_length(radius, "radius", zero=False)
     low, high = check_angle(min_elevation, "min_elevation"), check_angle(max_elevation, "max_elevation")
     if not -math.pi / 2 <= low <= high <= math.pi / 2:
         raise ArrayError(
@@ -145,7 +145,7 @@ def grid(
         WarpvisError: If an argument is invalid.
     """
     low, high = _check_bounds(bounds)
-    step, vertical = check_metres(step, "step", zero=False), check_up(up)
+    step, vertical = check_length(step, "step", zero=False), check_up(up)
     target = None if look_at is None else as_point(look_at, "look_at")
     rotations = pose_grid(np.zeros(3), radius=0, step=1, height=0, headings=headings, pitch=pitch, up=up)[:, 3:]
     with np.errstate(over="ignore"):
@@ -215,7 +215,7 @@ def random_poses(
     low, high = _check_bounds(box)
     vertical = check_up(up if up is not None else scene.up if scene is not None else "z")
     count, seed = _check_count(count), _check_whole(seed, "seed", 0)
-    clearance = check_metres(clearance, "clearance")
+    clearance = check_length(clearance, "clearance")
     target = None if isinstance(look, str) else as_point(look, "look")
     if target is None and look not in ("level", "any"):
         raise PoseError(f'look must be "level", "any" or a point of shape (3,), got {look!r}')

@@ -66,7 +66,7 @@ class WideCamera(RayCamera):
     """Maximum length of a ray [m]; farther surfaces have depth +inf."""
 
     kind = "range"
-    taken_by = "wv.render accepts it, and renders points and labels"
+    usage_hint = "wv.render accepts it, and renders points and labels"
 
     def __post_init__(self) -> None:
         check_choice(self.projection, "projection", get_args(Projection), CameraError)

@@ -14,7 +14,7 @@ from warpvis.scene._parts import Y_UP_TO_Z_UP as Y_UP_TO_Z_UP, Axis as Axis, Fil
 from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
 from warpvis.scene._units import (
     fits_millimetres as fits_millimetres,
-    looks_like_millimetres as looks_like_millimetres,
+    looks_like_millimeters as looks_like_millimeters,
     too_large_for as too_large_for,
 )
 

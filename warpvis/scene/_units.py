@@ -20,7 +20,7 @@ def fits_millimetres(size: NDArray[np.floating]) -> bool:
     return bool(_MIN_MODEL <= np.max(size) / 1000 <= _LARGEST_MODEL)
 
 
-def looks_like_millimetres(size: NDArray[np.floating]) -> bool:
+def looks_like_millimeters(size: NDArray[np.floating]) -> bool:
     """Return whether a scene's sides [m] are more likely millimeters: all are large, except for flat scenes."""
     return fits_millimetres(size) and bool(np.max(size) > _MANY_METRES) and bool(np.median(size) > _MANY_METRES / 4)
 

@@ -15,7 +15,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_point, check_metres
+from warpvis.core.arrays import as_point, check_length
 from warpvis.errors import SceneError
 from warpvis.kernels import constants
 
@@ -172,7 +172,7 @@ def cylinder(radius: float, half_length: float, *, tolerance: float = DEFAULT_TO
 
 
 def _check_size(value: float, name: str) -> float:
-    return check_metres(value, name, zero=False, error=SceneError)
+    return check_length(value, name, zero=False, error=SceneError)
 
 
 def _ball_grid(radius: float, tolerance: float) -> tuple[int, float]:

@@ -16,7 +16,7 @@ from warpvis.core.arrays import as_numpy, as_warp, on_gpu, share, surely_finite,
 from warpvis.core.checks import pluralize
 from warpvis.core.kernel_cache import launch
 from warpvis.core.motion import Motion, instants_of, stacked
-from warpvis.core.poses import not_unit, wrong_length
+from warpvis.core.poses import describe_wrong_length, is_not_unit
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, PoseError
 
@@ -200,9 +200,9 @@ def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
         if surely_finite(rows) and least > _MIN_SQUARE and most < _MAX_SQUARE:
             return rows
         finite = np.isfinite(rows).all(axis=2)
-    for bad in (np.argwhere(~finite), np.argwhere(not_unit(rows))):
+    for bad in (np.argwhere(~finite), np.argwhere(is_not_unit(rows))):
         if len(bad):
-            wanted = wrong_length(rows[tuple(bad[0])]) if finite.all() else "must be finite"
+            wanted = describe_wrong_length(rows[tuple(bad[0])]) if finite.all() else "must be finite"
             names = [f"{scene.objects[scene.movable[m]].name!r} in world {w}" for w, m in bad[:3]]
             raise PoseError(f"object_poses {wanted}: wrong in {len(bad)}, of {', '.join(names)}")
     return rows

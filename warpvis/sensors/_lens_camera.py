@@ -187,7 +187,7 @@ def require_calibrated(camera: object) -> CalibratedCamera:
     """Return `camera`, or raise `CameraError` if it is neither a `Camera` nor a `LensCamera`."""
     if not isinstance(camera, Camera | LensCamera):
         kinds = "a warpvis.Camera or a warpvis.sensors.LensCamera"
-        why = f": {camera.taken_by}" if isinstance(camera, RayCamera) else ""
+        why = f": {camera.usage_hint}" if isinstance(camera, RayCamera) else ""
         raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{why}")
     return camera
 

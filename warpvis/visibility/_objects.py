@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import check_metres, empty
+from warpvis.core.arrays import check_length, empty
 from warpvis.core.checks import as_items, check_flag
 from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
@@ -188,7 +188,7 @@ def see_objects(
     scene.require_objects()
     chosen = choose_objects(scene, objects)
     delta, min_pixels, canvas = (
-        check_metres(delta, "delta"),
+        check_length(delta, "delta"),
         _check_min_pixels(min_pixels),
         _check_canvas(canvas, camera),
     )

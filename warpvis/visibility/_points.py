@@ -8,7 +8,7 @@ import dataclasses
 
 import warp as wp
 
-from warpvis.core.arrays import as_points, check_metres, empty
+from warpvis.core.arrays import as_points, check_length, empty
 from warpvis.core.camera import Camera
 from warpvis.core.checks import pluralize
 from warpvis.core.depth_images import read_depth
@@ -72,7 +72,7 @@ def point_visibility(
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
     require_image_camera(camera)
-    tolerance = check_metres(tolerance, "tolerance")
+    tolerance = check_length(tolerance, "tolerance")
     scene.require_objects()
     if not isinstance(camera, Camera):
         rows = parse_poses(camera_to_world, convention=convention, device=scene.device).numpy()
@@ -143,7 +143,7 @@ def point_visibility_from_depth(
     from warpvis.kernels.points import judge_points_measured
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    tolerance = check_metres(tolerance, "tolerance")
+    tolerance = check_length(tolerance, "tolerance")
     images = read_depth(depth, camera, device)
     device = images.device
     poses = parse_poses(camera_to_world, convention=convention, device=device)

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, check_metres
+from warpvis.core.arrays import as_numpy, check_length
 from warpvis.core.camera import Camera
 from warpvis.core.poses import QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import DeviceLike
@@ -129,7 +129,7 @@ class DepthEye:
             raise PoseError("translation and rotation must be three and four finite numbers, as in the device's fields")
         self._mount = np.eye(4)
         self._mount[:3, :3], self._mount[:3, 3] = rotation_matrix(turn.astype(np.float64)), place
-        self._near = check_metres(near, "near")
+        self._near = check_length(near, "near")
         asked = ("getWidth", "getHeight", "getFov", "getMinRange", "getMaxRange", "getRangeImage")
         missing = [name for name in asked if not callable(getattr(range_finder, name, None))]
         if missing:

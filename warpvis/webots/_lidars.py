@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy
-from warpvis.core.poses import Convention, turn_poses
+from warpvis.core.poses import Convention, convert_axes
 from warpvis.core.ray_camera import MAX_RAYS
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
@@ -238,7 +238,7 @@ def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.flo
         noise=node.number("noise", 0.0),
         resolution=resolution,
         frequency=_frequency(node, notes),
-        pose=turn_poses(matrix, axes, "ros_body")[0],
+        pose=convert_axes(matrix, axes, "ros_body")[0],
         version=node.version,
         notes=tuple(notes),
     )

@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, check_metres
+from warpvis.core.arrays import as_numpy, check_length
 from warpvis.core.checks import check_choice, check_flag, is_number, is_whole, pluralize
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
@@ -78,8 +78,8 @@ def range_values(
     images = _check_depth(depth)
     check_choice(projection, "projection", PROJECTIONS)
     near_bias = check_flag(near_bias, "near_bias")
-    near, max_range = check_metres(near, "near", zero=False), check_metres(max_range, "max_range", zero=False)
-    min_range = check_metres(min_range, "min_range")
+    near, max_range = check_length(near, "near", zero=False), check_length(max_range, "max_range", zero=False)
+    min_range = check_length(min_range, "min_range")
     if max(near, min_range) >= max_range:
         raise ArrayError(f"max_range must be beyond near and min_range, got {max_range}, {near} and {min_range}")
     if near_bias and projection != "planar":
@@ -121,7 +121,7 @@ def add_noise(
     """
     release = as_version(version)
     given = as_numpy(values, name="values").astype(np.float32)
-    noise, max_range = check_metres(noise, "noise"), check_metres(max_range, "max_range", zero=False)
+    noise, max_range = check_length(noise, "noise"), check_length(max_range, "max_range", zero=False)
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
         raise ArrayError(f"seed must be a whole number from 0 up, got {seed!r}")
     if noise == 0:
@@ -149,7 +149,7 @@ def quantise(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
     given = as_numpy(values, name="values").astype(np.float32)
     if is_number(resolution) and resolution == -1:
         return given
-    step = np.float32(check_metres(resolution, "resolution", zero=False))
+    step = np.float32(check_length(resolution, "resolution", zero=False))
     return np.floor(given / step + np.float32(0.5)) * step
 
 
