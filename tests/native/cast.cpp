@@ -305,29 +305,29 @@ Counts count_objects(const SceneBvh& c, const Worlds& worlds, const Lens& lens, 
     made.counts = Exact<int>((size_t)COUNTERS * pairs, 0);
     made.hidden_by = Exact<int>((size_t)pairs * objects, 0);
     if (with.masks) made.masks = Exact<unsigned char>((size_t)pairs * lens.height * lens.width, 0);
-    const casting::SilhouetteJob asked = {chosen,
-                                          indices.data,
-                                          objects,
-                                          {with.canvas[0], with.canvas[1], with.canvas[2], with.canvas[3]},
-                                          with.seen_only,
-                                          lens.near,
-                                          lens.far,
-                                          with.seen.data,
-                                          with.depth.data,
-                                          with.delta,
-                                          (char*)made.counts.data,
-                                          pairs * 4LL,
-                                          chosen * 4LL,
-                                          made.hidden_by.data,
-                                          made.masks.data};
+    const casting::SilhouetteJob request = {chosen,
+                                            indices.data,
+                                            objects,
+                                            {with.canvas[0], with.canvas[1], with.canvas[2], with.canvas[3]},
+                                            with.seen_only,
+                                            lens.near,
+                                            lens.far,
+                                            with.seen.data,
+                                            with.depth.data,
+                                            with.delta,
+                                            (char*)made.counts.data,
+                                            pairs * 4LL,
+                                            chosen * 4LL,
+                                            made.hidden_by.data,
+                                            made.masks.data};
     const casting::Scene scene = scene_of(c, worlds);
     const auto carve = [&](casting::Arena& arena) {
-        return casting::SilhouetteMemory::carve(arena, asked, scene.movables.count, c.levels);
+        return casting::SilhouetteMemory::carve(arena, request, scene.movables.count, c.levels);
     };
     Exact<int> counter(casting::JOB_COUNTERS, 0);
     run_workers(shares, measure(carve), counter.data, [&](casting::Arena& arena) {
         const casting::SilhouetteMemory memory = carve(arena);
-        casting::Silhouettes{scene, job, asked, memory}.run(counter.data);
+        casting::Silhouettes{scene, job, request, memory}.run(counter.data);
     });
     return made;
 }

@@ -12,9 +12,9 @@ struct Aim {
     double u, v, z, x, y;  // pixels from the principal point, depth, and pixels of the image
 
     Aim(const Truth& truth, const float* point) {
-        const Vec there = truth.camera.into(Vec{point[0], point[1], point[2]} - truth.camera.at);
-        z = there.z;
-        u = there.x * truth.lens.fx / z, v = there.y * truth.lens.fy / z;
+        const Vec local = truth.camera.into(Vec{point[0], point[1], point[2]} - truth.camera.at);
+        z = local.z;
+        u = local.x * truth.lens.fx / z, v = local.y * truth.lens.fy / z;
         x = u + truth.lens.cx, y = v + truth.lens.cy;
     }
     // Distance of the point from the border of the image, in pixels; negative outside.

@@ -112,7 +112,7 @@ static inline int __ffs(unsigned bits) { return __builtin_ffs((int)bits); }
 
 template <class To, class From>
 static inline To bits_of(From value) {
-    static_assert(sizeof(To) == sizeof(From), "as many bits");
+    static_assert(sizeof(To) == sizeof(From), "equal sizes");
     To bits;
     memcpy(&bits, &value, sizeof(bits));
     return bits;

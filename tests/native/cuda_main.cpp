@@ -20,7 +20,7 @@ void require(bool condition, const char* what) {
 }  // namespace
 
 void Reader::bytes(void* to, size_t count) {
-    require(fread(to, 1, count, stdin) == count, "the launch ends too early");
+    require(fread(to, 1, count, stdin) == count, "unexpected end of the launch");
 }
 
 // Each array has a separate allocation of exact size, so that the address sanitizer detects accesses beyond it.
@@ -48,7 +48,7 @@ int main() {
     int32_t variant, size[3];
     reader.bytes(&variant, sizeof(variant));
     reader.bytes(size, sizeof(size));
-    require(variant >= 0 && variant < VARIANTS, "there is no such variant");
+    require(variant >= 0 && variant < VARIANTS, "no such variant");
     read(reader, arguments);
     const emulator::Launch launch = {packet_functions[variant], &arguments, size[0], size[1], size[2]};
     char* expected[Reader::MAX_IMAGES];

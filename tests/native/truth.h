@@ -170,11 +170,11 @@ struct TrueSolid {
         double low = here.z, high = here.z, blur = 0;
         int met = here.z < ENDLESS;
         for (int k = 0; k < 8; ++k) {
-            const Met there = meet(u + away * std::cos(k * M_PI / 4), v + away * std::sin(k * M_PI / 4));
-            met += there.z < ENDLESS;
-            low = std::min(low, there.z);
-            high = std::max(high, there.z);
-            blur = std::max(blur, (there.normal - here.normal).length());
+            const Met nearby = meet(u + away * std::cos(k * M_PI / 4), v + away * std::sin(k * M_PI / 4));
+            met += nearby.z < ENDLESS;
+            low = std::min(low, nearby.z);
+            high = std::max(high, nearby.z);
+            blur = std::max(blur, (nearby.normal - here.normal).length());
         }
         if (met == 0) return;
         const bool certain = met == 9;
@@ -198,15 +198,15 @@ struct Truth {
         for (int face = 0; face < mesh.count(); ++face) {
             TrueTriangle t;
             t.object = index;
-            Vec there[3];
+            Vec local[3];
             for (int k = 0; k < 3; ++k) {
                 const float* p = &mesh.vertices[3 * mesh.faces[3 * face + k]];
                 const Vec from = place.rotate({p[0], p[1], p[2]}) + (place.at - camera.at);
-                there[k] = camera.into(from);
-                t.c[k] = {there[k].x * row[0], there[k].y * row[1], there[k].z};
+                local[k] = camera.into(from);
+                t.c[k] = {local[k].x * row[0], local[k].y * row[1], local[k].z};
                 t.error[k] = Vec{row[0], row[1], row[2]} * (EPSILON * from.length());
             }
-            if (set_up(t, there, cull)) triangles.push_back(t);
+            if (set_up(t, local, cull)) triangles.push_back(t);
         }
     }
 
@@ -256,15 +256,15 @@ struct Truth {
     }
 
     // Set up a triangle; returns false if it is invisible whatever the rounding.
-    bool set_up(TrueTriangle& t, const Vec* there, bool cull) const {
+    bool set_up(TrueTriangle& t, const Vec* local, bool cull) const {
         t.normal = (t.c[1] - t.c[0]).cross(t.c[2] - t.c[0]);
         t.volume = t.normal.dot(t.c[0]);
         t.error_bound = 0;
         for (int k = 0; k < 3; ++k) t.error_bound += 4 * t.error[k].dot(t.c[(k + 1) % 3].cross_size(t.c[(k + 2) % 3]));
         if (cull && t.volume > t.error_bound) return false;
-        Vec n = (there[1] - there[0]).cross(there[2] - there[0]);
+        Vec n = (local[1] - local[0]).cross(local[2] - local[0]);
         if (n.length() == 0) return false;
-        if (n.dot(there[0]) > 0) n = n * -1.0;
+        if (n.dot(local[0]) > 0) n = n * -1.0;
         t.to_world = camera.axis[0] * n.x + camera.axis[1] * n.y + camera.axis[2] * n.z;
         t.to_world = t.to_world * (1 / t.to_world.length());
         const double slack = t.error[0].z + t.error[1].z + t.error[2].z;

@@ -19,7 +19,7 @@ struct Collapser {
         float cost[LANES];
     };
 
-    static_assert(sizeof(Binary) == (BINARY_WORDS + LANES) * sizeof(int), "Python gets memory for them");
+    static_assert(sizeof(Binary) == (BINARY_WORDS + LANES) * sizeof(int), "Python allocates nodes");
 
     // A subtree that is divided into at most `most` parts.
     struct Part {
@@ -116,9 +116,9 @@ struct Collapser {
 
     static void push(const Binary* tree, const Binary& node, int most, Part* stack, int& waiting) {
         float least;
-        const int left = share(tree, node, most, least);
-        stack[waiting++] = Part{node.child[1], node.split, node.end, most - left};
-        stack[waiting++] = Part{node.child[0], node.begin, node.split, left};
+        const int left_parts = share(tree, node, most, least);
+        stack[waiting++] = Part{node.child[1], node.split, node.end, most - left_parts};
+        stack[waiting++] = Part{node.child[0], node.begin, node.split, left_parts};
     }
 
     // `counts` receives the numbers of nodes, leaves and levels. Nodes precede their descendants. `evenly` bounds the

@@ -56,7 +56,7 @@ struct Aabb {
     }
 };
 
-static_assert(sizeof(v8) == ITEM_WORDS * sizeof(float), "Python gets memory for items");
+static_assert(sizeof(v8) == ITEM_WORDS * sizeof(float), "Python allocates items");
 
 struct Items {
     // A float holds integers of 24 bits, so the index is split into two halves.
@@ -84,7 +84,7 @@ struct Split {
     float area[2];  // half the surface area of the children's boxes
 };
 
-static_assert(sizeof(Split) == SPLIT_WORDS * sizeof(int), "Python gets memory for splits, and reads the children");
+static_assert(sizeof(Split) == SPLIT_WORDS * sizeof(int), "Python allocates splits, and reads the children");
 
 struct Choice {
     int axis, bin, left_count;

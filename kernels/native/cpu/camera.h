@@ -92,12 +92,12 @@ struct Camera {
 
     // In the frame of a stretched object, divided by the factors.
     static inline Camera of(const Pose& pose, const Stretch& stretch, const Job& job) {
-        Pose there = pose;
+        Pose scaled = pose;
         for (int k = 0; k < 3; ++k) {
-            there.position[k] /= stretch.factor[k];
-            for (int i = 0; i < 3; ++i) there.axis[i][k] *= stretch.factor[k];
+            scaled.position[k] /= stretch.factor[k];
+            for (int i = 0; i < 3; ++i) scaled.axis[i][k] *= stretch.factor[k];
         }
-        Camera camera = of(there, job);
+        Camera camera = of(scaled, job);
         // Points are multiplied by the factors on the way into camera space, rays divided by them on the way out.
         for (int k = 0; k < 3; ++k)
             for (int i = 0; i < 3; ++i) camera.exact_to_camera[i][k] /= stretch.factor[k] * stretch.factor[k];

@@ -39,10 +39,10 @@ struct Corruption {
         if (multiplied > 0.0f) depth = depth * (1.0f + multiplied * Random::normal(words.multiplied.block[k]));
         if (added > 0.0f) depth = depth + added * Random::normal(words.added.block[k]);
         depth = range.report(depth);
-        const Ints lost = is_lost(words, k, x, row.y), there = SensorRange::finite(before);
+        const Ints lost = is_lost(words, k, x, row.y), has_surface = SensorRange::finite(before);
         const Ints why = lost ? Lanes::all_ints(REASON_DROPOUT) : SensorRange::reason(depth);
         depth = lost ? Lanes::all(Numbers::no_number()) : depth;
-        row.write(x, there ? depth : before, there ? why : reason);
+        row.write(x, has_surface ? depth : before, has_surface ? why : reason);
     }
     inline Ints is_lost(const Words& words, int k, int x, int y) const {
         Ints lost = Lanes::all_ints(0);

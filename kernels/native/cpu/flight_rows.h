@@ -78,12 +78,12 @@ struct FlightLight {
         const Doubles far = light.depth * light.length;
         const Doubles straight = (row.segmentation ? row.shares(x) : Wide::all(1.0)) / (far * far);
         const Floats along = Lanes::abs(row.along(Wide::narrow(across), (float)down, normal));
-        const Ints there = depth < Numbers::endless();
+        const Ints has_surface = depth < Numbers::endless();
         const Floats none = Lanes::all(0.0f);
-        light.range = there ? Wide::narrow(far) : Lanes::all(Numbers::endless());
-        light.signal = there ? Wide::narrow(straight * (Wide::of(along) / light.length)) : none;
+        light.range = has_surface ? Wide::narrow(far) : Lanes::all(Numbers::endless());
+        light.signal = has_surface ? Wide::narrow(straight * (Wide::of(along) / light.length)) : none;
         light.all = light.signal;
-        light.straight = there ? Wide::narrow(straight) : none;
+        light.straight = has_surface ? Wide::narrow(straight) : none;
         if (row.slots) light.mix(row, x);
         return light;
     }
@@ -171,7 +171,7 @@ struct FlightEdges {
         for (int k = 0; k < 3; ++k)
             rotated[k] = row.axes[k] * normal[0] + row.axes[3 + k] * normal[1] + row.axes[6 + k] * normal[2];
         const Floats depth = Numbers::load(row.depth + row.place(x), row.width - x);
-        const Ints there = depth < Numbers::endless();
+        const Ints has_surface = depth < Numbers::endless();
         const Floats ahead =
             rotated[0] * Wide::narrow(row.across(x)) + rotated[1] * (float)row.down() + rotated[2] * 1.0f;
         const Floats plane = depth * ahead;
@@ -185,7 +185,7 @@ struct FlightEdges {
             const Floats slope = ahead + (float)i * across + (float)j * down;
             const Ints away =
                 (slope * plane <= 0.0f) | (Lanes::abs(other * slope - plane) >= edge_step * Lanes::abs(slope));
-            edge |= in & (((other < Numbers::endless()) ^ there) | (there & away));
+            edge |= in & (((other < Numbers::endless()) ^ has_surface) | (has_surface & away));
         }
         return edge;
     }

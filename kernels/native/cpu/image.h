@@ -13,7 +13,7 @@ enum {
     TILE_BLOCKS = TILE_PIXELS / BLOCK_PIXELS,
     BLOCKS_ACROSS = TILE_SIDE / BLOCK_SIDE,  // of a tile
 };
-static_assert(BLOCK_SIDE == 1 << BLOCK_SHIFT && TILE_SIDE == 1 << TILE_SHIFT, "Python knows the sides");
+static_assert(BLOCK_SIDE == 1 << BLOCK_SHIFT && TILE_SIDE == 1 << TILE_SHIFT, "Python uses the sides");
 static_assert(BLOCK_PIXELS == LANES && TILE_BLOCKS == LANES,
               "a register holds a block, and a number for each of a tile");
 
@@ -198,4 +198,4 @@ struct Visit {
     float nearest_inv_z;
     int x0, y0, x1, y1;
 };
-static_assert(sizeof(Visit) == 6 * sizeof(int), "a stack has room for many");
+static_assert(sizeof(Visit) == 6 * sizeof(int), "the size of a stack is computed from this");

@@ -21,8 +21,9 @@ struct Khoshelham {
         const Floats unit = rounds ? Lanes::all(1.0f / step) : depth;
         // Beyond the last quantization step, depth is infinite.
         const Floats reported = range.report(found > 0.0f ? unit / found : Lanes::all(Numbers::endless()));
-        const Ints there = SensorRange::finite(depth);
-        row.write(x, there ? reported : depth, there ? SensorRange::reason(reported) : Lanes::all_ints(REASON_EMPTY));
+        const Ints has_surface = SensorRange::finite(depth);
+        row.write(x, has_surface ? reported : depth,
+                  has_surface ? SensorRange::reason(reported) : Lanes::all_ints(REASON_EMPTY));
     }
 };
 
@@ -91,9 +92,9 @@ struct Shown {
     inline Floats met(const NguyenView& view, Ints column_of_ray, int y) const {
         Doubles n[3];
         view.rotate_into_camera(normal, n);
-        const Doubles there = n[0] * view.across(column) + n[1] * view.down(row) + n[2];
-        const Doubles here = n[0] * view.across(column_of_ray) + n[1] * view.down(Lanes::all_ints(y)) + n[2];
-        const Doubles ahead = there / here, found = NguyenView::wide(depth) * ahead;
+        const Doubles at_surface = n[0] * view.across(column) + n[1] * view.down(row) + n[2];
+        const Doubles at_ray = n[0] * view.across(column_of_ray) + n[1] * view.down(Lanes::all_ints(y)) + n[2];
+        const Doubles ahead = at_surface / at_ray, found = NguyenView::wide(depth) * ahead;
         const Floats carried = NguyenView::narrow(ahead > 0.0 ? found : NguyenView::wide(depth));
         const Ints elsewhere = (row != y) | (column != column_of_ray);
         return elsewhere ? carried : depth;
@@ -145,9 +146,9 @@ struct Nguyen {
         shown.load(view);
         const Floats angle = view.angle(shown.normal), depth = shown.met(view, Lanes::index() + x, row.y);
         const Floats reported = range.report(depth + axial(depth, angle) * noise[2]);
-        const Ints there = SensorRange::finite(shown.depth), grazing = angle > most_angle;
+        const Ints has_surface = SensorRange::finite(shown.depth), grazing = angle > most_angle;
         const Floats measured = grazing ? Lanes::all(Numbers::no_number()) : reported;
         const Ints reason = grazing ? Lanes::all_ints(REASON_GRAZING) : SensorRange::reason(reported);
-        row.write(x, there ? measured : shown.depth, there ? reason : Lanes::all_ints(REASON_EMPTY));
+        row.write(x, has_surface ? measured : shown.depth, has_surface ? reason : Lanes::all_ints(REASON_EMPTY));
     }
 };

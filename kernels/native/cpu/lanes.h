@@ -5,7 +5,7 @@
 // integer lanes, -1 if true and 0 if false, and `mask ? a : b` selects lane by lane.
 
 enum { LANES = CPU_LANES };
-static_assert(LANES == 16, "shuffles below are written for as many");
+static_assert(LANES == 16, "the shuffles below are written for 16 lanes");
 
 typedef float Floats __attribute__((ext_vector_type(LANES)));
 typedef int Ints __attribute__((ext_vector_type(LANES)));

@@ -140,9 +140,9 @@ struct Writer {
         const Ints wanted = ((Lanes::all_ints((int)seen) >> Lanes::index()) & 1) == 1;
         while (seen) {
             const int first = id[Lanes::first_lane(seen)];
-            float there[3];
-            const float* normal = normal_cache ? normal_cache->find(lookup, first) : there;
-            if (!normal_cache) lookup.normal_of(first, there);
+            float computed[3];
+            const float* normal = normal_cache ? normal_cache->find(lookup, first) : computed;
+            if (!normal_cache) lookup.normal_of(first, computed);
             const Ints same = ids == first, shown = same & wanted;
             n.x = shown ? Lanes::all(normal[0]) : n.x;
             n.y = shown ? Lanes::all(normal[1]) : n.y;

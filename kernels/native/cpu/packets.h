@@ -19,7 +19,7 @@ struct Traversal {
         return traversal;
     }
 };
-static_assert(alignof(Frame) <= Arena::ALIGNMENT, "pieces of an arena are aligned to no more");
+static_assert(alignof(Frame) <= Arena::ALIGNMENT, "pieces of an arena are aligned to ALIGNMENT only");
 
 // A worker's memory for strips of a job. The layout does not depend on the height of a strip, so that a z-buffer that
 // one strip leaves cleared is clear for the next.
@@ -157,18 +157,18 @@ struct Packets {
     static inline Camera movable_camera(const View& view, int movable, Frame& frame) {
         const Movables& movables = view.scene.movables;
         const Pose object = Pose::from(movables.poses_from(movable, view.world));
-        const Pose there = view.pose.seen_from(object);
+        const Pose local = view.pose.seen_from(object);
         const Stretch stretch = movables.stretch_of(movable, view.world);
         __builtin_memcpy(frame.axis, object.axis, sizeof object.axis);
-        __builtin_memcpy(frame.viewpoint, there.position, sizeof there.position);
+        __builtin_memcpy(frame.viewpoint, local.position, sizeof local.position);
         frame.shrink[0] = frame.shrink[1] = frame.shrink[2] = 1.0;
-        Camera camera = Camera::of(there, view.job);
+        Camera camera = Camera::of(local, view.job);
         const float* box = movables.boxes + (long long)movable * BOX_WORDS;
-        const bool in_box = there.inside(box, stretch, view.job.clip_reach);
+        const bool in_box = local.inside(box, stretch, view.job.clip_reach);
         const bool clipped = view.job.clip_reach > 0.0f && in_box;
         frame.solid = clipped ? Solid::none() : movables.solid_of(movable, view.world, camera);
         if (view.world.sizes && frame.solid.kind == SOLID_NONE) {
-            camera = Camera::of(there, stretch, view.job);
+            camera = Camera::of(local, stretch, view.job);
             __builtin_memcpy(frame.viewpoint, camera.exact_origin, sizeof camera.exact_origin);
             for (int k = 0; k < 3; ++k) frame.shrink[k] = 1.0 / stretch.factor[k];
         }

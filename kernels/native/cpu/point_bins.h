@@ -8,7 +8,8 @@ struct ProjectedPoint {
     float u, v, inv_z;
     unsigned key;  // index in its chunk, and in the higher bits its cell in a row of tiles
 };
-static_assert(sizeof(ProjectedPoint) * LANES == 4 * sizeof(Floats), "they are turned into packets by whole registers");
+static_assert(sizeof(ProjectedPoint) * LANES == 4 * sizeof(Floats),
+              "points are converted to packets by whole registers");
 
 struct PointJob {
     const float* place;  // [point]: x y z in the world

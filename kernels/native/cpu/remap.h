@@ -73,7 +73,7 @@ struct RemapPackets {
         const bool depth_alone = writer.writer.mode == MODE_DEPTH && out.depth && !out.points;
         for (int index = 0; index < remap.across() * remap.down() * LANES; ++index) {
             const MapTile tile = MapTile::of(remap, part, writer.writer.view, index);
-            if (!tile.there) continue;
+            if (!tile.in_map) continue;
             tree.show_outside(writer.writer.image, index);
             if (!tile.whole)
                 writer.packets(index);

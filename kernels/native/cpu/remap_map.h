@@ -45,7 +45,7 @@ struct MapTile {
     long long view;
     int index;  // in the tree
     int column, row;  // of its first pixel
-    bool there, whole;  // whether any of it is inside the map, and all of it
+    bool in_map, whole;  // whether any of it is inside the map, and all of it
 
     static inline MapTile of(const RemapJob& job, const RemapPart& part, long long view, int index) {
         const int group = index / LANES, tile = index % LANES;

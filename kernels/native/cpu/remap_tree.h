@@ -100,8 +100,8 @@ struct RemapTree {
             float* bounds = tile_bounds + group * (RayTree::BOUND_ROWS * LANES);
             for (int child = 0; child < LANES; ++child) {
                 const MapTile tile = MapTile::of(job, part, view, group * LANES + child);
-                if (tile.there) set_tile(job, tile, image);
-                put_bounds(bounds, child, tile.there ? bounds_of_packets(tile.index) : nullptr);
+                if (tile.in_map) set_tile(job, tile, image);
+                put_bounds(bounds, child, tile.in_map ? bounds_of_packets(tile.index) : nullptr);
             }
             put_bounds(group_bounds, group, bounds);
         }

@@ -48,10 +48,11 @@ struct PixelCounts {
                BOX_MIDDLE + y + side - 1 <= box[3];
     }
 
-    inline void write(const SilhouetteJob& asked, int view, int place) const {
+    inline void write(const SilhouetteJob& request, int view, int place) const {
         const int* values = &visible;  // all counters, in order
         for (int counter = 0; counter < SILHOUETTE_COUNTERS; ++counter) {
-            char* to = asked.counts + counter * asked.count_stride + view * asked.view_stride + place * sizeof(int);
+            char* to =
+                request.counts + counter * request.count_stride + view * request.view_stride + place * sizeof(int);
             *(int*)to = values[counter];
         }
     }
@@ -63,7 +64,7 @@ static_assert(VISIBLE_PIXELS == 0 && IMAGE_PIXELS == 1 && SILHOUETTE_PIXELS == 2
 
 // Comparison of a strip of an object's silhouette with the image.
 struct Comparison {
-    const SilhouetteJob& asked;
+    const SilhouetteJob& request;
     const Job& job;  // of the image
     const int* edge;  // of the canvas
     int view, place, index;
@@ -85,7 +86,7 @@ struct Comparison {
         if (within && PixelCounts::holds(counts.silhouette_box, x, y, TILE_SIDE)) {
             if (outside) counts.silhouette += count_all(tile);
             if (outside) return;
-            if (inside_image && asked.counts_all()) return count_inside(tile, x, y, counts);
+            if (inside_image && request.counts_all()) return count_inside(tile, x, y, counts);
         }
         for (unsigned block = 0; block < TILE_BLOCKS; ++block) {
             const Floats inv_z = Lanes::load(tile + block * BLOCK_PIXELS);
@@ -110,11 +111,11 @@ struct Comparison {
             Lanes::store(tile + block * BLOCK_PIXELS, Lanes::all(0.0f));
             const int block_x = x + (int)(block % BLOCKS_ACROSS * BLOCK_SIDE),
                       block_y = y + (int)(block / BLOCKS_ACROSS * BLOCK_SIDE);
-            const Ints shown = load_block(asked.seen, block_x, block_y);
+            const Ints shown = load_block(request.seen, block_x, block_y);
             Ints visible = covered & (shown == Lanes::all_ints(index));
-            if (asked.depth && Lanes::any(covered & ~visible))
-                visible |= covered &
-                           (behind(1.0f / inv_z, (1 << LANES) - 1, true, block_x, block_y) <= Lanes::all(asked.delta));
+            if (request.depth && Lanes::any(covered & ~visible))
+                visible |= covered & (behind(1.0f / inv_z, (1 << LANES) - 1, true, block_x, block_y) <=
+                                      Lanes::all(request.delta));
             const Ints hidden = covered & ~visible;
             silhouette -= covered;
             seen -= visible;
@@ -154,11 +155,11 @@ struct Comparison {
         if (!in_image) return;
         counts.image += __builtin_popcount(in_image);
 
-        const Ints shown = gather(asked.seen, in_image, whole, x, y);
+        const Ints shown = gather(request.seen, in_image, whole, x, y);
         const Floats z = 1.0f / inv_z;
-        const Ints near = covered & (z < Lanes::all(asked.near)), far = covered & (z > Lanes::all(asked.far));
+        const Ints near = covered & (z < Lanes::all(request.near)), far = covered & (z > Lanes::all(request.far));
         Ints visible = shown == Lanes::all_ints(index);
-        if (asked.depth) visible |= behind(z, in_image, whole, x, y) <= Lanes::all(asked.delta);
+        if (request.depth) visible |= behind(z, in_image, whole, x, y) <= Lanes::all(request.delta);
         visible &= covered & ~near & ~far;
         const unsigned bits = Lanes::bits(visible);
         if (bits) {
@@ -170,7 +171,7 @@ struct Comparison {
             counts.too_far += __builtin_popcount(Lanes::bits(far));
             count_hidden(shown, covered & ~near & ~far & ~visible);
         }
-        if (asked.masks) write_masks(in_image, bits, x, y);
+        if (request.masks) write_masks(in_image, bits, x, y);
     }
 
     // Distance of a surface behind the visible surface, along the rays.
@@ -178,7 +179,7 @@ struct Comparison {
         const Floats column = Grid::column_floats(), row = Grid::row_floats();
         const Floats u = (column + (float)(x + 0.5 - job.center[0])) * (float)(1.0 / job.focal[0]);
         const Floats v = (row + (float)(y + 0.5 - job.center[1])) * (float)(1.0 / job.focal[1]);
-        const Ints surface = gather((const int*)asked.depth, in_image, whole, x, y);
+        const Ints surface = gather((const int*)request.depth, in_image, whole, x, y);
         Floats depth;
         __builtin_memcpy(&depth, &surface, sizeof depth);
         return (z - depth) * __builtin_elementwise_sqrt(u * u + (v * v + 1.0f));
@@ -208,7 +209,7 @@ struct Comparison {
     inline void count_hidden(Ints shown, Ints hidden) const {
         int object[LANES];
         Lanes::store(object, shown);
-        int* by = asked.hidden_by + ((long long)view * asked.count + place) * asked.objects;
+        int* by = request.hidden_by + ((long long)view * request.count + place) * request.objects;
         for (unsigned rest = Lanes::bits(hidden & (shown >= Lanes::all_ints(0))); rest;) {
             const int occluder = object[Lanes::first_lane(rest)];
             const unsigned same = rest & Lanes::bits(shown == Lanes::all_ints(occluder));
@@ -218,7 +219,7 @@ struct Comparison {
     }
 
     inline void write_masks(unsigned in_image, unsigned visible, int x, int y) const {
-        unsigned char* mask = asked.masks + ((long long)view * asked.count + place) * job.height * job.width;
+        unsigned char* mask = request.masks + ((long long)view * request.count + place) * job.height * job.width;
         for (unsigned rest = in_image; rest; rest &= rest - 1) {
             const int k = Lanes::first_lane(rest);
             mask[(long long)(y + k / BLOCK_SIDE) * job.width + x + k % BLOCK_SIDE] =
@@ -236,9 +237,9 @@ struct SilhouetteMemory {
     Image image;
     Traversal traversal;
 
-    static inline SilhouetteMemory carve(Arena& arena, const SilhouetteJob& asked, int movables, int levels) {
+    static inline SilhouetteMemory carve(Arena& arena, const SilhouetteJob& request, int movables, int levels) {
         SilhouetteMemory memory;
-        const int row = Grid::tiles(asked.canvas[2] - asked.canvas[0] + TILE_SIDE - 1);
+        const int row = Grid::tiles(request.canvas[2] - request.canvas[0] + TILE_SIDE - 1);
         memory.tiles = row > TILES_AT_A_TIME ? row : (int)TILES_AT_A_TIME;
         memory.image = Image();
         memory.image.clip_inv_z = __builtin_inff();
@@ -261,7 +262,7 @@ struct SilhouetteMemory {
 struct Silhouettes {
     const Scene& scene;
     const Job& job;  // of the image
-    const SilhouetteJob& asked;
+    const SilhouetteJob& request;
     const SilhouetteMemory& memory;
 
     // The camera's job for a part of the canvas, from (x0, y0) in pixels of the image.
@@ -275,23 +276,23 @@ struct Silhouettes {
     }
 
     inline void unit(int unit) const {
-        const int view = unit / asked.count, place = unit % asked.count, index = asked.chosen[place];
+        const int view = unit / request.count, place = unit % request.count, index = request.chosen[place];
         const World world = scene.movables.of_view(view);
         if (!world.exists || world.excludes(index)) return;
         const int in_image[4] = {0, 0, job.width, job.height};
         PixelCounts counts = PixelCounts();
         // Its occluders are then counted twice, which does not change their order.
-        if (asked.seen_only) measure(world, in_image, view, place, counts);
-        if (!asked.seen_only || counts.visible) {
+        if (request.seen_only) measure(world, in_image, view, place, counts);
+        if (!request.seen_only || counts.visible) {
             counts = PixelCounts();
-            measure(world, asked.canvas, view, place, counts);
+            measure(world, request.canvas, view, place, counts);
         }
-        counts.write(asked, view, place);
+        counts.write(request, view, place);
     }
 
     // Count an object's pixels on a canvas, given its edges as in `SilhouetteJob`.
     inline void measure(const World& world, const int* edge, int view, int place, PixelCounts& counts) const {
-        const int index = asked.chosen[place];
+        const int index = request.chosen[place];
         const Pose pose = job.pose_of(view);
         const Job canvas = part_of(job, edge[0], edge[1], edge[2], edge[3]);
         Image whole = Image();
@@ -310,14 +311,14 @@ struct Silhouettes {
             const Image image = memory.rows_of(part, row, height - row < step ? height - row : step);
             if (Queue::find(part_view, image, index, visit))
                 Packets::render_movable(part_view, image, memory.traversal, visit, MODE_DEPTH);
-            const Comparison comparison = {asked, job, edge, view, place, index, x0, y0 + row};
+            const Comparison comparison = {request, job, edge, view, place, index, x0, y0 + row};
             comparison.count(image, counts);
         }
     }
 
     // Take units of work, one object in one view each, until none remain.
     inline void run(int* counter) const {
-        const int units = job.views * asked.count;
+        const int units = job.views * request.count;
         for (int next; (next = Workers::take(counter)) < units;) unit(next);
         Workers::finish(counter);
     }

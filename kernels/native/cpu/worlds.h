@@ -84,8 +84,8 @@ struct Movables {
     // used.
     inline Solid solid_of(int movable, const World& world, const Camera& camera) const {
         if (solid[movable] == SOLID_NONE) return Solid::none();
-        const float* sizes_there = world.sizes && movable < moving ? world.sizes : size;
-        Solid found = Solid::of(solid[movable], sizes_there + (long long)movable * SOLID_WORDS, camera);
+        const float* current_sizes = world.sizes && movable < moving ? world.sizes : size;
+        Solid found = Solid::of(solid[movable], current_sizes + (long long)movable * SOLID_WORDS, camera);
         if (!found.outside()) found.kind = SOLID_NONE;
         return found;
     }
@@ -100,10 +100,10 @@ struct Movables {
     // Find the movable object that owns a triangle number; numbers below the first object's also give the first.
     inline int find(int id) const {
         int low = 0;
-        for (int left = count; left > 1;) {
-            const int half = left >> 1;
+        for (int range = count; range > 1;) {
+            const int half = range >> 1;
             low += first_id[low + half] <= id ? half : 0;
-            left -= half;
+            range -= half;
         }
         return low;
     }
@@ -179,17 +179,17 @@ struct Lookup {
     // Unit normal of a triangle in the world, facing the camera.
     inline void normal_of(int id, float* n) {
         if (!moving || id < first_movable)
-            normal_there(viewpoint, nullptr, id, n);
+            local_normal(viewpoint, nullptr, id, n);
         else
             movable_normal(id, n);
     }
     inline void movable_normal(int id, float* n) {
         find(id);
         const Frame& frame = frames[movable];
-        float there[3];
-        normal_there(frame.viewpoint, frame.shrink, id - first + movables.first_leaf[movable] * LANES, there);
+        float local[3];
+        local_normal(frame.viewpoint, frame.shrink, id - first + movables.first_leaf[movable] * LANES, local);
         for (int k = 0; k < 3; ++k)
-            n[k] = (float)(there[0] * frame.axis[0][k] + there[1] * frame.axis[1][k] + there[2] * frame.axis[2][k]);
+            n[k] = (float)(local[0] * frame.axis[0][k] + local[1] * frame.axis[1][k] + local[2] * frame.axis[2][k]);
     }
 
     // Unit normals at rays that hit solids, stored in those lanes of `n`; returns a mask of the lanes.
@@ -212,18 +212,18 @@ struct Lookup {
         return solid;
     }
     static inline Points normals_of(const Frame& frame, Ints part, Doubles u, Doubles v) {
-        const ExactPoints there = frame.solid.normals(part, u, v);
+        const ExactPoints local = frame.solid.normals(part, u, v);
         Floats n[3];
         for (int k = 0; k < 3; ++k) {
             const Doubles in_world =
-                there.x * frame.axis[0][k] + (there.y * frame.axis[1][k] + there.z * frame.axis[2][k]);
+                local.x * frame.axis[0][k] + (local.y * frame.axis[1][k] + local.z * frame.axis[2][k]);
             n[k] = __builtin_convertvector(in_world, Floats);
         }
         return Points{n[0], n[1], n[2]};
     }
 
     // Unit normal of the triangle in a slot, in the frame of its tree; `shrink` undoes stretching.
-    inline void normal_there(const double* from, const double* shrink, int slot, float* n) const {
+    inline void local_normal(const double* from, const double* shrink, int slot, float* n) const {
         const float* corners = bvh.leaf((unsigned)slot / LANES);
         ExactTriangle t = ExactTriangle::of(from, corners, (unsigned)slot % LANES);
         double* c = t.normal;

@@ -29,10 +29,11 @@ enum {
     SLOT_BLOCKS = POINTS ? (int)POINT_BLOCKS : (int)BLOCKS,
     SLOTS = SLOT_BLOCKS * LANES,
 };
-static_assert((int)BLOCK_WIDTH * BLOCK_HEIGHT <= (int)LANES, "a lane draws a pixel of a block");
-static_assert(!POINTS || RAY_TABLE, "points pass aside of the middles of pixels");
-static_assert((int)BLOCKS <= (int)LANES, "lane b keeps what is known of block b");
-static_assert(PACKET_WIDTH % BLOCK_WIDTH == 0 && PACKET_HEIGHT % BLOCK_HEIGHT == 0, "a packet is of whole blocks");
+static_assert((int)BLOCK_WIDTH * BLOCK_HEIGHT <= (int)LANES, "each lane rasterizes one pixel of a block");
+static_assert(!POINTS || RAY_TABLE, "points are not at pixel centers");
+static_assert((int)BLOCKS <= (int)LANES, "lane b holds the state of block b");
+static_assert(PACKET_WIDTH % BLOCK_WIDTH == 0 && PACKET_HEIGHT % BLOCK_HEIGHT == 0,
+              "a packet consists of whole blocks");
 
 // Upper limit of 1 / z: nearer surfaces are clamped to it.
 constexpr float MAX_INV_Z = 3e37f;

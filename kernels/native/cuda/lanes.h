@@ -7,7 +7,7 @@
 // Warp-wide operations: all lanes of a warp call them together.
 
 enum { LANES = CUDA_LANES };
-static_assert(LANES == 32, "lanes of a warp, bits of a word, and threads that Python launches for a packet");
+static_assert(LANES == 32, "lanes of a warp, bits of a word, and threads that Python launches per packet");
 
 struct Warp {
     enum { all = 0xffffffffu };

@@ -19,7 +19,7 @@ struct ObjectQueue {
 
 // As many as fit into the memory of the levels.
 enum { SOLIDS_AT_A_TIME = (int)(LEVELS * sizeof(Walk::Level) / sizeof(Solid)) };
-static_assert(SOLIDS_AT_A_TIME >= 1 && SOLIDS_AT_A_TIME <= (int)LANES, "a lane sets up a solid");
+static_assert(SOLIDS_AT_A_TIME >= 1 && SOLIDS_AT_A_TIME <= (int)LANES, "each lane sets up one solid");
 
 // A warp's shared memory.
 struct WarpMemory {
@@ -34,7 +34,7 @@ struct WarpMemory {
     PixelMemory pixels;
     ObjectQueue objects;
 };
-static_assert(sizeof(WarpMemory) <= 48 * 1024, "what a block may have without asking for more");
+static_assert(sizeof(WarpMemory) <= 48 * 1024, "shared memory of a block without opt-in");
 
 // Relative margin of a box in the frame of an object, for the rounding of the camera's distance.
 constexpr float MOVED_BOX_SLACK = 1e-6f;
@@ -53,7 +53,7 @@ struct ObjectPass {
         static inline MovedBox of(const Camera& world, const Movables& movables, int m) {
             MovedBox moved;
             Vec3 axis[3];
-            const Vec3 origin = camera_there(world, movables.pose(m), axis);
+            const Vec3 origin = camera_in_frame(world, movables.pose(m), axis);
             for (int i = 0; i < 3; ++i) moved.rows[i] = inside(axis, world.to_camera[i]);
             const float* box = movables.box(m);
             // Margin for the rounding error of the origin.
@@ -72,7 +72,7 @@ struct ObjectPass {
     }
 
     // Position of the camera in the frame of an object, and that frame's axes in the world, in single precision.
-    static inline Vec3 camera_there(const Camera& world, const float* pose, Vec3* axis) {
+    static inline Vec3 camera_in_frame(const Camera& world, const float* pose, Vec3* axis) {
         float x = __ldg(pose + 3), y = __ldg(pose + 4), z = __ldg(pose + 5), w = __ldg(pose + 6);
         const float scale = 1.0f / sqrtf(x * x + y * y + z * z + w * w);
         x *= scale, y *= scale, z *= scale, w *= scale;
@@ -87,7 +87,7 @@ struct ObjectPass {
     static inline bool is_cut(const Camera& world, const Movables& movables, int m) {
         if (!NearPlane::clips()) return false;
         Vec3 axis[3];
-        const Vec3 origin = camera_there(world, movables.pose(m), axis);
+        const Vec3 origin = camera_in_frame(world, movables.pose(m), axis);
         return Box::holds(movables.box(m), movables.factors(m), origin, world.near);
     }
 
@@ -105,8 +105,8 @@ struct ObjectPass {
             (&moved.exact_rays[row].x)[k] = RESIZED ? value / factor : value;
             (&moved.to_camera[row].x)[k] = (float)(world.rotated_row(row, along, value) * factor);
         } else if (row == 3) {
-            const double there = Vec3d::dot(along, Vec3d::minus(world.exact_origin, PoseRow::position(pose)));
-            const double value = RESIZED ? there / factor : there;
+            const double local = Vec3d::dot(along, Vec3d::minus(world.exact_origin, PoseRow::position(pose)));
+            const double value = RESIZED ? local / factor : local;
             (&moved.exact_origin.x)[k] = value;
             (&moved.origin.x)[k] = (float)value;
             (&moved.rest.x)[k] = (float)(value - (float)value);
@@ -180,10 +180,10 @@ struct ObjectPass {
         Warp::sync();
         for (; queued.next < all && queued.count <= ObjectQueue::SIZE - LANES; queued.next += LANES) {
             const int i = min(queued.next + lane, all - 1);
-            const bool there = queued.next + lane < all;
+            const bool exists = queued.next + lane < all;
             int m = i;
-            const Child found = sorted ? look_up(scene, memory.cameras[WarpMemory::WORLD], packet, listed, i, there, m)
-                                       : visit(memory.cameras[WarpMemory::WORLD], packet, scene.movables, i, there);
+            const Child found = sorted ? look_up(scene, memory.cameras[WarpMemory::WORLD], packet, listed, i, exists, m)
+                                       : visit(memory.cameras[WarpMemory::WORLD], packet, scene.movables, i, exists);
             const unsigned lanes = Warp::ballot(found.visit != 0);
             if (found.visit) {
                 const int at = queued.count + __popc(lanes & ((1u << lane) - 1));
@@ -197,14 +197,14 @@ struct ObjectPass {
 
     // Bounds, in a packet, of an object that was found for the view.
     static inline Child look_up(const Scene& scene, const Camera& world, const Packet& packet,
-                                const FoundObjects::Listed& listed, int i, bool there, int& m) {
+                                const FoundObjects::Listed& listed, int i, bool exists, int& m) {
         const FoundObjects::Entry found = scene.found.entry(listed, i, scene.movables.count);
         const int x0 = max(FoundObjects::Entry::first(found.columns) - packet.first_x, 0);
         const int x1 = min(FoundObjects::Entry::last(found.columns) - packet.first_x, PACKET_WIDTH - 1);
         const int y0 = max(FoundObjects::Entry::first(found.rows) - packet.first_y, 0);
         const int y1 = min(FoundObjects::Entry::last(found.rows) - packet.first_y, PACKET_HEIGHT - 1);
         m = found.movable;
-        const bool shown = there && x0 <= x1 && y0 <= y1, anywhere = shown && found.nearest_inv_z == NOWHERE;
+        const bool shown = exists && x0 <= x1 && y0 <= y1, anywhere = shown && found.nearest_inv_z == NOWHERE;
         if (Warp::any(anywhere)) {
             const Child here = visit(world, packet, scene.movables, m, anywhere);
             if (anywhere) return here;
@@ -214,9 +214,9 @@ struct ObjectPass {
 
     // Record an object if the view may see it: one object per lane, in any order.
     static inline void find(const Camera& world, const Movables& movables, const FoundObjects& found, int m,
-                            bool there) {
+                            bool exists) {
         const MovedBox box = MovedBox::of(world, movables, m);
-        const bool wanted = there && !movables.excludes(m);
+        const bool wanted = exists && !movables.excludes(m);
         const Walk::ScreenBounds p = Walk::ScreenBounds::of(box.rows, box.low, box.high, world.blur, wanted);
         const Walk::ScreenBounds::Pixels in = p.pixels(world.first_u, world.first_v, world.last_x, world.last_y);
         if (!wanted || p.zmin > world.far || !in.any()) return;
@@ -229,8 +229,8 @@ struct ObjectPass {
                   movables.count);
     }
 
-    // The next item to render: `solids` solids, one per lane, or, if `solids` is -1, one object by its triangles with all
-    // lanes. 0 if nothing is left.
+    // The next item to render: `solids` solids, one per lane, or, if `solids` is -1, one object by its triangles with
+    // all lanes. 0 if nothing is left.
     struct Taken {
         int solids;
         int at;  // position in the queue

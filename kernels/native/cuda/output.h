@@ -6,7 +6,7 @@
 // The pixels of a packet that one lane writes: they are in one column.
 struct Column {
     enum { ROWS = LANES / PACKET_WIDTH };  // rows that all lanes write together at a time
-    static_assert(LANES % PACKET_WIDTH == 0, "lanes take whole rows");
+    static_assert(LANES % PACKET_WIDTH == 0, "lanes write whole rows");
 
     int column, row;  // in the packet
     int rows;  // number of the packet's rows inside the image; 0 if the column is outside

@@ -47,8 +47,8 @@ struct PointBounds {
     unsigned left, right, top, bottom;  // bits of floats, which sort like the floats
 
     static inline PointBounds none() { return PointBounds{~0u, 0, ~0u, 0}; }
-    static inline PointBounds of(bool there, ImagePoint at) {
-        if (!there) return none();
+    static inline PointBounds of(bool is_inside, ImagePoint at) {
+        if (!is_inside) return none();
         // Adding 0 turns -0 into 0.
         const unsigned u = __float_as_uint(at.u + 0.0f), v = __float_as_uint(at.v + 0.0f);
         return PointBounds{u, u, v, v};
@@ -85,9 +85,9 @@ struct PointPacket {
         for (int block = 0; block < SLOT_BLOCKS; ++block) {
             const int i = list.index(number, block);
             const ImagePoint at = list.at[max(i, 0)];
-            const bool there = i >= 0 && inside(view, at);
-            places.place[Packet::index(block, Warp::lane())] = there ? i : i >= 0 ? ~i : (int)Places::NO_POINT;
-            const PointBounds bounds = PointBounds::of(there, at).of_all();
+            const bool is_inside = i >= 0 && inside(view, at);
+            places.place[Packet::index(block, Warp::lane())] = is_inside ? i : i >= 0 ? ~i : (int)Places::NO_POINT;
+            const PointBounds bounds = PointBounds::of(is_inside, at).of_all();
             if (Warp::lane() == block) of_block = bounds;
         }
         return of_block.of_all();

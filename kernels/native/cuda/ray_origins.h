@@ -144,4 +144,4 @@ struct TableEye {
     // Greatest distance of a ray origin from the eye.
     inline float reach(float) const { return (float)numbers[REACH]; }
 };
-static_assert((int)TableEye::WORDS == (int)TABLE_EYE_WORDS, "Python makes rows of numbers");
+static_assert((int)TableEye::WORDS == (int)TABLE_EYE_WORDS, "Python stores rows of numbers");

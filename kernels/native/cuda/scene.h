@@ -79,7 +79,7 @@ struct FoundObjects {
         static inline int first(unsigned pair) { return pair & 0xffff; }
         static inline int last(unsigned pair) { return pair >> 16; }
     };
-    static_assert(sizeof(Entry) == 4 * sizeof(float), "Python makes room for rows of four numbers");
+    static_assert(sizeof(Entry) == 4 * sizeof(float), "Python allocates rows of four numbers");
 
     // [movable]: objects in few tiles from the front, others from the back; null if objects were not searched
     Entry* entries;
@@ -118,7 +118,8 @@ struct FoundObjects {
             for (int x = x0; x <= x1; ++x) atomicAdd(tile_count + first_tile + y * tiles_x + x, 1);
     }
 };
-static_assert((int)PACKET_WIDTH <= FoundObjects::TILE && (int)PACKET_HEIGHT <= FoundObjects::TILE, "it is in one tile");
+static_assert((int)PACKET_WIDTH <= FoundObjects::TILE && (int)PACKET_HEIGHT <= FoundObjects::TILE,
+              "a packet is in one tile");
 
 struct Scene {
     Bvh bvh;  // of the static geometry; the arrays also contain those of movable objects

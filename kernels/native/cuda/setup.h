@@ -37,7 +37,7 @@ struct alignas(16) Triangle {
         return sees_both_sides() ? fminf(fmaxf(least, -Three::max(a, b, c)), error_bound) : least;
     }
     // Whether the triangle may be visible where the z-buffer holds a key.
-    inline bool may_show(Key there) const { return __float_as_uint(max_inv_z) >= DepthKey::inv_z_bits(there); }
+    inline bool may_show(Key stored) const { return __float_as_uint(max_inv_z) >= DepthKey::inv_z_bits(stored); }
     inline float clamp(float value) const { return fmaxf(fminf(value, max_inv_z), min_inv_z); }
     inline float inv_z_at(RayPlace p) const { return clamp(Origins::along(plane_at(p.u, p.v), slope_u, slope_v, p)); }
     // For a ray from the eye.

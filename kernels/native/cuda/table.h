@@ -16,7 +16,7 @@ struct TableFrame {
     double focal[2];  // lengths of the first two rows
     double longest;  // greatest z of the packet's rays at depth 1
 };
-static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double), "Python makes rows of numbers");
+static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double), "Python stores rows of numbers");
 
 // A packet's rays, in the order of the z-buffer.
 struct TablePacket {
@@ -78,10 +78,10 @@ struct TablePacket {
         unsigned filled = 0;
         for (int block = 0; block < SLOT_BLOCKS; ++block) {
             const int index = block * LANES + lane;
-            const bool there = __ldg(scale + index) > 0.0f;
-            *packet.at(index) = DepthKey::of(there ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
-            if (there) TableSlots::add(camera, *packet.memory, index);
-            if (Warp::any(there)) filled |= 1u << block;
+            const bool has_ray = __ldg(scale + index) > 0.0f;
+            *packet.at(index) = DepthKey::of(has_ray ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
+            if (has_ray) TableSlots::add(camera, *packet.memory, index);
+            if (Warp::any(has_ray)) filled |= 1u << block;
         }
         packet.block_min_inv_z = __float_as_uint(filled >> lane & 1 ? 0.0f : NOWHERE);
         packet.stale_blocks = 0;

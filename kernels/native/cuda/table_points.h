@@ -28,4 +28,4 @@ struct TableSlots {
         places.add(camera, places.points[slot], slot);
     }
 };
-static_assert(sizeof(ImageBox) == 4 * sizeof(float), "Python makes rows of left, right, top and bottom");
+static_assert(sizeof(ImageBox) == 4 * sizeof(float), "Python stores rows of left, right, top and bottom");

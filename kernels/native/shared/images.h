@@ -15,4 +15,4 @@ struct Images {
     // Whether the z-buffer must store the triangle of a pixel, not only its object.
     inline bool of_triangles() const { return normals || faces; }
 };
-static_assert(sizeof(Images) == 8 * sizeof(void*), "kernels/images.py fills it in this order");
+static_assert(sizeof(Images) == 8 * sizeof(void*), "kernels/images.py fills the members in this order");

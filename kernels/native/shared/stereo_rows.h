@@ -263,9 +263,10 @@ struct OtherImage {
         const Real shift = (across * place[2] - place[0]) * focal[0] * nearness;
         const Real column = Numbers::columns(x) + (added_columns + 0.5f) + shift;
         const Real row = (images.row_slopes[y] * place[2] - place[1]) * focal[1] * nearness + ((float)y + 0.5f);
-        const Whole there = (depth >= min_depth) & (depth < Numbers::endless()) & (column >= 0.0f) & (column < width);
+        const Whole is_inside =
+            (depth >= min_depth) & (depth < Numbers::endless()) & (column >= 0.0f) & (column < width);
         const Real none = Numbers::real(Numbers::no_number());
-        Numbers::store_pairs(points + at * 2, there ? column : none, there ? inside(row) : none, count);
+        Numbers::store_pairs(points + at * 2, is_inside ? column : none, is_inside ? inside(row) : none, count);
     }
     // Clamp rows that rounding moved beyond the upper or lower edge: both eyes share their rows.
     inline Real inside(Real row) const {
