@@ -185,7 +185,7 @@ SMALL = {"width": 64, "height": 48, "hfov": 1.0}
 
 def test_links_are_in_their_own_frames(example):
     """Visual elements at their origins, whatever the joints say; collision elements only where nothing is visual."""
-    with pytest.warns(UserWarning, match=r"link tool is not shown: .*left out package://somewhere/tool\.stl"):
+    with pytest.warns(UserWarning, match=r"link tool is not shown: .*skipped package://somewhere/tool\.stl"):
         links = example.read_links(URDF)
     assert set(links) == {"base", "hand"}
     bounds = {name: (vertices.min(axis=0), vertices.max(axis=0)) for name, (vertices, _) in links.items()}

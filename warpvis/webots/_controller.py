@@ -124,11 +124,12 @@ class DepthEye:
             WarpvisError: If an argument is invalid, or `robot` finds no node of the range finder.
         """
         self._version = as_version(version)
-        place, turn = as_numpy(translation, name="translation"), as_numpy(rotation, name="rotation")
-        if place.shape != (3,) or turn.shape != (4,) or not (np.isfinite(place).all() and np.isfinite(turn).all()):
+        offset, axis_angle = as_numpy(translation, name="translation"), as_numpy(rotation, name="rotation")
+        is_finite = np.isfinite(offset).all() and np.isfinite(axis_angle).all()
+        if offset.shape != (3,) or axis_angle.shape != (4,) or not is_finite:
             raise PoseError("translation and rotation must be three and four finite numbers, as in the device's fields")
         self._mount = np.eye(4)
-        self._mount[:3, :3], self._mount[:3, 3] = rotation_matrix(turn.astype(np.float64)), place
+        self._mount[:3, :3], self._mount[:3, 3] = rotation_matrix(axis_angle.astype(np.float64)), offset
         self._near = check_length(near, "near")
         asked = ("getWidth", "getHeight", "getFov", "getMinRange", "getMaxRange", "getRangeImage")
         missing = [name for name in asked if not callable(getattr(range_finder, name, None))]

@@ -217,14 +217,14 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
         parts = _read(path, suffix, path.stat().st_mtime_ns)
     except FileFormatError as error:
         raise type(error)(f"{node.file}:{node.line}: {error}") from None
-    collada, turns = suffix == ".dae", node.version >= Version(2022, 2)
-    wanted = node.text("name", "") if node.type == "Mesh" and (collada or not turns) else ""
+    collada, converts_up_axis = suffix == ".dae", node.version >= Version(2022, 2)
+    wanted = node.text("name", "") if node.type == "Mesh" and (collada or not converts_up_axis) else ""
     chosen = [part for name, part in parts if wanted in ("", name)]
     if not chosen:
         known = ", ".join(repr(name) for name, _ in parts[:10])
         refuse(node, f"the name of a part of {path}, one of {known}", repr(wanted))
     vertices, faces = join(chosen)
-    if collada and turns:
+    if collada and converts_up_axis:
         x, y, z = vertices.T
         vertices = np.stack([x, -z, y], axis=1)
     return compact(vertices, faces if node.flag("ccw", True) else faces[:, ::-1])
