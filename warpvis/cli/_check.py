@@ -141,7 +141,7 @@ class Check(FrameOptions):
                 pixels, hides = str(item["visible_pixels"]), item["occluder"] or ""
                 rows.append([str(view["view"]), item["name"], share, pixels, status, hides])
         print(format_rows(["view", "object", "visible", "pixels", "status", "hidden by"], rows[:_LINES_PRINTED]))
-        _say_more(len(rows))
+        _print_rest(len(rows))
 
     def _first_view(self, frames: Frames) -> _FirstView:
         """Return the arguments of pictures that select the first view."""
@@ -194,7 +194,7 @@ class Check(FrameOptions):
         header = ["view", "points", *(kind.name.lower().replace("_", " ") for kind in kinds)]
         rows = [[str(k), str(len(points)), *map(str, count.values())] for k, count in enumerate(counts)]
         print(format_rows(header, rows[:_LINES_PRINTED]))
-        _say_more(len(rows))
+        _print_rest(len(rows))
 
 
 def _pose_report(view: int, frames: Frames) -> _PoseReport:
@@ -230,6 +230,6 @@ def _object_report(scene: Scene, seen: ObjectVisibility, frames: Frames) -> list
     return views
 
 
-def _say_more(count: int) -> None:
+def _print_rest(count: int) -> None:
     if count > _LINES_PRINTED:
         print(f"... and {count - _LINES_PRINTED} more lines; --out writes all")

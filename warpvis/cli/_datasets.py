@@ -340,10 +340,10 @@ class Batch(ImageOptions):
             print(f"warpvis: interrupted; the same command with --resume continues {self.out}", file=sys.stderr)
             raise
         print_summary(summary, self.format, quiet=self.quiet)
-        there = summary.frames - summary.rendered_frames
-        if self.resume and there and not self.quiet:
+        existing = summary.frames - summary.rendered_frames
+        if self.resume and existing and not self.quiet:
             trusted = "their checksums are correct" if self.repair else "their sizes are correct; --repair reads them"
-            print(f"{there} of them existed: {trusted}")
+            print(f"{existing} of them existed: {trusted}")
         self.end(empty=summary.empty_frames == summary.frames)
 
 

@@ -41,7 +41,7 @@ def exiting_on_interrupt() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        _exit_beside_compiler()
+        _exit_if_compiling()
         sys.exit(INTERRUPTED)
     finally:
         timer.cancel()
@@ -56,7 +56,7 @@ def _is_importing(frame: FrameType | None) -> bool:
     return False
 
 
-def _exit_beside_compiler() -> None:
+def _exit_if_compiling() -> None:
     """Exit at once if a thread compiles kernels, since it would go on while the interpreter shuts down."""
     cache = sys.modules.get("warpvis.core.kernel_cache")
     if cache is not None and cache.is_compiling():

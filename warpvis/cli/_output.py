@@ -25,9 +25,9 @@ def make_folder(path: Path) -> None:
     Raises:
         FileFormatError: If it cannot be created.
     """
-    there = next((place for place in (path, *path.parents) if place.exists()), path)
-    if there.is_file():
-        raise FileFormatError(f"{there}: must be a folder, but is a file")
+    existing = next((place for place in (path, *path.parents) if place.exists()), path)
+    if existing.is_file():
+        raise FileFormatError(f"{existing}: must be a folder, but is a file")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -96,7 +96,7 @@ class Perspective(ViewpointOptions):
             _warn_of_eyes_inside(scene, agent, option)
         print(seen.table())
         print()
-        print(_in_words(found, missed, proposal, self.max_distance))
+        print(_format_result(found, missed, proposal, self.max_distance))
         if self.out is not None:
             print(f"\n{self.out / 'perspective.json'}, {self.out / 'perspective.png'}")
 
@@ -165,7 +165,7 @@ def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None
     }
 
 
-def _in_words(found: list[Candidate], missed: list[str], proposal: Proposal | None, max_distance: float) -> str:
+def _format_result(found: list[Candidate], missed: list[str], proposal: Proposal | None, max_distance: float) -> str:
     """Return the candidates as a table, and what the robot has to do."""
     if not found:
         return "The person sees no objects, so there are no candidates."

@@ -34,15 +34,15 @@ def write_pictures(dataset: FrameDataset, out: Path) -> str:
     count = len(dataset)
     first = range(min(count, _MAX_PREVIEWS))
     spread = sorted({round(place) for place in np.linspace(0, count - 1, min(count, _MAX_ON_SHEET))})
-    least, greatest = np.inf, -np.inf
+    min_depth, max_depth = np.inf, -np.inf
     for index in {*first, *spread}:
         seen = dataset.read("depth", index)
         seen = seen[np.isfinite(seen)]
         if seen.size:
-            least, greatest = min(least, float(seen.min())), max(greatest, float(seen.max()))
+            min_depth, max_depth = min(min_depth, float(seen.min())), max(max_depth, float(seen.max()))
     near, far = dataset.camera.near, dataset.camera.far
-    searched = (near, far if np.isfinite(far) else near + 1)
-    depth_range = (least, greatest) if least <= greatest else searched
+    camera_range = (near, far if np.isfinite(far) else near + 1)
+    depth_range = (min_depth, max_depth) if min_depth <= max_depth else camera_range
     (out / PREVIEWS).mkdir()
     for index in first:
         save_preview(dataset.read("depth", index), out / PREVIEWS / f"{index:06d}.png", depth_range)

@@ -59,8 +59,8 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
     found: dict[str, bytes] = {}
     size = 0
     try:
-        for name, stream, said in _members(path, zipped):
-            check_unpacked(path, size + said)  # before it takes memory
+        for name, stream, stored_size in _members(path, zipped):
+            check_unpacked(path, size + stored_size)  # before it takes memory
             with stream:
                 found[name] = _read(stream, _MAX_BYTES - size + 1)
             size += len(found[name])

@@ -134,7 +134,7 @@ def _add_mesh(
     """Add the primitives of a node's mesh, which is shared with others if its placement is split."""
     mesh = shapes.data.one("meshes", node["mesh"])
     name = str(node.get("name") or mesh.get("name") or "")
-    extras = {**_said(mesh), **_said(node)}
+    extras = {**_extras_of(mesh), **_extras_of(node)}
     packed = (node.get("extensions") or {}).get(INSTANCES)
     copies = None if packed is None else instance_matrices(shapes.data, packed)
     for number, primitive in enumerate(mesh["primitives"]):
@@ -157,7 +157,7 @@ def _add_mesh(
             found.meshes.append(shape.placed(own, above, extras))
 
 
-def _said(item: dict[str, Any]) -> dict[str, Any]:
+def _extras_of(item: dict[str, Any]) -> dict[str, Any]:
     extras = item.get("extras")
     return extras if isinstance(extras, dict) else {}
 

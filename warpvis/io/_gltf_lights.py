@@ -32,22 +32,22 @@ def gltf_light(root: Any, node: dict[str, Any], placement: NDArray[np.float64]) 
     known, number = root[LIGHTS]["lights"], packed["light"]
     if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(known):
         raise ValueError(f"it references light {number!r} of {len(known)}")
-    said = known[number]
-    kind = said.get("type")
+    entry = known[number]
+    kind = entry.get("type")
     if kind not in _KINDS:
         raise ValueError(f"the type of a light must be one of {', '.join(_KINDS)}, got {kind!r}")
-    cone = said.get("spot") or {}
+    cone = entry.get("spot") or {}
     return Light(
         kind,
-        str(said.get("name") or node.get("name") or ""),
+        str(entry.get("name") or node.get("name") or ""),
         tuple(placement[:3, 3].tolist()),
         tuple((-placement[:3, 2]).tolist()),
-        color=said.get("color", (1.0, 1.0, 1.0)),
-        intensity=said.get("intensity", 1.0),
+        color=entry.get("color", (1.0, 1.0, 1.0)),
+        intensity=entry.get("intensity", 1.0),
         color_space="linear",
         falloff="gltf",
         attenuation=(1.0, 0.0, 0.0) if kind == "directional" else (0.0, 0.0, 1.0),
-        reach=np.inf if said.get("range") is None else said["range"],
+        reach=np.inf if entry.get("range") is None else entry["range"],
         inner_angle=cone.get("innerConeAngle", 0.0),
         outer_angle=cone.get("outerConeAngle", np.pi / 4),
     )

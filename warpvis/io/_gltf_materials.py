@@ -50,14 +50,14 @@ class GltfMaterials:
         """Return the deferred appearance of a primitive; None if it defines none."""
         if primitive.get("material") is None and "COLOR_0" not in primitive["attributes"]:
             return None
-        said = self._numbers_alone(primitive)
-        if said is None:
+        entry = self._numbers_alone(primitive)
+        if entry is None:
             return LazyAppearance(
                 partial(_read_or_warn, self._file, name, vertices, self._appearance, primitive, attribute)
             )
         index = primitive["material"]
         if index not in self._plain:
-            self._plain[index] = LazyAppearance(partial(_read_or_warn, self._file, name, vertices, _plain, said))
+            self._plain[index] = LazyAppearance(partial(_read_or_warn, self._file, name, vertices, _plain, entry))
         return self._plain[index]
 
     def _numbers_alone(self, primitive: dict[str, Any]) -> dict[str, Any] | None:
@@ -65,8 +65,8 @@ class GltfMaterials:
         if "COLOR_0" in primitive["attributes"]:
             return None
         try:
-            said = self._data.one("materials", primitive["material"])
-            return said if _base(said)[1] is None else None
+            entry = self._data.one("materials", primitive["material"])
+            return entry if _base(entry)[1] is None else None
         except Exception:  # malformed files may raise any exception; it is reported on first use
             return None
 
@@ -80,10 +80,10 @@ class GltfMaterials:
         colors = _vertex_colors(attribute("COLOR_0")) if "COLOR_0" in attributes else None
         if index is None:
             return Appearance((Material(color_space="linear"),), vertex_colors=colors)
-        said = self._data.one("materials", index)
-        uv, info = None, _base(said)[1]
+        entry = self._data.one("materials", index)
+        uv, info = None, _base(entry)[1]
         if index not in self._known:
-            self._known[index] = _material(said, None if info is None else self._texture(info["index"]))
+            self._known[index] = _material(entry, None if info is None else self._texture(info["index"]))
         if info is not None:
             transform = (info.get("extensions") or {}).get(TRANSFORM) or {}
             name = f"TEXCOORD_{transform.get('texCoord', info.get('texCoord', 0))}"
@@ -92,13 +92,13 @@ class GltfMaterials:
 
     def _texture(self, index: Any) -> Texture:
         """Read a texture (3.8); its image is decoded on first use."""
-        said = self._data.one("textures", index)
+        entry = self._data.one("textures", index)
         if index in self._textures:
             return self._textures[index]
-        sampler = self._data.one("samplers", said["sampler"]) if said.get("sampler") is not None else {}
-        extensions = said.get("extensions") or {}
+        sampler = self._data.one("samplers", entry["sampler"]) if entry.get("sampler") is not None else {}
+        extensions = entry.get("extensions") or {}
         others = [extensions[name]["source"] for name in _SOURCES if name in extensions]
-        number = said.get("source", *others[:1]) if others else said.get("source")
+        number = entry.get("source", *others[:1]) if others else entry.get("source")
         source, name = self._image(number)
         self._textures[index] = Texture(
             source,
@@ -112,11 +112,11 @@ class GltfMaterials:
     def _image(self, number: Any) -> tuple[Path | bytes, str]:
         if number is None:
             return b"", "a texture without an image"
-        said = self._data.one("images", number)
-        name = str(said.get("name") or f"image {number}")
-        if "bufferView" in said:
-            return self._data.view(said["bufferView"]).tobytes(), name
-        uri = str(said.get("uri", ""))
+        entry = self._data.one("images", number)
+        name = str(entry.get("name") or f"image {number}")
+        if "bufferView" in entry:
+            return self._data.view(entry["bufferView"]).tobytes(), name
+        uri = str(entry.get("uri", ""))
         if uri.startswith("data:"):
             return uri_bytes(uri), name
         found = self._locate(uri_name(uri))
@@ -136,36 +136,36 @@ def _read_or_warn(
     return found
 
 
-def _plain(said: dict[str, Any]) -> Appearance:
-    return Appearance((_material(said, None),))
+def _plain(entry: dict[str, Any]) -> Appearance:
+    return Appearance((_material(entry, None),))
 
 
-def _material(said: dict[str, Any], texture: Texture | None) -> Material:
+def _material(entry: dict[str, Any], texture: Texture | None) -> Material:
     """Read a material (3.9); its factors are linear."""
-    color, _ = _base(said)
-    rough = said.get("pbrMetallicRoughness") or {}
-    extensions = said.get("extensions") or {}
+    color, _ = _base(entry)
+    rough = entry.get("pbrMetallicRoughness") or {}
+    extensions = entry.get("extensions") or {}
     strength = float((extensions.get("KHR_materials_emissive_strength") or {}).get("emissiveStrength", 1.0))
     return Material(
-        name=str(said.get("name") or ""),
+        name=str(entry.get("name") or ""),
         base_color=tuple(color),
         color_space="linear",
         texture=texture,
-        alpha_mode=str(said.get("alphaMode", "OPAQUE")).lower(),  # type: ignore[arg-type]  # it checks it
-        alpha_cutoff=said.get("alphaCutoff", 0.5),
+        alpha_mode=str(entry.get("alphaMode", "OPAQUE")).lower(),  # type: ignore[arg-type]  # it checks it
+        alpha_cutoff=entry.get("alphaCutoff", 0.5),
         metallic=rough.get("metallicFactor", 0.0 if _OLD in extensions else 1.0),
         roughness=rough.get("roughnessFactor", 1.0),
-        emission=tuple(np.multiply(strength, said.get("emissiveFactor", (0, 0, 0))).tolist()),
-        double_sided=said.get("doubleSided", False),
+        emission=tuple(np.multiply(strength, entry.get("emissiveFactor", (0, 0, 0))).tolist()),
+        double_sided=entry.get("doubleSided", False),
     )
 
 
-def _base(said: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:
+def _base(entry: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:
     """Return a material's base color, and its texture info."""
-    old = (said.get("extensions") or {}).get(_OLD)
-    if old is not None and "pbrMetallicRoughness" not in said:
+    old = (entry.get("extensions") or {}).get(_OLD)
+    if old is not None and "pbrMetallicRoughness" not in entry:
         return old.get("diffuseFactor", (1, 1, 1, 1)), old.get("diffuseTexture")
-    rough = said.get("pbrMetallicRoughness") or {}
+    rough = entry.get("pbrMetallicRoughness") or {}
     return rough.get("baseColorFactor", (1, 1, 1, 1)), rough.get("baseColorTexture")
 
 
@@ -183,9 +183,9 @@ def _coordinates(rows: NDArray[np.generic], transform: dict[str, Any]) -> NDArra
         # The extension's text rotates counterclockwise as seen, as do Khronos's sample viewer and three.js; its GLSL
         # code rotates clockwise.
         angle = float(transform.get("rotation", 0.0))
-        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         scale = np.array(transform.get("scale", (1, 1)), dtype=np.float64).reshape(2)
-        uv = (uv * scale) @ turn.T + np.array(transform.get("offset", (0, 0)), dtype=np.float64).reshape(2)
+        uv = (uv * scale) @ rotation.T + np.array(transform.get("offset", (0, 0)), dtype=np.float64).reshape(2)
     upwards: NDArray[np.float32] = uv.astype(np.float32)
     upwards[:, 1] = 1 - upwards[:, 1]
     return upwards

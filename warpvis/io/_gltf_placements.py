@@ -63,11 +63,11 @@ def node_matrix(node: dict[str, Any]) -> NDArray[np.float64]:
     if "matrix" in node:
         matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     else:
-        turn = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64).reshape(4)
-        move = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64).reshape(3)
-        if not np.linalg.norm(turn) > 0:
+        rotation = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64).reshape(4)
+        translation = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64).reshape(3)
+        if not np.linalg.norm(rotation) > 0:
             raise ValueError("a node's rotation has length 0")
-        matrix = poses_to_matrices(np.concatenate([move, turn]))
+        matrix = poses_to_matrices(np.concatenate([translation, rotation]))
         matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64).reshape(3)
     if not np.isfinite(matrix).all():
         raise ValueError("a node's placement is not finite")
@@ -82,17 +82,17 @@ def instance_matrices(data: GltfData, packed: dict[str, Any]) -> NDArray[np.floa
         raise ValueError(
             f"{INSTANCES}: all attributes must have one number of rows up to {_MAX_INSTANCES}, got {counts}"
         )
-    rest = {"TRANSLATION": np.zeros(3), "ROTATION": np.array([0.0, 0, 0, 1]), "SCALE": np.ones(3)}
-    move, turn, scale = (
+    defaults = {"TRANSLATION": np.zeros(3), "ROTATION": np.array([0.0, 0, 0, 1]), "SCALE": np.ones(3)}
+    translation, rotation, scale = (
         data.accessor(attributes[key]).astype(np.float64) if key in attributes else np.tile(row, (counts[0], 1))
-        for key, row in rest.items()
+        for key, row in defaults.items()
     )
-    for rows, row in zip((move, turn, scale), rest.values(), strict=True):
+    for rows, row in zip((translation, rotation, scale), defaults.values(), strict=True):
         if rows.shape[1] != len(row):
             raise ValueError(f"{INSTANCES}: translation and scale must have 3 numbers, rotation 4, got {rows.shape[1]}")
-    if not (np.linalg.norm(turn, axis=1) > 0).all():
+    if not (np.linalg.norm(rotation, axis=1) > 0).all():
         raise ValueError("an instance's rotation has length 0")
-    matrices = poses_to_matrices(np.concatenate([move, turn], axis=1))
+    matrices = poses_to_matrices(np.concatenate([translation, rotation], axis=1))
     matrices[:, :3, :3] *= scale[:, None]
     if not np.isfinite(matrices).all():
         raise ValueError("an instance's placement is not finite")

@@ -58,7 +58,7 @@ def skinned(
         rows: Reads one of them.
         joints: Result of `joint_matrices`.
     """
-    turn, total = np.zeros((len(vertices), 4, 4)), np.zeros(len(vertices))
+    transforms, total = np.zeros((len(vertices), 4, 4)), np.zeros(len(vertices))
     for number in range(_MAX_SETS):
         if f"JOINTS_{number}" not in attributes:
             break
@@ -68,13 +68,13 @@ def skinned(
         if chosen.size and not 0 <= chosen.min() <= chosen.max() < len(joints):
             raise ValueError(f"a vertex moves with joint {chosen.max()} of {len(joints)}")
         for column in range(4):
-            turn += weights[:, column, None, None] * joints[chosen[:, column]]
+            transforms += weights[:, column, None, None] * joints[chosen[:, column]]
         total += weights.sum(axis=1)
-    still = ~(np.abs(total) > 0)
-    turn[still], total[still] = np.eye(4), 1.0
+    unweighted = ~(np.abs(total) > 0)
+    transforms[unweighted], total[unweighted] = np.eye(4), 1.0
     with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
-        turn /= total[:, None, None]
-        return np.einsum("vij,vj->vi", turn[:, :3, :3], vertices) + turn[:, :3, 3]
+        transforms /= total[:, None, None]
+        return np.einsum("vij,vj->vi", transforms[:, :3, :3], vertices) + transforms[:, :3, 3]
 
 
 def joint_matrices(

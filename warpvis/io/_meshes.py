@@ -270,8 +270,8 @@ def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
     """Read COLLADA in meters, with the vertical axis defined in the file; files with x up are rotated to y up."""
     metres, axis = unit_and_axis(file)
     found = _load_by_trimesh(without_skins(file), "dae", resolver=_Textures(locate))
-    turn = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
-    found.meshes = [mesh._replace(vertices=metres * mesh.vertices @ turn.T) for mesh in found.meshes]
+    rotation = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
+    found.meshes = [mesh._replace(vertices=metres * mesh.vertices @ rotation.T) for mesh in found.meshes]
     found.up = "z" if axis == "Z_UP" else "y"
     return found
 

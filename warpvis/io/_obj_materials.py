@@ -47,7 +47,7 @@ class ObjMaterials:
             locate: Finds MTL files and images.
         """
         self._name, self._locate = name, locate
-        self._said: dict[str, dict[str, str]] = {}
+        self._statements: dict[str, dict[str, str]] = {}
         self._known: dict[str, Material] = {}
         self._missing: list[str] = []
         self._runs: dict[str, list[tuple[str, int, bytes]]] = {}
@@ -70,7 +70,7 @@ class ObjMaterials:
             return given
         names = list(dict.fromkeys(run[0] for run in runs))
         rows = self._rows(runs, names, faces) if len(names) > 1 else None
-        unknown = [name for name in names if name and name not in self._said]
+        unknown = [name for name in names if name and name not in self._statements]
         missed = f" ({', '.join(self._missing)}: no such file)" if self._missing else ""
         where = self._name
 
@@ -102,13 +102,13 @@ class ObjMaterials:
             if file is None:
                 self._missing.append(name)
                 continue
-            for said in read_mtl(file):
-                self._said.setdefault(said["name"], said)
+            for statements in read_mtl(file):
+                self._statements.setdefault(statements["name"], statements)
 
     def _material(self, name: str) -> Material:
         """Return a material, created on first use."""
         if name not in self._known:
-            self._known[name] = mtl_material(self._said.get(name, {"name": name}), self._locate)
+            self._known[name] = mtl_material(self._statements.get(name, {"name": name}), self._locate)
         return self._known[name]
 
     def _collect_runs(self, text: bytes) -> None:
@@ -162,21 +162,21 @@ def read_mtl(file: bytes) -> list[dict[str, str]]:
     return found
 
 
-def mtl_material(said: dict[str, str], locate: Locate) -> Material:
+def mtl_material(statements: dict[str, str], locate: Locate) -> Material:
     """Create a material from the statements of an MTL file; invalid numbers are replaced by defaults."""
-    texture, repeat = _texture(said["map_kd"], locate) if said.get("map_kd") else (None, _ONCE)
-    color = _numbers(said.get("kd", ""), 3)
-    opacity = _numbers(said.get("d", "").replace("-halo", ""), 1)
-    if opacity is None and "tr" in said:
-        through = _numbers(said["tr"], 1)
+    texture, repeat = _texture(statements["map_kd"], locate) if statements.get("map_kd") else (None, _ONCE)
+    color = _numbers(statements.get("kd", ""), 3)
+    opacity = _numbers(statements.get("d", "").replace("-halo", ""), 1)
+    if opacity is None and "tr" in statements:
+        through = _numbers(statements["tr"], 1)
         opacity = None if through is None else 1 - through
     alpha = 1.0 if opacity is None else float(opacity[0])
-    specular, emission = _numbers(said.get("ks", ""), 3), _numbers(said.get("ke", ""), 3)
-    shininess = _numbers(said.get("ns", ""), 1)
-    metallic, roughness = _numbers(said.get("pm", ""), 1), _numbers(said.get("pr", ""), 1)
-    blends = alpha < 1 or "map_d" in said
+    specular, emission = _numbers(statements.get("ks", ""), 3), _numbers(statements.get("ke", ""), 3)
+    shininess = _numbers(statements.get("ns", ""), 1)
+    metallic, roughness = _numbers(statements.get("pm", ""), 1), _numbers(statements.get("pr", ""), 1)
+    blends = alpha < 1 or "map_d" in statements
     return Material(
-        said["name"],
+        statements["name"],
         (*np.clip(_WHITE if color is None else color, 0, 1).tolist(), min(max(alpha, 0.0), 1.0)),
         texture=texture,
         texture_repeat=repeat,

@@ -33,8 +33,8 @@ def unit_and_names(files: dict[str, bytes]) -> tuple[float, list[str]]:
     unit = b"millimeter"
     for model in models:
         root = re.search(rb"<(?:\w+:)?model\b[^>]*", model)
-        said = re.search(rb"""\sunit\s*=\s*["']([^"']*)["']""", root[0]) if root else None
-        unit = said[1] if said else unit
+        match = re.search(rb"""\sunit\s*=\s*["']([^"']*)["']""", root[0]) if root else None
+        unit = match[1] if match else unit
         found |= {html.unescape((a or b).decode(errors="replace")): None for a, b in _NAME.findall(model)}
     if unit not in _METRES:
         known = ", ".join(name.decode() for name in _METRES)

@@ -53,11 +53,11 @@ def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> Calibrated
     for entry, frames in _nerfstudio_entries(fields):
         numbers = _nerfstudio_numbers(path, entry, frames)
         if numbers is not None:
-            said = {name: entry[name] for name in (*_NERF_LENS, *_NGP_LENS) if name in entry}
-            said |= dict(zip(_NERF_NUMBERS, (*numbers[1], *numbers[0]), strict=True))
-            kinds.setdefault(repr(said), said)
+            parameters = {name: entry[name] for name in (*_NERF_LENS, *_NGP_LENS) if name in entry}
+            parameters |= dict(zip(_NERF_NUMBERS, (*numbers[1], *numbers[0]), strict=True))
+            kinds.setdefault(repr(parameters), parameters)
     some = list(kinds.values())[:2]  # two are enough to know that there are several
-    makes = [partial(Camera.from_nerfstudio, said) for said in some]
+    makes = [partial(Camera.from_nerfstudio, parameters) for parameters in some]
     return one_camera([make_calibrated(str(path), make) for make in makes], str(path))
 
 
@@ -113,7 +113,7 @@ def _nerfstudio_numbers(
     if fx is None or fy is None:
         return None
     centre = [_number(path, fields, name) for name in ("cx", "cy")]
-    return size, (fx, fy, *(side / 2 if at is None else at for at, side in zip(centre, size, strict=True)))
+    return size, (fx, fy, *(side / 2 if value is None else value for value, side in zip(centre, size, strict=True)))
 
 
 def _nerfstudio_focal(path: Path, fields: Mapping[str, Json], axis: str, side: float) -> float | None:

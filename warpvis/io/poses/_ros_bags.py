@@ -109,7 +109,11 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
     except Exception as error:  # damaged bags may raise any exception
         raise FileFormatError(f"{path}: cannot be read as a ROS 2 bag: {describe_exception(error)}") from None
     return _as_poses(
-        path, name, child, poses, [_Eye(info.header.frame_id, partial(_camera, info, distortion)) for info in found]
+        path,
+        name,
+        child,
+        poses,
+        [_BagCamera(info.header.frame_id, partial(_camera, info, distortion)) for info in found],
     )
 
 
@@ -136,7 +140,7 @@ def _all(types: dict[str, str]) -> str:
     return truncate(listed, _LONGEST_LIST) or "no topics"
 
 
-def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[_Eye]) -> FilePoses:
+def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[_BagCamera]) -> FilePoses:
     """Select the poses of one child frame, and check that they have the same parent frame."""
     place = f"{path}: topic {truncate(topic)}"
     if not poses:
@@ -168,18 +172,18 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras
     )
 
 
-def _choose_camera(path: Path, eyes: Sequence[_Eye], child: str) -> CalibratedCamera | None:
+def _choose_camera(path: Path, cameras: Sequence[_BagCamera], child: str) -> CalibratedCamera | None:
     """Return the camera of the bag's first CameraInfo with the poses' frame, or of its only CameraInfo."""
-    of_frame = [eye for eye in eyes if child and eye.frame == child]
-    chosen = of_frame or (eyes if len(eyes) == 1 else [])
+    of_frame = [camera for camera in cameras if child and camera.frame == child]
+    chosen = of_frame or (cameras if len(cameras) == 1 else [])
     try:
-        return one_camera([eye.make() for eye in chosen], str(path))
+        return one_camera([camera.make() for camera in chosen], str(path))
     except (CameraError, MessageError) as error:
         warn_user(f"{path}: its CameraInfo is not a valid camera: {error}", IntrinsicsWarning)
         return None
 
 
-class _Eye(NamedTuple):
+class _BagCamera(NamedTuple):
     """A camera of a bag, created when needed."""
 
     frame: str
@@ -191,8 +195,8 @@ def _camera(info: CameraInfo, distortion: bool) -> CalibratedCamera:
     return Camera.from_ros(info) if distortion and np.any(info.d) else Camera.from_camera_info(info)
 
 
-def _row(place: Point | Vector3, turn: Quaternion) -> list[float]:
-    return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+def _row(place: Point | Vector3, rotation: Quaternion) -> list[float]:
+    return [place.x, place.y, place.z, rotation.x, rotation.y, rotation.z, rotation.w]
 
 
 def _from_pose(message: PoseStamped) -> Iterator[_Stamped]:
