@@ -64,14 +64,14 @@ def _round_between(value: float, whole: int, digits: int) -> str:
     return text
 
 
-def check_whole(value: object, name: str, *, least: int = 1, error: type[WarpvisError] = ArrayError) -> int:
-    """Check that `value` is an integer of at least `least`, and return it.
+def check_whole(value: object, name: str, *, minimum: int = 1, error: type[WarpvisError] = ArrayError) -> int:
+    """Check that `value` is an integer of at least `minimum`, and return it.
 
     Raises:
         WarpvisError: If `value` is not such an integer; raised as the class `error`.
     """
-    if not is_whole(value) or value < least:
-        raise error(f"{name} must be a whole number from {least} up, got {value!r}")
+    if not is_whole(value) or value < minimum:
+        raise error(f"{name} must be a whole number from {minimum} up, got {value!r}")
     return int(value)
 
 
@@ -79,8 +79,8 @@ def check_number(
     value: object,
     name: str,
     *,
-    least: float = -math.inf,
-    most: float = math.inf,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
     error: type[WarpvisError] = ArrayError,
 ) -> float:
     """Check that `value` is a finite number within limits, and return it.
@@ -88,9 +88,9 @@ def check_number(
     Raises:
         WarpvisError: If `value` is not such a number; raised as the class `error`.
     """
-    if not is_number(value) or not math.isfinite(value) or not least <= value <= most:
-        limits = "a finite number" if least == -math.inf else f"a finite number from {least:g} up"
-        limits = limits if most == math.inf else f"a number from {least:g} to {most:g}"
+    if not is_number(value) or not math.isfinite(value) or not minimum <= value <= maximum:
+        limits = "a finite number" if minimum == -math.inf else f"a finite number from {minimum:g} up"
+        limits = limits if maximum == math.inf else f"a number from {minimum:g} to {maximum:g}"
         raise error(f"{name} must be {limits}, got {value!r}")
     return float(value)
 
@@ -99,8 +99,8 @@ def check_angle(
     value: object,
     name: str,
     *,
-    least: float = -math.inf,
-    most: float = math.inf,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
     error: type[WarpvisError] = ArrayError,
 ) -> float:
     """Check that `value` is a finite angle within limits [rad], and return it.
@@ -110,8 +110,8 @@ def check_angle(
     Raises:
         WarpvisError: If `value` is not such an angle; raised as the class `error`.
     """
-    if not is_number(value) or not math.isfinite(value) or not least <= value <= most:
-        limits = "a finite number of radians" if most == math.inf else f"from {least:.6g} to {most:.6g} radians"
+    if not is_number(value) or not math.isfinite(value) or not minimum <= value <= maximum:
+        limits = "a finite number of radians" if maximum == math.inf else f"from {minimum:.6g} to {maximum:.6g} radians"
         raise error(f"{name} must be {limits}, got {value!r}{degrees_hint(value)}")
     if abs(value) > 2.0 * math.pi and float(value).is_integer():
         raise error(f"{name} must be in radians, got {value!r}{degrees_hint(value)}")

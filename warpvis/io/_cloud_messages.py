@@ -178,7 +178,7 @@ def to_laserscan(
         raise ArrayError(f"rays must be warpvis.sensors.Rays, got {type(rays).__name__}")
     first, last, step, count = _even_angles(rays)
     wait = 0.0 if rays.times is None or count < 2 else _even_times(np.asarray(rays.times).reshape(-1))
-    taken = check_number(count * wait if scan_time is None else scan_time, "scan_time", least=0.0, error=MessageError)
+    taken = check_number(count * wait if scan_time is None else scan_time, "scan_time", minimum=0.0, error=MessageError)
     row = _one_row(ranges, "ranges", count)
     strengths = np.zeros(0, dtype="<f4") if intensities is None else _one_row(intensities, "intensities", count)
     return maker.make(

@@ -66,7 +66,7 @@ def save_clouds(
     """
     folder = as_path(folder, "folder")
     _writer(check_text(suffix, "suffix", FileFormatError), "suffix")
-    number = check_whole(first, "first", least=0)
+    number = check_whole(first, "first", minimum=0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

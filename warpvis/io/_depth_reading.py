@@ -36,7 +36,7 @@ def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[
         FileFormatError: If the file is missing, or not such an image.
     """
     path = as_path(path)
-    if check_number(unit, "unit", least=0.0) == 0.0:
+    if check_number(unit, "unit", minimum=0.0) == 0.0:
         raise ArrayError("unit must be above 0 m")
     image = _read(path)
     if image.ndim != 2 or image.dtype.kind not in "fiu":

@@ -75,7 +75,7 @@ def to_livox_msg(
     maker = MessageMaker(types)
     if types is not None and _MESSAGE not in types.types:
         raise MessageError(f"types have no {_MESSAGE}: warpvis.io.register_livox_types(types) adds it")
-    number = check_whole(lidar_id, "lidar_id", least=0, error=MessageError)
+    number = check_whole(lidar_id, "lidar_id", minimum=0, error=MessageError)
     if number > 255:
         raise MessageError(f"lidar_id must be from 0 to 255, got {lidar_id}")
     points = as_livox_points(check_cloud(cloud))

@@ -56,7 +56,7 @@ class BestViews:
 
     def pose(self, rank: int = 0) -> NDArray[np.float64]:
         """Return the pose at a rank, ``x y z qx qy qz qw``, OpenCV camera to world, ``(7,)``."""
-        if check_whole(rank, "rank", least=0) >= len(self.order):
+        if check_whole(rank, "rank", minimum=0) >= len(self.order):
             raise ArrayError(f"rank must be from 0 to {len(self.order) - 1}, got {rank!r}")
         return self.candidates[self.order[rank]]
 
@@ -184,7 +184,7 @@ def best_views(
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene).require_objects()
     check_choice(measure, "measure", tuple(_FIELDS))
-    tie = check_number(tie, "tie", least=0.0)
+    tie = check_number(tie, "tie", minimum=0.0)
     count = None if count is None else check_whole(count, "count")
     chosen = choose_objects(scene, objects)
     weights = _check_weights(weights, len(chosen))

@@ -368,4 +368,4 @@ def _check_count(count: int) -> int:
 
 
 def _check_whole(value: object, name: str, least: int) -> int:
-    return check_whole(value, name, least=least)
+    return check_whole(value, name, minimum=least)

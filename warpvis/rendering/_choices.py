@@ -103,7 +103,7 @@ def check_fill(fill: Fill) -> Fill:
     if isinstance(fill, str):
         check_choice(fill, "fill", ("inf", "far"))
         return fill
-    return check_number(fill, "fill", least=-_MAX_FLOAT, most=_MAX_FLOAT)
+    return check_number(fill, "fill", minimum=-_MAX_FLOAT, maximum=_MAX_FLOAT)
 
 
 def check_device_bytes(device_bytes: int | None, device: wp.Device) -> int:

@@ -177,7 +177,7 @@ def check_word(value: object, name: str) -> int:
     Raises:
         ArrayError: If `value` is not an unsigned 32-bit integer.
     """
-    if check_whole(value, name, least=0) > _MAX_WORD:
+    if check_whole(value, name, minimum=0) > _MAX_WORD:
         raise ArrayError(f"{name} must be below 2^32, got {value}")
     return int(value)  # type: ignore[call-overload]
 

@@ -102,9 +102,11 @@ class Light:
         if not any(self.attenuation):
             raise SceneError(f"attenuation of {what} must not be 0")
         for name in ("intensity", "exponent"):
-            put(name, check_number(getattr(self, name), f"{name} of {what}", least=0.0, error=SceneError))
+            put(name, check_number(getattr(self, name), f"{name} of {what}", minimum=0.0, error=SceneError))
         for name in ("inner_angle", "outer_angle"):
-            value = check_angle(getattr(self, name), f"{name} of {what}", least=0.0, most=_HALF_TURN, error=SceneError)
+            value = check_angle(
+                getattr(self, name), f"{name} of {what}", minimum=0.0, maximum=_HALF_TURN, error=SceneError
+            )
             put(name, min(value, np.pi))
         if np.float32(self.inner_angle) > np.float32(self.outer_angle):
             raise SceneError(
@@ -112,7 +114,7 @@ class Light:
             )
         put("inner_angle", min(self.inner_angle, self.outer_angle))
         if self.reach != np.inf:
-            put("reach", check_number(self.reach, f"reach of {what}", least=0.0, error=SceneError))
+            put("reach", check_number(self.reach, f"reach of {what}", minimum=0.0, error=SceneError))
         put("cast_shadow", check_flag(self.cast_shadow, f"cast_shadow of {what}", SceneError))
 
     def strength(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -190,7 +192,7 @@ class Background:
         put = partial(object.__setattr__, self)
         put("color", check_color(self.color, "color of a background", (3,), most=np.inf))
         check_choice(self.color_space, "color_space of a background", get_args(ColorSpace), SceneError)
-        put("luminosity", check_number(self.luminosity, "luminosity of a background", least=0.0, error=SceneError))
+        put("luminosity", check_number(self.luminosity, "luminosity of a background", minimum=0.0, error=SceneError))
         sky = tuple(self.sky) if isinstance(self.sky, list | tuple) else (self.sky,)
         if len(sky) not in (0, 6) or not all(isinstance(face, Texture) for face in sky):
             raise SceneError(f"sky of a background must be six Textures or none, got {len(sky)} items")

@@ -61,7 +61,7 @@ def spread_beams(rays: Rays, divergence: float, count: int = 7) -> Rays:
         ArrayError: If an argument is invalid.
     """
     _require_rays(rays)
-    divergence = check_angle(divergence, "divergence", least=0.0, most=math.pi)
+    divergence = check_angle(divergence, "divergence", minimum=0.0, maximum=math.pi)
     count = check_whole(count, "count")
     if count > _MAX_SUBRAYS:
         raise ArrayError(f"count must be at most {_MAX_SUBRAYS} rays per beam, got {count}")
@@ -230,8 +230,8 @@ def gather_returns(
 
     keep = check_choice(keep, "keep", ("strongest", "last", "dual"))  # type: ignore[assignment]
     count = check_whole(count, "count")
-    separation = check_number(separation, "separation", least=0.0)
-    threshold = check_number(threshold, "threshold", least=0.0)
+    separation = check_number(separation, "separation", minimum=0.0)
+    threshold = check_number(threshold, "threshold", minimum=0.0)
     if not isinstance(depth, wp.array) or depth.dtype is not wp.float32 or depth.ndim not in (2, 3):
         raise ArrayError("depth must be a wp.array of float32 of shape (V, H, W * count) or (V, N * count)")
     if depth.shape[-1] % count:
@@ -303,14 +303,14 @@ def reflectivities(scene: Scene, reflectivity: Reflectivity) -> NDArray[np.float
     """Return the reflectivity of each object of a scene, shape ``(objects,)``."""
     count = len(scene.objects)
     if is_number(reflectivity):
-        result = np.full(count, check_number(reflectivity, "reflectivity", least=0.0))
+        result = np.full(count, check_number(reflectivity, "reflectivity", minimum=0.0))
     elif isinstance(reflectivity, Mapping):
         indices = {part.name: index for index, part in enumerate(scene.objects)}
         result = np.ones(count)
         for name, value in reflectivity.items():
             if name not in indices:
                 raise SceneError(f"the scene has no object {name!r}, given in reflectivity")
-            result[indices[name]] = check_number(value, f"reflectivity[{name!r}]", least=0.0)
+            result[indices[name]] = check_number(value, f"reflectivity[{name!r}]", minimum=0.0)
     else:
         result = as_numpy(reflectivity, name="reflectivity")
         if result.shape != (count,) or result.dtype.kind not in "fiu" or not (result >= 0).all():

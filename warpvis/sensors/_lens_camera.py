@@ -118,7 +118,7 @@ class LensCamera(LensedCamera):
         margins = as_items(canvas, "canvas", CameraError)
         if len(margins) != 4:
             raise CameraError(f"canvas must be four numbers of pixels (left, top, right, bottom), got {len(margins)}")
-        left, top, right, bottom = (check_whole(margin, "canvas", least=0, error=CameraError) for margin in margins)
+        left, top, right, bottom = (check_whole(margin, "canvas", minimum=0, error=CameraError) for margin in margins)
         if not any(margins):
             return self.rays
         _check_pixels(self.width + left + right, self.height + top + bottom)

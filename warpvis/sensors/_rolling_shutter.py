@@ -41,7 +41,7 @@ class RollingShutter(RayCamera):
 
     def __post_init__(self) -> None:
         require_calibrated(self.camera)
-        object.__setattr__(self, "readout", check_number(self.readout, "readout", least=0.0, error=CameraError))
+        object.__setattr__(self, "readout", check_number(self.readout, "readout", minimum=0.0, error=CameraError))
         check_choice(self.direction, "direction", _DIRECTIONS, CameraError)
 
     @property

@@ -46,9 +46,9 @@ class Corruptions(DepthSensor):
     takes_lens: ClassVar[TakesLens] = "any"
 
     def __post_init__(self) -> None:
-        check_number(self.added, "added", least=0.0)
-        check_number(self.multiplied, "multiplied", least=0.0)
-        check_number(self.dropout, "dropout", least=0.0, most=1.0)
+        check_number(self.added, "added", minimum=0.0)
+        check_number(self.multiplied, "multiplied", minimum=0.0)
+        check_number(self.dropout, "dropout", minimum=0.0, maximum=1.0)
         object.__setattr__(self, "rectangles", _check_limits(self.rectangles, "rectangles", 0, _MAX_RECTANGLES))
         object.__setattr__(self, "sides", _check_limits(self.sides, "sides", 1, _MAX_SIDE))
         if self.of is not None and not isinstance(self.of, DepthSensor):
@@ -130,7 +130,7 @@ def _check_limits(value: object, name: str, least: int, most: int) -> tuple[int,
     limits = as_items(value, name)
     if len(limits) != 2:
         raise ArrayError(f"{name} must be two whole numbers, minimum and maximum, got {value!r}")
-    low, high = (check_whole(limit, name, least=least) for limit in limits)
+    low, high = (check_whole(limit, name, minimum=least) for limit in limits)
     if not low <= high <= most:
         raise ArrayError(f"{name} must be a minimum and a maximum of at most {most}, got {low} and {high}")
     return low, high

@@ -156,8 +156,8 @@ def fit(
         check_baseline(baseline)
     if subpixel is not None:
         check_whole(subpixel, "subpixel")
-    check_number(resolution, "resolution", least=0.0)
-    check_number(region, "region", least=0.1, most=1.0)
+    check_number(resolution, "resolution", minimum=0.0)
+    check_number(region, "region", minimum=0.1, maximum=1.0)
     walls = [
         measure_wall(image, camera, region, f"depth_images[{index}]")
         for index, image in enumerate(_images(depth_images, camera))

@@ -52,9 +52,9 @@ class NguyenNoise(DepthSensor):
 
     def __post_init__(self) -> None:
         for name in ("least_axial", "axial_growth", "best_depth", "grazing_axial", "lateral", "lateral_growth"):
-            check_number(getattr(self, name), name, least=0.0)
-        check_angle(self.grazing_angle, "grazing_angle", least=0.0, most=math.pi / 2)
-        check_angle(self.most_angle, "most_angle", least=0.0, most=_STEEPEST)
+            check_number(getattr(self, name), name, minimum=0.0)
+        check_angle(self.grazing_angle, "grazing_angle", minimum=0.0, maximum=math.pi / 2)
+        check_angle(self.most_angle, "most_angle", minimum=0.0, maximum=_STEEPEST)
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
@@ -103,9 +103,9 @@ class KhoshelhamNoise(DepthSensor):
     takes_lens: ClassVar[TakesLens] = "z"
 
     def __post_init__(self) -> None:
-        if check_number(self.step, "step", least=0.0) == 0.0:
+        if check_number(self.step, "step", minimum=0.0) == 0.0:
             raise ArrayError("step must be above 0 per meter")
-        check_number(self.sigma, "sigma", least=0.0)
+        check_number(self.sigma, "sigma", minimum=0.0)
         check_flag(self.rounds, "rounds")
 
     def measure(self, exposure: Exposure) -> None:

@@ -144,7 +144,7 @@ class Latency:
 def _check_delays(frames: object) -> NDArray[np.int64]:
     """Check delays, a single one or one per view, and return them."""
     if is_number(frames):
-        delays = np.asarray(check_whole(frames, "frames", least=0))
+        delays = np.asarray(check_whole(frames, "frames", minimum=0))
     else:
         delays = as_numpy(frames.numpy() if isinstance(frames, wp.array) else frames, name="frames")
         if delays.ndim != 1 or delays.dtype.kind not in "iu" or (delays < 0).any():

@@ -52,7 +52,7 @@ class RedwoodNoise(ByValue, DepthSensor):
     """Factor of the standard deviations of both errors, Habitat's ``noise_multiplier``."""
 
     def __post_init__(self) -> None:
-        check_number(self.multiplier, "multiplier", least=0.0)
+        check_number(self.multiplier, "multiplier", minimum=0.0)
         object.__setattr__(self, "distortion", _read_table(self.distortion))
 
     @property

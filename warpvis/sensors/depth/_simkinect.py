@@ -66,10 +66,10 @@ class SimKinect(ByValue, DepthSensor):
 
     def __post_init__(self) -> None:
         for name in ("shift", "sigma"):
-            check_number(getattr(self, name), name, least=0.0)
+            check_number(getattr(self, name), name, minimum=0.0)
         for name, unit in (("baseline", "m"), ("focal_length", "px"), ("units", "per meter")):
             value = getattr(self, name)
-            if (name != "focal_length" or value is not None) and check_number(value, name, least=0.0) == 0.0:
+            if (name != "focal_length" or value is not None) and check_number(value, name, minimum=0.0) == 0.0:
                 raise ArrayError(f"{name} must be above 0 {unit}")
         if self.pattern is not None:
             object.__setattr__(self, "pattern", _check_pattern(self.pattern))

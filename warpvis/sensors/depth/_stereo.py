@@ -64,7 +64,7 @@ def check_baseline(baseline: object) -> None:
     Raises:
         ArrayError: If it is not a number above 0.
     """
-    length = check_number(baseline, "baseline", least=0.0)
+    length = check_number(baseline, "baseline", minimum=0.0)
     if length == 0.0:
         raise ArrayError("baseline must be above 0 m, the distance between a sensor's two eyes")
     if length >= _LONG_BASELINE:
@@ -136,27 +136,27 @@ class StereoDepth(Device):
         super().__post_init__()
         check_baseline(self.baseline)
         check_choice(self.other_eye, "other_eye", ("right", "left"))
-        if self.focal_length is not None and check_number(self.focal_length, "focal_length", least=0.0) == 0.0:
+        if self.focal_length is not None and check_number(self.focal_length, "focal_length", minimum=0.0) == 0.0:
             raise ArrayError("focal_length must be above 0 px")
         if not is_number(self.max_disparity) or not self.max_disparity > 0:
             raise ArrayError(f"max_disparity must be a number of pixels above 0, got {self.max_disparity!r}")
-        check_number(self.sigma, "sigma", least=0.0)
+        check_number(self.sigma, "sigma", minimum=0.0)
         check_number(self.locking, "locking")
         _check_at_most(check_whole(self.noise_spacing, "noise_spacing"), "noise_spacing", _MAX_SPACING)
-        check_whole(self.subpixel, "subpixel", least=0)
+        check_whole(self.subpixel, "subpixel", minimum=0)
         check_flag(self.shadow, "shadow")
         check_flag(self.band, "band")
-        _check_at_most(check_whole(self.fattening, "fattening", least=0), "fattening", _MAX_WINDOW // 2)
+        _check_at_most(check_whole(self.fattening, "fattening", minimum=0), "fattening", _MAX_WINDOW // 2)
         if check_whole(self.edge_window, "edge_window") % 2 == 0:
             raise ArrayError(f"edge_window must be odd, got {self.edge_window}")
         _check_at_most(self.edge_window, "edge_window", _MAX_WINDOW)
-        check_number(self.edge_step, "edge_step", least=0.0)
-        check_number(self.least_support, "least_support", least=0.0, most=1.0)
-        least = check_number(self.least_signal, "least_signal", least=0.0)
-        full = check_number(self.full_signal, "full_signal", least=0.0)
+        check_number(self.edge_step, "edge_step", minimum=0.0)
+        check_number(self.least_support, "least_support", minimum=0.0, maximum=1.0)
+        least = check_number(self.least_signal, "least_signal", minimum=0.0)
+        full = check_number(self.full_signal, "full_signal", minimum=0.0)
         if full <= least and full + least > 0:
             raise ArrayError(f"full_signal must be above least_signal, got {full:g} and {least:g}")
-        check_number(self.dropout, "dropout", least=0.0, most=1.0)
+        check_number(self.dropout, "dropout", minimum=0.0, maximum=1.0)
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:

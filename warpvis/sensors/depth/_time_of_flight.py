@@ -105,17 +105,17 @@ class TimeOfFlight(Device):
                 f"frequencies must have a common divisor of at least 1/{_MAX_LAPS} of the highest, got {whole}"
             )
         _check_positive(self.signal, "signal")
-        check_number(self.background, "background", least=0.0)
-        if check_number(self.contrast, "contrast", least=0.0, most=1.0) == 0.0:
+        check_number(self.background, "background", minimum=0.0)
+        if check_number(self.contrast, "contrast", minimum=0.0, maximum=1.0) == 0.0:
             raise ArrayError("contrast must be above 0")
         check_angle(self.wiggle_phase, "wiggle_phase")
         for name in ("offset", "wiggle"):
             check_number(getattr(self, name), name)
         check_flag(self.mixing, "mixing")
-        if check_number(self.edge_step, "edge_step", least=0.0) == 0.0:
+        if check_number(self.edge_step, "edge_step", minimum=0.0) == 0.0:
             raise ArrayError("edge_step must be above 0 m")
-        check_number(self.least_coherence, "least_coherence", least=0.0, most=1.0)
-        least = check_number(self.least_signal, "least_signal", least=0.0)
+        check_number(self.least_coherence, "least_coherence", minimum=0.0, maximum=1.0)
+        least = check_number(self.least_signal, "least_signal", minimum=0.0)
         _check_positive(self.most_signal, "most_signal")
         if least >= self.most_signal:
             raise ArrayError(f"most_signal must be above least_signal, got {self.most_signal:g} and {least:g}")

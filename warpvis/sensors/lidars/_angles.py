@@ -27,13 +27,13 @@ def directions_at(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float6
     return np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), np.sin(elevation)], axis=-1)
 
 
-def check_rate(rate: object, least: float, most: float) -> float:
+def check_rate(rate: object, minimum: float, maximum: float) -> float:
     """Check that `rate` is a revolution rate within limits [Hz], and return it.
 
     Raises:
-        CameraError: If `rate` is not a number from `least` to `most`.
+        CameraError: If `rate` is not a number from `minimum` to `maximum`.
     """
-    return check_number(rate, "rate", least=least, most=most, error=CameraError)
+    return check_number(rate, "rate", minimum=minimum, maximum=maximum, error=CameraError)
 
 
 def check_increment(increment: object, name: str) -> float:
@@ -42,20 +42,20 @@ def check_increment(increment: object, name: str) -> float:
     Raises:
         CameraError: If it is not such an angle.
     """
-    return check_angle(increment, name, least=-2.0 * math.pi, most=2.0 * math.pi, error=CameraError)
+    return check_angle(increment, name, minimum=-2.0 * math.pi, maximum=2.0 * math.pi, error=CameraError)
 
 
-def check_span(span: object, name: str, most: float = math.inf) -> tuple[float, float]:
+def check_span(span: object, name: str, maximum: float = math.inf) -> tuple[float, float]:
     """Check that `span` is two angles in ascending order [rad], and return them.
 
     Raises:
-        CameraError: If `span` is not two ascending angles from ``-most`` to `most`.
+        CameraError: If `span` is not two ascending angles from ``-maximum`` to `maximum`.
     """
     ends = as_items(span, name, CameraError)
     if len(ends) != 2:
         raise CameraError(f"{name} must be two angles in radians, got {span!r}")
     low, high = (
-        check_angle(end, f"{name}[{index}]", least=-most, most=most, error=CameraError)
+        check_angle(end, f"{name}[{index}]", minimum=-maximum, maximum=maximum, error=CameraError)
         for index, end in enumerate(ends)
     )
     if low > high:

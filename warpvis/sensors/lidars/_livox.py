@@ -79,7 +79,7 @@ class Livox:
         Raises:
             CameraError: If an argument is invalid.
         """
-        index = check_whole(index, "index", least=0, error=CameraError)
+        index = check_whole(index, "index", minimum=0, error=CameraError)
         rate = check_number(rate, "rate", error=CameraError)
         if rate <= 0:
             raise CameraError(f"rate must be more than 0 Hz, got {rate:g}")

@@ -46,11 +46,11 @@ def laser_scan(
         CameraError: If an argument is invalid.
     """
     first, last = (
-        check_angle(angle, name, least=-_TURN - 1e-6, most=_TURN + 1e-6, error=CameraError)
+        check_angle(angle, name, minimum=-_TURN - 1e-6, maximum=_TURN + 1e-6, error=CameraError)
         for angle, name in ((angle_min, "angle_min"), (angle_max, "angle_max"))
     )
     step = check_increment(angle_increment, "angle_increment")
-    interval = check_number(time_increment, "time_increment", least=0.0, error=CameraError)
+    interval = check_number(time_increment, "time_increment", minimum=0.0, error=CameraError)
     azimuth = _steps(first, last, step, "angle_increment")
     directions = directions_at(azimuth, 0.0)
     return Rays(directions, times=np.arange(len(azimuth)) * interval, near=near, far=far, axes="ros_body")
@@ -160,7 +160,7 @@ def grid(
     if len(sides) != 2:
         raise CameraError(f"size must be a length and a width in meters, got {size!r}")
     length, width = (
-        check_number(side, f"size[{index}]", least=0.0, error=CameraError) for index, side in enumerate(sides)
+        check_number(side, f"size[{index}]", minimum=0.0, error=CameraError) for index, side in enumerate(sides)
     )
     along = as_point(direction, "direction", CameraError)
     norm = float(np.linalg.norm(along))
