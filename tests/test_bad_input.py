@@ -252,7 +252,10 @@ CASES = {
     "depth of millimetres": (lambda: wv.classify(DEPTH.astype(np.uint16), KINECT, POSE), "in meters.*divide"),
     "depth of another size": (lambda: wv.classify(DEPTH[:, :9], KINECT, POSE), r"\(V, 240, 320\), got \(1, 9, 320\)"),
     "depth of no image": (lambda: wv.classify(None, KINECT, POSE), "depth must be an array of numbers"),
-    "more poses than depth": (lambda: wv.classify(DEPTH, KINECT, [POSE] * 3), "depth has 1 view and camera.* has 3"),
+    "more poses than depth": (
+        lambda: wv.classify(DEPTH, KINECT, [POSE] * 3),
+        "camera_to_world must have one pose for each view of depth, 1, got 3",
+    ),
     "spheres of three": (lambda: wv.classify(DEPTH, KINECT, POSE, spheres=[[1, 2, 3]]), r"shape \(S, 4\)"),
     "negative sigma": (
         lambda: wv.classify(DEPTH, KINECT, POSE, ground_tolerance=-1),
@@ -300,15 +303,21 @@ CASES = {
         lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, label_names={300: "road"}),
         "label_names must have numbers from 0 to 255, got 300",
     ),
-    "empty bounds": (lambda: wv.floor_map(POINTS, LABELS, bounds=((0, 0), (0, 1))), "bounds must be the least"),
-    "bounds of one": (lambda: wv.floor_map(POINTS, LABELS, bounds=(1, 2)), "bounds must be the least"),
+    "empty bounds": (
+        lambda: wv.floor_map(POINTS, LABELS, bounds=((0, 0), (0, 1))),
+        r"bounds must be the lower and upper corner of the map, shape \(2, 2\) or \(2, 3\)",
+    ),
+    "bounds of one": (
+        lambda: wv.floor_map(POINTS, LABELS, bounds=(1, 2)),
+        r"bounds must be the lower and upper corner of the map, shape \(2, 2\) or \(2, 3\)",
+    ),
     "no cell": (
         lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, cell_size=0),
         "cell_size must be a positive number",
     ),
     "tiny cells": (
         lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, cell_size=1e-9),
-        "too large; give a larger cell",
+        "a map must have at most 2147483647 cells, .*; use a cell_size greater than",
     ),
     "robots of two": (
         lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE, robots=[(0, 1)]),
