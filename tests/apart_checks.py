@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays that begin close beside each other, whatever casts them: patterns, scenes, and what has to be seen of them.
+"""Checks of rays with distinct origins: ray patterns, scenes and expected images.
 
-`render` is `warpvis.render`, or what takes the same arguments.
+`render` is `warpvis.render` or a function with the same arguments.
 """
 
 import numpy as np
@@ -18,7 +18,10 @@ STRAIGHT = [0, 0, 0, 0, 0, 0, 1.0]
 
 
 def outlets(height, width, radius=0.03, tall=0.5):
-    """A lidar's rays, from origins as an Ouster's: through an outlet that turns, less that far along each ray."""
+    """Return directions and origins of a lidar scan whose origins turn with the sensor, as an Ouster's do.
+
+    Ranges start at the optical center: each origin is `radius` behind the outlet along its ray.
+    """
     turned, up = np.meshgrid(np.linspace(-np.pi, np.pi, width, endpoint=False), np.linspace(tall, -tall, height))
     looks = turned + np.radians(np.resize([3.2, 1.1, -1.1, -3.2], height))[:, None]
     directions = np.stack([np.cos(up) * np.cos(looks), np.cos(up) * np.sin(looks), np.sin(up)], axis=-1)
@@ -27,12 +30,12 @@ def outlets(height, width, radius=0.03, tall=0.5):
 
 
 def spread_out(count, spread=0.03, seed=2):
-    """Rays all around, from an origin each."""
+    """Return rays in all directions, each with a random origin."""
     return sphere_of_rays(count), np.random.default_rng(seed).uniform(-spread, spread, (count, 3))
 
 
 def soup(count, near, far, seed):
-    """Triangles of all sizes around the origin, from so near on."""
+    """Return triangles of random sizes at distances from `near` to `far` around the origin."""
     rng = np.random.default_rng(seed)
     middles = rng.normal(size=(count, 1, 3))
     away = np.exp(rng.uniform(np.log(near), np.log(far), (count, 1, 1)))
@@ -42,7 +45,7 @@ def soup(count, near, far, seed):
 
 
 def check_box(render, size, patterns):
-    """In closed form, from as near its walls as origins are from each other on, at a place far from the world's."""
+    """Check depth, points and normals in a box far from the world's origin against the closed form."""
     scene, away, half = wv.Scene(device="cpu"), np.array([50.0, -30.0, 20.0]), size * np.array([1.0, 1.5, 2.0])
     scene.add(trimesh.creation.box(2 * half), name="box", pose=(*away, 0, 0, 0, 1))
     for directions, origins in patterns:
@@ -59,12 +62,12 @@ def check_box(render, size, patterns):
 
 
 def check_soup(render, near, cull_backfaces, count):
-    """Some lie between the origins, some are seen edge-on, and each side of some by other rays."""
+    """Check images of triangles between the ray origins, edge-on triangles, and both sides of triangles."""
     scene = wv.Scene(device="cpu")
     scene.add(soup(150, near, 20 * near, seed=3), name="soup")
     scene.add(soup(60, near, 3.0, seed=4), name="more")
     poses = random_poses(np.random.default_rng(5), 2, spread=0.01)
-    poses[:, 2] -= 0.6  # in the middle of the triangles
+    poses[:, 2] -= 0.6  # amid the triangles
     pattern = Rays(sphere_of_rays(count), few_origins(count, 0.04), near=near + 0.02, far=15 * near + 0.3)
     views = render(scene, pattern, poses, outputs=ALL, cull_backfaces=cull_backfaces)
     assert np.isneginf(views.depth.numpy()).any() and np.isfinite(views.depth.numpy()).any()
@@ -72,11 +75,11 @@ def check_soup(render, near, cull_backfaces, count):
 
 
 def check_plate(render):
-    """Rays begin on either side of it."""
+    """Check rays that start on either side of a plate."""
     scene = wv.Scene(device="cpu")
     scene.add(trimesh.Trimesh([[0.01, -9, -9], [0.01, 9, -9], [0.01, 0, 9]], [[0, 1, 2]]), name="plate")
     directions, origins = np.tile([1.0, 0, 0], (64, 1)), np.zeros((64, 3))
-    origins[:, 0] = np.linspace(-0.03, 0.031, 64)  # none in it
+    origins[:, 0] = np.linspace(-0.03, 0.031, 64)  # no origin lies in the plate
     views = render(scene, Rays(directions, origins), STRAIGHT, outputs=ALL)
     expected = np.where(origins[:, 0] < 0.01, 0.01 - origins[:, 0], np.inf)
     np.testing.assert_allclose(views.depth.numpy()[0], expected, rtol=0, atol=1e-7)
@@ -85,7 +88,7 @@ def check_plate(render):
 
 
 def check_no_leaks(render, subdivisions):
-    """Between triangles of a closed mesh no ray finds a way, at corners and edges neither."""
+    """Check that no ray passes between the triangles of a closed mesh, at vertices and edges included."""
     ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.7)
     scene = wv.Scene(device="cpu")
     scene.add(ball, name="ball")
@@ -100,7 +103,7 @@ def check_no_leaks(render, subdivisions):
 
 
 def check_worlds(render, pattern, least):
-    """They and what is excluded are seen as single rays see them."""
+    """Check worlds and exclusions against single rays."""
     meshes = [trimesh.creation.icosphere(subdivisions=2, radius=0.3), soup(40, 0.05, 0.4, seed=1)]
     scene = wv.Scene(device="cpu")
     places = random_poses(np.random.default_rng(2), 12)
@@ -119,6 +122,6 @@ def check_worlds(render, pattern, least):
 
 
 def same_ranges(depth, expected):
-    """Where ranges are the same but for last digits."""
+    """Return where ranges agree within rounding."""
     with np.errstate(invalid="ignore"):
         return (depth == expected) | (np.abs(depth - expected) <= 1e-5 * np.maximum(1, expected))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Valid arguments of what `batch`, `io`, `maps` and `mujoco` show, by name: ``name: (function, arguments)``."""
+"""Valid arguments of public functions of `batch`, `io`, `maps` and `mujoco`: ``name: (function, arguments)``."""
 
 from functools import partial
 
@@ -15,7 +15,7 @@ import warpvis.mujoco.gymnasium as wrappers
 
 
 def data_cases(folder):
-    """Make them; files are in a folder."""
+    """Return the cases; write their files to `folder`."""
     data = mujoco.MjData(MODEL)
     mujoco.mj_forward(MODEL, data)
     seen = scene()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Valid arguments of models of depth cameras, by name: ``name: (function, arguments)``."""
+"""Valid arguments of depth-camera models: ``name: (function, arguments)``."""
 
 import numpy as np
 import trimesh
@@ -18,7 +18,7 @@ def _picture(path):
 
 
 def depth_sensor_cases(path):
-    """Make them; files are in a folder."""
+    """Return the cases; write their files to `path`."""
     sensor = wv.sensors.StereoDepth(0.05, sigma=0.1, native_camera=CAMERA)
     seen = scene()
     used = wv.sensors.Latency(2)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Valid arguments of what lidars need, of `sensors` and `io`, by name: ``name: (function, arguments)``."""
+"""Valid arguments of lidar functions in `sensors` and `io`: ``name: (function, arguments)``."""
 
 import numpy as np
 from arguments_shared import CAMERA, MESSAGE, MOVED, POSE, scene
@@ -10,7 +10,7 @@ from warpvis.sensors import lidars
 
 
 def lidar_cases(folder):
-    """Make them; files are in a folder."""
+    """Return the cases; write their files to `folder`."""
     seen = scene()
     path = folder / "out"
     laser = lidars.laser_scan(-1.0, 1.0, 0.25, time_increment=0.001, far=9.0)

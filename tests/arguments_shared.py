@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What valid arguments are made of: a scene, agents, images and models."""
+"""Objects that valid arguments are built from: a scene, agents, images and models."""
 
 import mujoco
 import numpy as np
@@ -27,7 +27,7 @@ MODEL = mujoco.MjModel.from_xml_string(
 
 
 class RangeFinder:
-    """A device of a live simulation."""
+    """Stand-in for a range finder of a running simulation."""
 
     getWidth, getHeight, getFov = lambda self: 8, lambda self: 6, lambda self: 1.0
     getMinRange, getMaxRange = lambda self: 0.1, lambda self: 4.0

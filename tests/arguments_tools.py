@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Valid arguments of what the packages from `planning` to `webots` show: ``name: (function, arguments)``."""
+"""Valid arguments of public functions of the packages `planning` to `webots`: ``name: (function, arguments)``."""
 
 import mujoco
 from arguments_shared import (
@@ -28,7 +28,7 @@ LENS = wv.sensors.LensCamera(wv.sensors.lenses.OpenCVPinhole(9, 9, 4, 3, (0.01, 
 
 
 def tools_cases(folder):
-    """Make them; files are in a folder."""
+    """Return the cases; write their files to `folder`."""
     world = wv.webots.load_webots(folder / "lab.wbt")
     planned = wv.planning
     generated = wv.pose_generators
@@ -464,6 +464,6 @@ def tools_cases(folder):
 
 
 def _with_page(state, use):
-    """Call what needs a page."""
+    """Call a function that needs an open viewer page."""
     with wv.viewer.Viewer(state, port=8471) as page:
         use(page)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Valid arguments of what the package's top show, by name: ``name: (function, arguments)``."""
+"""Valid arguments of the functions of the top-level package: ``name: (function, arguments)``."""
 
 import types
 
@@ -31,13 +31,13 @@ RAW_INFO = types.SimpleNamespace(
 
 
 def top_cases(folder):
-    """Make them; files are in a folder."""
+    """Return the cases; write their files to `folder`."""
     seen = scene()
     path = folder / "out"
     floor_map = wv.floor_map(RENDERED.points, RENDERED.labels, bounds=[[-1, -1], [1, 1]])
     voxels = wv.voxel_map(DEPTH, CAMERA, POSE, bounds=SPACE["bounds"])
     return {
-        # The top of the package.
+        # Top-level package.
         "Agent": (wv.Agent, {"name": "a", "camera": CAMERA, "pose": POSE, "body": (), "attention": None}),
         "Agent.kinect": (wv.Agent.kinect, {"name": "a", "pose": POSE, "body": "box", "convention": "opencv"}),
         "Agent.human": (wv.Agent.human, {"name": "a", "pose": POSE, "near": 0.1, "far": 9.0, "resolution": 10.0}),

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small jobs of batch rendering, for its tests."""
+"""Small batch rendering jobs."""
 
 import hashlib
 from pathlib import Path
@@ -16,7 +16,7 @@ CAMERA = wv.Camera.from_fov(32, 24, hfov=1.0, near=0.3, far=4.5)
 
 
 def make_scene(*, movable=False):
-    """A floor, a box, and a ball."""
+    """Return a scene with a floor, a box and a ball."""
     scene = wv.Scene()
     scene.add(trimesh.creation.box((6, 6, 0.1)), name="floor", label="ground")
     scene.add(trimesh.creation.box((0.5, 0.5, 1.0)), name="box", pose=(0.6, 0, 0.5, 0, 0, 0, 1))
@@ -26,7 +26,7 @@ def make_scene(*, movable=False):
 
 
 def make_poses(count):
-    """Cameras on a circle that look at the middle."""
+    """Return cameras on a circle that look at the center."""
     angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
     return np.array([wv.look_at((3 * np.cos(a), 3 * np.sin(a), 1.0), (0, 0, 0.4)) for a in angles])
 
@@ -36,12 +36,12 @@ def make_frames(count=20):
 
 
 def run(out, *, scene=None, frames=None, camera=CAMERA, shard_frames=3, threads=2, **options):
-    """A job of seven shards, unless told otherwise."""
+    """Run a job of seven shards by default."""
     scene, frames = make_scene() if scene is None else scene, frames or make_frames()
     return render_batch(scene, camera, frames, out, shard_frames=shard_frames, threads=threads, **options)
 
 
 def tree(folder):
-    """Checksums of all files of a folder, by name."""
+    """Return the checksum of every file in a folder by name."""
     paths = sorted(path for path in Path(folder).rglob("*") if path.is_file())
     return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages in Debian's Chromium, driven by Playwright: WebGL by SwiftShader, and what was drawn by it."""
+"""Pages in Debian's Chromium, driven by Playwright with WebGL by SwiftShader, and counts of their draw calls."""
 
 import contextlib
 import os
@@ -15,10 +15,10 @@ DESKTOP, PHONE = (1400, 900), (390, 844)
 _OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 _READY_MS = 120_000
 _BETWEEN_PICTURES_MS, _MAX_PICTURES = 1500, 20
-_CHANGING = 1e-3  # of the pixels: what counts frames may go on
+_CHANGING = 1e-3  # share of pixels that may change between frames, such as a frame counter
 _POINTS = 0  # WebGL's POINTS
 
-# Count what every frame draws, by the kind of primitive.
+# Count the draw calls of each frame by primitive.
 _COUNT_DRAWS = """
 window.drawn = [];
 for (const name of ["drawArrays", "drawElements"]) {
@@ -33,13 +33,13 @@ for (const name of ["drawArrays", "drawElements"]) {
 
 
 def why_no_chromium():
-    """Why there is no browser here; empty if there is one."""
+    """Return why no browser is available, or an empty string."""
     return "" if shutil.which("chromium") else "no chromium is here"
 
 
 @contextlib.contextmanager
 def chromium():
-    """A browser."""
+    """Yield a browser."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -50,7 +50,7 @@ def chromium():
 
 @contextlib.contextmanager
 def opened(browser, url, size=DESKTOP):
-    """A page that has drawn something; what went wrong in it is in `page.problems`."""
+    """Yield a page that has drawn something; `page.problems` lists its errors."""
     width, height = size
     page = browser.new_page(viewport={"width": width, "height": height})
     page.problems, page.requests = [], []
@@ -60,25 +60,25 @@ def opened(browser, url, size=DESKTOP):
     try:
         page.goto(url)
         page.wait_for_function("window.drawn.some(d => d[0] === 4 && d[1] > 300)", timeout=_READY_MS)
-        with contextlib.suppress(Exception):  # that WebGL is software is no news here
+        with contextlib.suppress(Exception):  # ignore the notification that WebGL is software
             page.locator(".mantine-Notification-closeButton").first.click(timeout=2000)
         yield page
     finally:
-        page.close()  # or it would go on drawing, beside the next one
+        page.close()  # a page left open would keep drawing
 
 
 def drawn_points(page):
-    """The most points that one call has drawn, in the last frames."""
+    """Return the largest number of points drawn by one call in the last frames."""
     return page.evaluate(f"Math.max(0, ...window.drawn.filter(d => d[0] === {_POINTS}).map(d => d[1]))")
 
 
 def wait_for_points(page, count):
-    """Wait until the cloud is drawn."""
+    """Wait until the point cloud is drawn."""
     page.wait_for_function(f"window.drawn.some(d => d[0] === {_POINTS} && d[1] === {count})", timeout=_READY_MS)
 
 
 def context_version(page):
-    """The version of the WebGL that the page's largest canvas has."""
+    """Return the WebGL version of the page's largest canvas."""
     return page.evaluate(
         """() => {
           const all = [...document.querySelectorAll("canvas")].sort((a, b) => b.width * b.height - a.width * a.height);
@@ -88,9 +88,9 @@ def context_version(page):
 
 
 def screenshot(page, name):
-    """Write a picture of the page where `WARPVIS_SCREENSHOTS` says, and return its pixels.
+    """Save a screenshot to the folder in `WARPVIS_SCREENSHOTS` and return its pixels.
 
-    Things fade in and slide away, for as long as a slow machine needs: it is taken when nothing changes any more.
+    The page is captured once animations have finished and nothing changes any more.
     """
     folder = Path(os.environ.get("WARPVIS_SCREENSHOTS", ".pytest_cache/screenshots"))
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compares every launch of a build for CUDA with what the kernel's twin does."""
+"""Comparison of every kernel launch of a CUDA tree build with the kernel's reference."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import reference
 
 
 def snapshot(value):
-    """What an argument of a launch holds now."""
+    """Return a copy of a launch argument's current value."""
     if isinstance(value, wp.array):
         return np.array(value.numpy()) if value.size else np.zeros(value.shape, dtype=wp.dtype_to_numpy(value.dtype))
     if hasattr(value, "_cls"):
@@ -26,7 +26,7 @@ def snapshot(value):
 
 
 class Recorded:
-    """A launch that is made when it is asked for."""
+    """Stand-in for a recorded launch command."""
 
     def __init__(self, run, dim, inputs):
         self._run, self._dim, self._inputs = run, dim, list(inputs)
@@ -42,7 +42,7 @@ class Recorded:
 
 
 class Level(SimpleNamespace):
-    """A level, with names for what is known of it."""
+    """A level of the tree, with named fields of its row of information."""
 
     row = property(lambda self: self.info[self.depth + 1])
     first = property(lambda self: self.row[bvh_cuda_ranges.FIRST])
@@ -53,7 +53,7 @@ class Level(SimpleNamespace):
 
 
 class Checks:
-    """Compares what every launch of a build did with the kernel's twin."""
+    """Compares the result of every launch of a build with the kernel's reference."""
 
     def __init__(self):
         self.seen, self.halved = set(), 0
@@ -112,7 +112,7 @@ class Checks:
         np.testing.assert_array_equal(made.counts_out[:dim], counts)
 
     def _large(self, given):
-        """The items and the grid of each large range."""
+        """Return the items and the grid of each large range."""
         tree = given.binary
         for rank, node in enumerate(self.nodes[: given.level.large_count]):
             inside = slice(tree.begin[node], tree.end[node])

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How colours look without one kind of cones: Machado, Oliveira and Fernandes (2009), table 1, of full severity."""
+"""Simulated color vision deficiency of full severity: Machado, Oliveira and Fernandes (2009), table 1."""
 
 import itertools
 
 import numpy as np
 from matplotlib.colors import to_rgb
 
-# On linear sRGB.
+# Applied to linear sRGB.
 SEEN_WITHOUT = {
     "none": np.eye(3),
     "red": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
@@ -18,10 +18,10 @@ _TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193,
 
 
 def nearest_pair(colors):
-    """How near the nearest two of some colours are in CIELAB, whatever cones are missing, and which cones and colours.
+    """Return the smallest CIELAB distance of two colors over all deficiencies, with the deficiency and the two names.
 
     Args:
-        colors: By name: red, green and blue from 0 to 255, or a name that matplotlib knows.
+        colors: By name: red, green and blue from 0 to 255, or a color name of matplotlib.
     """
     linear = {name: _linear(color) for name, color in colors.items()}
     found = []

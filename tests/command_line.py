@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of `warpvis` in this process, which has imported everything, or in one of their own."""
+"""`warpvis` commands, run in this process or in a subprocess."""
 
 import contextlib
 import io
@@ -12,9 +12,9 @@ from warpvis.cli import main
 
 
 def run_inside(*arguments, cwd):
-    """Run a command in this process: what a process of its own would have printed, and its exit code.
+    """Run a command in this process and return its output and exit code.
 
-    An exception that would have ended that one with a traceback is raised here.
+    An exception that would end a subprocess with a traceback is raised here.
     """
     command = ["warpvis", *map(str, arguments)]
     out, err = io.StringIO(), io.StringIO()
@@ -33,6 +33,6 @@ def run_inside(*arguments, cwd):
 
 
 def run_apart(*arguments, cwd):
-    """Run a command in a process of its own."""
+    """Run a command in a subprocess."""
     command = [sys.executable, "-m", "warpvis", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What counts as right: section 6 of the design, as assertions."""
+"""Assertions of section 6 of the design: tolerances of images."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ def assert_matches_reference(
     cull_backfaces: bool = False,
     near_plane: str = "occlude",
 ) -> None:
-    """Every view agrees with the float64 reference in every image it has.
+    """Check that every image of every view agrees with the float64 reference.
 
-    Depth within ``1e-5 * max(1, z)`` on 99.99 % of the pixels, and on the rest a ray passes within 1e-4 px of an edge.
-    Points within that distance and the rounding of their coordinates; objects and labels equal.
+    Depth must agree within ``1e-5 * max(1, z)`` on 99.99 % of the pixels; on the rest, a ray must pass within 1e-4 px
+    of
+    an edge. Points must agree within that distance plus the rounding of their coordinates; objects and labels exactly.
     """
     for view, pose in enumerate(poses):
         expected = reference.cast_rays(scene, camera, pose, cull_backfaces=cull_backfaces, near_plane=near_plane)
         wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
         if views.segmentation is not None:
-            # Where two objects' surfaces coincide, either may be the one that is seen.
+            # Where surfaces of two objects coincide, either object is correct.
             wrong |= (views.segmentation.numpy()[view] != expected.objects) & (expected.gap > 1e-5)
         assert wrong.mean() <= 1e-4, f"view {view}: {wrong.sum()} of {wrong.size} pixels differ"
         pixels = np.argwhere(wrong)
@@ -54,7 +55,7 @@ def assert_matches_reference(
         if views.normals is not None:
             normals = views.normals.numpy()[view]
             assert np.isnan(normals[~np.isfinite(views.depth.numpy()[view])]).all()
-            # Neighbouring triangles of one object meet at edges: there, either normal is right.
+            # At an edge between adjacent triangles of one object, either normal is correct.
             apart = np.abs(normals[hit] - expected.normals[hit]).max(axis=-1) > 1e-4
             assert apart.mean() <= 1e-3 if apart.size else True
 
@@ -62,10 +63,11 @@ def assert_matches_reference(
 def assert_view_matches(
     views: Views, view: int, expected: reference.Images, depth_beside: Callable[[int, int], np.ndarray]
 ) -> None:
-    """A view of rays of any kind, with all images, agrees with the float64 reference.
+    """Check that a view of any ray camera, with all images, agrees with the float64 reference.
 
-    Depth and points within ``1e-5 * max(1, length)``; where a pixel differs, one of the rays a hair beside its own
-    sees that: `depth_beside` of its column and row.
+    Depth and points must agree within ``1e-5 * max(1, length)``. Where a pixel differs, a slightly perturbed ray must
+    agree:
+    `depth_beside` returns the depths of perturbed rays for a column and row.
     """
     depth = views.depth.numpy()[view]
     wrong = wrong_depth(depth, expected.depth)
@@ -87,12 +89,12 @@ def assert_view_matches(
 
 
 def hair(size: float, axes: int) -> np.ndarray:
-    """Places a hair beside one, shape ``(1, 64, axes)``."""
+    """Return random small offsets, shape ``(1, 64, axes)``."""
     return size * np.random.default_rng(0).normal(size=(1, 64, axes))
 
 
 def wrong_depth(depth: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """Where depth is not within ``1e-5 * max(1, z)`` of the expected, or not the same infinity."""
+    """Return where depth differs from the expected by more than ``1e-5 * max(1, z)``, or infinities differ."""
     assert not np.isnan(depth).any()
     with np.errstate(invalid="ignore"):
         close = np.abs(depth.astype(np.float64) - expected) <= 1e-5 * np.maximum(1, np.abs(expected))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fixtures: the devices of this machine; and what some tests need of it: EGL, Clang, or any C++ compiler."""
+"""Fixtures for devices and casters, and requirements of tests: EGL, Clang or any C++ compiler."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import warp as wp
 
-# Failed assertions of shared modules print their values, as those of test modules do.
+# Rewrite assertions of shared modules, so that failures print their values as in test modules.
 _HELPERS = [path.stem for path in Path(__file__).parent.glob("*.py") if not path.stem.startswith(("test_", "conftest"))]
 pytest.register_assert_rewrite("support", *_HELPERS)
 
@@ -38,13 +38,15 @@ with mujoco.Renderer(model, 8, 8) as renderer:
 
 
 def _probe_gl() -> str:
-    """Why mujoco.Renderer does not work here; empty if it does. Asked in another process: GL libraries may abort."""
+    """Return why `mujoco.Renderer` does not work here, or an empty string. Runs in a subprocess: GL libraries may
+    abort.
+    """
     environment = {**os.environ, "MUJOCO_GL": "egl"}
     result = subprocess.run([sys.executable, "-c", _PROBE], env=environment, capture_output=True, text=True)
     return "" if result.returncode == 0 else (result.stderr.strip().splitlines() or ["it crashed"])[-1]
 
 
-# Before any test module imports mujoco, which reads the variable once.
+# Set before any test module imports mujoco, which reads the variable once.
 _NO_GL = _probe_gl()
 if not _NO_GL:
     os.environ["MUJOCO_GL"] = "egl"
@@ -52,7 +54,9 @@ if not _NO_GL:
 
 @dataclass(frozen=True)
 class Need:
-    """What tests of a marker need of the machine. Where it is missing they skip, or fail if a variable says so."""
+    """A requirement of tests with a marker. If it is missing, they are skipped, or fail if an environment variable is
+    set.
+    """
 
     variable: str
     missing: Callable[[], str]
@@ -96,7 +100,7 @@ NEEDS = {
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip tests whose need is not met, or fail them where it is required."""
+    """Skip tests whose requirement is not met, or fail them where it is mandatory."""
     for marker, need in NEEDS.items():
         why = item.get_closest_marker(marker) and need.missing()
         if not why:
@@ -108,7 +112,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out tests that need a GPU where there is none."""
+    """Deselect tests that need a GPU if there is no GPU."""
     if CUDA_DEVICES:
         return
     needs_cuda = [item for item in items if "cuda" in getattr(item, "fixturenames", ())]
@@ -118,7 +122,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Report loudly which tests were left out."""
+    """Report which tests were deselected."""
     if not CUDA_DEVICES:
         terminalreporter.section("NO CUDA DEVICE", yellow=True, bold=True)
         terminalreporter.line("Tests on a GPU were left out.", yellow=True)
@@ -133,19 +137,21 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 @pytest.fixture
 def cuda() -> Iterator[str]:
-    """The GPU's name. Tests that use it are left out where there is no GPU."""
+    """Return the name of the GPU. Tests that use it are deselected without a GPU."""
     yield from _device("cuda:0")
 
 
 @pytest.fixture(params=["cpu", *CUDA_DEVICES])
 def device(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Every device of this machine that is tested."""
+    """Yield the name of every tested device."""
     yield from _device(request.param)
 
 
 def _device(name: str) -> Iterator[str]:
-    """A device's name. Its stream is the same afterwards: `wp.array.numpy` sets another for a while, and where several
-    threads do so at a time, that one may stay, into which no graph can be captured.
+    """Yield a device's name and restore its stream afterwards.
+
+    `wp.array.numpy` sets another stream temporarily. If several threads do so at once, that stream may remain set, and
+    no graph can be captured on it.
     """
     if name == "cpu":
         yield name
@@ -157,5 +163,5 @@ def _device(name: str) -> Iterator[str]:
 
 @pytest.fixture(params=["rays", "packets"])
 def caster(request: pytest.FixtureRequest, device: str) -> str:
-    """Every caster; all are on every device."""
+    """Return the name of every caster; all are available on every device."""
     return request.param

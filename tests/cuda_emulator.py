@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The packet caster of CUDA, run by a C++ compiler on the CPU: ``native/cuda_emulator.h`` is its warp.
+"""The CUDA packet caster, compiled by a C++ compiler for the CPU: ``native/cuda_emulator.h`` emulates a warp.
 
-The text that Warp would give to NVRTC is compiled as it is, with sanitizers, one function a variant. The structs around
-it are made from the kernel's own, so that a field that one side lacks is an error of the compiler.
+The source that Warp would pass to NVRTC is compiled unchanged, with sanitizers, one function per variant. The structs
+around it are generated from the kernel's, so that a missing field is a compile error.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NATIVE = Path(__file__).parent / "native"
 HEADERS = Path(native_source.__file__).parent / "native"
 
 _FLAGS = ["-std=c++17", "-g1", "-Wall", "-Wextra", "-fno-omit-frame-pointer", "-fno-optimize-sibling-calls"]
-# Without optimisation: a compiler that does not know of warps may copy a call, which then would be two.
+# Without optimization: a compiler that does not model warps may duplicate a call.
 _CHECKED = ["-O0", "-ffp-contract=off", "-ftrivial-auto-var-init=pattern", "--coverage"]
 _CHECKED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Wno-unused-function"]
 _UNCHECKED = ["-O2", "-DEMULATOR_ASAN"]
@@ -51,7 +51,7 @@ _ABSENT, _GIVEN, _IMAGE = range(3)
 
 @dataclass(frozen=True)
 class Variant:
-    """One of the kernels, for a compute capability."""
+    """A variant of a kernel, for a compute capability."""
 
     side: int
     with_id: bool
@@ -83,7 +83,7 @@ REQUIRED = os.environ.get("WARPVIS_REQUIRE_CXX") == "1"
 
 
 class Emulator:
-    """An executable that holds some variants."""
+    """An executable that contains several variants."""
 
     def __init__(self, folder: Path, variants: tuple[Variant, ...], compiler: str) -> None:
         """Compile the program, unless a program of the same sources and options is cached.
@@ -107,11 +107,11 @@ class Emulator:
         self.program = built / "cuda_emulator"
         for notes in built.glob("*.gcno"):
             (folder / notes.name).symlink_to(notes)
-        # The runtime of --coverage writes counts to this folder instead of the folder of the object.
+        # The runtime of --coverage writes counts to this folder instead of the object's folder.
         self._environment = {**os.environ, "GCOV_PREFIX": str(folder), "GCOV_PREFIX_STRIP": "99"}
 
     def launch(self, variant: Variant, size: tuple[int, int, int], arguments: dict[str, Any]) -> None:
-        """Run a launch of so many views, rows and columns of packets, and write the images among its arguments."""
+        """Launch views, rows and columns of packets, and write the images among the arguments."""
         images: list[np.ndarray] = []
         parts = [struct.pack("4i", self.variants.index(variant), *size)]
         for name, kind in self.arguments.items():
@@ -183,12 +183,12 @@ def _build(sources: dict[str, str], compiler: str) -> Path:
 
 
 def _trees(scene: Scene, images: list[wp.array | None]) -> Any:
-    """What a GPU's casters read of a scene."""
+    """Return the trees of a scene that GPU casters read."""
     return build_scene_bvh(scene.objects, scene.device, lanes=32, faces=wants_faces(images)).struct
 
 
 class EmulatedCaster(RaysCaster):
-    """What `Renderer` calls instead of the caster of its device; images of the scene's trees of 32 lanes."""
+    """Replaces the caster in `Renderer`; renders images with the scene's trees of 32 lanes."""
 
     def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, cull: bool) -> None:
         super().__init__(scene, camera, cull_backfaces=cull, clip_near=variant.clip, threads=1)
@@ -211,7 +211,9 @@ class EmulatedCaster(RaysCaster):
         self._emulator.launch(self._variant, size, arguments)
 
     def _room(self, views: int, count: int) -> Any:
-        """Where to note objects, which a GPU has a kernel for, and this emulator the first packet of a view."""
+        """Return scratch arrays for found objects: a GPU fills them by a kernel, the emulator in the first packet of a
+        view.
+        """
         room, camera, tile = packets_cuda.FoundObjects(), self._camera, 1 << packets_cuda.TILE_BITS
         if self._variant.found:
             room.tiles_y, room.tiles_x = -(-camera.height // tile), -(-camera.width // tile)
@@ -224,7 +226,7 @@ class EmulatedCaster(RaysCaster):
 
 
 class EmulatedTableCaster(RayTableCaster):
-    """The same for rays of a table."""
+    """Replaces the caster of ray bundles."""
 
     def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: RayCamera, cull: bool) -> None:
         super().__init__(scene, camera, cull_backfaces=cull, clip_near=False, threads=1)
@@ -241,7 +243,7 @@ class EmulatedTableCaster(RayTableCaster):
             "cull_backfaces": self._cull_backfaces,
             "images": images_struct(as_images(images)),
         }
-        # A launch writes all of an image: packets are all of one kind.
+        # A launch writes all of an image: all packets have the same shape.
         shape = (self._camera.height, self._camera.width, 3)
         packets = prepare_all(
             self._camera.rays.reshape(shape),
@@ -253,7 +255,7 @@ class EmulatedTableCaster(RayTableCaster):
 
 
 class EmulatedPointCaster(RaysCaster):
-    """The same for points of the image."""
+    """Replaces the caster of image points."""
 
     def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, cull: bool) -> None:
         super().__init__(scene, camera, cull_backfaces=cull, clip_near=variant.clip, threads=1)
@@ -276,7 +278,7 @@ class EmulatedPointCaster(RaysCaster):
         self._emulator.launch(self._variant, size, arguments)
 
 
-# What `find_objects` of warpvis.rendering does: all lanes find, then one sorts.
+# Equivalent of `find_objects` of warpvis.rendering: all lanes find objects, then one lane sorts them.
 _FIND_AND_SORT = """
 if (packet_y == 0 && packet_x == 0) {
     if (Warp::lane() == 0) found.counts.data[2 * view] = found.counts.data[2 * view + 1] = 0;
@@ -304,7 +306,7 @@ if (packet_y == 0 && packet_x == 0) {
 
 
 def emulated_renderer(emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, **options: Any) -> Renderer:
-    """A `Renderer` whose images the emulator makes."""
+    """Return a `Renderer` that renders with the emulator."""
     renderer = Renderer(scene, camera, **options)
     cull = options.get("cull_backfaces", False)
     kind: Any = EmulatedPointCaster if variant.points else EmulatedCaster
@@ -321,7 +323,7 @@ _ELEMENTS = {wp.vec2: "Vec2", wp.vec3: "Vec3", wp.vec4: "Vec4", wp.vec4i: "Vec4"
 
 
 def _native_function(variant: Variant) -> Any:
-    """The function that the kernel calls; its text says of every line in which file it is."""
+    """Return the function called by the kernel; `#line` directives in its source name the original files."""
     plain, cast, cached = packets_cuda.read_native, packets_cuda.CAST, packets_cuda.CACHED_NUMBERS
 
     def read_marked(*names: str) -> str:
@@ -372,7 +374,7 @@ def _fields(kind: Any) -> dict[str, Any]:
 
 
 def _struct(name: str, fields: dict[str, Any]) -> str:
-    """A struct's definition, and the function that reads it."""
+    """Return the definition of a struct and the function that reads it."""
     members = "".join(f"    {_cpp_type(kind)} {field};\n" for field, kind in fields.items())
     reads = "".join(f"    read(reader, value.{field});\n" for field in fields)
     return f"struct {name} {{\n{members}}};\ninline void read(Reader& reader, {name}& value) {{\n{reads}}}\n"
@@ -405,7 +407,7 @@ def _variant_source(variant: Variant, function: Any) -> str:
 
 
 def _write(parts: list[bytes], images: list[np.ndarray], kind: Any, value: Any, is_image: bool) -> None:
-    """Append a value as `read` of its type takes it."""
+    """Append a value in the format that `read` of its type expects."""
     if _is_struct(kind):
         for field, field_kind in _fields(kind).items():
             _write(parts, images, field_kind, getattr(value, field), is_image)
@@ -423,7 +425,7 @@ def _write(parts: list[bytes], images: list[np.ndarray], kind: Any, value: Any, 
 
 
 def _gcov(compiler: str) -> list[str]:
-    """The tool that reads what code of a compiler has counted."""
+    """Return the gcov command that matches a compiler."""
     if "clang" not in Path(compiler).name:
         return ["gcov"]
     folder = Path(compiler).resolve().parent

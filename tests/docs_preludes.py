@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the pages of the documentation take for granted: scenes, poses, files, models."""
+"""Scenes, poses, files and models that the documentation pages assume."""
 
 import shutil
 import types
@@ -35,7 +35,7 @@ _ARM = """
 </mujoco>
 """
 
-# Pages say what a user does, on a machine with a GPU; here the same is done on a CPU, with less of it.
+# The pages run on a machine with a GPU; the tests run smaller workloads on the CPU.
 _SMALLER = {
     '"cuda:0"': '"cpu"',
     "nworld=4096": "nworld=16",
@@ -47,14 +47,14 @@ _SMALLER = {
 
 
 def made_smaller(code):
-    """A page's code, with less work in it."""
+    """Return a page's code with a smaller workload."""
     for large, small in _SMALLER.items():
         code = code.replace(large, small)
     return code
 
 
 def prepare(page, folder):
-    """The names that a page's code uses; the files that it reads are put into the folder."""
+    """Return the names that a page's code uses; write the files that it reads to `folder`."""
     names = {"wv": wv, "np": np}
     make = globals().get(f"_{page}")
     if make is not None:
@@ -70,7 +70,7 @@ def _appearance(folder):
 
 
 def _room():
-    """A floor, a table with a cup and a ball behind a wall, a robot and a person."""
+    """Return a room with a floor, a table, a cup and a ball behind a wall, a robot and a person."""
     scene = wv.Scene()
     scene.add(trimesh.creation.box((8, 6, 0.02)), name="floor", label="ground", pose=(2, 0, -0.01, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.1, 2, 1)), name="wall", pose=(2, 1.5, 0.5, 0, 0, 0, 1))

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Random arguments for everything public: a call takes them, or raises a `WarpvisError` of one sentence.
+"""Random arguments for all public functions: a call must succeed or raise a `WarpvisError` of one sentence.
 
-``make fuzz`` makes many such calls, each from a seed of its own that the report names; `test_garbage` makes a few.
+``make fuzz`` makes many such calls, each from a seed that the report names; `test_garbage` makes a few.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ _DTYPES = ("f8", "f4", "f2", "i8", "i4", "u1", "?", "c16", "U3", "O", "M8[s]", "
 
 
 class Draw:
-    """Values of all kinds from one generator."""
+    """Random values of all kinds."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Draw from `rng`."""
+        """Store the generator."""
         self._rng = rng
 
     def pick(self, values):
-        """One of some values."""
+        """Return a random element of `values`."""
         return values[int(self._rng.integers(len(values)))]
 
     def real(self):
-        """A number: extreme, or of any size."""
+        """Return a number: extreme, or of any magnitude."""
         return (
             self.pick(_REALS)
             if self._rng.random() < 0.5
@@ -48,11 +48,11 @@ class Draw:
         )
 
     def whole(self):
-        """A whole number."""
+        """Return an integer."""
         return self.pick(_EXTREMES) if self._rng.random() < 0.5 else int(self._rng.integers(-20, 200))
 
     def array(self):
-        """An array of any dtype, of up to four axes of up to eight entries."""
+        """Return an array of any dtype with up to four axes of up to eight entries."""
         shape = tuple(self._rng.integers(0, 9, self._rng.integers(0, 5)))
         dtype = self.pick(_DTYPES)
         values = self._rng.normal(size=shape) * self.pick((1.0, 1e-9, 1e9, 1e30))
@@ -62,7 +62,7 @@ class Draw:
             return values.astype(dtype)
 
     def anything(self, depth: int = 0):
-        """A value of any kind."""
+        """Return a value of any kind."""
         kinds = [
             lambda: None,
             lambda: bool(self._rng.integers(2)),
@@ -86,7 +86,9 @@ class Draw:
         return self.pick(kinds)()
 
     def spoiled(self, value):
-        """A valid value, changed a little: scaled, cut, turned, of another dtype, or with something else in it."""
+        """Return a valid value with one change: scaled, cropped, repeated, transposed, of another dtype, or with a bad
+        entry.
+        """
         if isinstance(value, bool) or value is None or isinstance(value, str):
             return self.anything()
         if isinstance(value, int | float):
@@ -115,7 +117,7 @@ class Draw:
 
 
 def call_once(table, seed):
-    """Make one call: its name, the parameters that were changed, and the error if it is none of ours."""
+    """Make one call; return its name, the changed parameters, and the error unless it is a valid `WarpvisError`."""
     rng = np.random.default_rng(seed)
     draw, names = Draw(rng), sorted(table)
     name = draw.pick(names)
@@ -135,7 +137,7 @@ def call_once(table, seed):
 
 
 def main() -> None:
-    """Make many calls and report what went wrong, with the seeds."""
+    """Make many calls and report failures with their seeds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0, help="of the first call; the others count up")
@@ -156,7 +158,7 @@ def main() -> None:
         table = cases(files_for_cases(Path(folder)))
         os.chdir(Path(folder) / "out")
         for seed in range(given.seed, given.seed + given.count):
-            if (seed - given.seed) % 2000 == 1999:  # what calls add to scenes must not pile up
+            if (seed - given.seed) % 2000 == 1999:  # calls add objects to scenes: rebuild them regularly
                 table = cases(Path(folder))
             start = time.perf_counter()
             name, changed, error = call_once(table, seed)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small files of poses, cameras and points, and datasets, made by the tests' writers; for `fuzz_files`."""
+"""Small files of poses, cameras, points and datasets, written by the tests' writers, for `fuzz_files`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MAX_FRAMES = 6
 
 
 def all_of(*calls: Callable[[], object]) -> None:
-    """Make several calls, though one of them refuses what it is given; then raise what the first such one did."""
+    """Run all calls, then raise the first error if any failed."""
     refused = None
     for call in calls:
         try:
@@ -180,7 +180,7 @@ _OPENCV_XML = """<?xml version="1.0"?>
 
 
 def lenses(root: Path) -> Iterator[Item]:
-    """Cameras with lenses: a few rays of each are cast, too."""
+    """Yield cameras with lenses; the reader also casts a few of their rays."""
     from support.camera_files import KALIBR, NERF, ROS_YAML, colmap_text
 
     def reader(name: str) -> Callable[[Path], None]:
@@ -209,14 +209,14 @@ def lenses(root: Path) -> Iterator[Item]:
 
 
 def sensors(root: Path) -> Iterator[Item]:
-    """What models of depth cameras are made of: tables of distortion, and the fields of a manifest."""
+    """Yield files of depth-camera models: distortion tables and manifest fields."""
     from reference_redwood import make_table, write_table
 
     def read_fields(folder: Path) -> None:
         try:
             fields = json.loads((folder / "a.json").read_bytes())
         except (ValueError, RecursionError):
-            return  # whoever reads the manifest says so
+            return  # the manifest reader reports this
         if isinstance(fields, dict):
             wv.sensors.sensor_from_fields(fields)
 
@@ -230,7 +230,7 @@ def sensors(root: Path) -> Iterator[Item]:
 
 
 def scanners(root: Path) -> Iterator[Item]:
-    """What lidars are made of: metadata, calibrations, samples."""
+    """Yield lidar files: metadata, calibrations and samples."""
     from support.lidars import old_ouster_metadata, ouster_metadata
 
     lidars = wv.sensors.lidars
@@ -282,7 +282,7 @@ def depth_images(root: Path) -> Iterator[Item]:
 
 
 def datasets(root: Path) -> Iterator[Item]:
-    """Datasets of every format that has what it needs installed: looked through, and gone on with."""
+    """Yield datasets of every format whose dependencies are installed; the reader verifies and resumes them."""
     kinds = [(kind, {}, {}) for kind in FORMATS] + [("zarr", {"compression": "zstd"}, {})]
     sensed = {"sensor": wv.sensors.StereoDepth(0.05, sigma=0.1), "outputs": ("depth", "reasons", "true_depth")}
     kinds += [(kind, {}, sensed) for kind in ("npz", "zarr", "png")]
@@ -329,7 +329,7 @@ def _read_dataset(folder: Path) -> None:
 def _repairer(kind: str, options: dict[str, str], more: dict[str, object]) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
         _run(folder / "set", kind, options, resume=True, repair=True, **more)
-        # A record from which a name is lost says nothing of its file.
+        # A damaged record can lose a file's name; `verify` then reports a file without a record.
         problems = [problem for problem in verify(folder / "set").problems if not problem.endswith("is in no record")]
         if problems:
             raise AssertionError(f"after repair: {problems[0]}")

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Changed files of every format: reading one gives a result, or a `WarpvisError` of one sentence, and nothing else.
+"""Damaged files of every format: reading one must return a result or raise a `WarpvisError` of one sentence.
 
-``make fuzz-files`` reads a hundred thousand of them. Each follows from its number alone, which the report names, and is
-read in a child process that has a clock and a bound of memory, so that a crash is found and the others are read.
-`test_garbage` reads a few.
+``make fuzz-files`` reads a hundred thousand of them. Each follows from its number, which the report names, and is read
+in a child process with limits on time and memory, so that a crash is recorded and reading continues. `test_garbage`
+reads a few.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ _EVENTS = {
 
 
 class Watch:
-    """Notes what is written outside of the folders where it may be, and what asks the network, as Python tells it."""
+    """Records writes outside the allowed folders and network access, by Python's audit hooks."""
 
     def __init__(self, allowed: list[Path]) -> None:
-        """Begin to watch once `active` is set; files below `allowed` may be written."""
+        """Install the hook; files below `allowed` may be written. Recording starts when `active` is set."""
         self._allowed = [str(path.resolve()) + os.sep for path in allowed]
         self.active = False
         self.seen: list[str] = []
@@ -79,7 +79,7 @@ class Watch:
         elif event in _EVENTS:
             place = arguments[_EVENTS[event]]
         if isinstance(place, bytes | str | os.PathLike):
-            folder = arguments[-1] if event in _EVENTS and event != "os.truncate" else -1  # an open one
+            folder = arguments[-1] if event in _EVENTS and event != "os.truncate" else -1  # an open folder
             folder = f"/proc/self/fd/{folder}" if isinstance(folder, int) and folder >= 0 else os.getcwd()
             whole = os.path.realpath(os.path.join(folder, os.fsdecode(place)))
             if whole != os.devnull and not any((whole + os.sep).startswith(folder) for folder in self._allowed):
@@ -87,13 +87,13 @@ class Watch:
 
 
 def _memory(name: str) -> int:
-    """Read a size of this process [bytes]: ``VmHWM``, ``VmSize``."""
+    """Return a memory size of this process [bytes]: ``VmHWM``, ``VmSize``."""
     text = Path("/proc/self/status").read_text(encoding="ascii")
     return 1024 * int(next(line.split()[1] for line in text.splitlines() if line.startswith(name)))
 
 
 def _wrong_error(error: BaseException) -> str | None:
-    """Say what is wrong with how a file is refused; None if nothing is."""
+    """Return what is wrong with an error of a reader, or None."""
     import warpvis as wv
 
     cause: BaseException | None = error
@@ -113,12 +113,12 @@ def _wrong_error(error: BaseException) -> str | None:
 
 
 def make_mutant(seeds: list, number: int, folder: Path):
-    """Write a changed file, with those beside it, into a folder; return which seed it is of, and the file's name.
+    """Write a damaged file and its companion files to a folder; return the index of its seed and the file's name.
 
     Args:
-        seeds: What `fuzz_seeds.make_seeds` gives.
-        number: Its number, from which all follows.
-        folder: A folder that is not there yet.
+        seeds: Result of `fuzz_seeds.make_seeds`.
+        number: Number of the mutant, which determines it.
+        folder: A folder that does not exist yet.
     """
     from fuzz_mutations import mutate
 
@@ -143,7 +143,7 @@ class Reader:
     watch: Watch = field(init=False)
 
     def __post_init__(self) -> None:
-        """Make the folders, and go to the one that is not to be written to."""
+        """Create the folders and change to the one that must not be written to."""
         import warp as wp
 
         for name in ("elsewhere", "temporary"):
@@ -154,7 +154,7 @@ class Reader:
         self.watch = Watch([self.place / "given", self.place / "temporary", *kernels])
 
     def read(self, number: int) -> dict:
-        """Read a mutant; say what came of it."""
+        """Read a mutant and return the outcome."""
         given = self.place / "given"
         shutil.rmtree(given, ignore_errors=True)
         seed, name = make_mutant(self.seeds, number, given)
@@ -182,19 +182,19 @@ class Reader:
 
 @contextlib.contextmanager
 def made_seeds(module: str) -> Iterator[list]:
-    """Make the seeds in a temporary folder."""
+    """Yield the seeds in a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         yield importlib.import_module(module).make_seeds(Path(folder).resolve())
 
 
 def _child(given: argparse.Namespace) -> None:
-    """Read mutants one after the other, and write a line before and after each."""
+    """Read mutants in sequence and write a line before and after each."""
     warnings.simplefilter("ignore")
     out = os.fdopen(given.child, "w")
     with made_seeds(given.seeds) as seeds, tempfile.TemporaryDirectory() as place:
         print(json.dumps({"kinds": sorted({seed.format for seed in seeds})}), file=out, flush=True)
         reader = Reader(seeds, Path(place).resolve())
-        # Kernels and libraries are loaded now, and take nobody's time and memory later.
+        # Load kernels and libraries first, so that no mutant is charged for their time and memory.
         for seed in seeds:
             copy = reader.place / "given"
             shutil.rmtree(copy, ignore_errors=True)
@@ -210,7 +210,7 @@ def _child(given: argparse.Namespace) -> None:
 
 
 def _outcomes(given: argparse.Namespace) -> Iterator[dict]:
-    """Read mutants in children, one after the other; first which formats there are, then what came of each."""
+    """Read mutants in child processes; yield the formats first, then every outcome."""
     number, last = given.seed, given.seed + given.count
     while number < last:
         receive, send = os.pipe()
@@ -227,20 +227,20 @@ def _outcomes(given: argparse.Namespace) -> Iterator[dict]:
 
 
 def _lines(stream: IO[bytes], process: subprocess.Popen, printed: IO[bytes], seconds: float) -> Iterator[dict]:
-    """Give what a child says, and at last what came of the mutant that ended it, if one did.
+    """Yield the messages of a child, and at last the outcome of the mutant that ended it, if any.
 
     Args:
-        stream: What it says.
+        stream: Messages of the child.
         process: The child.
-        printed: What it prints.
-        seconds: Longest that it may say nothing.
+        printed: Output of the child.
+        seconds: Longest time without a message.
 
     Raises:
-        RuntimeError: The child ended before it had begun.
+        RuntimeError: If the child ended before it began.
     """
     begun, text, late = None, b"", False
     while not late:
-        # A child that begins makes the seeds first.
+        # A child makes the seeds first.
         ready, _, _ = select.select([stream], [], [], seconds if begun is not None else _SECONDS_TO_BEGIN)
         data = os.read(stream.fileno(), 1 << 16) if ready else b""
         late = not ready
@@ -265,7 +265,7 @@ def _lines(stream: IO[bytes], process: subprocess.Popen, printed: IO[bytes], sec
 
 
 def main() -> None:
-    """Read many changed files and report what went wrong, with the numbers."""
+    """Read many damaged files and report failures with their numbers."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0, help="number of the first file; the others count up")
@@ -287,7 +287,7 @@ def main() -> None:
 
 
 def _report(given: argparse.Namespace) -> bool:
-    """Read the files, print what went wrong and how many there were of each format; tell whether anything did."""
+    """Read the files, print failures and the number of files of each format; return whether any failed."""
     ends: dict[str, Counter[str]] = {"read": Counter(), "refused": Counter(), "wrong": Counter()}
     kinds: list[str] = []
     slowest, largest = 0.0, 0

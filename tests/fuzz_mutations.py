@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small changes to files: of bytes, words, JSON, and what is inside of archives, whose checksums are right again."""
+"""Small random changes to files: bytes, words, JSON, and the contents of archives with corrected checksums."""
 
 from __future__ import annotations
 
@@ -71,9 +71,9 @@ def mutate(rng: np.random.Generator, name: str, data: bytes) -> bytes:
     """Return the bytes of a file after one to four small changes.
 
     Args:
-        rng: What is drawn from.
-        name: The file's name, whose ending says what is in it.
-        data: Its bytes.
+        rng: Random generator.
+        name: Name of the file; the extension gives the format.
+        data: Bytes of the file.
     """
     for _ in range(int(rng.choice((1, 1, 1, 2, 4)))):
         data = _change(rng, name.lower(), data)
@@ -82,7 +82,7 @@ def mutate(rng: np.random.Generator, name: str, data: bytes) -> bytes:
 
 def _change(rng: np.random.Generator, name: str, data: bytes) -> bytes:
     kind = name.rpartition(".")[2]
-    inside = rng.random() < 0.75  # of a packed file; else its own bytes are changed
+    inside = rng.random() < 0.75  # change the content of a packed file, else its bytes
     try:
         if inside and kind in _ZIP:
             return _in_zip(rng, data)
@@ -96,7 +96,7 @@ def _change(rng: np.random.Generator, name: str, data: bytes) -> bytes:
             return _in_glb(rng, data)
         if kind in _JSON and rng.random() < 0.6:
             return _in_json(rng, data)
-    except Exception:  # an earlier change has made it something else
+    except Exception:  # an earlier change made the format invalid
         return _in_bytes(rng, data)
     if kind in _TEXT and rng.random() < 0.8:
         return _in_text(rng, data)
@@ -108,11 +108,11 @@ def _pick(rng, values):
 
 
 def _in_bytes(rng: np.random.Generator, data: bytes) -> bytes:
-    """Change some bytes, or take out, double, or move a piece."""
+    """Change some bytes, or remove, duplicate or move a block."""
     if not data:
         return _pick(rng, _BYTES)
     out, place = bytearray(data), int(rng.integers(len(data)))
-    if rng.random() < 0.3:  # heads of files are where sizes are
+    if rng.random() < 0.3:  # sizes are stored in file headers
         place = int(rng.integers(min(len(data), 64)))
     other, length = int(rng.integers(len(data))), int(rng.integers(1, 33))
     match int(rng.integers(10)):
@@ -188,7 +188,7 @@ def _in_text(rng: np.random.Generator, data: bytes) -> bytes:
 
 
 def _in_json(rng: np.random.Generator, data: bytes) -> bytes:
-    """Change a value of a JSON file: another one in its place, none, or the value of another place."""
+    """Change a value of a JSON file: replace it, remove it, or copy another value."""
     content = json.loads(data)
     places = [((), None)]
     _list_places(content, places)
@@ -218,7 +218,7 @@ def _list_places(value, places) -> None:
 
 
 def _in_glb(rng: np.random.Generator, data: bytes) -> bytes:
-    """Change the JSON of a binary glTF file, or the bytes after it, whose lengths are right again."""
+    """Change the JSON or the binary chunk of a binary glTF file and correct the lengths."""
     length = int.from_bytes(data[12:16], "little")
     text, rest = data[20 : 20 + length], data[28 + length :]
     if rest and rng.random() < 0.5:
@@ -250,7 +250,7 @@ def _in_png(rng: np.random.Generator, data: bytes) -> bytes:
 
 
 def _in_zip(rng: np.random.Generator, data: bytes) -> bytes:
-    """Change a file of a ZIP archive, or its name, or leave it out, or store it otherwise."""
+    """Change, rename, remove or re-encode a file of a ZIP archive."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         files = [(info.filename, archive.read(info), info.compress_type) for info in archive.infolist()]
     number = int(rng.integers(len(files)))
@@ -274,7 +274,7 @@ def _in_zip(rng: np.random.Generator, data: bytes) -> bytes:
 
 
 def _in_tar(rng: np.random.Generator, data: bytes) -> bytes:
-    """Change a file of a tar archive, its name, or what it is: a link, a folder, a device."""
+    """Change a member of a tar archive, its name, or its type: a link, a folder, a device."""
     with tarfile.open(fileobj=io.BytesIO(data)) as archive:
         files = [(member, archive.extractfile(member).read()) for member in archive if member.isfile()]
     number = int(rng.integers(len(files)))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small files of every format that holds scenes, made by the tests' writers, and what reads them; for `fuzz_files`."""
+"""Small files of every scene format, written by the tests' writers, and their readers, for `fuzz_files`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _BOX = trimesh.creation.box((1, 2, 3))
 
 
 def see(scene: wv.Scene) -> None:
-    """Describe a scene and look at it."""
+    """Describe and render a scene."""
     from warpvis.cli._info import describe
     from warpvis.pose_generators import framing
 
@@ -44,7 +44,7 @@ def see(scene: wv.Scene) -> None:
 
 
 def _ask_for_colours(scene: wv.Scene) -> None:
-    """Read what objects look like: files that are damaged warn."""
+    """Read the appearance of objects: damaged image files only warn."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         sky = None if scene.background is None else scene.background.image
@@ -132,7 +132,7 @@ def gltf(root: Path) -> Iterator[Item]:
     ):
         yield "GLB", {"a.glb": data}, (), _see_file("a.glb")
     yield "GLB, Draco", {"a.glb": draco_file(_BALL)}, (), _see_file("a.glb")
-    # It is built from source on many machines, and so none that tests need.
+    # Not installed on every machine: it is often built from source.
     for mesh_filter in (None, "EXPONENTIAL") if find_spec("meshoptimizer") else ():
         yield "GLB, meshopt", {"a.glb": meshopt_file(filter=mesh_filter)}, (), _see_file("a.glb")
 
@@ -145,7 +145,9 @@ def _embedded(files: dict[str, bytes]) -> str:
 
 
 def _varied():
-    """Strips, fans, sparse and normalized accessors, morph targets, instances, and nodes of every placement."""
+    """Return a file with strips, fans, sparse and normalized accessors, morph targets, instances and all node
+    transforms.
+    """
     from gltf_files import GltfWriter
 
     writer = GltfWriter(extensionsUsed=["KHR_mesh_quantization"])
@@ -176,7 +178,7 @@ def _varied():
 
 
 def labels(root: Path) -> Iterator[Item]:
-    """Files of classes and of what they are labels of; as classes of one's own are in a glTF file."""
+    """Yield label maps, class maps, and a glTF file with custom classes."""
     from gltf_files import GltfWriter
 
     from support.labels import TEXTS

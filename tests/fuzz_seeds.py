@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small files of every format that is read, and what reads them; for `fuzz_files`."""
+"""Small files of every supported format and their readers, for `fuzz_files`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import fuzz_scene_seeds
 
 @dataclass(frozen=True)
 class Seed:
-    """A file, with those that it needs, and what reads it."""
+    """A file, the files that it needs, and its reader."""
 
     format: str
     """What it is counted as."""
@@ -27,7 +27,7 @@ class Seed:
 
 
 def make_seeds(root: Path) -> list[Seed]:
-    """Write the files below a folder, and list them."""
+    """Write the files to subfolders of `root` and return their seeds."""
     makers = (*fuzz_scene_seeds.MAKERS, *fuzz_data_seeds.MAKERS)
     seeds = []
     for maker in makers:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""glTF files made number by number: primitives whose data lie in one buffer, plain or compressed."""
+"""Writer of small glTF files: primitives whose data is in one buffer, plain or compressed."""
 
 import json
 
@@ -10,7 +10,7 @@ COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 
 
 
 class GltfWriter:
-    """Collects accessors and nodes, and gives the bytes of a binary file."""
+    """Collects accessors and nodes and returns the bytes of a binary file."""
 
     def __init__(self, **content):
         self.content = {"asset": {"version": "2.0"}, "bufferViews": [], "accessors": [], "meshes": [], "nodes": []}

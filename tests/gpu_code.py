@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What NVRTC makes of a module's kernels, on machines without a GPU too."""
+"""PTX that NVRTC compiles from a module's kernels, without a GPU too."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _SIMPLE = "warpvis.kernels.images"
 
 
 def gpu_code(module: str, folder: Path) -> str:
-    """The PTX of a module, compiled by another process: what is compiled so would be another module in this one.
+    """Return the PTX of a module, compiled in a subprocess: compiling it here would make it another module.
 
-    Where NVRTC compiles no simple module either, the test is skipped.
+    Skip the test if NVRTC cannot compile a simple module.
     """
     places = {_SIMPLE: folder / "simple", module: folder / "module"}
     for place in places.values():

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small environments on MuJoCo, which workers import."""
+"""Small MuJoCo environments that worker processes import."""
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 
-# A cup of two geoms slides behind a wall; something hangs from a hinge.
+# A cup of two geoms slides behind a wall; another body hangs from a hinge.
 MJCF = """
 <mujoco>
   <visual><map znear="0.01" zfar="20"/></visual>
@@ -35,7 +35,7 @@ MJCF = """
 
 
 class Cup(gym.Env, gym.utils.EzPickle):
-    """Pushes the cup; an episode is as many steps as it says."""
+    """Pushes the cup; an episode has `length` steps."""
 
     def __init__(self, length=1000, dictionary=False, size=0.15):
         gym.utils.EzPickle.__init__(self, length, dictionary, size)
@@ -67,13 +67,13 @@ class Cup(gym.Env, gym.utils.EzPickle):
         return self.now(), 0.0, self.steps >= self.length, False, {}
 
     def set_model(self, name, row, value):
-        """Change the model, as environments do that randomise theirs."""
+        """Change a row of the model, as domain randomization does."""
         getattr(self.model, name)[row] = value
         mujoco.mj_forward(self.model, self.data)
 
 
 def make_cup(wrapper=None, **options):
-    """A cup, in a wrapper of warpvis."""
+    """Return the environment, in a warpvis wrapper if given."""
     import warp as wp
 
     import warpvis.mujoco.gymnasium as wrappers

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo models for the tests: every type of geom and camera, and real robots where their packages are installed."""
+"""MuJoCo models: all types of geoms and cameras, and real robots whose packages are installed."""
 
 import importlib.util
 from pathlib import Path
@@ -69,7 +69,7 @@ SHAPES = """
 
 
 def shapes_model():
-    """The model of every type of geom, and its data with everything a little off its first place."""
+    """Return a model with every type of geom, and its data with everything slightly displaced."""
     model = mujoco.MjModel.from_xml_string(SHAPES)
     model.hfield_data[:] = np.random.default_rng(0).random(len(model.hfield_data))
     data = mujoco.MjData(model)
@@ -78,7 +78,7 @@ def shapes_model():
     return model, data
 
 
-# Packages that hold MJCF files of real robots, and the files.
+# Packages with MJCF files of real robots, and the files.
 _ROBOTS = {
     "aloha": ("mujoco_warp", "test_data/aloha_pot/scene.xml"),
     "fetch": ("gymnasium_robotics", "envs/assets/fetch/pick_and_place.xml"),
@@ -88,7 +88,7 @@ ROBOTS = tuple(_ROBOTS)
 
 
 def robot_model(name):
-    """A real robot and its data, as MuJoCo draws it at its finest; skips the test where its package is missing."""
+    """Return a robot model and its data with MuJoCo's finest tessellation; skip the test if its package is missing."""
     package, path = _ROBOTS[name]
     found = importlib.util.find_spec(package)
     folders = list(found.submodule_search_locations or []) if found else []

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles the C++ of `kernels/native` that Warp compiles for CPUs, and what `tests/native` checks it with, by Clang.
+"""Compiles the CPU code of `kernels/native` and the checks of `tests/native` with Clang.
 
-python tests/native_build.py --syntax    # whether all of it compiles
+python tests/native_build.py --syntax    # check only that all code compiles
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ SCENES = {"tree": 1500, "edges": 1000, "images": 600, "points": 160, "silhouette
 MIN_CLANG = 17
 """The first Clang that knows the vector builtins of the headers."""
 
-# Without AVX-512, the ABI of vectors of 16 lanes differs; each program is compiled whole, so it is consistent.
+# Without AVX-512, the ABI of 16-lane vectors differs; each program is compiled as a whole, so it is consistent.
 _FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wno-psabi", "-Ikernels/native")
-# Faults end the program at once; frame pointers make their reports readable. What is not initialised holds nonsense.
-# An array at the end of a struct is as long as it says.
+# Faults end the program at once; frame pointers make reports readable. Uninitialized variables get a pattern. Trailing
+# arrays of structs have exactly their declared length.
 _SANITIZERS = (
     "-O1",
     "-g1",
@@ -40,15 +40,15 @@ _SANITIZERS = (
     "-ftrivial-auto-var-init=pattern",
 )
 _TARGET = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
-# Sanitizers' libraries are a package of their own.
+# The libraries of sanitizers are a separate package.
 _PROBE = "#include <vector>\nint main() { return (int)std::vector<int>(1)[0]; }\n"
 
 
 @cache
 def find_clang() -> tuple[str, str]:
-    """The newest clang++ that compiles with sanitizers, and an empty string; or an empty string, and why there is none.
+    """Return the newest clang++ that supports sanitizers and "", or "" and the reason that none does.
 
-    `CLANGXX` names one that is taken instead of those that are found.
+    `CLANGXX` overrides the search.
     """
     named = os.environ.get("CLANGXX")
     names = [named] if named else [*(f"clang++-{version}" for version in range(30, MIN_CLANG - 1, -1)), "clang++"]
@@ -71,18 +71,18 @@ def find_clang() -> tuple[str, str]:
 
 @cache
 def find_compiler() -> str | None:
-    """Any C++ compiler, for code that needs nothing of Clang's: `CXX`, or what is there of g++ and clang++."""
+    """Return a C++ compiler for code that does not need Clang: `CXX`, g++ or clang++; None if there is none."""
     names = (os.environ.get("CXX", ""), "g++", "clang++")
     return next((path for name in names if name and (path := shutil.which(name))), None) or find_clang()[0] or None
 
 
 def cache_folder() -> Path:
-    """Where objects and programs are kept: pytest's cache, or what `WARPVIS_NATIVE_CACHE` names."""
+    """Return the folder of objects and programs: pytest's cache or `WARPVIS_NATIVE_CACHE`."""
     return Path(os.environ.get("WARPVIS_NATIVE_CACHE") or ROOT / ".pytest_cache" / "native")
 
 
 def sources(name: str) -> list[Path]:
-    """The files that one of the objects is made of: only `cast` holds the native code."""
+    """Return the source files of an object: only `cast` contains the native code."""
     own = [path for path in (ROOT / "tests" / "native").iterdir() if path.suffix == ".h" or path.stem == name]
     native = [*ROOT.glob("kernels/native/cpu/*.h"), *ROOT.glob("kernels/native/shared/*.h")]
     return sorted([*own, *native] if name == "cast" else own)
@@ -96,10 +96,10 @@ def run_clang(*options: str) -> subprocess.CompletedProcess[str]:
 
 
 def compile_object(folder: Path, name: str) -> Path:
-    """Compile one of the sources, unless that was done before: the same, in the same way, by the same compiler.
+    """Compile one of the sources unless the cache holds the result of the same source, options and compiler.
 
     Raises:
-        AssertionError: The compiler refuses; what it says is the error's text.
+        AssertionError: If compilation fails; the text contains the compiler's output.
     """
     options = [*_FLAGS, *_TARGET, *(_SANITIZERS if name == "cast" else ("-O1",))]
     options += os.environ.get("WARPVIS_NATIVE_FLAGS", "").split()
@@ -108,7 +108,7 @@ def compile_object(folder: Path, name: str) -> Path:
         digest.update(path.name.encode() + path.read_bytes())
     target = folder / f"{name}-{digest.hexdigest()[:16]}.o"
     if not target.is_file():
-        for old in folder.glob(f"{name}-*.o"):  # one version is kept
+        for old in folder.glob(f"{name}-*.o"):  # keep one version only
             old.unlink()
         fresh = target.with_suffix(f".{os.getpid()}.tmp")
         result = run_clang(*options, "-c", f"tests/native/{name}.cpp", "-o", str(fresh))
@@ -118,18 +118,18 @@ def compile_object(folder: Path, name: str) -> Path:
 
 
 def build(folder: Path) -> Path:
-    """Make the checks' programs, ``check_<name>`` for every name of `SCENES`.
+    """Build the check programs, ``check_<name>`` for every name of `SCENES`.
 
-    The native code has sanitizers in it; the truth that it is compared with has none, and is quicker so.
+    The native code is compiled with sanitizers, the reference code without, for speed.
 
     Args:
-        folder: Where objects and programs are kept.
+        folder: Folder of objects and programs.
 
     Returns:
         The folder.
 
     Raises:
-        AssertionError: The compiler refuses; what it says is the error's text.
+        AssertionError: If compilation fails; the text contains the compiler's output.
     """
     folder.mkdir(parents=True, exist_ok=True)
     names = ["cast", *(f"check_{name}" for name in SCENES)]
@@ -144,7 +144,7 @@ def build(folder: Path) -> Path:
 
 
 def run_check(folder: Path, name: str, scenes: int) -> str:
-    """Run one of the programs over random scenes; what it says if it finds a fault, an empty string if it does not."""
+    """Run a check program over random scenes; return its output if it finds a fault, else an empty string."""
     options = {"UBSAN_OPTIONS": "print_stacktrace=1", "ASAN_OPTIONS": "detect_stack_use_after_return=1"}
     command = [str(folder / f"check_{name}"), "0", str(scenes)]
     result = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **options})
@@ -153,7 +153,7 @@ def run_check(folder: Path, name: str, scenes: int) -> str:
 
 
 def main() -> int:
-    """Compile and run all checks: 0 if no fault was found, 1 if one was, 3 if the native code does not compile."""
+    """Compile and run all checks; return 0 without faults, 1 with faults, 3 if the native code does not compile."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--has-clang", action="store_true", help="only say whether there is a compiler")
     arguments = parser.parse_args()

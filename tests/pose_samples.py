@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Six poses, and what files of them hold, for the tests of pose files."""
+"""Six poses and the contents of files that store them."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from warpvis.core.poses import poses_to_matrices
 
 
 def unit(poses):
-    """Poses of 7 numbers with their quaternions made 1 long."""
+    """Return poses, rows of 7 numbers, with normalized quaternions."""
     poses = np.array(poses, dtype=np.float64)
     poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
     return poses
@@ -17,7 +17,7 @@ def unit(poses):
 
 RNG = np.random.default_rng(0)
 TURNS = np.linalg.qr(RNG.normal(size=(6, 3, 3)))[0]
-TURNS *= np.linalg.det(TURNS)[:, None, None]  # no mirrors
+TURNS *= np.linalg.det(TURNS)[:, None, None]  # no reflections
 PLACES = RNG.uniform(-3, 3, (6, 3))
 MATRICES = np.tile(np.eye(4), (6, 1, 1))
 MATRICES[:, :3, :3], MATRICES[:, :3, 3] = TURNS, PLACES
@@ -42,7 +42,7 @@ def nerfstudio(matrices=MATRICES):
 
 
 def bop(matrices=MATRICES, ids=None):
-    """A point X of the world is at R X + t in the camera's frame, t in millimetres."""
+    """Return BOP records: a world point X is at R X + t in the camera's frame, t in millimeters."""
     inverse = np.linalg.inv(matrices)
     return {
         str(image): {
