@@ -61,7 +61,7 @@ def count_empty(images: Mapping[str, np.ndarray], object_labels: Collection[int]
 
 
 def describe_empty(empty: int, frames: int, plan: Plan, scene: Scene) -> str:
-    """Return a message with the number of empty frames; ``""`` if there are none.
+    """Return a message with the number of empty frames; an empty string if no frame is empty.
 
     If all frames are empty, the message compares the sizes of the scene and of the camera's range.
 
