@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mutants of C++ headers and Python modules: single small faults.
 
-Only code is mutated, not comments, strings, includes or static assertions.
+Only code is mutated, not comments, strings, includes or static assertions, nor what changes no result: options of
+dataclasses, the check of `zip` and constants that trade time for memory.
 """
 
 from __future__ import annotations
@@ -30,6 +31,18 @@ TRUTHS = {"true": "false", "false": "true", "True": "False", "False": "True"}
 
 SCALES = ("0.5", "2")
 """Factors for floating-point constants."""
+
+_CHECKS = re.compile(r"\b(?:frozen|slots|strict)=$")
+"""Keyword arguments that only prevent mistakes: their values are not mutated."""
+
+TUNING = (
+    "_SHARES_PER_THREAD|_FIRST_COST|_MIN_SHARED, _SURELY_SHARED|_CALLS_PER_TRIAL|_WAKING_TIME|_?MAX_KINDS|FEW_RAYS"
+    "|_MIN_PACKETS|_MIN_POINTS|_PACKETS|_MAX_POINTS|_MAX_STRETCH|_MEASURED_STEP|_POINTS_PER_CELL|MAX_EYE_OFFSET"
+    "|_MIN_PIXELS|MANY_OBJECTS|_MAX_GROUPS|_NUM_ROTATIONS|_MAX_STAGED|_MANY_RAYS|_FINENESS|large_packets"
+    "|SPINS|FEW_PACKETS|TILES_AT_A_TIME|ROWS_OF_PIXEL|ENTRIES|BOX_CROSSING_SHARE|DEEP_SHARE"
+)
+"""Names of constants that affect speed and memory only: numbers in their definitions are not mutated."""
+_TUNED = re.compile(rf"^\s*(?:enum {{ |constexpr \w+ )?(?:{TUNING}) = ")
 
 _TOKEN = re.compile(
     r"""//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'          # not mutated
@@ -189,13 +202,13 @@ def _of_token(path: str, token: _Token) -> Iterator[Mutant]:
         )
     elif word in LOGIC and token.spaced:
         yield token.replaced(path, "logic", LOGIC[word])
-    elif word in TRUTHS:
+    elif word in TRUTHS and not _CHECKS.search(token.line[: token.column]):
         yield token.replaced(path, "truth", TRUTHS[word])
-    elif word[0].isalpha() or word[0] == "_":
+    elif word not in TRUTHS and (word[0].isalpha() or word[0] == "_"):
         opposite = _opposite(word) if token.line[token.end : token.end + 1] == "(" else ""
         if opposite:
             yield token.replaced(path, "extreme", opposite)
-    elif number := _NUMBER.match(word):
+    elif (number := _NUMBER.match(word)) and not _TUNED.match(token.line):
         yield from _of_number(path, token, *number.groups())
 
 

@@ -26,6 +26,8 @@ import time
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 
 from mutants import Mutant, choose, mutants_of
@@ -39,10 +41,72 @@ PYTHON = shlex.quote(sys.executable)
 PYTEST = f"{PYTHON} -m pytest -q -x -p no:cacheprovider"
 NATIVE = f"{PYTHON} tests/native_build.py"
 
-_PICTURES = ("casters", "packets", "worlds", "solids", "near_plane", "points", "point_packets", "object_visibility")
-_PICTURES += ("bvh",)
-_RENDER = ("rendering", "near_plane", "panorama", "casters", "worlds", "packets", "cuda_packets", "interop")
-_RENDER += ("threads", "bad_input", "small_calls")
+TESTS: tuple[tuple[str, str], ...] = (
+    # Headers of depth camera models, whose rows of pixels are compared with single pixels bit by bit.
+    ("cpu/flight_rows.h", "sensor_rows time_of_flight"),
+    ("cpu/kinect_rows.h", "sensor_rows kinect_noise"),
+    ("cpu/corruption_rows.h", "sensor_rows corruptions"),
+    ("cpu/noise_rows.h", "sensor_rows kinect_noise corruptions time_of_flight"),
+    ("cpu/number_lanes.h", "random_numbers sensor_rows stereo classify time_of_flight"),
+    ("cpu/random_lanes.h", "random_numbers sensor_rows stereo"),
+    ("shared/random*.h", "random_numbers sensor_rows stereo"),
+    ("shared/scalar.h", "random_numbers stereo"),
+    ("shared/stereo*.h", "stereo"),
+    ("cpu/depth_rows.h", "classify lens_visibility"),
+    # Headers of the BVH builder.
+    ("cpu/bvh_*.h", "bvh packets refit"),
+    # Headers of packets of rays and of image positions.
+    ("cpu/origin_rays.h", "apart_packets"),
+    ("cpu/ray_raster_origins.h", "apart_packets"),
+    ("cpu/table*.h", "table_packets panorama remap apart_packets"),
+    ("cpu/ray_*.h", "table_packets panorama remap apart_packets"),
+    ("cpu/remap*.h", "remap"),
+    # Headers of visibility.
+    ("cpu/point*.h", "point_packets points"),
+    ("cpu/silhouettes.h", "object_visibility"),
+    # Headers that every packet caster includes.
+    ("cpu/plain_rays.h", "exact_pixels casters"),
+    ("cpu/sparse.h", "packets points solids exact_pixels"),
+    ("cpu/solids.h", "solids sizes"),
+    ("cpu/movables.h", "worlds sizes instances solids"),
+    ("cpu/worlds.h", "worlds sizes instances packets"),
+    ("shared/stretch.h", "sizes"),
+    ("cpu/workers.h", "threads packets worlds"),
+    ("cpu/arena.h", "threads packets worlds"),
+    ("cpu/*.h", "exact_pixels casters packets near_plane worlds table_packets"),
+    ("shared/*.h", "exact_pixels casters packets worlds near_plane solids table_packets stereo object_visibility"),
+    # Modules of sensors and of special cameras.
+    ("rendering/_depth_sensor.py", "depth_sensor randomized latency stereo"),
+    ("rendering/_sensing.py", "depth_sensor randomized latency small_calls stereo"),
+    ("rendering/_depth_kernels.py", "classify stereo depth_sensor"),
+    ("rendering/_orthographic.py", "orthographic bad_input"),
+    ("rendering/_panorama.py", "panorama prepared_rays small_calls bad_input"),
+    ("rendering/_shading.py", "lit_colors albedo small_calls"),
+    ("rendering/_blindness.py", "unlikely_views"),
+    ("rendering/_moving.py", "moving_sensors"),
+    ("rendering/_along.py", "moving_sensors rangefinders echoes"),
+    # Modules of packets of rays.
+    ("rendering/_ray_bundles.py", "table_packets panorama apart_packets prepared_rays lens_camera"),
+    ("rendering/_ray_eyes.py", "cuda_apart"),
+    ("rendering/_ray_images.py", "cuda_packets cuda_points cuda_apart"),
+    ("rendering/_ray_packets.py", "cuda_packets cuda_points cuda_apart"),
+    ("rendering/_ray_origins.py", "apart_packets cuda_apart"),
+    ("rendering/_cpu_ray_origins.py", "apart_packets"),
+    ("rendering/_cpu_remap.py", "remap"),
+    ("rendering/_cpu_table.py", "table_packets prepared_rays panorama threads"),
+    ("rendering/_cuda_points.py", "cuda_points"),
+    ("rendering/_cuda*.py", "cuda_packets cuda_emulator"),
+    ("rendering/_found_objects.py", "found_objects"),
+    ("rendering/_prepared.py", "small_calls prepared_rays threads"),
+    ("rendering/_choices.py", "bad_input fill rendering near_plane"),
+    ("rendering/_views.py", "rendering small_calls interop lit_colors"),
+    ("rendering/casters.py", "rendering casters table_packets small_calls interop threads prepared_rays"),
+    ("rendering/_cpu_packets.py", "packets threads small_calls worlds"),
+    ("rendering/*.py", "rendering small_calls near_plane panorama casters worlds packets interop threads bad_input"),
+)
+"""Patterns of files, and the test files that use them, quick ones first: those of the first pattern that matches."""
+_BY_CLANG = ("packets", "solids", "points", "object_visibility")
+"""Test files of the headers in the programs of `tests/native_build.py`."""
 
 
 @dataclass(frozen=True)
@@ -131,12 +195,22 @@ def _end(process: subprocess.Popen[str]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
+def test_files(path: str) -> list[str]:
+    """Return the names of the test files that use a file, without ``test_`` and suffix, quick ones first."""
+    return next((names.split() for pattern, names in TESTS if fnmatch(path, f"*/{pattern}")), [])
+
+
 def tests_for(path: str, copy: Path) -> list[str]:
     """Return the commands that test a file, fastest first."""
-    names = _RENDER if path.endswith(".py") else _PICTURES
+    names = test_files(path)
     files = [f"tests/test_{name}.py" for name in names if (copy / f"tests/test_{name}.py").is_file()]
-    first = [] if path.endswith(".py") else [NATIVE]
-    return [*first, " ".join([PYTEST, *files])]
+    native = [NATIVE] if path.endswith(".h") and any(name in _BY_CLANG for name in names) and _has_clang() else []
+    return [*native, " ".join([PYTEST, *files])]
+
+
+@cache
+def _has_clang() -> bool:
+    return not subprocess.run(shlex.split(f"{NATIVE} --has-clang"), cwd=ROOT, capture_output=True).returncode
 
 
 def is_program(path: str, text: str) -> bool:

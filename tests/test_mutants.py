@@ -71,6 +71,40 @@ def test_mistakes_in_python():
     assert changes("x.py", PYTHON, 6) == {"pass"}
 
 
+def test_what_changes_no_result_is_not_mutated():
+    text = "for a, b in zip(x, y, strict=True): f(a, keepdims=True)\n_MAX_KINDS = 3\nside = 3\n"
+    assert not changes("x.py", "import a\n\n@dataclass(frozen=True)\nclass A:\n    pass\n", 3)
+    assert changes("x.py", text, 1) == {"for a, b in zip(x, y, strict=True): f(a, keepdims=False)"}
+    assert changes("x.py", text, 2) == {"pass"}
+    assert {"side = 2", "side = 4"} <= changes("x.py", text, 3)
+    assert not changes("x.h", "enum { SPINS = 1 << 14 };", 1)
+
+
+def test_every_file_has_tests():
+    """Each file that is mutated has a pattern in the table, each pattern matches a file, and its tests exist."""
+    files = [str(path.relative_to(ROOT)) for pattern in mutate.FILES for path in ROOT.glob(pattern)]
+    assert len(files) > 60
+    assert [path for path in files if not mutate.test_files(path)] == []
+    for pattern, names in mutate.TESTS:
+        assert any(mutate.fnmatch(path, f"*/{pattern}") for path in files), pattern
+        for name in names.split():
+            assert (ROOT / f"tests/test_{name}.py").is_file(), (pattern, name)
+
+
+@pytest.mark.parametrize(
+    ("path", "first"),
+    [
+        ("kernels/native/shared/stereo_rows.h", "stereo"),
+        ("kernels/native/cpu/remap_tree.h", "remap"),
+        ("kernels/native/cpu/raster.h", "exact_pixels"),
+        ("warpvis/rendering/_sensing.py", "depth_sensor"),
+    ],
+)
+def test_tests_are_those_of_a_file(path, first):
+    command = mutate.tests_for(path, ROOT)[-1]
+    assert f"no:cacheprovider tests/test_{first}.py" in command
+
+
 def test_a_seed_chooses_the_same_mutants():
     mutants = mutants_of("x.h", CPP)
     assert choose(mutants, 5, 7) == choose(mutants, 5, 7) != choose(mutants, 5, 8)
