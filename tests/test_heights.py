@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far points must be raised to be seen: closed forms, union of intervals, and lines of sight by themselves."""
+"""Minimum visible heights of points: closed forms, unions of intervals, and individual lines of sight."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def box(scene, low, high, **options):
 
 
 def wall_scene(device="cpu"):
-    """A sheet at x = 2, 1 m high, on a floor."""
+    """Return a scene with a floor and a sheet at x = 2 that is 1 m high."""
     scene = wv.Scene(device=device)
     corners = [(2, -3, 0), (2, 3, 0), (2, 3, WALL_TOP), (2, -3, WALL_TOP)]
     scene.add((np.array(corners), np.array([(0, 1, 2), (0, 2, 3)])), name="wall")
@@ -38,14 +38,14 @@ def corners_of(scene):
 
 
 def soup(rng, count, size=0.6):
-    """Triangles anywhere in a box."""
+    """Return `count` random triangles in a box."""
     middles = rng.uniform([0, -1, 0], [4, 1, 3], (count, 1, 3))
     corners = (middles + rng.uniform(-size, size, (count, 3, 3))).astype(np.float32)
     return corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
 
 
 def is_blocked(corners, fixed, raised, share):
-    """Whether the line of sight without its ends meets a triangle (Moeller and Trumbore 1997)."""
+    """Return whether the open line of sight intersects a triangle (Möller and Trumbore 1997)."""
     way = raised - fixed
     a, b, c = np.asarray(corners, dtype=np.float64).swapaxes(0, 1)
     p = np.cross(way, c - a)
@@ -56,7 +56,7 @@ def is_blocked(corners, fixed, raised, share):
     return bool(((u > 0) & (v > 0) & (u + v < 1) & (t > share) & (t < 1 - share)).any())
 
 
-def test_a_wall(device):
+def test_height_over_wall_matches_similar_triangles(device):
     scene = wall_scene(device)
     eyes = [(0, 0, 0.5), (0, 1, 1.5), (0, 0, 3.0)]
     targets = [(4, 0, 0), (8, 1, 0), (8, -1, 0.25), (1, 1, 0), (2, 0, 0.5), (2, 0, 1)]
@@ -72,7 +72,7 @@ def test_a_wall(device):
             assert height == pytest.approx(max(behind, 0.0), abs=1e-5)
 
 
-def test_more_than_the_most_is_infinite(device):
+def test_height_above_maximum_is_infinite(device):
     scene = wall_scene(device)
     needed = heights(scene, (0, 0, 0.5), (8, 0, 0))[0, 0]
     assert needed == pytest.approx(2.5)
@@ -81,7 +81,7 @@ def test_more_than_the_most_is_infinite(device):
     assert heights(scene, (0, 0, 0.5), [(8, 0, 0), (1, 0, 0)], max_height=0).tolist() == [[np.inf, 0]]
 
 
-def test_under_a_bridge_a_point_is_seen_through_a_window(device):
+def test_point_below_bridge_is_seen_through_gap(device):
     scene = wv.Scene(device=device)
     box(scene, (2.0, -5, 0.0), (2.1, 5, 0.5))  # a low wall, and a slab over it
     box(scene, (2.0, -5, 1.0), (2.1, 5, 1.5))
@@ -91,7 +91,7 @@ def test_under_a_bridge_a_point_is_seen_through_a_window(device):
     np.testing.assert_allclose(got, [below, below - 0.2, 0, 0, above - 1.3, above - 2.0, 0], atol=1e-6)
 
 
-def test_points_over_each_other(device):
+def test_vertical_lines_of_sight(device):
     scene = wv.Scene(device=device)
     box(scene, (-1, -1, 0.70), (1, 1, 0.75), name="table")
     above, below = (0.1, 0.2, 2.0), (0.1, 0.2, 0.0)
@@ -104,7 +104,7 @@ def test_points_over_each_other(device):
     assert heights(scene, above, above)[0, 0] == 0
 
 
-def test_a_sheet_seen_edge_on_does_not_block(device):
+def test_edge_on_triangle_does_not_block(device):
     scene = wv.Scene(device=device)
     scene.add((np.array([(1, 0, 0), (2, 0, 0), (2, 0, 1.0)]), np.array([(0, 1, 2)])))
     assert heights(scene, (0, 0, 0.1), (3, 0, 0.1))[0, 0] == 0
@@ -113,12 +113,12 @@ def test_a_sheet_seen_edge_on_does_not_block(device):
 
 @pytest.mark.parametrize("up", ["z", "y"])
 @pytest.mark.parametrize("raises", ["target", "eye"])
-def test_triangles_anywhere_match_the_union_of_their_shadows(up, raises, device):
+def test_random_triangles_match_union_of_shadow_intervals(up, raises, device):
     rng = np.random.default_rng(3)
     vertices, faces = soup(rng, 80)
     eyes, targets = rng.uniform([-2, -1, 0], [0, 1, 2], (4, 3)), rng.uniform([3, -1, 0], [6, 1, 2], (50, 3))
     targets[0] = [*eyes[0, :2], eyes[0, 2] - 0.5]
-    axes = [0, 1, 2] if up == "z" else [1, 2, 0]  # what was z is y
+    axes = [0, 1, 2] if up == "z" else [1, 2, 0]  # y-up: z becomes y
     vertices, eyes, targets = (rows[:, axes].astype(np.float32) for rows in (vertices, eyes, targets))
     scene = wv.Scene(device=device, up=up)
     scene.add((vertices, faces))
@@ -130,7 +130,7 @@ def test_triangles_anywhere_match_the_union_of_their_shadows(up, raises, device)
     assert np.isinf(got).any() and (got == 0).any() and ((got > 0) & np.isfinite(got)).mean() > 0.3
 
 
-def test_the_answer_is_the_least_height_of_a_free_line():
+def test_height_is_minimum_of_unblocked_lines():
     rng = np.random.default_rng(4)
     vertices, faces = soup(rng, 80)
     scene = wv.Scene()
@@ -146,8 +146,8 @@ def test_the_answer_is_the_least_height_of_a_free_line():
     assert (got > 0).sum() > 20
 
 
-def test_no_light_leaks_between_triangles(device):
-    """Lines of sight in planes that run along edges and through vertices of fine walls."""
+def test_adjacent_triangles_are_watertight(device):
+    """Lines of sight lie in planes along edges and through vertices of finely divided walls."""
     wall = trimesh.creation.box((0.125, 4, 1))
     for _ in range(3):
         wall = wall.subdivide()
@@ -161,7 +161,7 @@ def test_no_light_leaks_between_triangles(device):
     np.testing.assert_allclose(got, expected, atol=1e-6)
 
 
-def test_free_lines_are_what_check_points_sees(device):
+def test_zero_heights_match_point_visibility(device):
     preset = scenes.PRESETS["room"]
     scene, rng = preset.build(device), np.random.default_rng(5)
     camera = wv.Camera.from_fov(320, 240, hfov=1.2)
@@ -177,7 +177,7 @@ def test_free_lines_are_what_check_points_sees(device):
     assert 0.2 < free[in_view].mean() < 0.8
 
 
-def test_movable_objects_are_where_the_world_has_them(device):
+def test_object_poses_and_exclusion_change_heights(device):
     scene = wv.Scene(device=device)
     sheet, faces = np.array([(0, -3, 0), (0, 3, 0), (0, 3, 1.0), (0, -3, 1.0)]), np.array([(0, 1, 2), (0, 2, 3)])
     scene.add((sheet, faces), name="door", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
@@ -193,7 +193,7 @@ def test_movable_objects_are_where_the_world_has_them(device):
     assert heights(scene, eye, target, exclude=["sign", "door"])[0, 0] == 0
 
 
-def test_threads_change_nothing(device):
+def test_thread_count_does_not_change_heights(device):
     scene = scenes.PRESETS["room"].build(device)
     targets = np.random.default_rng(6).uniform([-2, -2, 0], [2, 2, 1], (10000, 3))
     one, two = (heights(scene, (-3, 0, 1), targets, threads=threads) for threads in (1, 2))
@@ -220,14 +220,14 @@ def test_threads_change_nothing(device):
         ({"threads": 0}, "threads must be a whole number from 1 up, got 0"),
     ],
 )
-def test_bad_input(change, said):
+def test_invalid_arguments_are_rejected(change, said):
     given = {"scene": wall_scene(), "eyes": np.zeros((1, 3)), "targets": np.ones((2, 3)), **change}
     with pytest.raises(wv.WarpvisError) as error:
         minimum_height(given.pop("scene"), given.pop("eyes"), given.pop("targets"), **given)
     assert str(error.value) == said
 
 
-def test_several_worlds_are_refused():
+def test_several_worlds_are_rejected():
     scene = wv.Scene()
     scene.add(trimesh.creation.box(), name="door", movable=True)
     poses = np.tile([0, 0, 0, 0, 0, 0, 1.0], (3, 1, 1))

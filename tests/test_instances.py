@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Objects that stay and share a mesh and its tree: they show what the same triangles show as one mesh."""
+"""Static objects that share a mesh and its tree render like the same triangles as one mesh."""
 
 import pickle
 
@@ -43,7 +43,7 @@ def test_instances_match_the_reference(shared, cull_backfaces, device, caster):
 
 
 def test_instances_far_from_the_origin(shared, device, caster):
-    """At 10 km, where a coordinate is rounded by half a millimetre: of a pose, and of each vertex of one mesh."""
+    """At 10 km, poses of instances, and vertices of the merged mesh, are rounded by half a millimeter."""
     scene = build(device, offset=1e4)
     poses = eyes(3)
     poses[:, :3] += np.float32(1e4)
@@ -54,8 +54,8 @@ def test_instances_far_from_the_origin(shared, device, caster):
     assert np.isclose(one, other, rtol=0, atol=5e-3).mean() > 0.99
 
 
-def test_what_moves_goes_among_instances(shared, device, caster):
-    """In worlds, of other sizes, without what is excluded: columns of poses are of what is movable."""
+def test_movable_objects_render_among_instances(shared, device, caster):
+    """With worlds, scales and exclusion; columns of poses refer to movable objects only."""
     scene = build(device, movable=3)
     alone = twin(scene)
     assert instances_of(scene) == COUNT
@@ -79,13 +79,13 @@ def test_what_moves_goes_among_instances(shared, device, caster):
     assert_alike(one, other)
 
 
-def test_a_world_that_is_not_there_shows_nothing(shared, device, caster):
+def test_missing_world_renders_empty(shared, device, caster):
     renderer = wv.Renderer(build(device, movable=2), SMALL, outputs=ALL, caster=caster)
     assert_missing_world_is_empty(renderer, random_poses(np.random.default_rng(5), 2, 2))
 
 
-def test_other_ways_to_look_at_instances(shared, device, caster):
-    """A near plane that cuts, points of the image, parallel rays and panoramas."""
+def test_instances_in_other_projections(shared, device, caster):
+    """A clipping near plane, image points, and an orthographic camera."""
     scene = build(device, movable=2)
     alone = twin(scene)
     near = wv.Camera.from_fov(96, 72, hfov=0.994837, near=2.2, far=100.0)
@@ -98,7 +98,7 @@ def test_other_ways_to_look_at_instances(shared, device, caster):
     assert_alike(*(wv.render(which, parallel, eyes(2), outputs=ALL) for which in (scene, alone)))
 
 
-def test_visibility_of_instances(shared, device):
+def test_visibility_of_instances_matches_merged_mesh(shared, device):
     scene = build(device, movable=2)
     alone = twin(scene)
     points = np.random.default_rng(1).uniform(-2, 2, (400, 3)).astype(np.float32)
@@ -117,15 +117,15 @@ def test_visibility_of_instances(shared, device):
         assert counts.max() > 100
 
 
-def test_solids_that_stay_share_their_triangles(shared, device, caster):
+def test_static_solids_share_triangles(shared, device, caster):
     scene = build(device, mesh=solids.sphere(0.2))
     assert instances_of(scene) == COUNT
     views = wv.render(scene, SMALL, eyes(2), outputs=ALL, caster=caster)
     assert_alike(views, wv.render(twin(scene), SMALL, eyes(2), outputs=ALL, caster=caster))
 
 
-def test_instances_one_by_one(shared):
-    """`Scene.add` shares too, of the second use on; what it makes knows where it is."""
+def test_instances_added_one_by_one_share_mesh(shared):
+    """`Scene.add` shares a mesh from its second use on, and its objects return world-space vertices."""
     scene, places = wv.Scene(), rows()
     for number, row in enumerate(places):
         scene.add(MESH, name=f"ball_{number}", pose=row, scale=(1, 2, 1))
@@ -139,7 +139,7 @@ def test_instances_one_by_one(shared):
         assert_bits_equal(wv.render(other, SMALL, eyes(2), outputs=ALL), views)
 
 
-def test_an_instance_gets_a_mesh_of_its_own(shared, device, caster):
+def test_update_mesh_detaches_instance(shared, device, caster):
     scene = build(device)
     before = scene["early_4"].vertices
     box = trimesh.creation.box((0.4, 0.4, 0.4))
@@ -151,8 +151,8 @@ def test_an_instance_gets_a_mesh_of_its_own(shared, device, caster):
     assert_matches_reference(views, twin(scene), SMALL, eyes(2))
 
 
-def test_a_movable_object_gets_another_mesh_among_instances(shared, device, caster):
-    """Where trees have been built, only its own is exchanged."""
+def test_update_mesh_of_movable_object_among_instances(shared, device, caster):
+    """Only the tree of the updated object is replaced."""
     scene = build(device, movable=2)
     wv.render(scene, SMALL, eyes(2), outputs=ALL, caster=caster)
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.6)
@@ -165,16 +165,16 @@ def test_a_movable_object_gets_another_mesh_among_instances(shared, device, cast
 @pytest.mark.parametrize(
     ("uses", "subdivisions", "instances"), [(63, 5, 0), (64, 5, 64), (60000, 0, 0), (205, 4, 0), (206, 4, 206)]
 )
-def test_which_objects_share_a_tree(uses, subdivisions, instances):
-    """64 or more objects of 64 or more triangles, if that saves 2^20 of these."""
+def test_tree_sharing_thresholds(uses, subdivisions, instances):
+    """At least 64 objects of at least 64 triangles share a tree if that saves 2^20 triangles."""
     scene = wv.Scene()
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
     scene.add_instances(mesh, np.tile(STILL, (uses, 1)), movable=False)
     assert len(_traversal_plan.plan_traversal(scene._objects, scene.device).instances) == instances
 
 
-def test_a_hundred_thousand_instances_take_little():
-    """Of 10,000 triangles each, a thousand million together; none is made an object, or moved into the world."""
+def test_100000_instances_use_little_memory():
+    """Instances of 10,000 triangles, a billion in total, allocate neither objects nor transformed vertices."""
     scene, mesh = wv.Scene(), trimesh.creation.uv_sphere(count=(51, 50), radius=0.3)
     side = np.arange(316)
     places = np.zeros((side.size**2, 7))

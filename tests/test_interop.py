@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays in and out: NumPy, lists, PyTorch and JAX where they are installed, without copies where memory is shared."""
+"""Array interchange with NumPy, lists, PyTorch and JAX, without copies where memory is shared."""
 
 import numpy as np
 import pytest
@@ -17,22 +17,22 @@ def views(device):
     return wv.render(EXPERIMENT.build(device), EXPERIMENT.camera, EXPERIMENT.poses())
 
 
-def test_numpy_shares_the_cpus_memory():
+def test_numpy_shares_cpu_memory():
     views = wv.render(EXPERIMENT.build(), EXPERIMENT.camera, EXPERIMENT.poses())
     for image in (views.depth, views.points, views.labels, views.segmentation):
         assert np.shares_memory(np.from_dlpack(image), image.numpy())
     assert np.from_dlpack(views.points).shape == (1, 240, 320, 3)
 
 
-def test_measured_depth_is_read_in_place():
-    """A float32 image of the host is not copied on its way to a CPU kernel."""
+def test_float32_host_depth_is_not_copied():
+    """A float32 array on the host is not copied for a CPU kernel."""
     from warpvis.core.arrays import as_warp
 
     depth = np.ones((1, 2, 3), dtype=np.float32)
     assert as_warp(depth, wp.float32, (1, 2, 3), name="depth", device=wp.get_device("cpu")).ptr == depth.ctypes.data
 
 
-def test_lists_and_doubles_are_taken():
+def test_lists_and_doubles_are_accepted():
     pose = [0.0, 0, 1, 0, 0, 0, 1]
     depth = [[1.0, 2.0]]
     camera = wv.Camera(2, 1, 1, 1, 1, 0.5)
@@ -41,7 +41,7 @@ def test_lists_and_doubles_are_taken():
 
 
 @pytest.mark.parametrize("form", ["rows", "matrices"])
-def test_torch_tensors(views, device, form):
+def test_torch_tensors_are_exchanged(views, device, form):
     torch = pytest.importorskip("torch")
     from warpvis.core.poses import poses_to_matrices
 
@@ -58,7 +58,7 @@ def test_torch_tensors(views, device, form):
     )
 
 
-def test_jax_arrays(views, device):
+def test_jax_poses_are_accepted(views, device):
     jax = pytest.importorskip("jax")
     try:
         place = jax.devices("cpu" if device == "cpu" else "gpu")[0]
@@ -79,8 +79,8 @@ def test_cpu_and_cuda_agree(cuda):
     assert (here.segmentation.numpy() != there.segmentation.numpy()).mean() <= 1e-4
 
 
-def test_rendering_records_into_a_cuda_graph(cuda):
-    """With poses on the device and memory given, nothing is allocated, copied back or waited for."""
+def test_rendering_is_captured_in_cuda_graph(cuda):
+    """With poses and outputs on the device, rendering neither allocates, copies back nor synchronizes."""
     preset = scenes.PRESETS["room"]
     renderer = wv.Renderer(preset.build(cuda), preset.camera)
     poses = wp.array(preset.poses(4), dtype=wp.transform, device=cuda)

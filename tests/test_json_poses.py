@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of nerfstudio and BOP: against the definition of both, and one sentence for what is malformed."""
+"""Poses of nerfstudio and BOP files: their definitions, and messages for malformed files."""
 
 import json
 
@@ -13,7 +13,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.io import read_frames
 
 
-def test_nerfstudio(tmp_path):
+def test_nerfstudio_poses_match_definition(tmp_path):
     (tmp_path / "transforms.json").write_text(json.dumps(nerfstudio()))
     frames = read_frames(tmp_path / "transforms.json")
     assert_same_poses(frames)
@@ -27,7 +27,7 @@ def test_nerfstudio(tmp_path):
         np.testing.assert_allclose(matrix[:3, [0, 3]], given[:3, [0, 3]], atol=1e-12)
 
 
-def test_bop(tmp_path):
+def test_bop_poses_match_definition(tmp_path):
     ids = [3, 1, 20, 100, 0, 7]
     (tmp_path / "scene_camera.json").write_text(json.dumps(bop(ids=ids)))
     frames = read_frames(tmp_path / "scene_camera.json")
@@ -42,7 +42,7 @@ def test_bop(tmp_path):
 
 
 def changed(data, *keys, to):
-    """A copy of nested data with another value at a place; of `...`, without it."""
+    """Return a copy of nested data with the value at `keys` replaced, or removed if `to` is `...`."""
     data = json.loads(json.dumps(data))
     place = data
     for key in keys[:-1]:
@@ -103,7 +103,7 @@ FRAME = ("frames", 2, "transform_matrix")
         (changed(bop(), "3", "cam_R_w2c", 4, to=1e300), "poses.json: image 3: poses must be finite numbers of at most"),
     ],
 )
-def test_bad_json(tmp_path, data, said):
+def test_malformed_json_is_rejected(tmp_path, data, said):
     path = tmp_path / "poses.json"
     path.write_bytes(data if isinstance(data, bytes) else json.dumps(data).encode())
     with pytest.raises(wv.errors.FileFormatError) as error:

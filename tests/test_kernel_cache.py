@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels are compiled by one process of many, while the others wait; and Ctrl-C ends a run all the same."""
+"""Compilation of kernels by one of many processes, and interruption by Ctrl-C."""
 
 import ast
 import logging
@@ -21,7 +21,7 @@ from warpvis.kernels.poses import poses_to_opencv
 
 PACKAGE = Path(__file__).parent.parent / "warpvis"
 
-# A module of one little kernel: the same way to the cache as every other one, in less time.
+# A module with one small kernel takes the same path to the cache in less time.
 TINY = """
 import warp as wp
 @wp.kernel(enable_backward=False)
@@ -43,7 +43,7 @@ WAITING = "waiting for another process to compile the kernels"
 
 @pytest.fixture(autouse=True)
 def warp_has_started():
-    kernel_cache.init_warp()  # a test puts back the cache's folder, which is none before
+    kernel_cache.init_warp()  # Tests restore the cache directory, which is unset before Warp starts.
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def objects(folder):
 
 
 @pytest.mark.slow
-def test_of_six_processes_one_compiles_and_a_killed_one_blocks_nobody(start, tmp_path):
+def test_one_of_six_processes_compiles_after_lock_holder_dies(start, tmp_path):
     folder = tmp_path / wp.config.version / "warpvis-locks"
     folder.mkdir(parents=True)
     path = str(folder / "tiny.lock")
@@ -94,13 +94,13 @@ def test_of_six_processes_one_compiles_and_a_killed_one_blocks_nobody(start, tmp
 
 
 @pytest.mark.slow
-def test_a_cache_that_cannot_be_made_is_elsewhere(start, tmp_path):
+def test_cache_falls_back_to_temporary_directory(start, tmp_path):
     text = logged(start(WARP_CACHE_PATH="/dev/null/cache", TMPDIR=str(tmp_path)))
     assert "UserWarning: Warp's cache is not writable" in text and COMPILED in text
     assert len(objects(tmp_path)) == 1
 
 
-def test_a_cache_that_cannot_be_written_to_is_read(tmp_path, monkeypatch):
+def test_read_only_cache_is_reused(tmp_path, monkeypatch):
     old, base = tmp_path / "old", tmp_path / "temporary"
     (old / "wp_module_1234567").mkdir(parents=True)
     base.mkdir()
@@ -124,7 +124,7 @@ def test_a_cache_that_cannot_be_written_to_is_read(tmp_path, monkeypatch):
             assert kernel_cache._writable_cache().parent != folder.parent, "others could have written there"
 
 
-def test_a_file_system_without_locks_compiles(tmp_path, monkeypatch, caplog):
+def test_file_system_without_locks_compiles(tmp_path, monkeypatch, caplog):
     def refuse(*_, **__):
         raise OSError("no locks available")
 
@@ -135,7 +135,7 @@ def test_a_file_system_without_locks_compiles(tmp_path, monkeypatch, caplog):
     assert caplog.messages == ["kernels are compiled without a lock: no locks available"]
 
 
-def test_a_compiler_that_fails_is_heard_of(tmp_path, monkeypatch):
+def test_compiler_failure_is_raised(tmp_path, monkeypatch):
     def fail(*_, **__):
         raise RuntimeError("no compiler")
 
@@ -147,8 +147,8 @@ def test_a_compiler_that_fails_is_heard_of(tmp_path, monkeypatch):
     assert not kernel_cache.is_compiling()
 
 
-def test_what_is_loaded_is_what_a_launch_takes():
-    """Else every call would go to the cache again, and a launch would compile the rest without a lock."""
+def test_launch_uses_loaded_block_dim():
+    """Otherwise every call would access the cache, and a launch would compile the variant without a lock."""
     load_module(poses_to_opencv)
     loaded = {block_dim for context, block_dim in poses_to_opencv.module.execs if context is None}
     poses = wp.zeros(1, dtype=wp.transform, device="cpu")
@@ -156,8 +156,8 @@ def test_what_is_loaded_is_what_a_launch_takes():
     assert {block_dim for context, block_dim in poses_to_opencv.module.execs if context is None} == loaded == {1}
 
 
-def test_every_launch_loads_first():
-    """Only what has loaded its module itself launches without `kernel_cache.launch`."""
+def test_launches_go_through_kernel_cache():
+    """Only modules that call `load_module` themselves launch without `kernel_cache.launch`."""
     found = []
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
@@ -195,7 +195,7 @@ def test_ctrl_c_ends_the_process(work, code, tmp_path):
     assert (done.returncode, done.stdout) == (code, "") and "Traceback" not in done.stderr
 
 
-def test_ctrl_c_while_the_command_line_is_imported():
+def test_ctrl_c_during_import_of_command_line():
     script = "import os, signal, sys\nfrom warpvis.__main__ import main\n"
     script += "class Finder:\n    def find_spec(self, name, *_):\n"
     script += "        if name == 'tyro': os.kill(os.getpid(), signal.SIGINT)\n"
@@ -204,7 +204,7 @@ def test_ctrl_c_while_the_command_line_is_imported():
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
-def test_ctrl_c_while_kernels_are_compiled(start, tmp_path):
+def test_ctrl_c_during_compilation(start, tmp_path):
     work = "".join(f"    {line}\n" for line in COLD.strip().splitlines())
     process = start(ENDING + work, WARP_CACHE_PATH=str(tmp_path))
     lines = iter(process.stderr.readline, "")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The style checks of kernels in `scripts/check_kernels.py`, and the twins of kernels."""
+"""Style checks of kernels in `scripts/check_kernels.py`, and reference implementations of kernels."""
 
 import ast
 import re
@@ -73,11 +73,11 @@ BAD = {
 }
 
 
-def test_the_repository_has_no_fault():
+def test_repository_has_no_faults():
     assert check_kernels.check_repository() == []
 
 
-def test_a_good_kernel_has_no_fault():
+def test_valid_kernel_has_no_faults():
     assert list(check_kernels.check_module("good", GOOD)) == []
 
 
@@ -90,7 +90,7 @@ def test_faults_of_kernels_are_found(case):
     assert re.search(message, "\n".join(faults)), faults
 
 
-def test_kernels_are_never_imported_as_a_top_level_package():
+def test_top_level_imports_of_kernels_are_found():
     text = "import os\nfrom kernels import rays\n    import scenes.room\nfrom warpvis import kernels, scenes\n"
     assert list(check_kernels.check_imports("a.py", text)) == [
         "a.py: kernels must be imported as warpvis.kernels",
@@ -127,12 +127,12 @@ def kernel_names():
             yield node.name
 
 
-def test_every_kernel_has_a_twin():
+def test_every_kernel_has_a_reference():
     assert [name for name in kernel_names() if not callable(getattr(reference, name, None))] == []
 
 
-def test_every_twin_is_called_by_a_test():
-    """By its own name or as another kernel's twin: some kernels share one."""
+def test_every_reference_is_called_by_a_test():
+    """Directly, or as the reference of another kernel, since kernels may share one."""
     called = CallGraph().called_by_tests()
     assert len(called) > 1000
     twins = {name: getattr(reference, name) for name in kernel_names()}

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Noise of a Kinect as papers measured it, held to twins in double precision and to the papers' own figures."""
+"""Published Kinect noise models, compared with double-precision references and figures of the papers."""
 
 import dataclasses
 import math
@@ -27,14 +27,14 @@ MODELS = {
 
 
 def say(model, camera, clean, draws, seed):
-    """What the twin says."""
+    """Return the results of the reference."""
     if isinstance(model, NguyenNoise):
         return twins.measure_nguyen(model, camera, POSES, clean, draws, seed)
     return twins.measure_khoshelham(model, camera, clean["true_depth"], draws, seed)
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
-def test_the_twin_agrees(device, model):
+def test_noise_matches_reference(device, model):
     frames, numbers = [3, 4, 0], [0, 7, 2]
     seen = images(
         wv.render(
@@ -59,7 +59,7 @@ def test_the_twin_agrees(device, model):
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
-def test_splits_threads_and_frames(device, model):
+def test_noise_depends_only_on_view_and_frame(device, model):
     scene, options = make_scene(device), {"outputs": OUTPUTS, "sensor": model, "seed": 4}
     whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options))
     again = images(wv.render(scene, CAMERA, POSES, threads=3, frame=0, **options))
@@ -77,7 +77,7 @@ def test_splits_threads_and_frames(device, model):
     [NguyenNoise(0.0, 0.0, 0.4, 0.0, lateral=0.0, lateral_growth=0.0), KhoshelhamNoise(sigma=0.0, rounds=False)],
     ids=["nguyen", "khoshelham"],
 )
-def test_without_noise_the_image_is_clean(device, model):
+def test_zero_noise_leaves_depth_unchanged(device, model):
     scene = make_scene(device)
     views = wv.render(scene, CAMERA, POSES, outputs=("depth", "reasons"), frame=0, sensor=model)
     clean = wv.render(scene, CAMERA, POSES, outputs=("depth",)).depth.numpy()
@@ -88,8 +88,8 @@ def test_without_noise_the_image_is_clean(device, model):
 
 @pytest.mark.parametrize("distance", [0.5, 1.0, 2.0, 3.0, 5.0])
 @pytest.mark.parametrize("angle", [0.0, 30.0, 60.5, 80.0])
-def test_nguyen_at_walls(device, distance, angle):
-    """The error is normal with the paper's deviation of its depth and angle, and white; a plane stays one."""
+def test_nguyen_error_at_walls_is_white_and_normal(device, distance, angle):
+    """The error is white and normal with the paper's deviation at its depth and angle."""
     camera = wv.Camera.from_fov(96, 72, hfov=0.1)
     views = wv.render(
         wall(distance, angle, device), camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=NguyenNoise(), seed=2
@@ -107,8 +107,8 @@ def test_nguyen_at_walls(device, distance, angle):
         assert abs((error[lag:] * error[:-lag]).mean()) < 4 / math.sqrt(error.size)
 
 
-def test_nguyens_published_figures():
-    """Worked by hand from equations (2) to (4)."""
+def test_nguyen_published_figures():
+    """Expected values are computed by hand from equations (2) to (4)."""
     model = NguyenNoise()
     for depth, angle, millimetres in [(0.4, 30, 1.2), (1.0, 10, 1.884), (2.0, 60, 6.34684271), (3.0, 45, 14.044)]:
         assert 1000 * twins.nguyen_axial(model, depth, math.radians(angle)) == pytest.approx(millimetres, rel=1e-6)
@@ -118,8 +118,8 @@ def test_nguyens_published_figures():
 
 
 @pytest.mark.parametrize("angle", [0.0, 60.0])
-def test_nguyen_at_an_edge(device, angle):
-    """A pixel shows the other side of a straight edge as often as a normal shift of the paper's deviation has it."""
+def test_nguyen_lateral_noise_at_edge(device, angle):
+    """A pixel shows the far side of a straight edge as often as normal shifts of the paper's deviation predict."""
     scene = wall(4.0, angle, device)
     half = math.radians(angle) / 2
     scene.add(trimesh.Trimesh([[-9, 0, -9], [0, 0, -9], [0, 0, 9], [-9, 0, 9]], [[0, 1, 2], [0, 2, 3]]),
@@ -137,8 +137,8 @@ def test_nguyen_at_an_edge(device, angle):
 @pytest.mark.parametrize(
     ("distance", "sigma", "step"), [(1.0, 1.425, 2.85), (2.0, 5.7, 11.4), (4.0, 22.8, 45.6), (5.0, 35.6, 71.25)]
 )
-def test_khoshelhams_published_figures(device, distance, sigma, step):
-    """Deviation and distance of depths [mm] at walls, and no depth between levels."""
+def test_khoshelham_published_figures(device, distance, sigma, step):
+    """Deviations and quantization steps [mm] at walls, with no depth between levels."""
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     scenes = [wall(distance + shift * step / 4000, 0.0, device) for shift in (-2, -1, 0, 1)]
     errors, found = [], []
@@ -158,8 +158,8 @@ def test_khoshelhams_published_figures(device, distance, sigma, step):
     assert 1000 * np.std(errors) == pytest.approx(sigma, rel=0.03)
 
 
-def test_khoshelham_without_steps(device):
-    """In disparity the error is normal, and white."""
+def test_khoshelham_disparity_error_is_normal(device):
+    """The disparity error is white and normal."""
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     model = KhoshelhamNoise(rounds=False, sigma=0.5)
     views = wv.render(wall(3.0, 40.0, device), camera, AHEAD, outputs=("depth", "true_depth"), frame=0, sensor=model)
@@ -182,15 +182,15 @@ def test_khoshelham_without_steps(device):
         (KhoshelhamNoise, {"rounds": "no"}, "rounds must be True or False"),
     ],
 )
-def test_what_is_refused(model, arguments, message):
+def test_invalid_parameters_are_rejected(model, arguments, message):
     with pytest.raises(wv.errors.ArrayError, match=message):
         dataclasses.replace(model(), **arguments)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["kinect_noise", "corruptions", "simkinect", "redwood"])
-def test_nothing_is_fused_for_a_gpu(tmp_path, name):
-    """What NVRTC makes of it: no instruction that multiplies and adds single precision in one, none approximate."""
+def test_gpu_code_has_no_fused_or_approximate_operations(tmp_path, name):
+    """NVRTC's code contains neither fused single-precision multiply-adds nor approximate instructions."""
     body = gpu_code(f"warpvis.kernels.{name}", tmp_path)
     assert len(re.findall(r"\bmul\.(?:rn\.)?f32", body)) > 10
     assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", body)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Kinect as simkinect and Redwood's simulator make it, held to twins in double precision and to closed forms."""
+"""Kinect models of simkinect and Redwood, compared with double-precision references and closed forms."""
 
 import dataclasses
 import json
@@ -32,7 +32,7 @@ MODELS = {
 
 
 def say(model, camera, true_depth, draws, seed):
-    """What the twins say."""
+    """Return the results of the references."""
     if isinstance(model, RedwoodNoise):
         return reference_redwood.measure_redwood(model, camera, true_depth, draws, seed)
     dots = make_pattern(camera.height, camera.width) if model.pattern is None else model.pattern
@@ -42,7 +42,7 @@ def say(model, camera, true_depth, draws, seed):
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
-def test_the_twin_agrees(device, model):
+def test_simulators_match_reference(device, model):
     frames, numbers = [3, 4, 0], [0, 7, 2]
     options = {"outputs": OUTPUTS, "sensor": model, "seed": 11, "frame": frames, "view_index": numbers}
     seen = images(wv.render(make_scene(device), CAMERA, POSES, **options), OUTPUTS)
@@ -57,7 +57,7 @@ def test_the_twin_agrees(device, model):
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
-def test_splits_threads_and_frames(device, model):
+def test_noise_depends_only_on_view_and_frame(device, model):
     scene, options = make_scene(device), {"outputs": OUTPUTS, "sensor": model, "seed": 4}
     whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options), OUTPUTS)
     again = images(wv.render(scene, CAMERA, POSES, threads=3, frame=0, **options), OUTPUTS)
@@ -70,16 +70,16 @@ def test_splits_threads_and_frames(device, model):
     assert (other["depth"] != whole["depth"]).mean() > 0.05
 
 
-def test_a_pattern_has_a_dot_in_each_cell():
+def test_pattern_has_one_dot_per_cell():
     dots = make_pattern(480, 640) > 0
     cells = dots[:480, :639].reshape(160, 3, 213, 3)
     assert (cells.sum(axis=(1, 3)) == 1).all()
-    assert (np.abs(cells.mean(axis=(0, 2)) - 1 / 9) < 0.01).all()  # 34,080 dots: a deviation of 0.0017
+    assert (np.abs(cells.mean(axis=(0, 2)) - 1 / 9) < 0.01).all()  # 34,080 dots: standard deviation 0.0017
     np.testing.assert_array_equal(make_pattern(100, 200), make_pattern(480, 640)[:100, :200])
 
 
-def test_simkinect_without_noise_at_a_wall(device):
-    """Depth of 1/8 px, in whole centimetres, half a step of 35130 units nearer; none at the image's edges."""
+def test_simkinect_quantization_at_wall(device):
+    """Disparity in eighths of a pixel, depth in whole centimeters, then half a step of 35130 units nearer."""
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     scale = camera.fx * 0.075
     for distance, units in ((0.7, 100), (1.5, 100), (2.0, 200), (3.2, 100)):
@@ -94,31 +94,31 @@ def test_simkinect_without_noise_at_a_wall(device):
         seen = reasons == Reason.VALID
         np.testing.assert_allclose(depth[seen], expected, rtol=1e-6)
         assert set(np.unique(reasons[~seen])) == {Reason.EDGE}
-        # A pixel has the depth of a dot up to 3 px away, and dots are from column and row 4 on to the sixth last.
+        # A pixel takes the depth of a dot up to 3 px away; dots lie between column and row 4 and the sixth last ones.
         assert seen[8:-9, 8:-9].all() and not seen[0].any() and not seen[:, -2:].any()
         assert distance - expected < whole**2 / 35130 / units * 1.1 + 0.1 / scale * distance**2
 
 
-def test_simkinect_looks_up_depth_beside_the_pixel(device):
-    """The nearer plate's share of what dots see is that of shifts; beside it are depths of neither surface."""
+def test_simkinect_shift_samples_neighboring_depth(device):
+    """Depths across a tilted wall change with the random shifts."""
     scene = wall(3.0, 0.0, device)
     model = SimKinect(shift=0.5, sigma=0.0, focal_length=580.0)
     camera = wv.Camera.from_fov(60, 48, hfov=0.2)
     flat = wv.render(scene, camera, AHEAD, outputs=("depth",), frame=0, sensor=model).depth.numpy()
     inside = flat[np.isfinite(flat)]
-    assert len(np.unique(inside)) == 1  # a wall that is met straight is the same beside the pixel
+    assert len(np.unique(inside)) == 1  # a fronto-parallel wall has the same depth at adjacent pixels
     tilted = wv.render(wall(3.0, 60.0, device), camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=model, seed=1)
     still = dataclasses.replace(model, shift=0.0)
     clean = wv.render(wall(3.0, 60.0, device), camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=still)
     there = (tilted.reasons.numpy() == Reason.VALID) & (clean.reasons.numpy() == Reason.VALID)
     moved = (580 * 0.075 / tilted.depth.numpy() - 580 * 0.075 / clean.depth.numpy())[there]
-    # A pixel across is 1 / fx of the wall's slope tan(60) in 1 / z: 0.5 px of shift, with its steps.
+    # One pixel across changes 1 / z by tan(60) / fx of the wall's value: 0.5 px of shift, quantized.
     slope = 580 * 0.075 / 3.0 * math.tan(math.radians(60)) / camera.fx
     assert 0 < np.abs(moved).mean() < 2 * slope
 
 
-def test_simkinects_dots_near_a_step_are_lost(device):
-    """Both sides of a step in depth have no dot as far as windows reach over it with a sixth of their light."""
+def test_simkinect_loses_dots_at_depth_steps(device):
+    """Dots are lost on both sides of a step in depth where windows reach across it."""
     scene = wall(3.0, 0.0, device)
     scene.add(trimesh.creation.box((4, 0.01, 8)), name="plate", pose=(-2, 1.5, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(90, 240, hfov=0.3)
@@ -134,8 +134,8 @@ def test_simkinects_dots_near_a_step_are_lost(device):
         assert (np.abs(views.depth.numpy()[0][there] - surface) < 0.06).any()
 
 
-def test_redwood_without_noise_at_a_wall(device, tmp_path):
-    """35.13 / (z / factor) in eighths, with the factor of each pixel's cell; nothing from 10 m on."""
+def test_redwood_quantization_at_wall(device, tmp_path):
+    """Disparity is 35.13 / (z / factor) in eighths, with each pixel's factor; there is no depth from 10 m on."""
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     model = RedwoodNoise(reference_redwood.write_table(tmp_path / "dist-model.txt", TABLE), multiplier=0.0)
     row, column = np.floor(np.arange(120) / 119 * 479 + 0.5) // 6, np.floor(np.arange(160) / 159 * 639 + 0.5) // 8
@@ -156,7 +156,7 @@ def test_redwood_without_noise_at_a_wall(device, tmp_path):
     assert (views.depth.numpy() == np.inf).all() and (views.reasons.numpy() == Reason.RANGE).all()
 
 
-def test_redwood_sees_every_second_pixel(device):
+def test_redwood_samples_every_second_pixel(device):
     model = RedwoodNoise(np.ones((80, 80, 5)), multiplier=0.0)
     views = wv.render(make_scene(device), CAMERA, POSES, outputs=OUTPUTS, frame=0, sensor=model)
     every = np.repeat(np.repeat(views.true_depth.numpy()[:, ::2, ::2], 2, axis=1), 2, axis=2)
@@ -165,8 +165,8 @@ def test_redwood_sees_every_second_pixel(device):
     assert np.abs(8 * 35.130 / views.depth.numpy()[seen] - levels).max() < 0.5 + 1e-3
 
 
-def test_tables_of_distortions_are_read(tmp_path):
-    """The data set's text, Habitat's array, and one that is given, are the same table."""
+def test_distortion_tables_are_read(tmp_path):
+    """The data set's text file, Habitat's array, and an array argument yield the same table."""
     text = reference_redwood.write_table(tmp_path / "dist-model.txt", TABLE)
     np.save(tmp_path / "dist.npy", TABLE.reshape(80, 400))
     given = RedwoodNoise(TABLE)
@@ -178,14 +178,14 @@ def test_tables_of_distortions_are_read(tmp_path):
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
-def test_they_survive_as_fields_and_copies(model):
+def test_models_round_trip_through_fields_and_pickle(model):
     assert sensor_from_fields(json.loads(json.dumps(sensor_to_fields(model), allow_nan=False))) == model
     assert pickle.loads(pickle.dumps(model)) == model
     assert wv.sensors.Corruptions(of=model) == wv.sensors.Corruptions(of=dataclasses.replace(model))
 
 
-def test_tables_take_little_room_in_datasets():
-    """A shard of a dataset has them, as its manifest has; and a damaged one is a sentence."""
+def test_packed_tables_are_compact_and_validated():
+    """Datasets embed tables in shards and manifests; damaged tables raise a one-line error."""
     fields = sensor_to_fields(RedwoodNoise(TABLE))
     assert len(json.dumps(fields)) < 200_000
     assert sensor_from_fields(fields).distortion.dtype == np.float32
@@ -209,7 +209,7 @@ def test_tables_take_little_room_in_datasets():
             sensor_from_fields(fields | {"distortion": packed | {key: wrong}})
 
 
-def test_damaged_tables_are_a_sentence(tmp_path):
+def test_damaged_tables_raise_one_line_errors(tmp_path):
     whole = reference_redwood.write_table(tmp_path / "whole.txt", TABLE).read_text()
     np.save(tmp_path / "small.npy", TABLE[:40])
     np.save(tmp_path / "objects.npy", np.array([None]), allow_pickle=True)
@@ -254,13 +254,13 @@ def test_damaged_tables_are_a_sentence(tmp_path):
         (lambda: RedwoodNoise(TABLE, multiplier=-1), "multiplier must be a finite number from 0 up"),
     ],
 )
-def test_what_is_refused(make, message):
+def test_invalid_parameters_are_rejected(make, message):
     with pytest.raises(wv.errors.ArrayError, match=message):
         make()
 
 
-def test_dots_fill_as_far_as_three_pixels(device):
-    """A lone dot in a window paints the disc about it, and the nearer of two wins."""
+def test_dots_fill_discs_of_three_pixels(device):
+    """A single dot in a window fills the disc around it, and the nearer of two dots wins."""
     dots = np.zeros((48, 60), dtype=np.uint8)
     dots[20, 20] = dots[20, 24] = 255
     camera = wv.Camera.from_fov(60, 48, hfov=0.2)
