@@ -26,7 +26,7 @@ if "WARPVIS_CPU_FLAGS" in os.environ:  # "-target-cpu haswell" for AVX2 alone, "
     wp.config.cpu_compiler_flags = os.environ["WARPVIS_CPU_FLAGS"]
 
 CUDA_DEVICES = ("cuda:0",) if wp.is_cuda_available() else ()
-"""The GPU that is tested, or nothing."""
+"""The tested GPU, if any."""
 
 _PROBE = """
 import mujoco
@@ -60,7 +60,7 @@ class Need:
 
     variable: str
     missing: Callable[[], str]
-    """Why it is not there; empty if it is."""
+    """Return why the requirement is not met, or an empty string."""
     title: str
     tests: str
     packages: str

@@ -43,7 +43,7 @@ _CHECKED = ["-O0", "-ffp-contract=off", "-ftrivial-auto-var-init=pattern", "--co
 _CHECKED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Wno-unused-function"]
 _UNCHECKED = ["-O2", "-DEMULATOR_ASAN"]
 MAX_PROGRAMS = 10
-"""How many programs the cache holds: those of the newest sources, and of a few versions before."""
+"""Maximum number of cached programs: those of the current sources and of a few earlier versions."""
 
 _SHARED = "__shared__ WarpMemory memory;"
 _ABSENT, _GIVEN, _IMAGE = range(3)
@@ -59,15 +59,15 @@ class Variant:
     clip: bool = False
     resized: bool = False
     found: bool = False
-    """Whether movable objects are found, and sorted into tiles, before packets are drawn."""
+    """Whether movable objects are found and sorted into tiles before packets are cast."""
     large: bool = False
-    """Whether trees count as larger than a GPU's cache."""
+    """Whether trees are treated as larger than a GPU's cache."""
     ray_table: bool = False
-    """Whether rays are of a table."""
+    """Whether rays come from a ray bundle."""
     points: int = 0
-    """Of a packet, where rays are of points of the image, or are in no order."""
+    """Number of rays in a packet if they are of image points or unordered, else 0."""
     origins: bool = False
-    """Whether rays of a table begin apart from each other."""
+    """Whether the rays of a bundle have distinct origins."""
     arch: int = 900
 
     @property
@@ -79,7 +79,7 @@ class Variant:
 
 
 REQUIRED = os.environ.get("WARPVIS_REQUIRE_CXX") == "1"
-"""Whether a compiler must be there, and find nothing to warn of."""
+"""Whether a missing compiler or a compiler warning is a failure."""
 
 
 class Emulator:

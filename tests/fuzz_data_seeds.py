@@ -23,7 +23,7 @@ from warpvis.io import load_camera, read_archive, read_depth, read_points, save_
 CAMERA = wv.Camera.from_fov(12, 9, hfov=1.0, near=0.3, far=4.5)
 _FRAMES = 4
 _MAX_FRAMES = 6
-"""Frames of a dataset that are read; a manifest that was changed may speak of many."""
+"""Maximum number of frames read from a dataset; a damaged manifest may claim many."""
 
 
 def all_of(*calls: Callable[[], object]) -> None:

@@ -33,15 +33,15 @@ from typing import IO
 import numpy as np
 
 _SECONDS = 60.0
-"""Longest that reading a file may take."""
+"""Time limit for reading a file."""
 _SECONDS_TO_BEGIN = 600.0
 _SLOW_SECONDS = 10.0
 """Files that take longer are listed."""
 _BYTES = 4e9
-"""Most memory that reading a file may take."""
+"""Memory limit for reading a file."""
 _LONGEST_MESSAGE = 3000
 _LONGEST_END = 500
-"""Of what a child prints, what is shown if it ends [bytes]."""
+"""Maximum length of a child's output that is shown when it crashes [bytes]."""
 _MUTANTS_OF_A_CHILD = 2500
 _EVENTS = {
     "os.mkdir": 0,
@@ -52,7 +52,7 @@ _EVENTS = {
     "os.symlink": 1,
     "os.truncate": 0,
 }
-"""What Python tells its audit hooks of what changes files, and which argument says the place."""
+"""Audit events that change files, and the index of the argument with the path."""
 
 
 class Watch:
@@ -139,7 +139,7 @@ class Reader:
 
     seeds: list
     place: Path
-    """A folder for the files, ``given``, and for what is not to be written to, ``elsewhere``."""
+    """Contains the folder of the files, ``given``, and the folder that must not be written to, ``elsewhere``."""
     watch: Watch = field(init=False)
 
     def __post_init__(self) -> None:

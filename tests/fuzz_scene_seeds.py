@@ -24,7 +24,7 @@ from PIL import Image
 import warpvis as wv
 
 Item = tuple[str, dict[str, bytes | str], Sequence[str], Callable[[Path], None]]
-"""A format; files by name; which of them are changed, or none for all; and what reads them from a folder."""
+"""A format; files by name; the names to change (empty for all); and a reader that takes their folder."""
 
 _BALL = trimesh.creation.icosphere(subdivisions=1, radius=0.5)
 _BOX = trimesh.creation.box((1, 2, 3))

@@ -17,13 +17,13 @@ class Seed:
     """A file, the files that it needs, and its reader."""
 
     format: str
-    """What it is counted as."""
+    """Format under which it is counted."""
     folder: Path
-    """Where it and those that it needs are."""
+    """Folder of the file and its companion files."""
     changed: tuple[str, ...]
-    """Which of them are changed, as paths in the folder."""
+    """Paths of the files to change, relative to the folder."""
     read: Callable[[Path], None]
-    """Reads it from a copy of the folder."""
+    """Reads the file from a copy of the folder."""
 
 
 def make_seeds(root: Path) -> list[Seed]:

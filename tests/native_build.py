@@ -21,10 +21,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENES = {"tree": 1500, "edges": 1000, "images": 600, "points": 160, "silhouettes": 120}
-"""The checks, and of how many random scenes: a few seconds."""
+"""The checks and their numbers of random scenes, which take a few seconds."""
 
 MIN_CLANG = 17
-"""The first Clang that knows the vector builtins of the headers."""
+"""First version of Clang with the vector builtins of the headers."""
 
 # Without AVX-512, the ABI of 16-lane vectors differs; each program is compiled as a whole, so it is consistent.
 _FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wno-psabi", "-Ikernels/native")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of every kernel in float64 NumPy, written for clarity: no tree, every ray against every triangle.
+"""Float64 NumPy references of every kernel, written for clarity: no tree, every ray against every triangle.
 
 Each function has the name of its kernel. Arguments are plain arrays; poses are rows ``x y z qx qy qz qw``.
 """
@@ -146,14 +146,14 @@ from warpvis import Camera, Label, Scene, SceneObject
 from warpvis.core.poses import poses_to_matrices
 from warpvis.scene.solids import SolidKind
 
-# Blocks that fit a core's cache.
+# Number of triangles whose arrays fit a core's cache.
 _TRIANGLES_AT_A_TIME = 64
 _RAYS_AT_A_TIME = 512
 
 
 @dataclass
 class Images:
-    """What `cast_rays` sees of one view, and how far behind it the nearest surface of another object is."""
+    """Images of one view, and the distance behind each pixel to the nearest surface of another object (`gap`)."""
 
     depth: NDArray[np.float64]
     points: NDArray[np.float64]
@@ -165,7 +165,7 @@ class Images:
 
 
 def triangles_in_camera(scene: Scene, pose: NDArray) -> tuple[NDArray, NDArray]:
-    """Corners of all triangles in the camera frame, shape (T, 3, 3), and their objects, shape (T,)."""
+    """Return vertices of all triangles in the camera frame, shape (T, 3, 3), and their objects, shape (T,)."""
     matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
     corners = np.concatenate([item.vertices.astype(np.float64)[item.faces] for item in scene.objects])
     owner = np.repeat(np.arange(len(scene)), [len(item.faces) for item in scene.objects])
@@ -186,7 +186,7 @@ def cast_rays_at(
     return _cast(scene, camera, pose, camera.back_project(pixels, np.ones(pixels.shape[:-1])), cull_backfaces)
 
 
-# What an image shows does not depend on how it is cast.
+# Images do not depend on the casting method.
 cast_packets = cast_packets_cuda = cast_rays
 cast_remapped_packets = cast_rays_at
 cast_point_packets_cuda = cast_rays_at
@@ -196,7 +196,7 @@ cast_table_packets = cast_ray_origin_packets = cast_ray_packets_cuda = cast_ray_
 def _cast(
     scene: Scene, camera: Camera, pose: NDArray, rays: NDArray, cull_backfaces: bool, near_plane: str = "occlude"
 ) -> Images:
-    """What is seen along rays of the camera frame with z = 1, shape (..., 3)."""
+    """Return the images of rays of the camera frame with z = 1, shape (..., 3)."""
     clip = camera.near if near_plane == "clip" else 0.0
     shape = rays.shape[:-1]
     rays = rays.reshape(-1, 3)
@@ -250,15 +250,15 @@ def _cast(
 
 
 def _own_faces(owner: NDArray, triangle: NDArray, hit: NDArray) -> NDArray[np.int64]:
-    """Triangles as their objects number them, -1 where none is seen."""
+    """Return triangle indices as numbered by their objects, -1 for no hit."""
     first = np.searchsorted(owner, owner[triangle])
     return np.where(hit & (triangle >= 0), triangle - first, -1)
 
 
 def _meet_solid(item: SceneObject, pose: NDArray, rays: NDArray) -> tuple[NDArray, NDArray] | None:
-    """Depth of every ray on a solid's true surface, +inf where it misses, and the normals there in the world.
+    """Return the depth of every ray on a solid's exact surface, +inf for a miss, and the world normals there.
 
-    None if the object is no solid, or the camera is not outside of it: then its triangles are seen.
+    Return None for a mesh, or if the camera is inside the solid, where its triangles are rendered.
     """
     if item.solid is None:
         return None
@@ -272,7 +272,7 @@ def _meet_solid(item: SceneObject, pose: NDArray, rays: NDArray) -> tuple[NDArra
     if (np.hypot(o[0], o[1]) <= 1 and abs(o[2]) <= half) if flat else np.linalg.norm(o - middle) <= 1:
         return None
     upright = np.array([1.0, 1.0, 0.0])
-    parts = []  # depth, and the slope of the surface where that is
+    parts = []  # depth and the slope of the surface there
     if item.solid.kind != SolidKind.BALL:
         z = _first_root(o * upright, d * upright)
         with np.errstate(invalid="ignore"):
@@ -297,7 +297,7 @@ def _meet_solid(item: SceneObject, pose: NDArray, rays: NDArray) -> tuple[NDArra
 
 
 def _first_root(o: NDArray, d: NDArray) -> NDArray:
-    """Where rays ``o + z d`` first come as near to the origin as 1, from farther away; +inf where they do not."""
+    """Return the smallest z at which rays ``o + z d`` enter the unit sphere, +inf for a miss."""
     a, b, c = (d * d).sum(axis=1), d @ o, o @ o - 1
     with np.errstate(divide="ignore", invalid="ignore"):
         z = c / (np.sqrt(b * b - a * c) - b)
@@ -305,7 +305,7 @@ def _first_root(o: NDArray, d: NDArray) -> NDArray:
 
 
 def near_silhouette(scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray, distance: float) -> NDArray[np.bool_]:
-    """Whether another object, or none, is seen within a distance [px] of pixel centres; pixels are rows (y, x)."""
+    """Return whether another object or the background lies within a distance [px] of pixel centers, rows (y, x)."""
     turns = 2 * np.pi * np.arange(8) / 8
     around = distance * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     at = pixels[:, None, ::-1] + 0.5 + np.concatenate([[[0.0, 0.0]], around])
@@ -317,9 +317,9 @@ def near_silhouette(scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray
 def _nearest_triangle(
     rays: NDArray, corners: NDArray, cull_backfaces: bool, clip: float = 0.0
 ) -> tuple[NDArray, NDArray]:
-    """Least depth of every ray over the triangles, +inf where it misses them all, and which triangle that is.
+    """Return the smallest depth of every ray over the triangles, +inf for a miss, and the triangle's index.
 
-    What is nearer than `clip` is not there.
+    Hits nearer than `clip` are ignored.
     """
     depth, triangle = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=np.int64)
     for start in range(0, len(corners), _TRIANGLES_AT_A_TIME):
@@ -333,9 +333,9 @@ def _nearest_triangle(
 
 
 def _depth_of_triangles(rays: NDArray, corners: NDArray, cull_backfaces: bool) -> NDArray:
-    """Planar depth of every ray (N) on every triangle (T), +inf where it misses, shape (N, T).
+    """Return the planar depth of every ray (N) on every triangle (T), +inf for a miss, shape (N, T).
 
-    A ray d meets the triangle a b c where d . (b x c), d . (c x a) and d . (a x b) have one sign, at the depth
+    A ray d hits the triangle a b c if d . (b x c), d . (c x a) and d . (a x b) have the same sign, at the depth
     a . n / d . n of its plane.
     """
     a, b, c = corners.swapaxes(0, 1)
@@ -351,12 +351,12 @@ def _depth_of_triangles(rays: NDArray, corners: NDArray, cull_backfaces: bool) -
 
 
 def edge_distance(scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray) -> NDArray[np.float64]:
-    """Distance [px] of pixel centres from the nearest edge of any triangle in the image; pixels are rows (y, x)."""
+    """Return the distance [px] of pixel centers, rows (y, x), from the nearest edge of any triangle in the image."""
     corners, _ = triangles_in_camera(scene, pose)
     pairs = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
     pairs = pairs[(pairs[..., 2] > 0).any(axis=1)]
     behind = pairs[..., 2] < 1e-9
-    for end in (0, 1):  # cut edges that cross the camera plane
+    for end in (0, 1):  # clip edges that cross the camera plane
         cut = behind[:, end]
         p, q = pairs[cut, end], pairs[cut, 1 - end]
         pairs[cut, end] = p + (q - p) * ((1e-9 - p[:, 2:]) / (q[:, 2:] - p[:, 2:]))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels that build a BVH on a GPU: one level of the binary tree, and of nodes, in float64."""
+"""Float64 references of the kernels that build a BVH on a GPU: one level of the binary tree, then of wide nodes."""
 
 from __future__ import annotations
 
@@ -11,74 +11,76 @@ LANES, SMALL, BINS, MAX_DEPTH = 32, 128, 16, 40
 
 
 def half_area(low: NDArray, high: NDArray) -> NDArray:
-    """Half the surface area of boxes whose corners are in the last axis."""
+    """Return half the surface area of boxes, corners in the last axis."""
     x, y, z = np.moveaxis(np.asarray(high, dtype=np.float64) - low, -1, 0)
     return x * y + y * z + z * x
 
 
 def leaves_of(count: NDArray) -> NDArray:
-    """Leaves that so many items fill."""
+    """Return the number of leaves that hold `count` items."""
     return -(-np.asarray(count) // LANES)
 
 
 def must_halve(count: int, depth: int) -> bool:
-    """Whether halving from here on makes leaves just in time."""
+    """Return whether the range must be halved from this depth on to stay within the maximum depth."""
     return depth + int(np.ceil(np.log2(leaves_of(count)))) >= MAX_DEPTH
 
 
 def half_of(count: int) -> int:
-    """Items of the first half, a whole number of leaves."""
+    """Return the number of items in the first half: a whole number of leaves."""
     return int(leaves_of(count // 2)) * LANES
 
 
 def check_mesh(vertices: NDArray, faces: NDArray, farthest: float) -> list[int]:
-    """Count corners that are too far away or nowhere, and find the first; the least and the greatest index."""
+    """Return the number of vertices out of range or not finite, the first one's index, and the face index range."""
     bad = np.flatnonzero(~(np.abs(vertices) <= farthest).all(axis=1))
     return [len(bad), *bad[:1], *([2**31 - 1] * (not len(bad))), faces.min(), faces.max()]
 
 
 def bound_centers(low: NDArray, high: NDArray) -> NDArray:
-    """The box of twice the boxes' centres: least and greatest corner in one row of six."""
+    """Return the box of the sums of opposite corners (twice the centers) as one row of six."""
     twice = np.asarray(low, dtype=np.float64) + high
     return np.concatenate([twice.min(axis=0), twice.max(axis=0)])
 
 
 def begin_tree(count: int) -> tuple[int, int, int]:
-    """Begin, end and child of the root."""
+    """Return begin, end and child of the root."""
     return 0, count, -1
 
 
 def mark_ranges(counts: NDArray) -> NDArray:
-    """Whether ranges are large, and whether they are small but no leaves, in two rows."""
+    """Return two rows: whether ranges are large, and whether they are small inner nodes."""
     return np.stack([counts > SMALL, (counts > LANES) & (counts <= SMALL)]).astype(int)
 
 
 def count_ranges(info: NDArray, sums: NDArray) -> list[int]:
-    """What is known of the level below: first node, nodes, large ranges, ranges; and of the one below that."""
+    """Return the next level's first node, node count, large ranges and ranges, and the first node of the level after
+    it.
+    """
     *_, first, count = info
     return [first, count, *sums, first + count, 2 * sums[1]]
 
 
 def clear_bins(count: int) -> tuple[NDArray, NDArray]:
-    """Boxes and numbers of bins that hold nothing."""
+    """Return boxes and counts of empty bins."""
     return np.tile([np.inf] * 3 + [-np.inf] * 3, (count, 1)), np.zeros(count, dtype=int)
 
 
 def rank_ranges(counts: NDArray) -> NDArray:
-    """Indices of the ranges that are split, the large ones first."""
+    """Return indices of the ranges to split, large ones first."""
     large, small = mark_ranges(counts)
     return np.concatenate([np.flatnonzero(large), np.flatnonzero(small)])
 
 
 def bins_of(low: NDArray, high: NDArray, grid: NDArray) -> NDArray:
-    """The bin of each item along each axis, (n, 3); in single precision, so that none is on another side."""
+    """Return the bin of each item along each axis, (n, 3), in single precision as the kernel assigns them."""
     centres, size = np.float32(low) + np.float32(high), np.float32(grid[1]) - np.float32(grid[0])
     scale = np.where(size > 1e-30, np.float32(BINS) / np.where(size > 1e-30, size, 1), 0).astype(np.float32)
     return np.clip(np.trunc((centres - np.float32(grid[0])) * scale), 0, BINS - 1).astype(int)
 
 
 def fill_bins(low: NDArray, high: NDArray, grid: NDArray) -> tuple[NDArray, NDArray]:
-    """Boxes (3, 16, 6) of the items in each bin, empty ones (inf, -inf), and their numbers (3, 16)."""
+    """Return boxes (3, 16, 6) of the items in each bin, (inf, -inf) if empty, and their counts (3, 16)."""
     cells = bins_of(low, high, grid)
     boxes = np.concatenate([np.full((3, BINS, 3), np.inf), np.full((3, BINS, 3), -np.inf)], axis=2)
     counts = np.zeros((3, BINS), dtype=int)
@@ -92,13 +94,13 @@ def fill_bins(low: NDArray, high: NDArray, grid: NDArray) -> tuple[NDArray, NDAr
 
 
 def cost_of_split(left: NDArray, left_count: NDArray, right: NDArray, right_count: NDArray) -> NDArray:
-    """What two children cost, by their areas and numbers."""
+    """Return the cost of two children from their areas and counts."""
     total = np.asarray(left_count) + right_count
     return (left * leaves_of(left_count) + right * leaves_of(right_count)) / total
 
 
 def choose_bins(boxes: NDArray, counts: NDArray) -> NDArray:
-    """What it costs to split before each bin, (3, 16); inf where nothing would be on one side."""
+    """Return the cost of splitting before each bin, (3, 16); inf where one side would be empty."""
     costs = np.full((3, BINS), np.inf)
     for axis in range(3):
         for cell in range(1, BINS):
@@ -111,14 +113,14 @@ def choose_bins(boxes: NDArray, counts: NDArray) -> NDArray:
 
 
 def sort_small(low: NDArray, high: NDArray, axis: int) -> NDArray:
-    """Where items go that are sorted along an axis; in single precision, as their centres are compared."""
+    """Return the order of items by their centers along an axis, compared in single precision."""
     places = np.empty(len(low), dtype=int)
     places[np.argsort(np.float32(low[:, axis]) + np.float32(high[:, axis]), kind="stable")] = np.arange(len(low))
     return places
 
 
 def choose_places(low: NDArray, high: NDArray) -> NDArray:
-    """What it costs to split after 1, 2, ... items along each axis, (3, n - 1)."""
+    """Return the cost of splitting after 1, 2, ... items along each axis, (3, n - 1)."""
     costs = []
     for axis in range(3):
         order = np.argsort(sort_small(low, high, axis))
@@ -130,29 +132,31 @@ def choose_places(low: NDArray, high: NDArray) -> NDArray:
 
 
 def part_bins(boxes: NDArray, cell: int) -> list[NDArray]:
-    """Boxes of what is in the bins before one of an axis, and in the others."""
+    """Return the boxes of the bins of one axis before a bin, and from it on."""
     sides = boxes[:cell], boxes[cell:]
     return [np.concatenate([side[:, :3].min(axis=0), side[:, 3:].max(axis=0)]) for side in sides]
 
 
 def find_sides(low: NDArray, high: NDArray, grid: NDArray, axis: int, first_right: int) -> NDArray:
-    """Whether each item of a large range goes left, where it is split before a bin."""
+    """Return whether each item of a large range goes left when split before a bin."""
     return (bins_of(low, high, grid)[:, axis] < first_right).astype(int)
 
 
 def move_items(lefts: NDArray) -> NDArray:
-    """The order in which the items of a range come: those that go left, then the others."""
+    """Return the order of a range's items: left ones first, otherwise stable."""
     return np.argsort(1 - lefts, kind="stable")
 
 
 def part_small(low: NDArray, high: NDArray, middle: int) -> list[NDArray]:
-    """Boxes of the items before and after a place, rows of least and greatest corner."""
+    """Return the boxes of the items before and after a position, as rows of min and max corner."""
     sides = [slice(None, middle), slice(middle, None)]
     return [np.concatenate([low[side].min(axis=0), high[side].max(axis=0)]) for side in sides]
 
 
 def find_costs(child: NDArray, area: NDArray, first: int) -> NDArray:
-    """The least area of the nodes that each subtree takes as at most 1, 2, ..., 32 parts, (nodes, 32), from `first`."""
+    """Return the smallest node area of each subtree split into at most 1, 2, ..., 32 parts, (nodes, 32), from `first`
+    on.
+    """
     costs = np.zeros((len(child), LANES))
     for node in reversed(range(first, len(child))):
         if child[node] >= 0:
@@ -164,13 +168,13 @@ def find_costs(child: NDArray, area: NDArray, first: int) -> NDArray:
 
 
 def open_nodes(child: NDArray, costs: NDArray, node: int) -> float:
-    """What the parts of a node cost in all, at the least."""
+    """Return the smallest total cost of a node's parts."""
     left, right = costs[child[node]], costs[child[node] + 1]
     return float(np.min(left[: LANES - 1] + right[: LANES - 1][::-1]))
 
 
 def name_children(parts: NDArray, is_leaf: NDArray, next_node: int, first_leaf: int) -> NDArray:
-    """Numbers of parts, row by row; 0 where there is none."""
+    """Return node and leaf numbers of parts, row by row; 0 for unused parts."""
     used = parts >= 0
     inner, leaves = used & ~is_leaf, used & is_leaf
     nodes = next_node + np.cumsum(inner).reshape(parts.shape) - 1
@@ -178,16 +182,16 @@ def name_children(parts: NDArray, is_leaf: NDArray, next_node: int, first_leaf: 
 
 
 def join_children(children: NDArray, first_node: int, first_leaf: int) -> NDArray:
-    """Children of a tree that comes after others."""
+    """Return the children of a tree that is appended to others."""
     return np.where(children > 0, children + first_node, np.where(children < 0, children - first_leaf, 0))
 
 
 def mark_owners(owners: NDArray, closed: NDArray) -> NDArray:
-    """The complement of owners that are closed."""
+    """Return the complement of the owners of closed meshes."""
     return np.where(closed[owners], ~owners, owners)
 
 
 def fit_leaves(normals: NDArray, axis: NDArray) -> float:
-    """The sine that the cutoff of a cone must not be below: of the widest angle to an axis; 2 from 90 degrees on."""
+    """Return the lower bound of the sine of a cone's cutoff: of the widest angle to an axis; 2 from 90 degrees on."""
     cosine = np.nanmin(normals @ axis)
     return float(np.sqrt(1 - cosine**2)) if cosine > 0 else 2.0

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of what is made of depth images: points and labels."""
+"""References of the kernels that back-project and label depth images."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from warpvis.sensors import LensCamera
 
 
 def pixel_rays(camera: Camera) -> NDArray[np.float64]:
-    """Camera-frame rays of all pixels with z = 1, shape (H, W, 3); of a lens, of depth 1, or NaN."""
+    """Return rays of all pixels in the camera frame, shape (H, W, 3): z = 1 for a pinhole camera, depth 1 or NaN for a
+    lens.
+    """
     if isinstance(camera, LensCamera):
         rays = camera.lens.unproject(np.stack(np.mgrid[: camera.height, : camera.width][::-1], axis=-1) + 0.5)
         return rays / rays[..., 2:] if camera.kind == "z" else rays
@@ -32,7 +34,7 @@ def back_project_rays(camera: LensCamera, pose: NDArray, depth: NDArray) -> NDAr
 
 
 def _points(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
-    """The same of finite depths, whatever the camera's range."""
+    """Return points of finite depths, ignoring the camera's range."""
     matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
     with np.errstate(invalid="ignore"):
         local = pixel_rays(camera) * np.asarray(depth, dtype=np.float64)[..., None]
@@ -60,13 +62,13 @@ def classify_depth(
     up: int = 2,
     max_range: float | None = None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.float64]]:
-    """Labels, spheres, and how far each pixel is from changing its label [m]."""
+    """Return labels, spheres, and the margin of each pixel to another label [m]."""
     valid = _has_depth(depth, camera.far if max_range is None else max_range, camera.near)
     points = _points(camera, pose, np.where(valid, depth, np.nan))
     height = points[..., up] - ground_height
     margin = np.abs(height - sigma)
     ratio = np.full((len(spheres) + 1, *depth.shape), np.inf)
-    ratio[-1] = 1.0  # the outside
+    ratio[-1] = 1.0  # outside all spheres
     for i, sphere in enumerate(spheres):
         distance = np.linalg.norm(points - np.array(sphere.center), axis=-1)
         ratio[i] = distance / (sphere.diameter / 2)
@@ -82,7 +84,7 @@ def classify_depth(
 
 
 def classify_rays(camera: LensCamera, pose: NDArray, depth: NDArray, *spheres, **options):
-    """The same where pixels without a ray have no point."""
+    """As `classify_depth`; pixels without a ray have no point."""
     return classify_depth(camera, pose, np.where(camera.mask, np.nan, depth), *spheres, **options)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.clearance`; see `reference`. `corners` have shape (T, 3, 3)."""
+"""References of the kernels of `warpvis.kernels.clearance`; see `reference`. `corners` have shape (T, 3, 3)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 
 def nearest_surface(corners: NDArray, points: NDArray, most: float = np.inf) -> NDArray[np.float64]:
-    """Distances of shape (N,): to the plane where a point is over the triangle, else to its edges."""
+    """Return distances to the nearest triangle, shape (N,): to its plane if the point projects into it, else to its
+    edges.
+    """
     corners, points = np.asarray(corners, dtype=np.float64), np.asarray(points, dtype=np.float64)
     nearest = np.full(len(points), np.inf)
     for triangle in corners:
@@ -28,7 +30,7 @@ def nearest_surface(corners: NDArray, points: NDArray, most: float = np.inf) -> 
 def find_free_poses(
     corners: NDArray, solid: NDArray, up: int, cameras: NDArray, low: float, radius: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Whether there is room at every camera, and how far the radius is from where that changes [m]."""
+    """Return whether every camera has room, and the margin of the radius to the opposite result [m]."""
     floor = [(up + 1) % 3, (up + 2) % 3]
     corners = np.asarray(corners, dtype=np.float64)
     room, margin = np.zeros(len(cameras), dtype=bool), np.full(len(cameras), np.inf)
@@ -46,7 +48,7 @@ def find_free_poses(
 
 
 def _clip(polygon: NDArray, axis: int, limit: float, sign: int) -> NDArray[np.float64]:
-    """The part of a polygon where sign * (coordinate - limit) >= 0 (Sutherland and Hodgman 1974)."""
+    """Return the part of a polygon where sign * (coordinate - limit) >= 0 (Sutherland and Hodgman 1974)."""
     result = []
     for p, q in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         over, next_over = sign * (p[axis] - limit), sign * (q[axis] - limit)
@@ -58,7 +60,7 @@ def _clip(polygon: NDArray, axis: int, limit: float, sign: int) -> NDArray[np.fl
 
 
 def _distance(polygon: NDArray) -> float:
-    """From the origin to a convex polygon of the plane."""
+    """Return the distance from the origin to a convex polygon in the plane."""
     after = np.roll(polygon, -1, axis=0)
     sides = polygon[:, 0] * after[:, 1] - polygon[:, 1] * after[:, 0]
     if abs(sides.sum()) > 1e-12 and ((sides >= 0).all() or (sides <= 0).all()):
@@ -69,7 +71,7 @@ def _distance(polygon: NDArray) -> float:
 
 
 def _windings(corners: NDArray, point: NDArray) -> float:
-    """How often triangles wind around a point, by their solid angles (Van Oosterom and Strackee 1983)."""
+    """Return the winding number of triangles around a point, from solid angles (Van Oosterom and Strackee 1983)."""
     a, b, c = (corners - point).swapaxes(0, 1)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     volume = (a * np.cross(b, c)).sum(axis=1)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twin of ``kernels/coinciding.py``: every pixel against every triangle and solid of the later objects, in float64."""
+"""Float64 reference of ``kernels/coinciding.py``: every pixel against every triangle and solid of later objects."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def show_later(
     excluded: Collection[int] = (),
     cull_backfaces: bool = True,
 ) -> NDArray:
-    """The object that a view shows in every pixel: the last one whose surface the seen point is on.
+    """Return the object shown in every pixel: the last one whose surface contains the hit point.
 
     Args:
-        scene: The world.
+        scene: The scene.
         camera: The camera.
         pose: Camera to world, row of 7.
-        segmentation: What a caster saw, shape (H, W).
-        depth: Likewise.
-        object_poses: Where the movable objects are, rows of 7.
-        excluded: What the view must not see.
-        cull_backfaces: Whether surfaces count only from their front.
+        segmentation: Result of a caster, shape (H, W).
+        depth: Result of a caster, shape (H, W).
+        object_poses: Poses of the movable objects, rows of 7.
+        excluded: Objects excluded from the view.
+        cull_backfaces: Whether back faces are ignored.
     """
     import reference
 
@@ -66,7 +66,7 @@ def show_later_along(
     excluded: Collection[int] = (),
     cull_backfaces: bool = True,
 ) -> NDArray:
-    """The same for any rays of the world, shape (H, W, 3), which depth is a multiple of."""
+    """As `show_later` for any world rays, shape (H, W, 3); the hit point is depth times the ray."""
     path = rays * np.where(segmentation >= 0, depth, 0.0)[..., None]
     points = path + origins
     reach = CLOSENESS * (np.linalg.norm(path, axis=-1) + np.linalg.norm(points, axis=-1))
@@ -107,7 +107,7 @@ def _on_mesh(item: SceneObject, points: NDArray, rays: NDArray, reach: NDArray, 
 
 
 def _on_solid(item: SceneObject, points: NDArray, rays: NDArray, reach: NDArray, cull: bool) -> NDArray:
-    """By differences: how far a point is outside, along the steepest way."""
+    """Estimate the distance outside the solid along its gradient by finite differences."""
 
     def outside(p: NDArray) -> NDArray:
         p = p / item.solid.radii

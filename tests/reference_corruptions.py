@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.corruptions`, in double precision."""
+"""Double-precision references of the kernels of `warpvis.kernels.corruptions`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from warpvis.sensors import Corruptions, Reason
 
 
 def place_rectangles(model: Corruptions, camera: Camera, draws: NDArray, seed: int) -> NDArray[np.int64]:
-    """Left, top, right and bottom of rectangles, (V, N, 4); 0 for none."""
+    """Return left, top, right and bottom of rectangles, (V, N, 4); 0 for unused ones."""
     views, frames = np.asarray(draws).T
     least, most = model.rectangles
     uniform = to_uniform(random_words(views, frames, (most + 1, 4), seed, STREAM_RECTANGLES))
@@ -30,7 +30,7 @@ def place_rectangles(model: Corruptions, camera: Camera, draws: NDArray, seed: i
 def corrupt_depth(
     model: Corruptions, camera: Camera, depth: NDArray, reasons: NDArray, draws: NDArray, seed: int
 ) -> Said:
-    """What is left of depth (V, H, W), that has `reasons`."""
+    """Return the corrupted depth (V, H, W) and its reasons."""
     views, frames = np.asarray(draws).T
     shape = depth.shape[1:]
     chance = to_uniform(random_words(views, frames, shape, seed, STREAM_LOST))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.echoes`, in double precision."""
+"""Double-precision references of the kernels of `warpvis.kernels.echoes`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from warpvis.core.poses import poses_to_matrices
 
 
 def measure_incidence(poses: NDArray, directions: NDArray, normals: NDArray) -> NDArray[np.float64]:
-    """Cosines between rays (H, W, 3) of the frame of each pose and normals (V, H, W, 3)."""
+    """Return cosines between rays (H, W, 3) in the frame of each pose and normals (V, H, W, 3)."""
     rotations = poses_to_matrices(poses)[:, :3, :3]
     along = np.einsum("vij,yxj->vyxi", rotations, directions)
     return np.abs((along * normals).sum(axis=-1))
@@ -20,7 +20,7 @@ def measure_incidence(poses: NDArray, directions: NDArray, normals: NDArray) -> 
 def reflect_rays(
     depth: NDArray, incidence: NDArray, segmentation: NDArray, reflectivity: NDArray, *, falls_off: bool
 ) -> NDArray[np.float64]:
-    """Intensities of rays, of the shape of `depth`."""
+    """Return intensities of rays, in the shape of `depth`."""
     seen = (segmentation >= 0) & np.isfinite(depth)
     distance = np.where(seen, depth, 1.0).astype(np.float64)
     found = np.asarray(reflectivity, dtype=np.float64)[segmentation] * incidence
@@ -30,7 +30,7 @@ def reflect_rays(
 def gather_returns(
     depth: NDArray, intensity: NDArray, count: int, separation: float, threshold: float, *, keeps_last: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ranges and intensities of two returns of each beam, shape (V, 2, H, W): by sorting."""
+    """Return ranges and intensities of two returns of each beam, shape (V, 2, H, W), by sorting."""
     views, height, width = depth.shape
     beams = depth.astype(np.float64).reshape(views, height, width // count, count)
     strengths = intensity.astype(np.float64).reshape(beams.shape)
@@ -52,7 +52,7 @@ def gather_returns(
 
 
 def _returns_of(beam: NDArray, strength: NDArray, separation: float, threshold: float) -> list[tuple[float, float]]:
-    """Returns of one beam, the nearest first: range and intensity."""
+    """Return range and intensity of the returns of one beam, nearest first."""
     order = np.argsort(beam, kind="stable")
     order = order[np.isfinite(beam[order])]
     if not len(order):

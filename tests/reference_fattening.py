@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.fattening`, in double precision: every pixel looks at its whole window."""
+"""Double-precision references of the kernels of `warpvis.kernels.fattening`: every pixel scans its whole window."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def find_nearest_in_rows(true_depth: NDArray, reach: int) -> NDArray[np.float64]:
-    """The least depth of each pixel and those beside it, (V, H, W)."""
+    """Return the smallest depth within `reach` pixels in the same row, (V, H, W)."""
     beside = np.pad(true_depth.astype(np.float64), ((0, 0), (0, 0), (reach, reach)), constant_values=np.inf)
     return sliding_window_view(beside, 2 * reach + 1, axis=2).min(axis=-1)
 
@@ -18,7 +18,7 @@ def find_nearest_in_rows(true_depth: NDArray, reach: int) -> NDArray[np.float64]
 def fatten_surfaces(
     true_depth: NDArray, scale: float, step: float, reach: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Which pixel each shows, by its place in the image (V, H, W), and how far [px] disparities are from the step."""
+    """Return the index of the pixel shown by each pixel (V, H, W), and the margin [px] of its decision."""
     height, width = true_depth.shape[1:]
     disparity = scale / true_depth.astype(np.float64)
     y, x = np.mgrid[:height, :width]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of what draws floor maps."""
+"""References of the kernels of floor maps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def mark_cells(
     sigma: float,
     ground: Collection[int] = (1,),
 ) -> NDArray[np.int64]:
-    """Cells of one view's map, z up, by the definition: points first, then level quadrilaterals of four pixels."""
+    """Return the cells of one view's map, z up, by definition: points first, then level quads of four pixels."""
     cells = np.zeros(shape, dtype=np.int64)
     order = precedence(np.arange(256), ground)
     at = (points[..., :2].astype(np.float64) - low) / cell

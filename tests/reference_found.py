@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels that find objects in images before packets are drawn, in float64."""
+"""Float64 references of the kernels that find objects in images before packets are cast."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from warpvis.core.poses import poses_to_matrices
 def find_objects_cuda(
     boxes: NDArray, object_poses: NDArray, camera: Camera, pose: NDArray
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Find where the boxes of objects are in an image.
+    """Return the image bounds of the boxes of objects.
 
     Args:
-        boxes: Least and greatest corner of each in its frame [m], shape ``(M, 6)``.
+        boxes: Min and max corner of each object in its frame [m], shape ``(M, 6)``.
         object_poses: Object to world, shape ``(M, 7)``.
         camera: The camera.
         pose: Camera to world, shape ``(7,)``.
 
     Returns:
-        Least x, greatest x, least y and greatest y of their corners [px], pixels' centres being whole numbers, shape
-        ``(M, 4)``; and whether all corners are in front of the camera, without which that says nothing.
+        Min x, max x, min y and max y of the corners [px], with pixel centers at whole numbers, shape ``(M, 4)``; and
+        whether all corners are in front of the camera, without which the bounds are not valid.
     """
     corners = np.stack(
         [boxes[:, [3 * k + i for i, k in enumerate(pick)]] for pick in product((0, 1), repeat=3)], axis=1
@@ -44,11 +44,11 @@ def sort_into_tiles(entries: NDArray, counts: NDArray, tiles_y: int, tiles_x: in
     """List the objects of each tile of 32x32 pixels of each view.
 
     Args:
-        entries: Of each view and object, its first column and row and, in the upper half, its last, shape
+        entries: First column and row of each object in each view and, in the upper half, the last ones, shape
             ``(V, M, 2)``.
-        counts: How many of a view's objects there are, shape ``(V,)``.
-        tiles_y: Tiles below each other in a view.
-        tiles_x: Tiles beside each other.
+        counts: Number of objects in each view, shape ``(V,)``.
+        tiles_y: Rows of tiles in a view.
+        tiles_x: Columns of tiles in a view.
     """
     lists: list[list[int]] = [[] for _ in range(len(counts) * tiles_y * tiles_x)]
     for view, count in enumerate(counts):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twin of the kernel of `warpvis.kernels.heights`; see `reference`. No climb: the union of all shadows at once."""
+"""Reference of the kernel of `warpvis.kernels.heights`, without iteration: the union of all shadows."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _GAP = 1e-6
 def climb(
     corners: NDArray, eyes: NDArray, targets: NDArray, *, up: int, raise_eyes: bool, max_height: float, tolerance: float
 ) -> NDArray[np.float64]:
-    """Least heights of shape (E, N); `corners` of the triangles have shape (T, 3, 3)."""
+    """Return smallest free heights, shape (E, N); `corners` of the triangles have shape (T, 3, 3)."""
     pairs = [(target, eye) if raise_eyes else (eye, target) for eye in eyes for target in targets]
     heights = [_first_gap(shadows(corners, *pair, up, tolerance), max_height) for pair in pairs]
     return np.array(heights).reshape(len(eyes), len(targets))
 
 
 def shadows(corners: NDArray, fixed: NDArray, raised: NDArray, up: int, tolerance: float) -> NDArray[np.float64]:
-    """Intervals of heights at which the line of sight meets a triangle, shape (n, 2)."""
+    """Return intervals of heights at which the line of sight hits a triangle, shape (n, 2)."""
     fixed, raised = np.asarray(fixed, dtype=np.float64), np.asarray(raised, dtype=np.float64)
     distance = np.linalg.norm(raised - fixed)
     if distance <= 2 * tolerance:
@@ -33,7 +33,7 @@ def shadows(corners: NDArray, fixed: NDArray, raised: NDArray, up: int, toleranc
     side = way[0] * local[..., floor[1]] - way[1] * local[..., floor[0]]
     place = np.stack([local[..., floor] @ way / (way @ way), local[..., up]], axis=-1)
 
-    # Segments of the vertical plane: two of a triangle's three edges cross it, or none.
+    # Segments in the vertical plane: either two or none of a triangle's edges cross it.
     crosses = (side < 0) != (np.roll(side, -1, axis=1) < 0)
     cut = crosses.any(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):

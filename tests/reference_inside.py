@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twin of the kernel of `warpvis.kernels.inside`; see `reference`."""
+"""Reference of the kernel of `warpvis.kernels.inside`; see `reference`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ from reference_clearance import _windings
 
 
 def find_inside(corners: NDArray, points: NDArray) -> NDArray[np.bool_]:
-    """Whether closed triangles, corners of shape (T, 3, 3), wind around points."""
+    """Return whether points are inside closed triangles, corners of shape (T, 3, 3), by winding number."""
     corners = np.asarray(corners, dtype=np.float64)
     return np.array([_windings(corners, point) > 0.5 for point in np.asarray(points, dtype=np.float64)])

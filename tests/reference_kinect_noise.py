@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of models of a Kinect's noise, in double precision, written from the papers."""
+"""Double-precision references of Kinect noise models, written from the papers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from warpvis.sensors import KhoshelhamNoise, NguyenNoise, Reason
 
 @dataclass
 class Said:
-    """What a sensor says: depth and reasons, (V, H, W), and how far the nearest decision was from another."""
+    """Measured depth and reasons, (V, H, W), and the margin of the nearest decision."""
 
     depth: NDArray[np.float64]
     reasons: NDArray[np.int64]
@@ -27,7 +27,7 @@ class Said:
 
 
 def say(camera: Camera, depth: NDArray, lost: NDArray, margin: NDArray) -> Said:
-    """What was measured, in the camera's range; `lost` are reasons other than that."""
+    """Return measured depth clipped to the camera's range; `lost` contains the reasons of other losses."""
     said = np.where(depth > camera.far, np.inf, np.where((depth < camera.near) | ~(depth > 0), -np.inf, depth))
     reasons = np.where(lost != Reason.VALID, lost, np.where(np.isfinite(said), Reason.VALID, Reason.RANGE))
     said = np.where(lost > Reason.RANGE, np.nan, np.where(lost == Reason.EMPTY, np.inf, said))
@@ -37,7 +37,7 @@ def say(camera: Camera, depth: NDArray, lost: NDArray, margin: NDArray) -> Said:
 
 
 def nguyen_axial(model: NguyenNoise, depth: NDArray | float, angle: NDArray | float) -> NDArray[np.float64]:
-    """Equations (3) and (4)."""
+    """Return the axial standard deviation, equations (3) and (4)."""
     angle = np.asarray(angle, dtype=np.float64)
     sigma = model.least_axial + model.axial_growth * (depth - model.best_depth) ** 2
     steep = model.grazing_axial / np.sqrt(depth) * angle**2 / (np.pi / 2 - angle) ** 2
@@ -45,7 +45,7 @@ def nguyen_axial(model: NguyenNoise, depth: NDArray | float, angle: NDArray | fl
 
 
 def nguyen_lateral(model: NguyenNoise, angle: NDArray | float) -> NDArray[np.float64]:
-    """Equation (2), in pixels."""
+    """Return the lateral standard deviation in pixels, equation (2)."""
     return np.asarray(model.lateral + model.lateral_growth * angle / (np.pi / 2 - angle))
 
 
@@ -53,7 +53,7 @@ def nguyen_lateral(model: NguyenNoise, angle: NDArray | float) -> NDArray[np.flo
 def measure_nguyen(
     model: NguyenNoise, camera: Camera, poses: NDArray, clean: dict[str, NDArray], draws: NDArray, seed: int
 ) -> Said:
-    """What the model says of exact images `true_depth` and `normals`."""
+    """Return the measurement of exact images `true_depth` and `normals`."""
     true_depth, normals = clean["true_depth"].astype(np.float64), clean["normals"].astype(np.float64)
     views, frames = np.asarray(draws).T
     shape = true_depth.shape[1:]
@@ -85,7 +85,7 @@ def measure_nguyen(
 
 @np.errstate(divide="ignore", invalid="ignore")
 def measure_khoshelham(model: KhoshelhamNoise, camera: Camera, true_depth: NDArray, draws: NDArray, seed: int) -> Said:
-    """What the model says of exact depth."""
+    """Return the measurement of exact depth."""
     views, frames = np.asarray(draws).T
     disparity = 1 / (model.step * true_depth.astype(np.float64))
     noise = draw_normals(views, frames, true_depth.shape[1:], seed, STREAM_DISPARITY)

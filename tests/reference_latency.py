@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twin of the kernel of `warpvis.kernels.latency`: images of all frames are kept, and none is moved."""
+"""Reference of the kernel of `warpvis.kernels.latency`: stores the images of all frames."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 def delay_images(images: NDArray, frames: NDArray, delays: NDArray) -> NDArray:
-    """Images (calls, V, ...) as they come out of as many calls with frames (calls, V), of delays (V,)."""
+    """Return the delayed images of a series of calls: images (calls, V, ...), frames (calls, V), delays (V,)."""
     delayed = np.empty_like(images)
     for view, delay in enumerate(delays):
         begun = 0

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.motions`, `moving_rays` and `moving_objects`: matrices and their powers.
+"""References of the kernels of `warpvis.kernels.motions`, `moving_rays` and `moving_objects`, by matrix powers.
 
-Nothing here knows of quaternions between two, or of sines: rotations are orthogonal matrices, and exponentials series.
+They use no quaternion interpolation and no trigonometric formulas: rotations are orthogonal matrices, and exponentials
+are power series.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from warpvis.core.poses import poses_to_matrices
 
 
 def exponential(matrix: NDArray) -> NDArray[np.float64]:
-    """The exponential of a square matrix: its series, after halving the matrix until that is short."""
+    """Return the exponential of a square matrix by its series, after scaling; squaring restores the scale."""
     halvings = max(0, int(np.ceil(np.log2(np.abs(matrix).max() + 1e-300))) + 4)
     small = matrix / 2.0**halvings
     term = total = np.eye(len(matrix))
@@ -32,13 +33,13 @@ def exponential(matrix: NDArray) -> NDArray[np.float64]:
 
 
 def crossed(vector: NDArray) -> NDArray[np.float64]:
-    """The matrix whose product with another vector is the cross product."""
+    """Return the cross-product matrix of a vector."""
     x, y, z = vector
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0.0]])
 
 
 def turn_of(rotation: NDArray) -> NDArray[np.float64]:
-    """Axis times angle of a rotation matrix: the axis stays where it is, and the trace says the cosine."""
+    """Return axis times angle of a rotation matrix: the axis is its fixed vector, the trace gives the cosine."""
     values, vectors = np.linalg.eig(rotation)
     axis = np.real(vectors[:, np.argmin(np.abs(values - 1))])
     axis /= np.linalg.norm(axis)
@@ -49,7 +50,9 @@ def turn_of(rotation: NDArray) -> NDArray[np.float64]:
 def begin_legs(
     poses: NDArray, linear: NDArray | None = None, angular: NDArray | None = None
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Origins, rotation matrices, paths and turns of legs, of poses (T, rows, columns, 7)."""
+    """Return origins, rotation matrices, translations and rotation vectors of segments, for poses (T, rows, columns,
+    7).
+    """
     matrices = poses_to_matrices(poses)
     path, turn = np.zeros((2, *poses.shape[:-1], 3))
     if linear is not None and angular is not None:
@@ -63,7 +66,7 @@ def begin_legs(
 
 
 def between(first: NDArray, second: NDArray, share: float) -> NDArray[np.float64]:
-    """The matrix between two poses: a straight line, and a power of the rotation from one to the other."""
+    """Return the matrix between two poses: linear translation and a power of the relative rotation."""
     a, b = poses_to_matrices(np.array([first, second]))
     result = np.eye(4)
     result[:3, 3] = (1 - share) * a[:3, 3] + share * b[:3, 3]
@@ -72,7 +75,7 @@ def between(first: NDArray, second: NDArray, share: float) -> NDArray[np.float64
 
 
 def along_screw(pose: NDArray, linear: NDArray, angular: NDArray, time: float) -> NDArray[np.float64]:
-    """The matrix of what keeps its velocities: the pose times the exponential of the twist."""
+    """Return the matrix after motion at constant body velocities: the pose times the exponential of the twist."""
     twist = np.zeros((4, 4))
     twist[:3, :3], twist[:3, 3] = crossed(angular), linear
     return poses_to_matrices(pose) @ exponential(time * twist)
@@ -81,7 +84,7 @@ def along_screw(pose: NDArray, linear: NDArray, angular: NDArray, time: float) -
 def cast_moving_rays(
     scene: Scene, rays: NDArray, poses: NDArray, origins: NDArray | None = None, **options: Any
 ) -> Any:
-    """What is seen along rays (H, W, 3), each from a pose of its own, rows (H, W, 7)."""
+    """Return the images of rays (H, W, 3), each from its pose (H, W, 7)."""
     starts = np.zeros_like(rays) if origins is None else origins
     keys = np.concatenate([poses, starts], axis=-1)
 
@@ -99,7 +102,7 @@ def cast_at_moving_objects(
     origins: NDArray | None = None,
     **options: Any,
 ) -> Any:
-    """The same of rays that are cast at times (H, W), when the scene is another one."""
+    """Return the images of rays cast at times (H, W), with the scene at each ray's time."""
     starts = np.zeros_like(rays) if origins is None else origins
     keys = np.concatenate([times[..., None], poses, starts], axis=-1)
 
@@ -111,6 +114,6 @@ def cast_at_moving_objects(
 
 
 def measure_moving_incidence(poses: NDArray, directions: NDArray, normals: NDArray) -> NDArray[np.float64]:
-    """Cosines between rays (H, W, 3) of the frame of each one's pose (H, W, 7) and normals (H, W, 3)."""
+    """Return cosines between rays (H, W, 3) in the frames of their poses (H, W, 7) and normals (H, W, 3)."""
     along = np.einsum("yxij,yxj->yxi", poses_to_matrices(poses)[..., :3, :3], directions)
     return np.abs((along * normals).sum(axis=-1))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of what reads MuJoCo's arrays."""
+"""References of the kernels that read MuJoCo's arrays."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 
 def geom_transforms(geom_xpos: NDArray, geom_xmat: NDArray, worlds: NDArray, geoms: NDArray) -> NDArray[np.float64]:
-    """Geom to world of every pair of a world and a geom, matrices of shape (W, M, 4, 4)."""
+    """Return geom to world of every pair of a world and a geom, matrices of shape (W, M, 4, 4)."""
     return _matrices(geom_xpos, geom_xmat)[np.asarray(worlds)[:, None], np.asarray(geoms)]
 
 
 def camera_transforms(cam_xpos: NDArray, cam_xmat: NDArray, cameras: NDArray, worlds: NDArray) -> NDArray[np.float64]:
-    """OpenCV camera to world of every pair of a camera and a world, matrices of shape (C, W, 4, 4)."""
+    """Return OpenCV camera to world of every pair of a camera and a world, matrices of shape (C, W, 4, 4)."""
     turn = np.diag([1.0, -1, -1, 1])
     return _matrices(cam_xpos, cam_xmat)[np.asarray(worlds), np.asarray(cameras)[:, None]] @ turn
 
@@ -31,7 +31,7 @@ def _matrices(position: NDArray, rotation: NDArray) -> NDArray[np.float64]:
 def viewer_transforms(
     subtree_com: NDArray, cameras: NDArray, bodies: NDArray, poses: NDArray, worlds: NDArray
 ) -> NDArray[np.float64]:
-    """Rows of every pair of a camera and a world, (C, W, 7), of which those of the model's cameras are NaN."""
+    """Return pose rows of every pair of a camera and a world, (C, W, 7), NaN for the model's cameras."""
     rows = np.full((len(cameras), len(worlds), 7), np.nan)
     for row, (camera, body) in enumerate(zip(cameras, bodies, strict=True)):
         if camera < 0:
@@ -54,7 +54,7 @@ def hidden_objects(
 
 
 def scale_sizes(made: NDArray, scales: NDArray, worlds: int) -> NDArray[np.float64]:
-    """Sizes of movable objects, (worlds, M, 4), of those that they were made with and of factors, (1 or W, M, 3)."""
+    """Return sizes of movable objects, (worlds, M, 4), from original sizes and scale factors, (1 or W, M, 3)."""
     factors = np.concatenate([scales, np.ones((*scales.shape[:2], 1))], axis=-1).astype(np.float64)
     return made * factors[np.arange(worlds) % len(factors)]
 
@@ -62,7 +62,7 @@ def scale_sizes(made: NDArray, scales: NDArray, worlds: int) -> NDArray[np.float
 def geom_sizes(
     sizes: NDArray, rows: NDArray, geoms: NDArray, kinds: NDArray, own: NDArray, made: NDArray
 ) -> NDArray[np.float64]:
-    """Sizes of what moves in some worlds: of MuJoCo's spheres, capsules, ellipsoids, cylinders (2 to 5) and boxes."""
+    """Return sizes of movable objects per world, for spheres, capsules, ellipsoids, cylinders (2 to 5) and boxes."""
     found = np.tile(made.astype(np.float64), (len(rows), 1, 1))
     for (row, world), (column, geom) in product(enumerate(rows), enumerate(geoms)):
         now = sizes[world % len(sizes), geom].astype(np.float64)

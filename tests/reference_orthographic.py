@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.orthographic`: every pixel has a camera of its own, which looks ahead."""
+"""References of the kernels of `warpvis.kernels.orthographic`: each pixel casts its ray from its own camera."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ AHEAD = np.array([[[0.0, 0.0, 1.0]]])
 
 
 def eyes(camera: OrthographicCamera, pose: NDArray, pixels: NDArray) -> NDArray[np.float64]:
-    """Where the rays through points of the image (..., 2) begin, in the world, shape (..., 3)."""
+    """Return the world origins of rays through image points (..., 2), shape (..., 3)."""
     aside = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
     matrix = poses_to_matrices(pose)
     return aside @ matrix[:3, :2].T + matrix[:3, 3]
 
 
 def centres(camera: OrthographicCamera) -> NDArray[np.float64]:
-    """The pixels' centres, shape (H, W, 2)."""
+    """Return the pixel centers, shape (H, W, 2)."""
     y, x = np.mgrid[: camera.height, : camera.width] + 0.5
     return np.stack([x, y], axis=-1)
 
@@ -40,7 +40,7 @@ def cast_parallel_rays(
     cull_backfaces: bool = False,
     near_plane: str = "occlude",
 ) -> Any:
-    """What is seen: `reference.Images` of all pixels, or of points of the image, shape (H, W, 2)."""
+    """Return `reference.Images` of all pixels, or of image points, shape (H, W, 2)."""
     import reference
 
     pixels = centres(camera) if pixels is None else pixels

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twin of the rays of `warpvis.rendering.WideCamera`, by turning one direction."""
+"""Reference of the rays of `warpvis.rendering.WideCamera`, by rotating one direction."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 def wide_rays(width: int, height: int, hfov: float, projection: str) -> NDArray[np.float64]:
-    """Unit vectors of all pixels, shape (H, W, 3), by turning the axis (0, 0, 1) to where each pixel looks."""
+    """Return unit rays of all pixels, shape (H, W, 3), by rotating the axis (0, 0, 1) into each pixel's direction."""
     u = (np.arange(width) + 0.5) / width - 0.5
     v = (np.arange(height) + 0.5) / height - 0.5
     u, v = np.meshgrid(u, v)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.point_order`; see `reference`."""
+"""References of the kernels of `warpvis.kernels.point_order`; see `reference`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ OUTSIDE_CELLS = 1024
 
 
 def hilbert_curve(bits: int) -> NDArray[np.int64]:
-    """Cells ``(x, y)`` in the order of the curve, which is made of four smaller ones."""
+    """Return cells ``(x, y)`` in Hilbert order, composed recursively of four smaller curves."""
     if bits == 0:
         return np.zeros((1, 2), dtype=np.int64)
     part, side = hilbert_curve(bits - 1), 1 << (bits - 1)
@@ -26,7 +26,7 @@ def _inside(at: NDArray, size: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def cells_of(at: NDArray, size: tuple[int, int], bits: int) -> NDArray[np.int64]:
-    """The cell of each point in single precision, which decides at borders."""
+    """Return the cell of each point, in single precision, which decides at cell borders."""
     side, curve = 1 << bits, hilbert_curve(bits)
     number = np.empty((side, side), dtype=np.int64)
     number[curve[:, 0], curve[:, 1]] = np.arange(side * side)
@@ -37,18 +37,18 @@ def cells_of(at: NDArray, size: tuple[int, int], bits: int) -> NDArray[np.int64]
 
 
 def count_points(at: NDArray, size: tuple[int, int], bits: int) -> NDArray[np.int64]:
-    """Points in each cell of each view, shape (views, cells)."""
+    """Return the number of points in each cell of each view, shape (views, cells)."""
     cells = cells_of(at, size, bits)
     return np.stack([np.bincount(row, minlength=(1 << 2 * bits) + OUTSIDE_CELLS) for row in cells])
 
 
 def sort_points(at: NDArray, size: tuple[int, int], bits: int) -> NDArray[np.int64]:
-    """Points of each view by their cells, shape (views, points)."""
+    """Return the points of each view sorted by their cells, shape (views, points)."""
     return np.argsort(cells_of(at, size, bits), axis=-1, kind="stable")
 
 
 def measure_blocks(at: NDArray, columns: int, size: tuple[int, int], step: int, most: float) -> NDArray[np.float64]:
-    """By how much the corners of some blocks are farther apart than `most`, added up for each view."""
+    """Return the excess of the extent of sampled blocks of points over `most`, summed for each view."""
     total = np.zeros(len(at))
     for view, points in enumerate(at):
         rows = points.reshape(-1, columns, 2)

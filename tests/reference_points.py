@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of what projects points, and judges whether they are seen."""
+"""References of the kernels that project points and judge their visibility."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def camera_frames(poses: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def project_points(camera: Camera, pose: NDArray, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Pixels of points, NaN where they are not in the image, and their depths, shapes (N, 2) and (N,)."""
+    """Return pixels of points, NaN outside the image, and depths, shapes (N, 2) and (N,)."""
     matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
     local = (np.asarray(points, dtype=np.float32).astype(np.float64) - matrix[:3, 3]) @ matrix[:3, :3]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -32,7 +32,7 @@ def project_points(camera: Camera, pose: NDArray, points: NDArray) -> tuple[NDAr
 def judge_points(
     scene: Scene, camera: Camera, pose: NDArray, points: NDArray, tolerance: float
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.float64]]:
-    """Every point's status, what hides it, and how far along its ray it is from being hidden, or seen [m]."""
+    """Return every point's status, its occluder, and its margin along the ray to the opposite result [m]."""
     import reference
 
     at, depth = project_points(camera, pose, points)

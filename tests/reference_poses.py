@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of what reads poses."""
+"""References of the kernels that read poses."""
 
 from __future__ import annotations
 
@@ -21,6 +21,6 @@ def quaternions_to_xyzw(rows: NDArray) -> NDArray:
 
 
 def poses_from_matrices(matrices: NDArray, opencv_to_given: NDArray) -> NDArray[np.float64]:
-    """Matrices of the OpenCV frame, shape (V, 4, 4): quaternions are compared through them, since q and -q are one."""
+    """Return matrices of the OpenCV frame, shape (V, 4, 4): quaternions are compared as matrices, since q equals -q."""
     turn = poses_to_matrices(np.concatenate([np.zeros(3), opencv_to_given]))
     return np.asarray(matrices, dtype=np.float64) @ turn

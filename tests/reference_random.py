@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of `warpvis.kernels.random_numbers`: words by Philox in whole numbers, normals by SciPy in double precision."""
+"""References of `warpvis.kernels.random_numbers`: Philox in integers, normals by SciPy in double precision."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _WORD = 0xFFFFFFFF
 
 
 def philox(counter: ArrayLike, key: tuple[int, int]) -> NDArray[np.uint32]:
-    """Turn counters (..., 4) into as many random words, by ten rounds (Salmon et al. 2011)."""
+    """Return the random words of counters (..., 4), by ten rounds of Philox (Salmon et al. 2011)."""
     first, second, third, fourth = np.moveaxis(np.asarray(counter, dtype=np.uint64), -1, 0)
     left, right = key
     low, shift = np.uint64(_WORD), np.uint64(32)
@@ -27,7 +27,7 @@ def philox(counter: ArrayLike, key: tuple[int, int]) -> NDArray[np.uint32]:
 def random_words(
     views: ArrayLike, frames: ArrayLike, shape: tuple[int, int], seed: int, stream: int
 ) -> NDArray[np.uint32]:
-    """Words of all pixels of views by their numbers and frames, shape (V, H, W)."""
+    """Return words of all pixels of views by view and frame number, shape (V, H, W)."""
     height, width = shape
     view, y, x = np.meshgrid(np.asarray(views), np.arange(height), np.arange(width), indexing="ij")
     frame = np.broadcast_to(np.asarray(frames)[:, None, None], view.shape)
@@ -36,26 +36,26 @@ def random_words(
 
 
 def to_uniform(words: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """The middles of 2^23 equal parts of (0, 1)."""
+    """Return the midpoints of 2^23 equal parts of (0, 1)."""
     return ((words >> np.uint32(9)).astype(np.float64) * 2 + 1) * 2.0**-24
 
 
 def to_normal(words: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """Where the normal distribution is the middle of one of 2^32 equal parts of (0, 1)."""
+    """Return normal quantiles of the midpoints of 2^32 equal parts of (0, 1)."""
     return ndtri((words.astype(np.float64) + 0.5) * 2.0**-32)
 
 
 def draw_normals(
     views: ArrayLike, frames: ArrayLike, shape: tuple[int, int], seed: int, stream: int
 ) -> NDArray[np.float64]:
-    """Standard normal numbers of all pixels, shape (V, H, W)."""
+    """Return standard normal numbers of all pixels, shape (V, H, W)."""
     return to_normal(random_words(views, frames, shape, seed, stream))
 
 
 def draw_uniforms(
     views: ArrayLike, frames: ArrayLike, places: ArrayLike, seed: int, stream: int
 ) -> NDArray[np.float64]:
-    """Numbers between 0 and 1 of views at places (y, x), shape (V, K)."""
+    """Return uniform numbers between 0 and 1 of views at pixels (y, x), shape (V, K)."""
     y, x = np.asarray(places, dtype=np.int64).T
     view, frame = (np.broadcast_to(np.asarray(given)[:, None], (len(views), len(x))) for given in (views, frames))
     counters = np.stack([np.broadcast_to(x >> 2, view.shape), np.broadcast_to(y, view.shape), view, frame], axis=-1)

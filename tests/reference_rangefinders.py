@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A twin of what reads rangefinders: each ray against each geom, round shapes by MuJoCo's own function."""
+"""Reference of the rangefinder kernel: each ray against each geom, round shapes by MuJoCo's own ray function."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from warpvis.mujoco._geoms import stored_mesh
 def read_rangefinders(
     model: mujoco.MjModel, data: mujoco.MjData, origin: NDArray, direction: NDArray, body: int
 ) -> tuple[float, NDArray[np.float64]]:
-    """Distance and normal of what a ray meets first that has opacity and is not of a body; -1 and zeros for nothing."""
+    """Return distance and normal of a ray's first hit, ignoring transparent geoms and `body`; -1 and zeros if none."""
     best, normal = np.inf, np.zeros(3)
     for geom in range(model.ngeom):
         material = model.geom_matid[geom]
@@ -36,7 +36,7 @@ def read_rangefinders(
 
 
 def meet_triangles(corners: NDArray, origin: NDArray, direction: NDArray) -> tuple[float, NDArray[np.float64]]:
-    """Distance and normal of the first of triangles, (n, 3, 3), that a ray meets from either side; -1 for none."""
+    """Return distance and normal of a ray's first hit among triangles, (n, 3, 3), from either side; -1 for a miss."""
     a = corners[:, 0] - origin
     matrices = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=-1)
     normals = np.cross(matrices[..., 0], matrices[..., 1])

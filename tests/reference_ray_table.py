@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twin of the kernel of `warpvis.kernels.ray_table`; see `reference`, whose brute force takes rays of any direction."""
+"""Reference of the kernel of `warpvis.kernels.ray_table`, by the brute force of `reference`."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def cast_ray_table(
     near_plane: str = "occlude",
     origins: NDArray | None = None,
 ) -> Any:
-    """What is seen along rays of the camera frame, shape (H, W, 3), of depth 1: `reference.Images`.
+    """Return `reference.Images` of rays of depth 1 in the camera frame, shape (H, W, 3).
 
-    Where a ray is NaN nothing is. They start at `origins` of the camera frame, of the same shape, or all at its own.
+    NaN rays hit nothing. Rays start at `origins` in the camera frame, of the same shape, or at the camera.
     """
     import reference
 
@@ -49,7 +49,7 @@ def cast_ray_table(
 
 
 def in_groups(rays: NDArray, keys: NDArray, cast: Callable[[NDArray, NDArray], Any]) -> Any:
-    """Cast rays, shape (..., 3), together that have one key, shape (..., k): `cast` gets both."""
+    """Cast rays, shape (..., 3), in groups of equal keys, shape (..., k): `cast` takes rays and key."""
     import reference
 
     shape, rays = rays.shape[:-1], rays.reshape(-1, 3)
@@ -61,5 +61,5 @@ def in_groups(rays: NDArray, keys: NDArray, cast: Callable[[NDArray, NDArray], A
 
 
 def moved(pose: NDArray, by: NDArray) -> NDArray:
-    """The row of a pose whose place is another."""
+    """Return a pose row with its position translated."""
     return np.concatenate([np.asarray(pose)[:3] + by, np.asarray(pose)[3:]])

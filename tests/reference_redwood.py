@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twin of the kernel of `warpvis.kernels.redwood`, in double precision, and files as the Redwood data set has them."""
+"""Double-precision reference of the kernel of `warpvis.kernels.redwood`, and files in the format of the Redwood data
+set.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ from warpvis.sensors import Reason, RedwoodNoise
 
 
 def make_table(seed: int = 0, blind: float = 0.03) -> NDArray[np.float32]:
-    """Factors about 1, (80, 80, 5), that change with place and depth, and some cells without any."""
+    """Return factors about 1, (80, 80, 5), that vary with position and depth, and some invalid cells."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:80, :80] / 79
     bent = 0.05 * np.cos(3 * x + 5 * y)[..., None] * np.linspace(0.2, 1, 5)
@@ -27,7 +29,7 @@ def make_table(seed: int = 0, blind: float = 0.03) -> NDArray[np.float32]:
 
 
 def write_table(path: Path, table: NDArray) -> Path:
-    """Write lines of numbers as ``dist-model.txt`` has them: 3 of the whole, then 23 of a cell."""
+    """Write lines of numbers in the format of ``dist-model.txt``: 3 of the header, then 23 per cell."""
     cells = np.full((6400, 23), 7.0)
     cells[:, :5] = 9000.0
     cells[:, 15:20] = table.reshape(6400, 5)
@@ -40,14 +42,14 @@ def write_table(path: Path, table: NDArray) -> Path:
 
 
 def _pixel(at: NDArray, size: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Whole places of an image, and how far they are from being others."""
+    """Return rounded pixel coordinates and their distance from a rounding boundary."""
     kept = np.clip(at, 0, size - 1)
     return np.floor(kept + 0.5).astype(int), np.abs((kept + 0.5) % 1 - np.rint((kept + 0.5) % 1))
 
 
 @np.errstate(divide="ignore", invalid="ignore")
 def measure_redwood(model: RedwoodNoise, camera: Camera, true_depth: NDArray, draws: NDArray, seed: int) -> Said:
-    """What the model says of exact depth."""
+    """Return the measurement of exact depth."""
     height, width = shape = true_depth.shape[1:]
     views, frames = np.asarray(draws).T
     across, down, noise = (
@@ -57,14 +59,14 @@ def measure_redwood(model: RedwoodNoise, camera: Camera, true_depth: NDArray, dr
     view, y, x = np.ogrid[: len(true_depth), :height, :width]
     row, row_margin = _pixel(y + 0.25 * down, height)
     column, column_margin = _pixel(x + 0.25 * across, width)
-    # At the image's edge a place stays where it is, and half a pixel from any other.
+    # At the image's edge, coordinates are clamped and half a pixel from any boundary.
     margin = np.minimum(row_margin, column_margin)
     depth = true_depth[view, row // 2 * 2, column // 2 * 2].astype(np.float64)
     cells = np.asarray(model.distortion, dtype=np.float64)[
         np.floor(row / max(height - 1, 1) * 479 + 0.5).astype(int) // 6,
         np.floor(column / max(width - 1, 1) * 639 + 0.5).astype(int) // 8,
     ]
-    # Between middles of 1, 3, 5, 7 and 9 m, and as at their ends beyond.
+    # Interpolate between bin centers 1, 3, 5, 7 and 9 m; constant beyond.
     place = np.clip(np.where(np.isfinite(depth), (depth - 1) / 2, 0), 0, 4)
     before = np.minimum(np.floor(place).astype(int), 3)
     lower, upper = (np.take_along_axis(cells, (before + k)[..., None], axis=-1)[..., 0] for k in (0, 1))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Base colours in double precision, the slow way: `warpvis.kernels.shading` without its tables."""
+"""Double-precision references of base and lit colors: `warpvis.kernels.shading` without lookup tables."""
 
 import numpy as np
 
@@ -8,21 +8,21 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.scene.materials import Appearance
 
 SIDES = ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))
-"""Axis and sign of a cube's sides: right, left, up, down, front, back."""
+"""Axis and sign of a cube's faces: right, left, up, down, front, back."""
 
 
 def to_linear(values):
-    """Light of values as screens show them (IEC 61966-2-1)."""
+    """Return linear light of sRGB values (IEC 61966-2-1)."""
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def to_screen(values):
-    """The inverse."""
+    """Return sRGB values of linear light."""
     return np.where(values <= 0.0031308, values * 12.92, 1.055 * np.maximum(values, 0) ** (1 / 2.4) - 0.055)
 
 
 def converted(colors, of, to):
-    """Colours (..., 4) of one colour space in another; opacity stays."""
+    """Return colors (..., 4) converted between color spaces; opacity is unchanged."""
     if of == to:
         return colors
     change = to_linear if to == "linear" else to_screen
@@ -30,7 +30,7 @@ def converted(colors, of, to):
 
 
 def levels_of(image):
-    """An image, and means of 2x2 texels of the level before, rounded up from halves, down to one texel."""
+    """Return the mip levels of an image: means of 2x2 texels, halves rounded up, down to one texel."""
     image = np.concatenate([image, np.full((*image.shape[:2], 4 - image.shape[2]), 255)], axis=2).astype(np.int64)
     levels = [image]
     while max(levels[-1].shape[:2]) > 1:
@@ -61,7 +61,7 @@ def texel(level, column, row, texture, space):
 
 
 def sample_level(level, uv, texture, space):
-    """The colour of one level at a place, v upwards."""
+    """Return the color of one mip level at `uv`, v upwards."""
     x, y = uv[0] * level.shape[1], (1 - uv[1]) * len(level)
     if texture.filter == "nearest":
         return texel(level, int(np.floor(x)), int(np.floor(y)), texture, space)
@@ -75,7 +75,7 @@ def sample_level(level, uv, texture, space):
 
 
 def sample(texture, uv, across, below, space):
-    """The colour at a place of which neighbouring pixels' places are so far away."""
+    """Return the color at `uv`, where `across` and `below` are the offsets to the adjacent pixels."""
     levels = levels_of(texture.image)
     size = np.array(levels[0].shape[1::-1])
     longest = max(np.linalg.norm(across * size), np.linalg.norm(below * size))
@@ -90,7 +90,7 @@ def sample(texture, uv, across, below, space):
 
 
 def weights(corners, point):
-    """How much of each corner is in a point of the triangle's plane."""
+    """Return the barycentric coordinates of a point in the triangle's plane."""
     a, ab, ac = corners[0], corners[1] - corners[0], corners[2] - corners[0]
     normal = np.cross(ab, ac)
     b = np.cross(point - a, ac) @ normal / (normal @ normal)
@@ -99,15 +99,15 @@ def weights(corners, point):
 
 
 def base_color(appearance, faces, face, corners, ray, steps):
-    """The base colour of a mesh where a ray meets one of its triangles, uint8.
+    """Return the base color of a mesh where a ray hits one of its triangles, uint8.
 
     Args:
         appearance: A `warpvis.scene.materials.Appearance`.
         faces: The mesh's faces.
-        face: Index of the one that is met.
-        corners: Its corners, seen from where the ray begins, (3, 3).
+        face: Index of the triangle.
+        corners: Its vertices relative to the ray's origin, (3, 3).
         ray: The ray, of any length.
-        steps: What has to be added to it for the rays of the next pixels across and below, (2, 3).
+        steps: Offsets to the rays of the next pixels across and below, (2, 3).
     """
     number = 0 if appearance.face_materials is None else appearance.face_materials[face]
     material = appearance.materials[number]
@@ -133,7 +133,7 @@ def base_color(appearance, faces, face, corners, ray, steps):
 
 
 def lit_color(lights, material, point, normal, eye, forward):
-    """The colour of a point of a surface of one material, without textures, under all lights, from 0 to 1, sRGB."""
+    """Return the color of a surface point of an untextured material under all lights, sRGB from 0 to 1."""
     space = "linear" if any(light.color_space == "linear" for light in lights) else "srgb"
 
     def of(color, stored):
@@ -162,7 +162,7 @@ def lit_color(lights, material, point, normal, eye, forward):
 
 
 def shade_base_colors(scene, camera, poses, views, *, object_poses=None):
-    """What every pixel has to show, by where its ray meets the triangle that it says it shows."""
+    """Return the expected colors of pixels, at the hit point of their ray on the triangle that the view reports."""
     seg, faces = views.segmentation.numpy(), views.faces.numpy()
     expected = np.zeros((*seg.shape, 3))
     steps = np.diag([1 / camera.fx, 1 / camera.fy, 1])[:2]
@@ -181,7 +181,7 @@ def shade_base_colors(scene, camera, poses, views, *, object_poses=None):
 
 
 def shade_lit_colors(lights, materials, poses, views):
-    """What pixels show of objects of one material each, by the points and normals that they say, (V, H, W, 3)."""
+    """Return the expected lit colors from a view's points and normals, one material per object, (V, H, W, 3)."""
     seg, points, normals = (getattr(views, key).numpy() for key in ("segmentation", "points", "normals"))
     expected = np.zeros((*seg.shape, 3))
     for view, matrix in enumerate(poses_to_matrices(np.atleast_2d(poses))):

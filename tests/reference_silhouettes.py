@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of ``kernels/silhouettes.py``: BOP's definition of what is visible, word for word, in float64 NumPy."""
+"""Float64 NumPy references of ``kernels/silhouettes.py``: BOP's definition of visibility, implemented literally."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from warpvis.sensors import LensCamera
 
 @dataclass
 class Alone:
-    """A world of one object."""
+    """A scene with a single object."""
 
     objects: tuple[SceneObject, ...]
 
@@ -29,10 +29,11 @@ class Alone:
 def measure_silhouettes(
     scene: Scene, camera: Camera, pose: NDArray, index: int, *, canvas: tuple[int, int, int, int], delta: float
 ) -> dict[str, NDArray]:
-    """Masks of an object: its silhouette on the canvas, and in the image: silhouette, visible, too near, too far.
+    """Return masks of an object: silhouette on the canvas; silhouette, visible, too near and too far in the image.
 
-    As bop_toolkit_lib/visibility.py has it: the object is rendered alone on a larger canvas, depth becomes distance,
-    and a pixel is visible where ``d_model - d_test <= delta``. With a `delta` of 0, visible is what the image shows.
+    Follows bop_toolkit_lib/visibility.py: the object is rendered alone on a larger canvas, depth is converted to
+    distance,
+    and a pixel is visible where ``d_model - d_test <= delta``. With a `delta` of 0, visibility is that of the image.
     """
     import reference
 
@@ -55,7 +56,7 @@ def measure_silhouettes(
 def measure_silhouettes_rays(
     scene: Scene, camera: LensCamera, pose: NDArray, index: int, *, canvas: tuple[int, int, int, int], delta: float
 ) -> dict[str, NDArray]:
-    """The same through a lens: the canvas is an image of the same lens whose first pixel lies beside."""
+    """As `measure_silhouettes` for a lens: the canvas is a larger image of the same lens."""
     import reference
 
     left, top, _, _ = canvas
@@ -78,7 +79,7 @@ def _canvas_rays(camera: LensCamera, canvas: tuple[int, int, int, int]) -> NDArr
 def _compared(
     model: NDArray, inside: NDArray, test: Any, camera: Any, length: NDArray, index: int, delta: float
 ) -> dict[str, NDArray]:
-    """Masks of an object whose depth on the canvas, and in the image, is that, where all objects look like `test`."""
+    """Return masks of an object from its depth on the canvas (`model`), in the image (`inside`), and the scene."""
     silhouette = np.isfinite(inside)
     with np.errstate(invalid="ignore"):
         behind = (inside - test.depth) * length
@@ -100,7 +101,7 @@ measure_silhouettes_packets = measure_silhouettes
 def judge_silhouettes(
     masks: dict[str, NDArray], canvas: tuple[int, int, int, int], min_pixels: int
 ) -> dict[str, object]:
-    """What an object's masks say: counts, fraction, status, what hides it, and boxes."""
+    """Return counts, fraction, status, occluder and boxes of an object's masks."""
     count = {name: int(mask.sum()) for name, mask in masks.items() if name != "shown"}
     hidden = masks["silhouette"] & ~masks["visible"] & ~masks["near"] & ~masks["far"]
     by = np.bincount(masks["shown"][hidden & (masks["shown"] >= 0)], minlength=1)
@@ -138,5 +139,5 @@ def _box(mask: NDArray, left: int, top: int) -> list[int]:
 
 
 def spread_poses(object_poses: NDArray, columns: NDArray, at_rest: NDArray) -> NDArray:
-    """Every object's pose in every world, shape (W, objects, 7)."""
+    """Return every object's pose in every world, shape (W, objects, 7)."""
     return np.where(columns[:, None] >= 0, object_poses[:, columns], at_rest)

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.simkinect`, in double precision: dots paint about them, one by one.
+"""Double-precision references of the kernels of `warpvis.kernels.simkinect`; dots are processed in sequence.
 
-Beside what they find they return where it may be another in single precision.
+They also return where single precision may give another result.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from warpvis.kernels.constants import STREAM_ACROSS, STREAM_DISPARITY, STREAM_DO
 from warpvis.sensors import Reason, SimKinect
 
 _INVALID = 1e8
-"""Disparities from here on are none [px]."""
+"""Disparities from here on are invalid [px]."""
 _REACH = 4
 
 
@@ -29,8 +29,9 @@ def _disparity_scale(model: SimKinect, camera: Camera) -> float:
 def shift_to_levels(
     model: SimKinect, camera: Camera, true_depth: NDArray, draws: NDArray, seed: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Disparities in eighths of a pixel, 0 for none, (V, H, W), by weights of the four pixels about a place; and by how
-    much they may differ.
+    """Return disparities in eighths of a pixel, (V, H, W), 0 for none, and their error bounds.
+
+    Depth at the shifted position is interpolated bilinearly.
     """
     height, width = true_depth.shape[1:]
     views, frames = np.asarray(draws).T
@@ -49,13 +50,13 @@ def shift_to_levels(
     levels = 8 * disparity
     doubt = np.where(np.abs(levels % 1 - 0.5) < 1e-4 + 1e-5 * levels, 1.0 + 1e-5 * levels, 0.0)
     valid = disparity < _INVALID
-    # What is a tiny part of a surface is nearer than any is, and no kernel says how near.
+    # Bilinear weights can be tiny: the interpolated depth tends to 0 and the disparity has no bound.
     doubt[valid & (levels > 1e6)] = np.inf
     return np.where(valid, np.rint(levels), 0.0), np.where(valid, doubt, 0.0)
 
 
 def detect_dots(dots: NDArray, levels: NDArray, doubt: NDArray) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Levels of the dots that are found, 0 elsewhere."""
+    """Return the levels of detected dots, 0 elsewhere."""
     kept, doubtful = np.zeros(levels.shape), np.zeros(levels.shape, dtype=bool)
     squared = np.add.outer(np.arange(-_REACH, _REACH + 1) ** 2, np.arange(-_REACH, _REACH + 1) ** 2)
     weights = 1 / np.where(squared == 0, 1.0, 1.44 * squared)
@@ -90,7 +91,7 @@ def fill_from_dots(
     draws: NDArray,
     seed: int,
 ) -> Said:
-    """Each dot paints the pixels up to 3 px away to which no dot before it is as near; then come steps and noise."""
+    """Fill pixels within 3 px of each dot unless an earlier dot is as near, then quantize and add noise."""
     kept, doubtful = found
     level, nearness = np.zeros(kept.shape), np.zeros(kept.shape)
     for view, row, column in np.argwhere(kept > 0):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.stereo`, in double precision."""
+"""Double-precision references of the kernels of `warpvis.kernels.stereo`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from warpvis.sensors import Reason, StereoDepth
 
 
 def place_other_eyes(poses: NDArray, baseline: float) -> tuple[NDArray[np.float32], NDArray, NDArray]:
-    """Poses of the other eyes, where these are in the first ones' frames, and the first ones' axes in the world."""
+    """Return poses of the other eyes, their offsets from the first eyes in world axes, and the first eyes' axes."""
     axes = poses_to_matrices(poses)[:, :3, :3]
     origin = np.asarray(poses, dtype=np.float32)[:, :3].astype(np.float64)
     other = np.array(poses, dtype=np.float32)
@@ -27,7 +27,7 @@ def place_other_eyes(poses: NDArray, baseline: float) -> tuple[NDArray[np.float3
 
 
 def points_in_view(camera: Camera, depth: NDArray) -> NDArray[np.float64]:
-    """Points of depth images (V, H, W) in the camera's frame."""
+    """Return points of depth images (V, H, W) in the camera's frame."""
     y, x = np.mgrid[: camera.height, : camera.width] + 0.5
     rays = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=-1)
     with np.errstate(invalid="ignore"):
@@ -37,7 +37,7 @@ def points_in_view(camera: Camera, depth: NDArray) -> NDArray[np.float64]:
 def place_in_other_eyes(
     camera: Camera, other: Camera, place: NDArray, depth: NDArray, min_depth: float
 ) -> NDArray[np.float64]:
-    """Where points are in the other eye's image, (V, H, W, 2); NaN where there is none."""
+    """Return pixels of points in the other eye's image, (V, H, W, 2); NaN outside it."""
     with np.errstate(invalid="ignore"):
         p = points_in_view(camera, depth) - place[:, None, None]
         column, row = other.fx * p[..., 0] / p[..., 2] + other.cx, other.fy * p[..., 1] / p[..., 2] + other.cy
@@ -47,14 +47,14 @@ def place_in_other_eyes(
 
 
 def measure_cosine(camera: Camera, axes: NDArray, normals: NDArray) -> NDArray[np.float64]:
-    """Cosines between the rays of pixels and normals (V, H, W, 3) in the world; `axes` (V, 3, 3) as columns."""
+    """Return cosines between pixel rays and world normals (V, H, W, 3); `axes` (V, 3, 3) as columns."""
     rays = points_in_view(camera, np.ones((1, camera.height, camera.width)))[0]
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     return np.abs(np.einsum("vij,yxj,vyxi->vyx", axes, rays, normals.astype(np.float64)))
 
 
 def noise_weights(spacing: int) -> NDArray[np.float64]:
-    """Of the two nodes about a pixel, by its place between them, (spacing, 2)."""
+    """Return the weights of a pixel's two nodes by its position between them, (spacing, 2)."""
     angles = np.arange(spacing) / spacing * np.pi / 2
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
@@ -62,7 +62,7 @@ def noise_weights(spacing: int) -> NDArray[np.float64]:
 def smooth_noise(
     views: NDArray, frames: NDArray, shape: tuple[int, int], seed: int, spacing: int
 ) -> NDArray[np.float64]:
-    """Standard normal numbers that are interpolated between nodes, (V, H, W)."""
+    """Return standard normal numbers interpolated between nodes, (V, H, W)."""
     if spacing == 1:
         return draw_normals(views, frames, shape, seed, STREAM_DISPARITY)
     nodes = draw_normals(
@@ -77,7 +77,7 @@ def smooth_noise(
 
 
 def noise_correlation(spacing: int, lag: int) -> float:
-    """The correlation of pixels so far apart along one axis, over all places between nodes."""
+    """Return the correlation of pixels `lag` apart along one axis, averaged over positions between nodes."""
     weights, total = noise_weights(spacing), 0.0
     for first in range(spacing):
         second = first + lag
@@ -88,7 +88,7 @@ def noise_correlation(spacing: int, lag: int) -> float:
 
 
 def edge_supports(sensor: StereoDepth, scale: float, depth: NDArray) -> NDArray[np.float64]:
-    """Shares of windows' rows that are of their pixels' surfaces, times those of columns, (V, H, W)."""
+    """Return the share of window pixels on the center's surface, rows times columns, (V, H, W)."""
     reach = sensor.edge_window // 2
     disparity = np.where(np.isfinite(depth), scale / depth.astype(np.float64), np.nan)
     support = np.ones(depth.shape)
@@ -107,11 +107,11 @@ def edge_supports(sensor: StereoDepth, scale: float, depth: NDArray) -> NDArray[
 
 @dataclass
 class StereoSight:
-    """What a sensor measures from: images (V, H, W) in single precision, and what of them rays found."""
+    """Inputs of a stereo sensor: images (V, H, W) in single precision and results of additional rays."""
 
     depth: NDArray
     other_depth: NDArray | None = None
-    """Depth that the other eye sees where points are in its image, +inf where it looks at nothing."""
+    """Depth seen by the other eye at the points' pixels, +inf for the background."""
     cosine: NDArray | float = 1.0
     reflectivity: NDArray | float = 1.0
 
@@ -120,7 +120,7 @@ class StereoSight:
 def measure_stereo(
     sensor: StereoDepth, camera: Camera, sight: StereoSight, draws: NDArray, seed: int = 0
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """What the sensor says, its reasons, and how far the nearest of all decisions was from another, relative."""
+    """Return measured depth, reasons, and the relative margin of the nearest decision."""
     views, frames = np.asarray(draws).T
     shape = sight.depth.shape[1:]
     scale = (camera.fx if sensor.focal_length is None else sensor.focal_length) * sensor.baseline
@@ -175,7 +175,7 @@ def _found_share(sensor: StereoDepth, signal: NDArray) -> NDArray[np.float64]:
 def _as_said(
     sensor: StereoDepth, camera: Camera, said: NDArray, found: NDArray, reason: NDArray, disparity: NDArray
 ) -> NDArray[np.float64]:
-    """Depth as REP 117 has it, and NaN where it was lost for other reasons than range."""
+    """Return depth by REP 117, NaN where it was lost for reasons other than range."""
     said = np.where((said > camera.far) | (found <= 0), np.inf, np.where(said < camera.near, -np.inf, said))
     said = np.where(disparity > sensor.max_disparity, -np.inf, said)
     return np.where(reason > Reason.RANGE, np.nan, np.where(reason == Reason.EMPTY, np.inf, said))

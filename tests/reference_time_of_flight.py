@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.sub_rays` and `warpvis.kernels.time_of_flight`, in double precision."""
+"""Double-precision references of the kernels of `warpvis.kernels.sub_rays` and `warpvis.kernels.time_of_flight`."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ LIGHT = 299792458.0
 
 
 def rays_at(camera: Camera, points: NDArray) -> NDArray[np.float64]:
-    """Rays of the camera's frame through points of the image, (..., 3), of depth 1."""
+    """Return rays of depth 1 in the camera's frame through image points, (..., 3)."""
     points = np.asarray(points, dtype=np.float64)
     x, y = (points[..., 0] - camera.cx) / camera.fx, (points[..., 1] - camera.cy) / camera.fy
     return np.stack([x, y, np.ones_like(x)], axis=-1)
 
 
 def pixel_rays(camera: Camera) -> NDArray[np.float64]:
-    """Rays through all pixels' centres, (H, W, 3)."""
+    """Return rays through all pixel centers, (H, W, 3)."""
     y, x = np.mgrid[: camera.height, : camera.width] + 0.5
     return rays_at(camera, np.stack([x, y], axis=-1))
 
 
 def find_axes(poses: NDArray) -> NDArray[np.float64]:
-    """Cameras' axes in the world as columns, (V, 3, 3)."""
+    """Return cameras' axes in the world as columns, (V, 3, 3)."""
     return poses_to_matrices(poses)[:, :3, :3]
 
 
 def in_camera(poses: NDArray, normals: NDArray) -> NDArray[np.float64]:
-    """Turn normals (V, ..., 3) of the world into cameras' frames."""
+    """Rotate world normals (V, ..., 3) into the cameras' frames."""
     return np.einsum("vij,v...i->v...j", find_axes(poses), normals.astype(np.float64))
 
 
@@ -45,7 +45,7 @@ def in_camera(poses: NDArray, normals: NDArray) -> NDArray[np.float64]:
 def find_edges(
     camera: Camera, poses: NDArray, depth: NDArray, normals: NDArray, edge_step: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Pixels of which a neighbour is not on their plane, (V, H, W), and how near that was to being otherwise [m]."""
+    """Return pixels with a neighbor off their plane, (V, H, W), and the margin to the opposite result [m]."""
     height, width = depth.shape[1:]
     rays, depth = pixel_rays(camera), depth.astype(np.float64)
     normals = in_camera(poses, normals)
@@ -67,12 +67,12 @@ def find_edges(
 
 
 def flag_edges(edges: NDArray) -> NDArray[np.int32]:
-    """1 for pixels at edges, which have a place, and 0 for others."""
+    """Return 1 for edge pixels (non-negative index), else 0."""
     return (edges >= 0).astype(np.int32)
 
 
 def number_edges(edges: NDArray, count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Numbers of pixels at edges, in their order, -1 of others, and which pixels have those, of each view."""
+    """Return consecutive numbers of edge pixels, -1 elsewhere, and the pixel of each number, per view."""
     flags = flag_edges(edges)
     numbers = np.where(flags, flags.cumsum(axis=1) - 1, -1).astype(np.int32)
     pixels = np.full((len(edges), count), -1, dtype=np.int32)
@@ -82,7 +82,9 @@ def number_edges(edges: NDArray, count: int) -> tuple[NDArray[np.int32], NDArray
 
 
 def place_sub_rays(pixels: NDArray, width: int) -> NDArray[np.float64]:
-    """Sixteen places [px] in each of pixels by their numbers, (..., 16, 2): squares of 4 x 4, and 16 x 16 within."""
+    """Return sixteen sample positions [px] per pixel index, (..., 16, 2): stratified in 4 x 4 cells and in 16 rows and
+    columns.
+    """
     place = np.arange(16)
     column, row = place % 4, place // 4
     within = np.stack([column / 4 + (row + 0.5) / 16, row / 4 + (column + 0.5) / 16], axis=-1)
@@ -92,7 +94,7 @@ def place_sub_rays(pixels: NDArray, width: int) -> NDArray[np.float64]:
 def lights(
     rays: NDArray, normals: NDArray, depth: NDArray, reflectivity: NDArray | float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Ranges, rho cos(theta) / r^2, and rho / r^2, which is none where there is no depth; normals as the rays are."""
+    """Return ranges, rho cos(theta) / r^2, and rho / r^2, which is 0 without depth; normals in the rays' frame."""
     length = np.linalg.norm(rays, axis=-1)
     distance = depth.astype(np.float64) * length
     straight = np.where(np.isfinite(distance), reflectivity / distance**2, 0.0)
@@ -102,7 +104,7 @@ def lights(
 
 @dataclass
 class Mix:
-    """What comes back of pixels, and how near the choice of whole turns was to another one."""
+    """Combined returns of pixels, and the margin of the choice of the ambiguity interval."""
 
     range: NDArray
     amplitude: NDArray
@@ -116,7 +118,7 @@ class Mix:
 def mix_sub_rays(
     sensor: TimeOfFlight, rays: NDArray, normals: NDArray, depth: NDArray, reflectivity: NDArray | float
 ) -> Mix:
-    """The sums of phasors over the last axis but the vectors' own; normals in the rays' frame."""
+    """Sum the phasors of sub-rays, along the last axis of `depth`; normals in the rays' frame."""
     distance, light, straight = lights(rays, normals, depth, reflectivity)
     all_light = light.sum(axis=-1)
     frequencies = np.array(sensor.frequencies)
@@ -133,7 +135,7 @@ def mix_sub_rays(
     chosen = np.take_along_axis(ranges, best, axis=-1)[..., 0]
     order = np.sort(rest, axis=-1)
     margin = order[..., 1] - order[..., 0] if len(laps) > 1 else np.full(all_light.shape, np.inf)
-    # A turn of nearly none is one of nearly all, too.
+    # Phases near 0 and near a full turn are equivalent.
     margin = np.minimum(margin, np.minimum(turns[..., 0], 1 - turns[..., 0]))
     count = light.shape[-1]
     coherent = strength[..., 0] / count
@@ -148,7 +150,7 @@ def mix_sub_rays(
 
 
 def deviation(sensor: TimeOfFlight, amplitude: NDArray, light: NDArray) -> NDArray[np.float64]:
-    """Lange's formula, of light as a share of a white surface's at 1 m."""
+    """Return the range's standard deviation by Lange's formula; light is relative to a white surface at 1 m."""
     if not np.isfinite(sensor.signal):
         return np.zeros(np.shape(amplitude))
     electrons = sensor.signal * light + sensor.background
@@ -161,7 +163,7 @@ def deviation(sensor: TimeOfFlight, amplitude: NDArray, light: NDArray) -> NDArr
 def measure_time_of_flight(
     sensor: TimeOfFlight, camera: Camera, mix: Mix, draws: NDArray, seed: int = 0
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """What the sensor says of what comes back, (V, H, W), its reasons, and how near a decision was to another."""
+    """Return measured depth (V, H, W), reasons, and the margin of the nearest decision."""
     views, frames = np.asarray(draws).T
     length = np.linalg.norm(pixel_rays(camera), axis=-1)
     noise = draw_normals(views, frames, mix.range.shape[1:], seed, STREAM_RANGE)

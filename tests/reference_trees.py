@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of what makes trees over triangles on the host, and refits them."""
+"""References of the functions that build trees over triangles on the host and refit them."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from numpy.typing import NDArray
 
 
 def load_items(vertices: NDArray, faces: NDArray) -> NDArray[np.float64]:
-    """Boxes of the triangles: rows min x y z, max x y z."""
+    """Return boxes of the triangles: rows min x y z, max x y z."""
     corners = np.asarray(vertices, dtype=np.float64)[faces]
     return np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1)
 
 
 def box_area(boxes: NDArray) -> float:
-    """Half the surface area of the box around boxes, rows as `load_items` makes them."""
+    """Return half the surface area of the box around boxes, rows as from `load_items`."""
     x, y, z = boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)
     return x * y + y * z + z * x
 
 
 def split_cost(left: NDArray, right: NDArray, lanes: int) -> float:
-    """Cost of two children by the surface area heuristic, each with leaves of `lanes` boxes."""
+    """Return the cost of two children by the surface area heuristic, with leaves of `lanes` boxes."""
     return sum(box_area(boxes) * -(-len(boxes) // lanes) for boxes in (left, right))
 
 
 def split_range(boxes: NDArray, lanes: int) -> float:
-    """Least cost of any split of boxes in the order of their centres along an axis."""
+    """Return the smallest cost of any split of boxes ordered by their centers along an axis."""
     centres = boxes[:, :3] + boxes[:, 3:]
     orders = [np.argsort(centres[:, axis], kind="stable") for axis in range(3)]
     return min(split_cost(boxes[o[:i]], boxes[o[i:]], lanes) for o in orders for i in range(1, len(boxes)))
 
 
 def collapse_tree(splits: dict[int, tuple], root: int, lanes: int) -> float:
-    """Least area of all nodes but the root, over all trees of nodes with at most `lanes` children.
+    """Return the smallest total area of all nodes but the root, over all trees with at most `lanes` children per node.
 
-    `splits` holds the binary tree: ``(left, right, left area, right area)``, where 0 stands for a leaf.
+    `splits` holds the binary tree: ``(left, right, left area, right area)``, where 0 denotes a leaf.
     """
     memory: dict[tuple[int, int], float] = {}
 
@@ -55,7 +55,7 @@ def collapse_tree(splits: dict[int, tuple], root: int, lanes: int) -> float:
 
 
 def fill_leaves(vertices: NDArray, faces: NDArray, triangles: NDArray) -> NDArray[np.float32]:
-    """Rows ax ay az bx by bz cx cy cz of the leaves, shape (L, 9, lanes); `triangles` has shape (L, lanes)."""
+    """Return rows ax ay az bx by bz cx cy cz of the leaves, shape (L, 9, lanes); `triangles` has shape (L, lanes)."""
     used = np.where(triangles >= 0, triangles, triangles[:, :1])
     corners = vertices[faces[used]]
     corners[triangles < 0] = corners[triangles < 0][:, :1]
@@ -70,7 +70,7 @@ def rotate_corners(corners: NDArray) -> NDArray:
 
 
 def fit_nodes(vertices: NDArray, faces: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What bounds must hold: the triangles' corners, shape (n, 3, 3), and unit normals, NaN where there is no area."""
+    """Return what bounds must contain: vertices, shape (n, 3, 3), and unit normals, NaN for degenerate triangles."""
     corners = np.asarray(vertices, dtype=np.float64)[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
@@ -78,14 +78,16 @@ def fit_nodes(vertices: NDArray, faces: NDArray) -> tuple[NDArray[np.float64], N
 
 
 def refit_leaves(vertices: NDArray, leaf_vertices: NDArray) -> tuple[NDArray, NDArray]:
-    """Rows of the leaves, shape (L, 9, lanes), and their boxes, shape (L, 6); `leaf_vertices` is (L, 3, lanes)."""
+    """Return leaf rows, shape (L, 9, lanes), and leaf boxes, shape (L, 6); `leaf_vertices` is (L, 3, lanes)."""
     corners = vertices[leaf_vertices].swapaxes(1, 2)
     boxes = np.concatenate([corners.min(axis=(1, 2)), corners.max(axis=(1, 2))], axis=1)
     return np.moveaxis(rotate_corners(corners), 1, 3).reshape(len(leaf_vertices), 9, -1), boxes
 
 
 def refit_nodes(boxes: NDArray, children: NDArray) -> tuple[NDArray, NDArray]:
-    """Boxes of the children, shape (N, 6, lanes), and of the root, by the leaves' boxes; `children` is (N, lanes)."""
+    """Return boxes of the children, shape (N, 6, lanes), and of the root from the leaves' boxes; `children` is (N,
+    lanes).
+    """
     rows = np.empty((len(children), 6, children.shape[1]), dtype=boxes.dtype)
     rows[:, :3], rows[:, 3:] = 3e38, -3e38
     box = np.empty((len(children), 6), dtype=boxes.dtype)

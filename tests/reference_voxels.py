@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Twins of the kernels of `warpvis.kernels.voxels`; see `reference`. A grid is its least corner, side and size."""
+"""References of the kernels of `warpvis.kernels.voxels`; see `reference`. A grid is its min corner, cell size and
+shape.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from warpvis.sensors import LensCamera
 
 
 def precedence(labels: NDArray, ground: Collection[int] = (1,)) -> NDArray[np.int64]:
-    """Which of several labels a cell shows: the one of the greatest."""
+    """Return the precedence of labels: a cell shows the label of the greatest."""
     labels = np.asarray(labels, dtype=np.int64)
     above = np.isin(labels, [Label.OBJECT, Label.HUMAN, Label.ROBOT])
     low = np.isin(labels, list(ground)) | (labels == Label.EMPTY)
@@ -24,12 +26,12 @@ def precedence(labels: NDArray, ground: Collection[int] = (1,)) -> NDArray[np.in
 
 
 def highest(labels: NDArray, axis: int, ground: Collection[int] = (1,)) -> NDArray[np.uint8]:
-    """The label of the greatest precedence along an axis."""
+    """Return the label of the greatest precedence along an axis."""
     return (precedence(labels, ground).max(axis=axis) % 256).astype(np.uint8)
 
 
 def shown_depth(camera: Camera, depth: NDArray) -> NDArray[np.float64]:
-    """Depth by REP 117: -inf is too near, +inf is nothing in range, NaN is not measured."""
+    """Return depth by REP 117: -inf is too near, +inf is nothing in range, NaN is not measured."""
     depth = np.asarray(depth, dtype=np.float32)
     result = np.where((depth > 0) | np.isneginf(depth), depth, np.nan).astype(np.float64)
     result[result < np.float32(camera.near)] = -np.inf
@@ -47,7 +49,7 @@ def mark_surface_points(
     size: tuple[int, int, int],
     ground: Collection[int] = (1,),
 ) -> NDArray[np.int32]:
-    """The precedence of the highest label of the points in every voxel, plus 1; 0 where there are none."""
+    """Return the highest precedence of the points' labels in every voxel, plus 1; 0 without points."""
     import reference
 
     marks = np.zeros(size, dtype=np.int32)
@@ -76,7 +78,7 @@ def judge_voxels(
     marks: NDArray,
     ground: Collection[int] = (1,),
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """States and labels of a grid of which nothing was known before."""
+    """Return states and labels of a grid with no previous data."""
     centers = np.asarray(origin) + cell * (np.stack(np.indices(marks.shape), axis=-1).reshape(-1, 3) + 0.5)
     states = np.where(marks.ravel() > 0, Voxel.SURFACE, Voxel.OUTSIDE)
     order = np.maximum(marks.ravel() - 1, 0)
@@ -111,12 +113,12 @@ judge_voxels_at = judge_voxels
 def merge_voxels(
     first: tuple[NDArray, NDArray], second: tuple[NDArray, NDArray], ground: Collection[int] = (1,)
 ) -> tuple[NDArray, NDArray]:
-    """States and labels of what either map saw."""
+    """Return states and labels of the union of two maps."""
     states, labels = (np.stack(both) for both in zip(first, second, strict=True))
     return states.max(axis=0), highest(labels, 0, ground)
 
 
 def highest_labels(labels: NDArray, up_axis: int, ground: Collection[int] = (1,)) -> NDArray:
-    """Rows and columns of a floor map: y and x, or x and z where y is up."""
+    """Return rows and columns of a floor map: y and x, or x and z if y is up."""
     found = highest(labels, up_axis, ground)
     return found.T if up_axis == 2 else found

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What models of depth cameras say of a wall by their own formulas: the distribution of every pixel's number.
+"""Distributions of depth-camera models on a wall, by their formulas.
 
-`scores` turns what was measured into numbers that are standard normal if the formulas hold: those of which the measured
-number's distribution function is the normal one's. A number in steps has a part of that function at random, between the
-values before and after its step (randomised quantile residuals, Dunn and Smyth 1996).
+`scores` maps measurements to values that are standard normal if the formulas hold, by the probability integral
+transform. For a quantized measurement, the probability is drawn uniformly between the distribution function's values
+before and after its step (randomized quantile residuals, Dunn and Smyth 1996).
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from warpvis.sensors import (
 
 LIGHT = 299792458.0
 _PARTS = 801
-"""Into so many equal parts a shift is divided."""
+"""Number of equal parts that a shift is divided into."""
 
 Distribution = Callable[[NDArray], NDArray]
 
 
 def scores(model: object, camera: Camera, angle: float, seen: dict[str, NDArray]) -> NDArray[np.float64]:
-    """Numbers that are standard normal, (V, H, W), NaN where nothing is measured or another formula would be needed.
+    """Return standard normal scores, (V, H, W), NaN where nothing is measured or the formula does not apply.
 
     Args:
         model: The sensor.
         camera: Its camera.
-        angle: By how much the wall is turned about the vertical [rad].
-        seen: `depth` and `true_depth`, (V, H, W): the latter the same in all views.
+        angle: Rotation of the wall about the vertical [rad].
+        seen: `depth` and `true_depth`, (V, H, W); `true_depth` is the same in all views.
     """
     depth, exact = seen["depth"].astype(np.float64), seen["true_depth"][:1].astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -55,7 +55,7 @@ def scores(model: object, camera: Camera, angle: float, seen: dict[str, NDArray]
 
 
 def steps_of(model: object, camera: Camera) -> float | None:
-    """What depth is divided by to be in whole steps [m], as 1 / z is a whole number of 1 / this; None of none."""
+    """Return s [m] such that s / depth is a whole number for a quantized model; None if depth is continuous."""
     if isinstance(model, StereoDepth) and model.subpixel:
         return _disparity_scale(model, camera) * model.subpixel
     if isinstance(model, KhoshelhamNoise) and model.rounds:
@@ -66,7 +66,7 @@ def steps_of(model: object, camera: Camera) -> float | None:
 
 
 def spacing_of(model: object) -> int:
-    """From how many pixels on noise is independent."""
+    """Return the pixel distance from which noise is independent."""
     if isinstance(model, StereoDepth) and model.noise_spacing > 1:
         return 2 * model.noise_spacing
     return 1
@@ -122,7 +122,7 @@ def _corruptions(
 def _redwood(
     model: RedwoodNoise, camera: Camera, angle: float, depth: NDArray, exact: NDArray
 ) -> tuple[NDArray, Distribution]:
-    """A table of ones; a pixel's column is moved by whole pixels, and then that of an even one."""
+    """Evaluate a table of ones: a pixel's column is shifted by whole pixels, then rounded down to an even one."""
     shifts = np.arange(-3, 4)
     deviation = 0.25 * model.multiplier
     shares = np.diff(ndtr((np.append(shifts, 4) - 0.5) / deviation))
@@ -138,16 +138,14 @@ def _redwood(
 
 
 def see_dots(model: SimKinect, camera: Camera, exact: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """What dots see that are alone in their windows: their columns; disparities by parts of their shifts; and with
-    which probability they are found with these.
-    """
+    """Return columns, disparities by shift, and detection probabilities of dots that are alone in their windows."""
     shifts = model.shift * ndtri((np.arange(_PARTS) + 0.5) / _PARTS)
     scale = _disparity_scale(model, camera)
     at = np.unique(np.nonzero(np.asarray(model.pattern)[: camera.height, : camera.width])[1])
     about = at[:, None] + np.arange(-4, 5)
     looked = np.interp(about[..., None] + shifts, np.arange(camera.width), exact[0, camera.height // 2])
     found = np.rint(8 * scale / looked) / 8
-    # A dot is found where its disparity is less than 0.1 px from its window's mean, to which the other 80 pixels add.
+    # A dot is detected if its disparity is within 0.1 px of the mean of its window, which has 80 other pixels.
     apart = 80 / 81 * (found[:, 4] - found.mean(axis=(1, 2))[:, None])
     error = 80 / 81 * np.sqrt(found.var(axis=2).mean(axis=1) / 80)[:, None] + 1e-9
     return at, found[:, 4], ndtr((0.1 - apart) / error) - ndtr((-0.1 - apart) / error)
@@ -156,7 +154,7 @@ def see_dots(model: SimKinect, camera: Camera, exact: NDArray) -> tuple[NDArray,
 def _simkinect(
     model: SimKinect, camera: Camera, angle: float, depth: NDArray, exact: NDArray
 ) -> tuple[NDArray, Distribution]:
-    """At dots, of all shifts with which they are found."""
+    """Evaluate the distribution at dots, over all shifts with which they are detected."""
     at, found, kept = see_dots(model, camera, exact)
     weights = kept / kept.sum(axis=1, keepdims=True)
     centres = 35130 / np.rint(_disparity_scale(model, camera) / found * model.units) + 0.5

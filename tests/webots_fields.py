@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fields of the nodes of Webots R2023b that our worlds have, and a check of a node against them.
+"""Fields of the Webots R2023b nodes used in our worlds, and a check of nodes against them.
 
 Names and types are those of ``resources/nodes`` of Webots; only fields that a world may set are listed.
 """
@@ -54,7 +54,7 @@ _KINDS = {"Bool": bool, "String": str, "Node": Node}
 
 
 def faults(node):
-    """List what Webots would say of a node and of what is in it."""
+    """Return the errors that Webots would report for a node and its descendants."""
     found = []
     if node.type not in FIELDS:
         return [f"{node}: no node of this type"]
@@ -81,7 +81,7 @@ def faults(node):
 
 
 def descend(nodes):
-    """Go through nodes and all that is in them, in the order of the file; what USE shows comes again."""
+    """Yield all nodes and their descendants in file order; nodes inserted by USE are repeated."""
     for node in nodes:
         yield node
         for value in node.fields.values():

@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Stand-ins for Webots' package `controller`, with the signatures of its two kinds and their failures.
+"""Stand-ins for Webots' package `controller`, with the signatures and failures of its two implementations.
 
 Up to R2022b SWIG wraps C++ (``src/controller/python/controller.i`` of Webots): `getFromDevice` takes a Device and
-refuses all else with a TypeError. From R2023a on Python calls C through ctypes (``lib/controller/python``): functions
-have a result type and no argument types, `getFromDevice` hands its argument to C as it is, and a device that is no
-number is an `ctypes.ArgumentError`.
+raises a TypeError for anything else. From R2023a on Python calls C through ctypes (``lib/controller/python``):
+functions
+have a result type and no argument types, `getFromDevice` passes its argument to C unchanged, and a device that is not a
+number raises a `ctypes.ArgumentError`.
 """
 
 import ctypes
@@ -15,10 +16,11 @@ import numpy as np
 
 
 class Simulation:
-    """A robot with one range finder: what Webots knows, and the library asks for.
+    """The state of Webots that the library reads, for a robot with one range finder.
 
-    `nodes` has matrices, node to world, by DEF name, and `displays` sizes by name; `shown` lists what they show. What
-    is in `image` and `nodes` when a function is called counts: `on_step` may change it.
+    `nodes` maps DEF names to node-to-world matrices, `displays` names to sizes; `shown` lists displayed images. Values
+    of
+    `image` and `nodes` are read at each call; `on_step` may change them.
     """
 
     def __init__(self, device, image, position, orientation, *, tag=7, name="range-finder", supervisor=True, steps=1):
@@ -31,7 +33,7 @@ class Simulation:
 
 
 class _Function(ctypes._CFuncPtr):
-    """A function as `ctypes.CDLL` gives it: of C, with no argument types."""
+    """A C function as returned by `ctypes.CDLL`, without argument types."""
 
     _flags_ = ctypes._FUNCFLAG_CDECL
     _restype_ = ctypes.c_int
@@ -52,7 +54,7 @@ class _Library:
 
 
 def ctypes_library(simulation):
-    """Make what ``from controller import ...`` gives from R2023a on."""
+    """Return the module `controller` as of R2023a and later."""
     place, turn = (ctypes.c_double * 3)(*simulation.position), (ctypes.c_double * 9)(*simulation.orientation)
     device, wb = simulation.device, _Library()
     definitions, displays, images, answers = list(simulation.nodes), list(simulation.displays), {}, []
@@ -61,7 +63,7 @@ def ctypes_library(simulation):
     def enable(tag, period):
         simulation.period = period if tag == simulation.tag else simulation.period
 
-    def node_of(tag):  # NULL where the robot is no supervisor, and for tags of other devices
+    def node_of(tag):  # NULL if the robot is no supervisor, and for tags of other devices
         return 1000 + tag if simulation.supervisor and tag == simulation.tag else None
 
     def step(period):
@@ -202,7 +204,7 @@ def ctypes_library(simulation):
 
 
 def swig_library(simulation):
-    """Make what ``from controller import ...`` gives up to R2022b."""
+    """Return the module `controller` as of R2022b and earlier."""
     device = simulation.device
 
     class Device:
@@ -236,7 +238,7 @@ def swig_library(simulation):
 
         def getRangeImage(self, data_type="list"):
             values = np.ascontiguousarray(simulation.image, dtype=np.float32)
-            if not simulation.period:  # a buffer of the right size, of memory that nothing was written to
+            if not simulation.period:  # a buffer of the right size with uninitialized memory
                 return None if data_type == "list" else b"\x55" * values.nbytes
             return values.ravel().tolist() if data_type == "list" else values.tobytes()
 

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Data, scenes and assertions that several test modules share."""
+"""Data, scenes and assertions shared by several test modules."""

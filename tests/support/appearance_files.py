@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small mesh files with materials and textures, and how they are loaded."""
+"""Small mesh files with materials and textures, and a loader."""
 
 import io
 import warnings
@@ -29,7 +29,7 @@ def load(path, **options):
 
 
 def triangle(info=None, **material):
-    """A triangle with a texture; its index and what else its place says are `info`."""
+    """Return a textured triangle; `info` holds its texture index and further texture properties."""
     writer = GltfWriter()
     made = writer.primitive(ROWS, FACES, material=0)
     made["attributes"]["TEXCOORD_0"] = writer.accessor(UV)

@@ -17,7 +17,7 @@ PARTS = {
 
 
 def build(device, table, ball, *, attached=True):
-    """A table with things on it, and a ball in front of it; attached, or each with a pose of its own."""
+    """Return a table with objects on it and a ball in front, either attached or with separate poses."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
     for name, (mesh, offset) in PARTS.items():

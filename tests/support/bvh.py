@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Triangles to build trees of, and checks of the trees."""
+"""Triangle inputs of tree builds, and checks of the trees."""
 
 from __future__ import annotations
 
@@ -50,17 +50,17 @@ def random_triangles(count, seed=0):
 
 
 def powers(count):
-    """Triangles at ever smaller distances: each split by bins takes few of them away."""
+    """Return triangles at ever smaller distances: each split by bins removes only a few of them."""
     return random_triangles(count)[:, :, :] * 0.7 ** (np.arange(count) % 200)[:, None, None]
 
 
 def doubling(count):
-    """Triangles whose size and distance double again and again: the heuristic's tree is deep."""
+    """Return triangles whose size and distance double repeatedly: the heuristic builds a deep tree."""
     return 2.0 ** np.linspace(-30, 30, count)[:, None, None] * [[1, -0.1, -0.1], [1, 0.1, -0.1], [1, 0, 0.1]]
 
 
 def slivers(count):
-    """Triangles of almost no area, in all directions."""
+    """Return triangles of almost zero area, in all directions."""
     corners = random_triangles(count)
     corners[:, 2] = corners[:, 1] + np.random.default_rng(1).normal(0, 1e-6, (count, 3))
     return corners
@@ -96,7 +96,7 @@ def assert_equal(first: Bvh, other: Bvh):
 
 
 def subtrees(tree: Bvh):
-    """``(node, lane, triangles below, level)`` of every child, children after those below them."""
+    """Return ``(node, lane, triangles below, level)`` of every child, descendants first."""
     children = tree.children.numpy().reshape(-1, tree.lanes)
     triangles = tree.triangles.numpy().reshape(-1, tree.lanes)
     found = []
@@ -147,4 +147,6 @@ def assert_boxes_and_cones_hold(given, tree):
         if cutoff < 2:
             assert cutoff < 1
             assert abs(np.linalg.norm(axis) - 1) < 1e-6
-            assert not (normals[triangles] @ axis < np.sqrt(1 - (cutoff - 5e-4) ** 2)).any()  # NaN holds nothing
+            assert not (
+                normals[triangles] @ axis < np.sqrt(1 - (cutoff - 5e-4) ** 2)
+            ).any()  # NaN normals of degenerate triangles are ignored

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which functions of the tests' modules are called by tests, by their source text."""
+"""Static call graph: which functions of the test modules are called by tests."""
 
 import ast
 from collections.abc import Iterator
@@ -11,14 +11,14 @@ TESTS = Path(__file__).parent.parent
 
 
 class Name(NamedTuple):
-    """A name at the top of a module; the module itself if `name` is empty."""
+    """A top-level name of a module; the module itself if `name` is empty."""
 
     module: str
     name: str
 
 
 class CallGraph:
-    """The definitions at the top of the modules in `tests/`, and which of them each definition uses.
+    """The top-level definitions of the modules in `tests/`, and the definitions that each of them uses.
 
     A use counts as a call. Modules are resolved through imports of names and of modules.
     """

@@ -11,7 +11,7 @@ from pose_samples import MATRICES
 import warpvis as wv
 
 CAMERA = wv.Camera(64, 48, fx=60.0, fy=58.0, cx=31.3, cy=25.1)
-INTEGER = CAMERA.to_K(pixel_center=0.0)  # where pixel centres are whole numbers
+INTEGER = CAMERA.to_K(pixel_center=0.0)  # pixel centers at whole numbers
 FX, FY, CX, CY = INTEGER[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
 NERF = {"fl_x": 60.0, "fl_y": 58.0, "cx": 31.3, "cy": 25.1, "w": 64, "h": 48}
 ROS_YAML = f"""%YAML:1.0

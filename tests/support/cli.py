@@ -8,7 +8,7 @@ from warpvis.cli import main
 
 
 def run_here(monkeypatch, capsys, folder, *arguments):
-    """Exit code, and what was printed, of a command that runs in this process."""
+    """Return the exit code and output of a command that runs in this process."""
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "argv", ["warpvis", *map(str, arguments)])
     code = 0

@@ -9,7 +9,7 @@ from warpvis.mujoco import camera_poses, scene_from_mujoco
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 
 WEDGE = "0 0 0  .3 0 0  .3 .2 0  0 .2 0  0 .1 .2  .3 .1 .2"
-# Every shape twice at one place: first what collides, then what is to be seen.
+# Each shape twice at one position: first the collision geom, then the visual geom.
 TWICE = {
     "box": 'type="box" size=".2 .15 .1"',
     "sphere": 'type="sphere" size=".2"',
@@ -22,7 +22,7 @@ TWICE = {
 HEAD = f"""<mujoco><statistic extent="2"/><visual><map znear=".005" zfar="20"/><quality offsamples="0"/></visual>
   <asset><mesh name="wedge" vertex="{WEDGE}"/></asset><worldbody>
   <camera name="eye" pos="-.4 -.9 .8" xyaxes="1 -.4 0 .25 .6 .8" fovy="60"/>"""
-# Flush surfaces of different shapes, fixed and moving, and what lies on another without coinciding.
+# Flush surfaces of different shapes, fixed and moving, and objects that rest on others without coinciding.
 FLUSH = f"""{HEAD}
   <geom name="table" type="box" size=".6 .5 .05" pos="0 0 -.05"/>
   <geom name="mat" type="box" size=".2 .2 .02" pos=".1 .1 -.02" euler="0 0 25"/>

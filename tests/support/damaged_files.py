@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small files that tests damage."""
+"""Small files for tests to damage."""
 
 import numpy as np
 
 
 def ply(order, faces, *, more="", after="", tail=b""):
-    """A binary PLY file of faces of any number of corners, and of what else a face has: a colour, a list of numbers."""
+    """Return a binary PLY file of polygons with optional extra face properties, such as a color or a list."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [2, 2, 0]], order + "f4")
     kind = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
     head = f"ply\nformat {kind} 1.0\ncomment of a test\nelement vertex 6\n"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Families of random scenes, and their pixels that differ from exact ones."""
+"""Families of random scenes, and their pixels that differ from exact results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from exact_scenes import FAMILIES  # noqa: F401
 
 
 def wrong_pixels(case, depth, most=50):
-    """What an image on the CPU shows that is not there, away from edges: at most so many pixels are looked at."""
+    """Return wrong pixels of a CPU image away from edges; at most `most` differing pixels are examined."""
     matrices = poses_to_matrices(case.poses.astype(np.float32))
     found = Check("cpu", "packets", 1)._compare(case, matrices, depth)[:most]
     wrong = [look_again(case, matrices[view], x, y, float(depth.numpy()[view, y, x]), "") for view, y, x in found]

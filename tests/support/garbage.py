@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Everything public, with arguments for it."""
+"""All public callables and valid arguments for them."""
 
 import importlib
 import inspect
@@ -19,13 +19,13 @@ import warpvis as wv
 
 
 def cases(folder):
-    """Valid arguments of all that is public and can be called."""
+    """Return valid arguments of all public callables."""
     tables = [make(folder) for make in (top_cases, data_cases, tools_cases, lidar_cases, depth_sensor_cases)]
     return {name: case for table in tables for name, case in table.items()}
 
 
 def files_for_cases(folder):
-    """Write the files that valid arguments name, and return their folder."""
+    """Write the files that the valid arguments name, and return their folder."""
     (folder / "out").mkdir()
     (folder / "lab.wbt").write_text(WORLD)
     (folder / "walk.txt").write_text("0 0 0 0 0 0 0 1\n")
@@ -38,7 +38,7 @@ def files_for_cases(folder):
 
 
 def public_callables():
-    """Names of the public functions and classes with parameters, and of their methods: ``Scene.add``."""
+    """Return names of public functions and classes with parameters, and of their methods: ``Scene.add``."""
     modules = [importlib.import_module("warpvis.mujoco.gymnasium")]
     modules += [getattr(wv, name) for name in wv.__all__ if isinstance(getattr(wv, name), types.ModuleType)]
     found = {}

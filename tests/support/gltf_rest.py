@@ -17,7 +17,7 @@ def matrix(turn=(0, 0, 0, 1), move=(0, 0, 0)):
 
 
 def skinned(joints, weights, *, inverse=True, kind=np.uint8, **more):
-    """A triangle of two joints: one at the origin, one above it at (0, 2, 0) that is turned by a quarter."""
+    """Return a triangle with two joints: one at the origin, one at (0, 2, 0) rotated by 90 degrees."""
     writer = GltfWriter()
     at = {"POSITION": writer.accessor(ROWS)}
     at["JOINTS_0"] = writer.accessor(kind(joints))
@@ -34,7 +34,7 @@ def skinned(joints, weights, *, inverse=True, kind=np.uint8, **more):
         item = {"bufferView": view, "componentType": 5126, "count": len(bind), "type": "MAT4"}
         writer.content["accessors"].append(item)
     writer.content["skins"] = [skin]
-    # Where the node of a skinned mesh is does not count (3.7.3.3).
+    # The node transform of a skinned mesh is ignored (3.7.3.3).
     writer.node({"attributes": at}, name="arm", skin=0, translation=[100, 0, 0])
     return writer
 

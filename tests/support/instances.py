@@ -15,12 +15,12 @@ from compare import wrong_depth
 from support.worlds import eyes, random_poses
 
 MESH = trimesh.creation.icosphere(subdivisions=1, radius=0.25)
-COUNT = 35  # of which some groups of lanes are full, and one is not
+COUNT = 35  # several full groups of lanes and a partial one
 
 
 @pytest.fixture
 def shared(monkeypatch):
-    """Few instances share a tree here: the reference has to draw them."""
+    """Lower the number of instances that share a tree: the brute-force reference has to render them."""
     monkeypatch.setattr(_traversal_plan, "_MIN_USES", 10)
     monkeypatch.setattr(_traversal_plan, "_MIN_SAVED", 1000)
     monkeypatch.setattr(_traversal_plan, "_MIN_SAVED_CUDA", 1000)
@@ -31,7 +31,7 @@ def rows(seed=0):
 
 
 def build(device="cpu", *, mesh=MESH, offset=0.0, movable=0):
-    """A floor, instances in two calls, some objects that move among them, and a few that stay alone."""
+    """Return a floor, instances from two calls, some movable objects among them, and a few unshared objects."""
     scene = wv.Scene(device=device)
     places = rows().astype(np.float64)
     places[:, :3] += offset
@@ -46,7 +46,7 @@ def build(device="cpu", *, mesh=MESH, offset=0.0, movable=0):
 
 
 def twin(scene):
-    """The same objects, none of which shares anything."""
+    """Return a scene with the same objects without shared meshes."""
     apart = wv.Scene()
     for item in scene:
         pose = {} if item.pose is None else {"pose": item.pose, "movable": True}
@@ -68,7 +68,7 @@ def assert_alike(one, other):
 
 
 def assert_missing_world_is_empty(renderer, places):
-    """Nobody looks at numbers of worlds on a GPU: a view of none sees nothing, not even what stays."""
+    """Check that a view of an out-of-range world index, which GPUs do not validate, is empty."""
     worlds = parse_worlds(renderer.scene, 3, places, np.zeros(3, dtype=np.int32), None)
     worlds.world = wp.array([1, 2, -1], dtype=wp.int32, device=renderer.scene.device)
     views = renderer.render(eyes(3), object_poses=places, world_index=[1, 0, 0])

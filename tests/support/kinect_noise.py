@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes for the noise of a Kinect."""
+"""Scenes for Kinect noise models."""
 
 import math
 
@@ -20,7 +20,7 @@ def box(scene, name, size, place):
 
 
 def make_scene(device="cpu"):
-    """A floor, a wall, a ball before it, something too near; and sky."""
+    """Return a floor, a wall, a ball in front of it, an object too near, and sky."""
     scene = wv.Scene(device=device)
     box(scene, "floor", (8, 6, 0.1), (0, 1, -0.05))
     box(scene, "wall", (2.0, 0.1, 1.2), (-0.5, 2.8, 0.6))
@@ -30,7 +30,7 @@ def make_scene(device="cpu"):
 
 
 def wall(distance, angle=0.0, device="cpu"):
-    """A wall that is met on the axis at a distance, turned about the vertical by an angle [deg]."""
+    """Return a wall at a distance on the optical axis, rotated about the vertical by an angle [deg]."""
     scene = wv.Scene(device=device)
     half = math.radians(angle) / 2
     scene.add(trimesh.Trimesh([[-60, 0, -60], [60, 0, -60], [60, 0, 60], [-60, 0, 60]], [[0, 1, 2], [0, 2, 3]]),

@@ -10,7 +10,7 @@ from warpvis.sensors import lidars
 
 
 def ouster_metadata(**changes):
-    """Metadata of an OS1-64 as `SensorInfo.from_default` writes it, shortened."""
+    """Return metadata of an OS1-64 in the format of `SensorInfo.from_default`, shortened."""
     known = json.loads(
         '{"lidar_data_format": {"columns_per_frame": 1024, "column_window": [0, 1023], "pixels_per_column": 64},'
         '"lidar_intrinsics": {"lidar_to_sensor_transform": [-1,0,0,0, 0,-1,0,0, 0,0,1,36.18, 0,0,0,1]},'
@@ -28,7 +28,7 @@ def ouster_metadata(**changes):
 
 
 def old_ouster_metadata():
-    """The same as firmware before 2.4 writes it."""
+    """Return the same metadata in the format of firmware before 2.4."""
     new = ouster_metadata()
     beams, lidar = new["beam_intrinsics"], new["lidar_intrinsics"]
     return {

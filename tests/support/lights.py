@@ -18,7 +18,7 @@ SIZE = 64
 
 
 def picture(model, eye, forward, up=(0.0, 1, 0), tangent=0.5):
-    """A picture of MuJoCo's renderer, and the rays of its pixels."""
+    """Return an image of MuJoCo's renderer and the rays of its pixels."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     with mujoco.Renderer(model, SIZE, SIZE) as renderer:
@@ -39,7 +39,7 @@ def picture(model, eye, forward, up=(0.0, 1, 0), tangent=0.5):
 
 
 def lit_file():
-    """A glTF file with lights, of which two are none."""
+    """Return a glTF file with lights, two of them invalid."""
     lights = [
         {"type": "directional", "color": [1, 0.5, 0], "intensity": 3},
         {"type": "spot", "name": "spot", "range": 2, "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.5}},

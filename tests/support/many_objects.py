@@ -6,7 +6,7 @@ import sys
 
 
 def calls_of(function, run):
-    """How often Python calls a function of that name in a run."""
+    """Return how often a function of that name is called during `run`."""
     count = 0
 
     def look(frame, event, _):

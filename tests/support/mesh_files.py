@@ -15,7 +15,9 @@ TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
 
 
 def car():
-    """Meshes of several primitives, nodes of the same name and of none, and names that look like those made here."""
+    """Return meshes of several primitives, duplicate and missing node names, and names that collide with generated
+    ones.
+    """
     writer = GltfWriter()
     body = [writer.primitive(TRIANGLE + k) for k in range(3)]
     wheels = writer.node(writer.primitive(TRIANGLE), name="wheel")
@@ -45,7 +47,7 @@ def draco_file(mesh=BALL, names=("ball",)):
 
 
 def meshopt_file(extension="EXT_meshopt_compression", filter=None):
-    """A ball whose vertices and indices are compressed, with positions as they are or of shared exponents."""
+    """Return a ball with compressed vertices and indices; positions are plain or use a shared exponent."""
     meshopt = pytest.importorskip("meshoptimizer")
     vertices, faces = BALL.vertices.astype(np.float32), BALL.faces.astype(np.uint32).reshape(-1)
     stored = vertices
@@ -74,7 +76,7 @@ def meshopt_file(extension="EXT_meshopt_compression", filter=None):
 
 
 def dae(asset, *, geometries=("part",)):
-    """A COLLADA file of triangles (1, 0, 0), (0, 2, 0), (0, 0, 3)."""
+    """Return a COLLADA file of triangles (1, 0, 0), (0, 2, 0), (0, 0, 3)."""
     shapes = "".join(
         f"""<geometry id="{name}"><mesh>
         <source id="{name}-p"><float_array id="{name}-a" count="9">1 0 0 0 2 0 0 0 3</float_array><technique_common>
@@ -101,7 +103,7 @@ THREE = (
 
 
 def threemf(unit, names):
-    """A 3MF file of triangles (1, 0, 0), (0, 2, 0), (0, 0, 3)."""
+    """Return a 3MF file of triangles (1, 0, 0), (0, 2, 0), (0, 0, 3)."""
     corners = '<vertex x="1" y="0" z="0"/><vertex x="0" y="2" z="0"/><vertex x="0" y="0" z="3"/>'
     mesh = f'<mesh><vertices>{corners}</vertices><triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh>'
     objects = "".join(f'<object id="{k}" name="{name}" type="model">{mesh}</object>' for k, name in enumerate(names, 1))

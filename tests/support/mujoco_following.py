@@ -5,7 +5,7 @@
 import mujoco
 import numpy as np
 
-# What Meta-World's tasks are like: a table, a fixed body of several geoms with one inside, and a hand that moves.
+# Similar to Meta-World's tasks: a table, a fixed body of several geoms with one inside, and a moving hand.
 TASK = """
 <mujoco>
   <statistic extent="2" center="0 0 .3"/>

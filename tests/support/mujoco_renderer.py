@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of `mujoco.Renderer`, and their comparison with ours."""
+"""Images of `mujoco.Renderer`, and their comparison with warpvis images."""
 
 import mujoco
 import mujoco.rollout
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def images(renderer, data, camera, option=None):
-    """Depth and segmentation, by the calls that `mujoco.Renderer` and ours have in common."""
+    """Return depth and segmentation by the calls that both renderers support."""
     renderer.update_scene(data, camera, option)
     renderer.enable_depth_rendering()
     depth = renderer.render()
@@ -26,14 +26,16 @@ def away_from_silhouettes(depth, reach=2, step=0.03):
 
 
 def assert_same_images(ours, theirs, tolerance):
-    """Section 6 of the design: away from silhouettes, and within the tolerance of round shapes."""
+    """Check agreement by section 6 of the design: away from silhouettes, within the tessellation tolerance of round
+    shapes.
+    """
     (depth, segmentation), (expected, expected_segmentation) = ours, theirs
     assert (depth.dtype, depth.shape) == (expected.dtype, expected.shape)
     assert (segmentation.dtype, segmentation.shape) == (expected_segmentation.dtype, expected_segmentation.shape)
     seen, same = expected_segmentation[..., 0] >= 0, (segmentation == expected_segmentation).all(axis=-1)
     inside = away_from_silhouettes(expected) & away_from_silhouettes(depth)
     assert same.mean() >= 0.995 and same[inside].mean() >= 0.999 - 0.005 * (inside & seen).mean()
-    assert np.array_equal(depth[same & ~seen], expected[same & ~seen])  # the far value, to the last digit
+    assert np.array_equal(depth[same & ~seen], expected[same & ~seen])  # the background value, exactly
     if (compared := inside & seen & same).any():
         error = np.abs(depth - expected)[compared]
         assert np.median(error) < 1e-4 + tolerance

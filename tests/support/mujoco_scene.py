@@ -10,7 +10,7 @@ from warpvis.mujoco import (
 
 
 def rendered(geoms, data):
-    """Depth and segmentation of a small image."""
+    """Return depth and segmentation of a small image."""
     eye, model = wv.Camera.from_fov(32, 24, hfov=1), data.model
     renderer = wv.Renderer(geoms.scene, eye, outputs=("depth", "segmentation"))
     views = renderer.render(camera_poses(data, model, [model.camera("front").id]), object_poses=geom_poses(data, geoms))

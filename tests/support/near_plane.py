@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes that the near plane cuts."""
+"""Scenes clipped by the near plane."""
 
 import numpy as np
 import trimesh
@@ -14,7 +14,7 @@ CAMERA = wv.Camera.from_fov(48, 36, hfov=1.2, near=0.5, far=50.0)
 
 
 def scene(device):
-    """A room with a table, a box around one camera, a ball of triangles and a wall that one camera looks along."""
+    """Return a room with a table, a housing around one camera, a ball of triangles and a sheet parallel to one view."""
     made = wv.Scene(device=device)
     made.add(trimesh.creation.box((8, 6, 0.1)), name="floor", label="ground", pose=(0, 0, -1, 0, 0, 0, 1))
     made.add(trimesh.creation.box((0.1, 6, 4)), name="wall", pose=(4, 0, 0, 0, 0, 0, 1))
@@ -27,14 +27,14 @@ def scene(device):
 
 
 def poses():
-    """In the housing, before the ball so that the plane cuts it, in the ball, and above the floor, which it cuts."""
+    """Return poses in the housing, close to the ball so that it is clipped, in the ball, and above the floor."""
     eyes = [((0, 0, 0), (4, 0, 0)), ((0.45, 0.1, 0.05), (1, 0.2, 0)), ((1, 0.2, 0.1), (3, -0.5, 0))]
     eyes.append(((-1, 0, -0.7), (2, 0, -0.95)))
     return np.array([wv.look_at(eye, target) for eye, target in eyes], dtype=np.float32)
 
 
 def assert_cut(views, scene, poses, cull_backfaces):
-    """As the reference has it, with nothing that is too near, and every image saying the same of a pixel."""
+    """Check clipped views against the reference, with no depth below the near plane."""
     assert_matches_reference(views, scene, CAMERA, poses, cull_backfaces=cull_backfaces, near_plane="clip")
     depth = views.depth.numpy()
     assert not np.isneginf(depth).any() and depth.min() >= np.float32(CAMERA.near)
@@ -44,7 +44,7 @@ SOLIDS = {"ball": solids.sphere(0.5), "cylinder": solids.cylinder(0.5, 0.5)}
 
 
 def assert_solid_is_cut(kind, device, render):
-    """A solid before the camera shows its inner side, within its triangles' tolerance; culled, what is behind it."""
+    """Check that a clipped solid shows its inner side within tessellation tolerance or, culled, the wall behind it."""
     made = wv.Scene(device=device)
     made.add(SOLIDS[kind], name=kind, pose=(0.8, 0, 0, 0, 0, 0, 1), movable=True)
     made.add(trimesh.creation.box((0.1, 6, 6)), name="wall", pose=(3, 0, 0, 0, 0, 0, 1))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A desk, and cameras that look at its objects."""
+"""A desk, and cameras that view its objects."""
 
 import numpy as np
 import trimesh
@@ -12,7 +12,7 @@ COUNTS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixel
 
 
 def desk(device="cpu"):
-    """A floor, a wall, things that stay and things that move, of one piece and round ones."""
+    """Return a floor, a wall, static and movable objects, attached objects and round objects."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
     scene.add(trimesh.creation.box((0.05, 1.5, 0.8)), name="wall", pose=(1.0, 0.6, 0.4, 0, 0, 0, 1))

@@ -14,13 +14,13 @@ def sphere_of_rays(count, seed=0):
 
 
 def few_origins(count, spread=0.03, seed=1):
-    """Of few places, as the twin casts rays of one place together."""
+    """Return origins from a few distinct positions: the reference casts rays of equal origin together."""
     rng = np.random.default_rng(seed)
     return rng.uniform(-spread, spread, (8, 3))[rng.integers(8, size=count)]
 
 
 def assert_matches_reference(views, scene, poses, pattern, **options):
-    """Save where a ray 1e-6 beside sees something else."""
+    """Check views against the reference, except where a ray perturbed by 1e-6 gives another result."""
     options |= {"near": pattern.near, "far": pattern.far}
     for view, pose in enumerate(poses):
         expected = reference.cast_ray_table(scene, pattern.rays, pose, origins=pattern.origins, **options)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes whose vertices move."""
+"""Scenes with moving vertices."""
 
 import numpy as np
 import trimesh
@@ -21,7 +21,7 @@ def eyes(count):
 
 
 def assert_seen(scene, twin, caster, poses=None, **options):
-    """The scene shows what its twin of static objects does."""
+    """Check that the scene renders as its equivalent of static objects."""
     poses = eyes(2) if poses is None else poses
     views = wv.render(scene, SMALL, poses, outputs=ALL, caster=caster, **options)
     assert_matches_reference(views, twin, SMALL, poses, cull_backfaces=options.get("cull_backfaces", False))

@@ -76,7 +76,7 @@ def transforms(*items):
 
 
 def write_bag(folder, topics, storage="mcap"):
-    """Topics of messages, one each 10 ms; the one file of the bag."""
+    """Write topics of messages 10 ms apart, and return the bag's only file."""
     with rosbag2.Writer(folder, version=9, storage_plugin=STORAGES[storage]) as writer:
         for name, messages in topics.items():
             kind = messages if isinstance(messages, str) else messages[0].__msgtype__

@@ -20,14 +20,14 @@ SHAPES = (
     *MESHES[:3],
 )
 TURNED = unit((0, 0, 2, 0.1, 0.2, 0.3, 0.9))
-# From inside of what is there, and so near that a near plane cuts it.
+# Views from inside an object, and so close that the near plane clips it.
 NEAR = np.array(
     [wv.look_at((0.02, 0.01, 2.05), (1, 0.3, 2.2)), wv.look_at((0.75, 0.1, 2.1), (0, 0, 2))], dtype=np.float32
 )
 
 
 def build(device, poses, scales=None, *, shapes=SHAPES):
-    """A floor that stays, and movable objects."""
+    """Return a scene with a static floor and movable objects."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
     for index, shape in enumerate(shapes):
@@ -38,7 +38,7 @@ def build(device, poses, scales=None, *, shapes=SHAPES):
 
 
 def assert_alike(views, expected):
-    """Depth as close as depth has to be, and the same objects there."""
+    """Check that depth agrees within tolerance, and objects exactly."""
     wrong = wrong_depth(views.depth.numpy(), expected.depth.numpy().astype(np.float64))
     assert wrong.mean() <= 1e-4
     np.testing.assert_array_equal(views.segmentation.numpy()[~wrong], expected.segmentation.numpy()[~wrong])
@@ -48,11 +48,11 @@ def random_scales(rng, *shape):
     return np.exp(rng.uniform(-0.9, 0.7, (*shape, 3)))
 
 
-# Kinds of closed shapes, factors, and places inside of what they make of them: of what has grown, such as is outside of
-# it as it was made; of what has shrunk, such as is outside of it when the place is divided once more than it has to be.
+# Closed shapes, scale factors, and positions inside the scaled shape: outside the original shape if scaled up, outside
+# the shape scaled twice if scaled down.
 SURROUNDED = ((0, 3.0, 0.6), (4, 3.0, 0.6), (0, 0.5, 0.15), (4, 0.5, 0.11))
 
 
 def surrounded(factor, x):
-    """Factors of one object, and a camera beside its middle that looks through that."""
+    """Return the scale of one object and a camera beside its center that looks through it."""
     return [(factor,) * 3], wv.look_at((x, 0.01, 2), (-1, 0.1, 2.05))[None].astype(np.float32)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes of solids, and their twins of triangles."""
+"""Scenes of solids and equivalent triangle meshes."""
 
 import trimesh
 
@@ -20,7 +20,7 @@ SHAPES = {
 
 
 def build(device, poses, *, names=tuple(SHAPES), extra=()):
-    """A floor that stays, solids at the poses, and meshes that move too."""
+    """Return a scene with a static floor, movable solids at the poses, and movable meshes."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
     for index, name in enumerate(names):

@@ -32,7 +32,7 @@ def box(scene, name, size, place):
 
 
 def make_scene(device="cpu", up_to=7.0):
-    """A floor, a wall, a box and a ball before it; a post so near that it is out of range; and sky."""
+    """Return a floor, a wall, a box and a ball in front of it, a post below the minimum range, and sky."""
     scene = wv.Scene(device=device)
     box(scene, "floor", (8, 8, 0.1), (0, 2, -0.05))
     box(scene, "wall", (3.0, 0.1, 1.2), (-0.5, 3.5, 0.6))
@@ -46,7 +46,7 @@ POSES = np.stack([wv.look_at((x, 0, 0.7), (0.3 * x, 2, 0.5)) for x in (-0.4, 0.0
 
 
 def wall_scene(*depths_and_sizes, device="cpu"):
-    """Upright plates in front of a camera that looks along y: distance and half width, from the middle to the right."""
+    """Return upright plates in front of a camera along y: distance and half width, from the center to the right."""
     scene = wv.Scene(device=device)
     for number, (distance, left, right) in enumerate(depths_and_sizes):
         width = right - left

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of rays in packets, and checks of their images."""
+"""Ray bundles cast in packets, and checks of their images."""
 
 import itertools
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from compare import assert_view_matches, hair
 
 @dataclass(frozen=True)
 class Table(RayCamera):
-    """Any rays."""
+    """A camera of arbitrary rays."""
 
     table: np.ndarray
     kind: str = "range"
@@ -43,19 +43,19 @@ def unit(vectors):
 
 
 def scan(height, width, tall):
-    """A lidar's rays, all around, in a camera frame."""
+    """Return rays of a 360-degree lidar in a camera frame."""
     azimuth, up = np.meshgrid(np.linspace(-np.pi, np.pi, width, endpoint=False), np.linspace(-tall, tall, height))
     return np.stack([np.cos(up) * np.sin(azimuth), np.sin(up), np.cos(up) * np.cos(azimuth)], axis=-1)
 
 
 def wide(height, width, reach):
-    """Rays of depth 1 ahead, which need more than one face."""
+    """Return forward rays of depth 1 that span more than one cube face."""
     x, y = np.meshgrid(np.linspace(-reach, reach, width), np.linspace(-reach, reach, height))
     return np.stack([x, y, np.ones_like(x)], axis=-1)
 
 
 def borders():
-    """Rays through the corners, the edges and the middles of a cube: on the borders of up to three faces."""
+    """Return rays through corners, edges and face centers of a cube: on the borders of up to three faces."""
     steps = np.array(list(itertools.product(np.linspace(-1, 1, 9), repeat=3)))
     return unit(steps[np.abs(steps).max(axis=1) == 1])[None]
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes whose images show the triangles of meshes, and their checks."""
+"""Scenes for face outputs, and their checks."""
 
 import numpy as np
 import trimesh
@@ -13,23 +13,23 @@ from support.worlds import ALL, random_poses
 
 FACES = (*ALL, "faces")
 COUNT = 20
-# Beside others each mesh has triangles of no area, which nobody sees, before them, and some that come twice.
+# `odd` adds invisible degenerate triangles and duplicates to each mesh.
 BOX = trimesh.creation.box((0.5, 0.3, 0.7))
 TORUS = trimesh.creation.torus(0.5, 0.15, major_sections=12, minor_sections=8)
 BALL = trimesh.creation.icosphere(subdivisions=1, radius=0.25)
 
 
 def odd(mesh):
-    """A mesh with triangles of no area, some that come twice, some twice and turned round, in no order."""
+    """Return a mesh with degenerate, duplicated and flipped duplicated triangles, in random order."""
     faces = np.concatenate([[[0, 0, 0], [1, 2, 1]], mesh.faces, mesh.faces[:5], mesh.faces[5:9, ::-1]])
     return np.array(mesh.vertices), np.random.default_rng(3).permutation(faces)
 
 
 def build(device="cpu", *, moving=True, rounded=True):
-    """What stays, instances that stay, and what moves: two of one mesh, one that has another attached, and solids.
+    """Return static objects, static instances, and movable objects: two of one mesh, one with a child, and solids.
 
     Returns:
-        The scene, and of each object the mesh that it was given; None for a solid.
+        The scene, and the mesh of each object; None for a solid.
     """
     scene, given = wv.Scene(device=device), []
 
@@ -58,7 +58,7 @@ def worlds_of(scene, count=2):
 
 
 def corners_in(scene, given, poses):
-    """Corners of each object's own triangles in one world, None for a solid."""
+    """Return vertices of each object's triangles in one world, None for a solid."""
     places = {index: np.asarray(scene.objects[index].place) for index in range(len(scene))}
     column = {index: number for number, index in enumerate(scene.movable)}
     result = []
@@ -81,7 +81,7 @@ def corners_in(scene, given, poses):
 
 
 def assert_faces_hold(views, scene, given, worlds):
-    """Seen points lie in the triangles that are said to be seen; solids have none, and nothing has none."""
+    """Check that hit points lie in the reported triangles; solids and background have face -1."""
     seen = []
     for view in range(len(views.faces.numpy())):
         corners = corners_in(scene, given, worlds[min(view, len(worlds) - 1)])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes for maps of voxels."""
+"""Scenes for voxel maps."""
 
 import numpy as np
 import trimesh
@@ -12,7 +12,7 @@ from warpvis.maps import Voxel
 import reference
 
 CAMERA = wv.Camera.from_fov(160, 120, hfov=1.1, near=0.3, far=3.5)
-# Off round numbers: faces of the scene lie on those, and on the border of two voxels rounding would decide.
+# Avoid round numbers: the scene's faces lie on them, and rounding would decide at voxel borders.
 BOUNDS = np.array([[-1.513, -1.187, -0.127], [1.337, 1.213, 1.081]])
 POSES = np.stack(
     [
@@ -25,7 +25,7 @@ BOX_FRONT, BOX_BACK, BOX_TOP = 0.2, 0.5, 0.4
 
 
 def build(device="cpu"):
-    """Floor, box and ball."""
+    """Return a floor, a box and a ball."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((4, 4, 0.02)), name="floor", label="ground", pose=(0, 0, -0.01, 0, 0, 0, 1))
     middle = (BOX_FRONT + BOX_BACK) / 2
@@ -35,7 +35,7 @@ def build(device="cpu"):
 
 
 def single(poses):
-    """Poses as the kernels have them: in single precision."""
+    """Return poses in single precision, as kernels read them."""
     return wv.core.poses.parse_poses(poses).numpy()
 
 
@@ -43,14 +43,14 @@ def assert_matches_twin(result, depth, labels, poses, camera=CAMERA):
     grid = (np.array(result.origin), result.cell_size)
     marks = reference.mark_surface_points(camera, single(poses), depth, labels, *grid, result.states.shape)
     states, highest = reference.judge_voxels(camera, single(poses), depth, labels, *grid, marks)
-    # A point within a rounding error of a voxel's border may fall on either side of it.
+    # A point within rounding error of a voxel's border may fall on either side.
     assert (result.states.numpy() != states).sum() <= 5
     assert (result.labels.numpy() != highest).sum() <= 5
     return states, highest
 
 
 def at(result, point):
-    """State and label of the voxel that holds a point."""
+    """Return state and label of the voxel that contains a point."""
     index = tuple(np.floor((np.array(point) - result.origin) / result.cell_size).astype(int))
     return Voxel(result.states.numpy()[index]), Label(result.labels.numpy()[index])
 

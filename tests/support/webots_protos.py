@@ -22,6 +22,6 @@ class Project:
         return parse_text(f"#VRML_SIM {version} utf8\n{text}", str(self.root / "worlds" / "w.wbt"))
 
     def expand(self, text, *search_path, version="R2023b"):
-        """What the last node of a world stands for."""
+        """Return the expansion of the last node of a world."""
         world = self.world(text, version=version)
         return Protos(world, search_path).expand(world.nodes[-1])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes with moving objects, worlds of poses, and checks of their images."""
+"""Scenes with moving objects, multiple worlds, and checks of their images."""
 
 import numpy as np
 import trimesh
@@ -36,7 +36,7 @@ def eyes(count, radius=2.8, height=1.1):
 
 
 def build(device, poses, *, movable, static=True, meshes=MESHES):
-    """A floor and a wall that stay, unless told otherwise, around objects at the poses."""
+    """Return a scene with objects at the poses and, by default, a static floor and wall."""
     scene = wv.Scene(device=device)
     poses = iter(poses)
     for index, mesh in enumerate(meshes):
@@ -50,7 +50,7 @@ def build(device, poses, *, movable, static=True, meshes=MESHES):
 
 
 def far_away(rows, *gone):
-    """The rows with some beyond what any camera sees: where a twin of static objects has those that are excluded."""
+    """Return the poses with some rows moved out of view, for static equivalents of excluded objects."""
     rows = np.array(rows)
     rows[..., list(gone), :] = (0, 0, -1e4, 0, 0, 0, 1)
     return rows
@@ -63,7 +63,7 @@ def assert_bits_equal(one, other):
 
 
 def view_of(views, index):
-    """One view of many, as a rendering of its own."""
+    """Return one view of several as a separate result."""
     images = {name: getattr(views, name) for name in ALL}
     return wv.Views(**{name: None if image is None else image[index : index + 1] for name, image in images.items()})
 
