@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Classes of one's own: numbers and names beyond the six, in scenes, files of rules, images and datasets."""
+"""Custom classes: numbers and names beyond the six built-in ones in scenes, label files, images and datasets."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Solid { name "crate" translation -1 0 0.3 children [ Shape { geometry Box { size
 
 
 def street(**options):
-    """Two floors, a car and a box without a name, seen from above."""
+    """Return a scene with two floors, a car and an unnamed box, seen from above."""
     scene = wv.Scene(label_names=NAMES, **options)
     scene.add(trimesh.creation.box((2, 4, 0.1)), name="road_0", label="road", pose=(-1, 0, -0.05, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((2, 4, 0.1)), name="walk_0", label=48, pose=(1, 0, -0.05, 0, 0, 0, 1))
@@ -56,7 +56,7 @@ def labels_of(scene):
 
 
 @pytest.mark.parametrize("caster", ["rays", "packets"])
-def test_pixels_have_any_number(caster, device):
+def test_label_images_contain_custom_numbers(caster, device):
     scene = street(device=device)
     views = wv.Renderer(scene, CAMERA, outputs=("labels", "segmentation"), caster=caster).render(ABOVE)
     labels, objects = views.labels.numpy(), views.segmentation.numpy()
@@ -66,8 +66,8 @@ def test_pixels_have_any_number(caster, device):
     assert np.array_equal(labels, of_object[objects])
 
 
-def test_every_number_is_seen(device):
-    """256 boxes, each with its own label, and a pixel of each."""
+def test_all_256_labels_are_rendered(device):
+    """256 boxes, each with a different label, cover at least one pixel each."""
     scene = wv.Scene(device=device)
     for number in range(256):
         place = (number % 16 - 7.5, number // 16 - 7.5, 0, 0, 0, 0, 1)
@@ -78,7 +78,7 @@ def test_every_number_is_seen(device):
         assert set(np.unique(views.labels.numpy())) == set(range(256))
 
 
-def test_names_begin_with_the_six_and_take_more():
+def test_label_names_extend_built_in_names():
     scene = wv.Scene()
     assert dict(scene.label_names) == SIX
     scene.label_names[40] = "road"
@@ -91,8 +91,8 @@ def test_names_begin_with_the_six_and_take_more():
         scene.label_names.number("ground")
 
 
-def test_names_change_all_at_once_or_not_at_all():
-    names = LabelNames({1: "obstacle", 2: "ground"})  # names that change places
+def test_label_name_updates_are_atomic():
+    names = LabelNames({1: "obstacle", 2: "ground"})  # the two names are swapped
     assert (names[1], names[2]) == ("obstacle", "ground")
     before = dict(names)
     with pytest.raises(wv.errors.SceneError):
@@ -118,19 +118,19 @@ def test_names_change_all_at_once_or_not_at_all():
         ([40], "must be a mapping"),
     ],
 )
-def test_bad_names_are_refused(names, said):
+def test_invalid_label_names_are_rejected(names, said):
     for call in (lambda: wv.Scene(label_names=names), lambda: wv.Scene().label_names.update(names)):
         with pytest.raises(wv.errors.SceneError, match=f"label_names {said}"):
             call()
 
 
 @pytest.mark.parametrize("label", [256, -1, 2.0, True, None, "street", "256", "-1", "²", [40]])
-def test_bad_labels_are_refused(label):
+def test_invalid_labels_are_rejected(label):
     with pytest.raises(wv.errors.SceneError, match=r"label must be one of empty .*, or a number from 0 to 255, got "):
         street().add(trimesh.creation.box(), label=label)
 
 
-def test_long_lists_of_names_are_cut():
+def test_error_truncates_long_lists_of_names():
     names = LabelNames({number: f"class {number}" for number in range(6, 40)})
     with pytest.raises(
         wv.errors.SceneError, match=r"28 others, or a number from 0 to 255, got 'street'; label_names names others$"
@@ -138,8 +138,8 @@ def test_long_lists_of_names_are_cut():
         names.number("street")
 
 
-def test_ground_is_what_the_scene_says():
-    """A road that rises by 5 cm is in a robot's way, and on a plan, unless it is ground."""
+def test_ground_labels_affect_planning_and_maps():
+    """A road raised by 5 cm blocks a robot and the view of a plan unless its class is ground."""
     scene = wv.Scene(label_names=NAMES)
     scene.add(trimesh.creation.box((4, 4, 0.1)), name="road", label="road")
     scene.add(trimesh.creation.box((0.6, 0.6, 2)), name="car", label=252, pose=(1, 0, 1, 0, 0, 0, 1))
@@ -158,7 +158,7 @@ def test_ground_is_what_the_scene_says():
 
 
 @pytest.mark.parametrize("copied", [copy.copy, lambda scene: pickle.loads(pickle.dumps(scene)), lambda s: s.to("cpu")])
-def test_copies_have_the_classes(copied):
+def test_copies_keep_label_names_and_ground_labels(copied):
     scene = copied(street(ground_labels=("road", 48)))
     assert dict(scene.label_names) == {**SIX, **NAMES}
     assert scene.ground_labels == {40, 48}
@@ -181,7 +181,7 @@ def test_exported_scenes_keep_numbers_and_names(tmp_path):
 
 
 @pytest.mark.parametrize("ground", [(), ("ground",), (40,), (1, 40, 252), (3,)])
-def test_exported_scenes_keep_what_is_ground(ground, tmp_path):
+def test_exported_scenes_keep_ground_labels(ground, tmp_path):
     scene = street(ground_labels=ground)
     for label in (1, 3):
         scene.add(trimesh.creation.box(), label=label)
@@ -192,7 +192,7 @@ def test_exported_scenes_keep_what_is_ground(ground, tmp_path):
 
 
 @pytest.mark.parametrize("extras", [{"ground": True}, {"label": 2, "ground": 1}, {"label": 2, "label_name": 3}])
-def test_extras_of_others_are_no_classes(extras, tmp_path):
+def test_foreign_gltf_extras_are_ignored(extras, tmp_path):
     scene, mesh = trimesh.Scene(), trimesh.creation.box()
     mesh.metadata.update(extras)
     scene.add_geometry(mesh, node_name="box", geom_name="box")
@@ -201,7 +201,7 @@ def test_extras_of_others_are_no_classes(extras, tmp_path):
     assert (loaded["box"].label, loaded.ground_labels, dict(loaded.label_names)) == (2, {1}, SIX)
 
 
-def test_two_names_of_one_class_in_a_file_are_refused(tmp_path):
+def test_conflicting_label_names_in_file_are_rejected(tmp_path):
     scene = trimesh.Scene()
     for name in ("road", "street"):
         mesh = trimesh.creation.box()
@@ -213,7 +213,7 @@ def test_two_names_of_one_class_in_a_file_are_refused(tmp_path):
 
 
 def pixel(*labels):
-    """Points over one cell, and their labels."""
+    """Return points above one cell, and their labels."""
     return np.zeros((1, 1, len(labels), 3), np.float32), np.array([[labels]], np.uint8)
 
 
@@ -222,14 +222,14 @@ def pixel(*labels):
     [
         ([1, 40], 40),
         ([2, 40, 252], 252),
-        ([40, 252, 3], 3),  # objects, people and robots cover all classes of one's own
+        ([40, 252, 3], 3),  # objects, people and robots take precedence over custom classes
         ([255, 4, 3], 4),
         ([5, 6, 4], 5),
         ([0, 0], 0),
         ([0, 7], 7),
     ],
 )
-def test_cells_show_the_highest_class(labels, shown, device):
+def test_cells_show_label_of_highest_precedence(labels, shown, device):
     points, images = (wp.array(array, device=device) for array in pixel(*labels))
     points = wp.array(pixel(*labels)[0], dtype=wp.vec3, device=device)
     square = {"bounds": ((-1, -1), (1, 1)), "cell_size": 2.0}
@@ -238,7 +238,7 @@ def test_cells_show_the_highest_class(labels, shown, device):
     assert labels[int(np.argmax(ranks))] == shown
 
 
-def test_ground_labels_are_covered_by_all_others():
+def test_ground_labels_have_lowest_precedence():
     square = {"bounds": ((-1, -1), (1, 1)), "cell_size": 2.0}
     for labels, ground, shown in [
         ([40, 2], (40,), 2),
@@ -251,7 +251,7 @@ def test_ground_labels_are_covered_by_all_others():
         assert labels[int(np.argmax(reference.precedence(labels, ground)))] == shown
 
 
-def test_maps_of_classes_match_their_twins(device):
+def test_maps_with_custom_labels_match_reference(device):
     scene = street(device=device, ground_labels=("road", 48))
     poses = np.stack([wv.look_at((-2.5, 1, 1.5), (0, 0, 0)), wv.look_at((2.1, -1.4, 1.1), (0.3, 0, 0))])
     views = wv.render(scene, CAMERA, poses, outputs=("depth", "points", "labels"))
@@ -294,7 +294,7 @@ def test_maps_of_classes_match_their_twins(device):
             call()
 
 
-def test_colours_are_the_numbers_own():
+def test_label_colors_are_unique_and_stable():
     colors = wv.maps.label_colors()
     assert (colors.shape, colors.dtype) == ((256, 3), np.uint8)
     assert len(np.unique(colors, axis=0)) == 256
@@ -302,10 +302,10 @@ def test_colours_are_the_numbers_own():
         assert tuple(colors[label]) == color
     few = colors[:40].astype(int)
     steps = np.linalg.norm(few[:, None] - few, axis=-1)
-    assert steps[~np.eye(40, dtype=bool)].min() > 40  # the first ones are told apart
+    assert steps[~np.eye(40, dtype=bool)].min() > 40  # the first colors are distinguishable
 
 
-def test_pictures_show_the_classes_that_are_there(tmp_path):
+def test_legends_list_only_present_labels(tmp_path):
     labels = wv.render(street(), CAMERA, ABOVE, outputs=("labels",)).labels.numpy()[0]
     wv.viz.save_labels(labels, tmp_path / "labels.svg", label_names=NAMES)
     text = (tmp_path / "labels.svg").read_text()
@@ -325,8 +325,8 @@ def test_pictures_show_the_classes_that_are_there(tmp_path):
             wv.viz.save_labels(bad, tmp_path / "bad.png")
 
 
-def test_perspectives_know_classes():
-    """Ground of one's own gets no state, and what has another class of one's own does, where it is asked for."""
+def test_perspective_supports_custom_labels():
+    """Custom ground classes have no state; other custom classes do when requested."""
     scene = street(ground_labels=("road", "sidewalk"))
     eyes = {"robot": (-2.5, -1, 1.2), "human": (2.5, 1, 1.6)}
     agents = [
@@ -352,7 +352,7 @@ def test_perspectives_know_classes():
         wv.planning.surface_samples(scene, labels=[1])
 
 
-def test_measured_objects_have_any_class():
+def test_classify_spheres_with_custom_labels():
     spheres = [wv.maps.Sphere((0, 0, 1), 0.5, 40), wv.maps.Sphere((0, 0, 3), 0.5, "human")]
     depth = np.full((1, 48, 64), 1.0, np.float32)
     labels = wv.classify(depth, CAMERA, np.array([0, 0, 0, 0, 0, 0, 1.0]), spheres=spheres, up="z").numpy()
@@ -370,26 +370,26 @@ def street_file(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_files_say_labels_and_classes(name, street_file, tmp_path):
+def test_label_files_assign_labels_and_names(name, street_file, tmp_path):
     if name.endswith("yaml"):
         pytest.importorskip("ruamel.yaml")
     (tmp_path / name).write_text(TEXTS[name])
     for path in (tmp_path / name, str(tmp_path / name)):
         scene = wv.Scene.load(street_file, labels=path)
-        # "*" comes after "road_*": the last that fits counts.
+        # "*" follows "road_*", and the last matching pattern wins.
         assert labels_of(scene) == {"road_0": 7, "walk_0": 7, "car_0": 252, "thing": 7}
         assert dict(scene.label_names) == {**SIX, 40: "road"}
         assert scene.ground_labels == {40}
 
 
-def test_classes_of_a_file_may_be_renamed(street_file, tmp_path):
+def test_label_names_argument_overrides_file(street_file, tmp_path):
     (tmp_path / "rules.json").write_text(TEXTS["rules.json"])
     scene = wv.Scene.load(street_file, labels=tmp_path / "rules.json", label_names={40: "street", 41: "road"})
     assert scene["road_0"].label == 7
     assert (scene.label_names[40], scene.ground_labels) == ("street", {40})
 
 
-def test_files_may_be_patterns_alone(street_file, tmp_path):
+def test_label_files_may_contain_only_patterns(street_file, tmp_path):
     (tmp_path / "rules.json").write_text('{"road_*": "street", "car_*": 9}')
     scene = wv.Scene.load(street_file, labels=tmp_path / "rules.json", label_names={40: "street"})
     assert labels_of(scene) == {"road_0": 40, "walk_0": 2, "car_0": 9, "thing": 2}
@@ -416,7 +416,7 @@ def test_files_may_be_patterns_alone(street_file, tmp_path):
         ("rules.txt", "a = 1", "'.txt' is no format of labels; those are json, toml and yaml"),
     ],
 )
-def test_bad_files_of_labels_are_refused(name, text, said, street_file, tmp_path):
+def test_malformed_label_files_are_rejected(name, text, said, street_file, tmp_path):
     if name.endswith("yaml"):
         pytest.importorskip("ruamel.yaml")
     (tmp_path / name).write_text(text)
@@ -424,7 +424,7 @@ def test_bad_files_of_labels_are_refused(name, text, said, street_file, tmp_path
         wv.Scene.load(street_file, labels=tmp_path / name)
 
 
-def test_missing_files_and_unknown_classes_are_refused(street_file, tmp_path):
+def test_missing_files_and_unknown_names_are_rejected(street_file, tmp_path):
     with pytest.raises(wv.errors.FileFormatError, match=r"none.json: cannot be read: No such file"):
         wv.Scene.load(street_file, labels=tmp_path / "none.json")
     with pytest.raises(wv.errors.SceneError, match=r"label must be one of .*, got 'road'"):
@@ -433,7 +433,7 @@ def test_missing_files_and_unknown_classes_are_refused(street_file, tmp_path):
         wv.Scene.load(street_file, labels={"bus": 40})
 
 
-def test_mujoco_models_take_classes(tmp_path):
+def test_labels_apply_to_mujoco_models(tmp_path):
     model = mujoco.MjModel.from_xml_string(MODEL)
     (tmp_path / "rules.json").write_text('{"label_names": {"9": "shelf"}, "labels": {"shelf_*": "shelf", "cart": 250}}')
     (tmp_path / "model.xml").write_text(MODEL)
@@ -453,7 +453,7 @@ def test_mujoco_models_take_classes(tmp_path):
     assert set(np.unique(views.labels.numpy())) - {0} == {1, 9, 250}
 
 
-def test_webots_worlds_take_classes(tmp_path):
+def test_labels_apply_to_webots_worlds(tmp_path):
     (tmp_path / "hall.wbt").write_text(WORLD)
     (tmp_path / "rules.toml").write_text('[label_names]\n9 = "shelf"\n[labels]\n"shelf*" = "shelf"\n')
     for scene in (
@@ -464,7 +464,7 @@ def test_webots_worlds_take_classes(tmp_path):
         assert scene.label_names[9] == "shelf"
 
 
-def test_rules_follow_each_other_in_order():
+def test_later_label_rules_override_earlier_ones():
     first = LabelRules.of({"a": 1, "b": 2}, {40: "road", 41: "car"})
     both = first.followed_by(LabelRules.of({"a": 3}, {41: "bus"}))
     assert list(both.labels.items()) == [("b", 2), ("a", 3)]
@@ -472,7 +472,7 @@ def test_rules_follow_each_other_in_order():
 
 
 @pytest.mark.parametrize("kind", ["npz", "png", "zarr"])
-def test_datasets_keep_the_classes(kind, tmp_path):
+def test_datasets_keep_label_names(kind, tmp_path):
     if kind == "zarr":
         pytest.importorskip("zarr")
     poses = np.tile(ABOVE, (3, 1))
@@ -492,14 +492,14 @@ def test_datasets_keep_the_classes(kind, tmp_path):
         wv.render_batch(renamed, CAMERA, poses, tmp_path / "street", resume=True, **job)
 
 
-def test_frames_that_see_what_has_no_class_are_not_empty(tmp_path):
-    """Label images alone do not tell it from nothing, so no frame is counted."""
+def test_frames_with_only_class_zero_are_not_empty(tmp_path):
+    """Label images alone do not distinguish class 0 from background, so no frame counts as empty."""
     scene = wv.Scene(label_names={0: "unlabeled"})
     scene.add(trimesh.creation.box((2, 2, 0.1)), label="unlabeled")
     assert wv.render_batch(scene, CAMERA, ABOVE, tmp_path / "set", outputs=["labels"], quiet=True).empty_frames == 0
 
 
-def test_images_json_names_all_classes(tmp_path):
+def test_images_json_contains_all_label_names(tmp_path):
     job = {"format": "png", "outputs": ["labels", "segmentation"], "quiet": True}
     wv.render_batch(street(), CAMERA, ABOVE, tmp_path / "street", **job)
     meaning = json.loads((tmp_path / "street" / "images.json").read_text())
@@ -509,7 +509,7 @@ def test_images_json_names_all_classes(tmp_path):
 
 
 @pytest.mark.parametrize("names", [{"40": "ground"}, {"x": "road"}, {"9" * 5000: "road"}, {"40": 3}, [], "road"])
-def test_manifests_with_bad_names_are_refused(names, tmp_path):
+def test_manifests_with_invalid_label_names_are_rejected(names, tmp_path):
     wv.render_batch(street(), CAMERA, ABOVE, tmp_path / "street", quiet=True)
     manifest = json.loads((tmp_path / "street" / "manifest.json").read_text())
     manifest["scene"]["label_names"] = names
@@ -519,12 +519,12 @@ def test_manifests_with_bad_names_are_refused(names, tmp_path):
             wv.errors.FileFormatError, match=r"label_names in manifest.json must be valid names of labels"
         ):
             call(tmp_path / "street")
-    del manifest["scene"]["label_names"]  # as of a version that had none
+    del manifest["scene"]["label_names"]  # as in manifests of versions without `label_names`
     (tmp_path / "street" / "manifest.json").write_text(json.dumps(manifest))
     assert dict(wv.open_dataset(tmp_path / "street").label_names) == SIX
 
 
-def test_commands_take_classes_from_render_to_a_mask(street_file, tmp_path, monkeypatch, capsys):
+def test_commands_accept_label_options(street_file, tmp_path, monkeypatch, capsys):
     (tmp_path / "rules.json").write_text(TEXTS["rules.json"])
     np.save(tmp_path / "poses.npy", np.tile(ABOVE, (2, 1)))
     classes = ("--labels", "rules.json", "thing=crate", "walk_*=48", "--label-names", "90=crate")
@@ -555,14 +555,14 @@ def test_commands_take_classes_from_render_to_a_mask(street_file, tmp_path, monk
         (["--label-names", "40=ground"], "--label-names must be different names, got 'ground' for 1 and for 40"),
     ],
 )
-def test_bad_words_of_commands_are_refused(words, said, street_file, tmp_path, monkeypatch, capsys):
+def test_invalid_label_options_are_rejected(words, said, street_file, tmp_path, monkeypatch, capsys):
     code, _, printed = run_here(monkeypatch, capsys, tmp_path, "info", street_file, *words)
     assert code == 2
     assert printed.startswith(f"warpvis: {said}")
 
 
-def test_colors_are_told_apart_whatever_cones_are_missing():
-    """Of labels and of who sees what; the first labels' red and brown were one colour to those who see no red."""
+def test_colors_are_distinct_under_color_blindness():
+    """Colors of labels and of visibility states must differ; red and brown once coincided for protanopes."""
     assert nearest_pair({"red": (229, 57, 53), "brown": (141, 95, 55)}) < (1.0,)
     labels = {label.name: color for label, (_, color) in wv.maps.MAP_LEGEND.items()}
     assert nearest_pair(labels) > (30.0,)

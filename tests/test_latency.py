@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth of some frames ago: which frame it is of, for every view, and that nothing else is moved."""
+"""Delayed depth: the source frame of every view, and images that must not be delayed."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ MODEL = Corruptions(multiplied=0.01, dropout=0.1)
 
 
 def moved(frame):
-    """Poses of a frame: cameras that go up."""
+    """Return poses of rising cameras at `frame`."""
     return POSES + np.array([0, 0, 0.05 * frame, 0, 0, 0, 0], dtype=np.float32)
 
 
@@ -27,7 +27,7 @@ def images(views, names=OUTPUTS):
 
 
 def play(device, frames, latency, numbers=None, outputs=OUTPUTS):
-    """What is rendered, and what comes out, of calls with frames (calls, V)."""
+    """Return rendered images and delayed images of calls with frames of shape (calls, V)."""
     renderer = wv.Renderer(make_scene(device), CAMERA, outputs=outputs, sensor=MODEL, seed=5)
     exact, old = [], []
     for call, row in enumerate(frames):
@@ -37,8 +37,8 @@ def play(device, frames, latency, numbers=None, outputs=OUTPUTS):
     return [{name: np.stack([one[name] for one in many]) for name in outputs} for many in (exact, old)]
 
 
-def test_depth_is_that_of_so_many_frames_ago(device):
-    """With the noise that it had then: it is what the renderer said. What is exact is of now."""
+def test_depth_is_delayed_by_given_frames(device):
+    """Delayed depth keeps its original noise; exact outputs are current."""
     frames = np.arange(6)[:, None].repeat(3, axis=1)
     exact, old = play(device, frames, Latency(2))
     for name in DELAYED:
@@ -50,8 +50,8 @@ def test_depth_is_that_of_so_many_frames_ago(device):
 
 
 @pytest.mark.parametrize("delays", [0, 1, 3, (0, 2, 5)], ids=str)
-def test_the_twin_agrees(device, delays):
-    """Views whose frames begin anew, or leave some out, at different calls."""
+def test_delays_match_reference(device, delays):
+    """Frame counters of views restart, or skip frames, at different calls."""
     frames = np.array([[0, 7, 5], [1, 8, 6], [2, 0, 7], [3, 1, 9], [4, 2, 10], [0, 3, 11], [1, 3, 12], [2, 4, 13]])
     exact, old = play(device, frames, Latency(delays), frames)
     for name in DELAYED:
@@ -59,7 +59,7 @@ def test_the_twin_agrees(device, delays):
         np.testing.assert_array_equal(old[name], expected)
 
 
-def test_frames_may_be_one_number_or_a_count(device):
+def test_frame_defaults_to_call_count(device):
     frames = np.array([4, 5, 6, 0, 1])[:, None].repeat(3, axis=1)
     counted = play(device, frames[:3], Latency(2))[1]
     said = play(device, frames, Latency(2), [4, 5, 6, 0, 1])
@@ -67,7 +67,7 @@ def test_frames_may_be_one_number_or_a_count(device):
     np.testing.assert_array_equal(said[1]["depth"][3:], said[0]["depth"][[3, 3]])
 
 
-def test_views_that_are_reset_begin_anew(device):
+def test_reset_clears_selected_views(device):
     renderer = wv.Renderer(make_scene(device), CAMERA, outputs="depth", sensor=MODEL)
     latency = Latency(3)
     said = []
@@ -87,7 +87,7 @@ def test_views_that_are_reset_begin_anew(device):
     np.testing.assert_array_equal(latency(views).depth.numpy(), views.depth.numpy())
 
 
-def test_images_are_ones_own_or_those_given(device):
+def test_outputs_are_new_arrays_or_out(device):
     renderer = wv.Renderer(make_scene(device), CAMERA, outputs=("depth", "reasons"), sensor=MODEL)
     latency = Latency(1)
     first = latency(renderer.render(moved(0)))
@@ -100,14 +100,14 @@ def test_images_are_ones_own_or_those_given(device):
     third = latency(now, out=first)
     assert third.depth is first.depth and third.reasons is first.reasons
     assert (first.depth.numpy() != kept).any()
-    # In place, too.
+    # Outputs may alias inputs.
     views = renderer.render(moved(3))
     assert latency(views, out=views).depth is views.depth
     np.testing.assert_array_equal(views.depth.numpy(), shown)
 
 
-def test_other_images(device):
-    """Scans of rays, no view at all, and frames of a device's array."""
+def test_ray_scans_and_empty_batches(device):
+    """Ray scans, zero views, and frame numbers in a device array."""
     pattern = wv.sensors.Rays(np.eye(3), near=0.0, far=100.0)
     renderer = wv.Renderer(make_scene(device), pattern, outputs="depth")
     latency = Latency(1)
@@ -137,13 +137,13 @@ def test_other_images(device):
         (lambda views: Latency(1).reset([0]), "views must be indices of the 0 views"),
     ],
 )
-def test_what_is_refused(call, message):
+def test_invalid_arguments_are_rejected(call, message):
     views = wv.render(make_scene(), CAMERA, POSES, outputs=("depth", "labels"))
     with pytest.raises(wv.errors.ArrayError, match=message):
         call(views)
 
 
-def test_other_views_than_before_are_refused():
+def test_changed_views_are_rejected():
     latency, scene = Latency(1), make_scene()
     latency(wv.render(scene, CAMERA, POSES, outputs="depth"))
     for poses, outputs in ((POSES[:2], ("depth",)), (POSES, ("depth", "points"))):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras with lenses: made of others' numbers, and their images, by the float64 reference and in closed form."""
+"""Cameras with lenses: conversion from other systems, and images compared with a float64 reference and closed forms."""
 
 import copy
 import math
@@ -60,8 +60,8 @@ SAME_FISHEYE = {
 @pytest.mark.parametrize(
     ("makes", "lens"), [(SAME_LENS, SMALL), (SAME_FISHEYE, lenses.KannalaBrandt(52, 50, 32, 24, FISHEYE))]
 )
-def test_a_lens_is_the_same_in_all_systems(makes, lens):
-    """Half a pixel of OpenCV, ROS and Kalibr, none of COLMAP and nerfstudio: all have the same image."""
+def test_lens_is_the_same_in_all_systems(makes, lens):
+    """OpenCV, ROS and Kalibr place pixel centers at integers, COLMAP and nerfstudio at half-integers."""
     points = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 3)) + [0, 0, 1.5]
     for name, make in makes.items():
         camera = make()
@@ -69,8 +69,8 @@ def test_a_lens_is_the_same_in_all_systems(makes, lens):
         np.testing.assert_allclose(camera.project(points), lens.project(points), atol=1e-12, err_msg=name)
 
 
-def test_the_middle_pixel_of_opencvs_calibration():
-    """cx = (width - 1) / 2 is the middle for OpenCV, and width / 2 here."""
+def test_opencv_principal_point_is_shifted_by_half_a_pixel():
+    """The image center is cx = (width - 1) / 2 in OpenCV, and width / 2 in warpvis."""
     camera = wv.Camera.from_opencv(K, PLUMB_BOB, 64, 48)
     np.testing.assert_allclose(camera.project([0, 0, 1.0]), [32, 24], atol=1e-12)
     colmap = wv.Camera.from_colmap("OPENCV", (52, 50, 31.5, 23.5, *PLUMB_BOB[:4]), 64, 48)
@@ -91,11 +91,11 @@ WITHOUT = {
 
 
 @pytest.mark.parametrize("name", WITHOUT)
-def test_without_distortion_it_is_a_pinhole(name):
+def test_zero_distortion_yields_pinhole_camera(name):
     assert WITHOUT[name]() == PINHOLE
 
 
-def test_kalibrs_models():
+def test_kalibr_camera_models():
     ds = wv.Camera.from_kalibr(KALIBR | {"camera_model": "ds", "intrinsics": [-0.2, 0.6, 20, 21, 31.5, 23.5]})
     assert ds.lens == lenses.DoubleSphere(20, 21, 32, 24, -0.2, 0.6)
     eucm = wv.Camera.from_kalibr(KALIBR | {"camera_model": "eucm", "intrinsics": [0.6, 1.1, 20, 21, 31.5, 23.5]})
@@ -104,13 +104,13 @@ def test_kalibrs_models():
     assert fov.lens == lenses.FOV(52, 50, 32, 24, 0.9)
     omni = wv.Camera.from_kalibr(KALIBR | {"camera_model": "omni", "intrinsics": [0.8, 40, 42, 31.5, 23.5]})
     x, y, z = point = np.array([0.3, -0.2, 0.9])
-    length = np.linalg.norm(point)  # Mei's: the plane of (x, y) / (z + xi |p|)
+    length = np.linalg.norm(point)  # Mei's model projects onto (x, y) / (z + xi |p|)
     expected = [40 * x / (z + 0.8 * length) + 32, 42 * y / (z + 0.8 * length) + 24]
     np.testing.assert_allclose(omni.project(point), expected, atol=1e-12)
 
 
-def test_regions_and_binning_of_raw_images():
-    """As `Camera.from_camera_info` of a message without distortion."""
+def test_roi_and_binning_of_raw_images():
+    """Regions of interest and binning match `Camera.from_camera_info` of a message without distortion."""
     roi = types.SimpleNamespace(x_offset=8, y_offset=4, width=40, height=40, do_rectify=False)
     others = {"binning_x": 2, "binning_y": 2, "roi": roi, "p": np.zeros(12), "r": np.eye(3).ravel()}
     plain = info(d=(), **others)
@@ -121,7 +121,7 @@ def test_regions_and_binning_of_raw_images():
 
 
 def assert_matches_reference(views, scene, poses, camera, **options):
-    """Save where a ray 1e-6 beside sees something else."""
+    """Compare with the reference, except where a ray 1e-6 away hits another surface."""
     options |= {"near": camera.near, "far": camera.far}
     for view, pose in enumerate(poses):
         expected = reference.cast_ray_table(scene, camera.rays, pose, **options)
@@ -133,7 +133,7 @@ def assert_matches_reference(views, scene, poses, camera, **options):
 
 
 @pytest.mark.parametrize("kind", ["z", "range", "wide"])
-def test_the_room_matches_the_reference(kind, device):
+def test_room_matches_reference(kind, device):
     scene = wv.scenes.PRESETS["room"].build(device)
     camera = LensCamera(WIDE, 64, 48) if kind == "wide" else LensCamera(SMALL, 64, 48, kind=kind)
     assert camera.kind == ("z" if kind == "z" else "range")
@@ -143,7 +143,7 @@ def test_the_room_matches_the_reference(kind, device):
     assert_matches_reference(views, scene, poses, camera)
 
 
-def test_a_near_plane_that_cuts_matches_the_reference(device):
+def test_clipping_near_plane_matches_reference(device):
     scene, pose = wv.scenes.PRESETS["room"].build(device), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))[None]
     for kind in ("z", "range"):
         camera = LensCamera(SMALL, 64, 48, near=0.8, far=3.0, kind=kind)
@@ -153,7 +153,7 @@ def test_a_near_plane_that_cuts_matches_the_reference(device):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_solids_and_moved_meshes_match_the_reference(cull_backfaces, device):
+def test_solids_and_moved_meshes_match_reference(cull_backfaces, device):
     rng = np.random.default_rng(0)
     meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=1, radius=0.3)]
     scene = build_solids(device, random_poses(rng, 10, spread=2.0), extra=meshes)
@@ -165,7 +165,7 @@ def test_solids_and_moved_meshes_match_the_reference(cull_backfaces, device):
     assert_matches_reference(views, scene, poses, camera, cull_backfaces=cull_backfaces)
 
 
-def test_zero_coefficients_give_the_pinholes_image(device):
+def test_zero_coefficients_render_pinhole_image(device):
     scene = wv.scenes.PRESETS["room"].build(device)
     pose = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     camera = LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, (0.0,) * 8), 64, 48)
@@ -177,14 +177,16 @@ def test_zero_coefficients_give_the_pinholes_image(device):
         np.testing.assert_array_equal(lens.labels.numpy(), pinhole.labels.numpy())
 
 
-def test_ranges_in_a_sphere_and_a_box(device):
-    """From the middle of a ball all ranges are its radius; in a box, the first of its walls."""
+def test_ranges_in_sphere_and_box(device):
+    """All ranges from the center of a ball equal its radius; in a box, the distance to the nearest wall along the ray."""
     camera = LensCamera(WIDE, 64, 48)
     assert camera.lens.max_angle > math.radians(100) and (camera.directions[..., 2] < 0).any()
     ball = wv.Scene(device=device)
     sphere = trimesh.creation.icosphere(subdivisions=5, radius=3.0)
     ball.add(sphere, name="ball")
-    inner = 1 - np.einsum("fi,fi->f", sphere.face_normals, sphere.triangles[:, 0]).min() / 3.0  # of its flat faces
+    inner = (
+        1 - np.einsum("fi,fi->f", sphere.face_normals, sphere.triangles[:, 0]).min() / 3.0
+    )  # relative depth of the flat faces
     lengths = wv.render(ball, camera, STRAIGHT).depth.numpy()
     assert inner < 1e-3 and (lengths <= 3.0 * (1 + 1e-6)).all() and (lengths >= 3.0 * (1 - inner - 1e-6)).all()
     box = wv.Scene(device=device)
@@ -202,7 +204,7 @@ def test_ranges_in_a_sphere_and_a_box(device):
     )
 
 
-def test_pixels_without_a_ray_are_empty_and_said(device):
+def test_pixels_without_a_ray_are_empty_and_warn(device):
     lens = lenses.OpenCVPinhole(52, 50, 32, 24, (-0.9, 0, 0.001, 0))
     with pytest.warns(
         IntrinsicsWarning, match=r"\d+ of 3072 pixels have no ray because the lens turns back 31\.\d+ degrees"
@@ -229,14 +231,14 @@ WARNS = {
 
 
 @pytest.mark.parametrize("name", WARNS)
-def test_warnings_name_the_line_of_the_caller(name):
-    """However deep in the library they come up."""
+def test_warnings_name_the_callers_line(name):
+    """The reported line is the caller's at any depth of calls."""
     with pytest.warns(IntrinsicsWarning) as caught:
         WARNS[name]()
     assert [warning.filename for warning in caught] == [__file__]
 
 
-def test_points_of_the_image_worlds_and_exclude(device):
+def test_render_at_worlds_exclude_and_out(device):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.4, 0.4, 0.4)), name="cart", movable=True)
     scene.add(trimesh.creation.box((9, 9, 0.1)), name="wall", pose=(0, 0, 4, 0, 0, 0, 1))
@@ -260,7 +262,7 @@ def test_points_of_the_image_worlds_and_exclude(device):
     assert again is views
 
 
-def test_cameras_are_values():
+def test_cameras_compare_hash_and_copy_by_value():
     camera = LensCamera(SMALL, 64, 48, near=0.1, far=9.0)
     for other in (copy.deepcopy(camera), pickle.loads(pickle.dumps(camera))):
         assert other == camera and hash(other) == hash(camera)
@@ -328,13 +330,13 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_cameras_are_said(name):
+def test_invalid_cameras_are_rejected(name):
     make, message = BAD[name]
     with pytest.raises(CameraError, match=message), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         make()
 
 
-def test_packets_are_cast(device):
+def test_lens_cameras_use_packets(device):
     scene = wv.scenes.PRESETS["room"].build(device)
     assert wv.Renderer(scene, LensCamera(SMALL, 64, 48)).caster == "packets"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Datasets through a lens: every format writes it in its own words, and reading gives the same camera and points."""
+"""Datasets of cameras with lenses: each format stores the lens, and reading returns the same camera and points."""
 
 import json
 import sys
@@ -34,7 +34,7 @@ CAMERAS = {
     "wide": LensCamera(WIDE, 64, 48),
     "ftheta": LensCamera(lenses.FTheta(32, 24, (0.02, 1e-5)), 64, 48, kind="z"),
 }
-ANY = {"five", "tilted", "wide", "ftheta"}  # of those that say any lens, a few
+ANY = {"five", "tilted", "wide", "ftheta"}  # a sample, for formats that support any lens
 HOLD = {
     "png": ANY,
     "npz": ANY,
@@ -79,7 +79,7 @@ def write(room, camera, out, kind, **options):
 
 
 @parametrize("kind", HOLD)
-def test_reading_back_gives_the_same_camera(kind, room, tmp_path):
+def test_datasets_round_trip_camera(kind, room, tmp_path):
     for name, camera in CAMERAS.items():
         out = tmp_path / name
         if (HOLD[kind] is ANY and name not in ANY) or (name == "four" and kind != "tum"):
@@ -112,7 +112,7 @@ def test_reading_back_gives_the_same_camera(kind, room, tmp_path):
 
 @dataclass(frozen=True)
 class Stereographic(lenses.Lens):
-    """A lens of a user's own."""
+    """A user-defined lens."""
 
     scale: float
     center: tuple[float, float] = (32.0, 24.0)
@@ -129,7 +129,7 @@ class Stereographic(lenses.Lens):
 
 
 @pytest.mark.parametrize("kind", ["npz", "zarr", "png"])
-def test_lenses_of_a_users_own_class_are_read_back(kind, room, tmp_path):
+def test_user_defined_lenses_round_trip(kind, room, tmp_path):
     if kind == "zarr":
         pytest.importorskip("zarr")
     camera = LensCamera(Stereographic(np.float32(60)), 64, 48, near=0.1)
@@ -148,14 +148,14 @@ def test_lenses_of_a_users_own_class_are_read_back(kind, room, tmp_path):
     assert "optics" not in sys.modules
 
 
-def test_a_lens_with_the_name_of_another_is_no_other(room, tmp_path):
+def test_lenses_are_identified_by_module_and_name(room, tmp_path):
     own = type("OpenCVPinhole", (Stereographic,), {"__module__": __name__})
     wv.render_batch(room, LensCamera(own(60.0), 64, 48), POSES, tmp_path)
     assert type(wv.open_dataset(tmp_path).camera.lens) is own
 
 
 class Unkept(lenses.Lens):
-    """A lens that is no dataclass."""
+    """A lens that is not a dataclass."""
 
     max_angle, turns_back = 3.0, False
     _project, _unproject = Stereographic._project, Stereographic._unproject
@@ -172,15 +172,15 @@ class Unkept(lenses.Lens):
         ),
     ],
 )
-def test_lenses_that_no_file_can_hold_are_refused_first(room, tmp_path, lens, message):
+def test_unserializable_lenses_are_rejected_before_rendering(room, tmp_path, lens, message):
     with pytest.raises(CameraError, match=message):
         wv.render_batch(room, LensCamera(lens, 64, 48), POSES, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("kind", ["npz", "png", "colmap"])
-def test_points_of_a_dataset_are_those_that_were_seen(kind, room, tmp_path):
-    """Depth back-projected through the dataset's own camera; a pinhole of the same intrinsics is off by centimetres."""
+def test_back_projected_dataset_matches_rendered_points(kind, room, tmp_path):
+    """Back-projection through the dataset's camera; a pinhole of the same intrinsics is off by centimeters."""
     camera = CAMERAS["five"]
     dataset = write(room, camera, tmp_path / "set", kind)
     depth = np.where(np.isfinite(dataset["depth"][:]), dataset["depth"][:], np.nan).astype(np.float32)
@@ -192,7 +192,7 @@ def test_points_of_a_dataset_are_those_that_were_seen(kind, room, tmp_path):
     assert np.nanmax(np.abs(pinhole - expected)) > 0.05
 
 
-def test_frames_say_opencvs_numbers_where_the_lens_is_opencvs(room, tmp_path):
+def test_frames_contain_opencv_parameters_of_opencv_lenses(room, tmp_path):
     dataset = write(room, CAMERAS["rational"], tmp_path / "set", "npz")
     np.testing.assert_array_equal(dataset[0]["K"], K)
     np.testing.assert_array_equal(dataset[0]["distortion"], RATIONAL)
@@ -207,7 +207,7 @@ def test_frames_say_opencvs_numbers_where_the_lens_is_opencvs(room, tmp_path):
     np.testing.assert_array_equal(pinhole[0]["distortion"], np.zeros(5))
 
 
-def test_shards_say_the_camera(room, tmp_path):
+def test_shards_contain_the_camera(room, tmp_path):
     for name in ("five", "wide"):
         write(room, CAMERAS[name], tmp_path / name, "npz")
         with np.load(tmp_path / name / "shard-000000.npz") as arrays:
@@ -223,7 +223,7 @@ def write_png(room, out):
     return out
 
 
-def test_zarr_says_the_camera(room, tmp_path):
+def test_zarr_attributes_contain_the_camera(room, tmp_path):
     zarr = pytest.importorskip("zarr")
     write(room, CAMERAS["five"], tmp_path / "five", "zarr")
     said = zarr.open_group(tmp_path / "five" / "data.zarr", mode="r").attrs
@@ -234,7 +234,7 @@ def test_zarr_says_the_camera(room, tmp_path):
     assert "K" not in said and said["depth"].startswith("range, along the ray")
 
 
-def test_colmap_reads_what_was_written(room, tmp_path):
+def test_pycolmap_projects_like_written_camera(room, tmp_path):
     pycolmap = pytest.importorskip("pycolmap")
     for name in ("rational", "fisheye", "eucm"):
         camera = CAMERAS[name]
@@ -246,8 +246,8 @@ def test_colmap_reads_what_was_written(room, tmp_path):
         np.testing.assert_allclose(np.array([theirs.img_from_cam(p) for p in points]), expected, atol=1e-6)
 
 
-def test_opencv_projects_where_a_camera_info_says(room, tmp_path):
-    """Pixel centres at whole numbers: what cv2 projects is half a pixel less."""
+def test_opencv_projects_like_written_camera_info(room, tmp_path):
+    """OpenCV's pixel centers are at integers, so cv2 returns coordinates smaller by half a pixel."""
     cv2 = pytest.importorskip("cv2")
     pytest.importorskip("rosbags")
     from rosbags.typesys import Stores, get_typestore
@@ -269,7 +269,7 @@ def test_opencv_projects_where_a_camera_info_says(room, tmp_path):
         CAMERAS["eucm"].to_camera_info(frame_id="eye", types=types)
 
 
-def test_clouds_of_bags_are_the_points_of_the_lens(room, tmp_path):
+def test_bag_point_clouds_match_lens_rays(room, tmp_path):
     pytest.importorskip("rosbags")
     from rosbags.highlevel import AnyReader
 
@@ -285,7 +285,7 @@ def test_clouds_of_bags_are_the_points_of_the_lens(room, tmp_path):
     np.testing.assert_allclose(cloud, expected, atol=1e-6)
 
 
-def test_visibility_and_interrupted_jobs(room, tmp_path):
+def test_visibility_and_resumed_jobs(room, tmp_path):
     camera = CAMERAS["five"]
     dataset = write(room, camera, tmp_path / "a", "npz", outputs=("depth", "visibility"), shard_frames=1)
     seen = wv.object_visibility(room, camera, POSES)
@@ -299,7 +299,7 @@ def test_visibility_and_interrupted_jobs(room, tmp_path):
         wv.render_batch(room, bent, POSES, tmp_path / "a", outputs=("depth", "visibility"), shard_frames=1, resume=True)
 
 
-def test_frames_have_cameras_with_lenses():
+def test_frames_choose_camera_with_lens():
     camera = CAMERAS["five"]
     frames = wv.Frames.from_poses(POSES, camera=camera)
     same = LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, (*PLUMB_BOB, 0, 0, 0)), 64, 48, far=5.0)
@@ -310,7 +310,7 @@ def test_frames_have_cameras_with_lenses():
             frames.choose_camera(given)
 
 
-def test_calibrations_beside_images(tmp_path):
+def test_calibration_text_takes_size_from_adjacent_image(tmp_path):
     file = tmp_path / "calibration.txt"
     file.write_text("# fx fy cx cy\n52 50 31.5 23.5 -0.3 0.1 0.001 -0.002 0.01\n")
     with pytest.raises(FileFormatError, match="does not define the image size, and there is no image next to it"):
@@ -362,7 +362,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_cameras_of_our_own_are_said(name, tmp_path):
+def test_malformed_camera_files_are_rejected(name, tmp_path):
     fields, message = BAD[name]
     (tmp_path / "eye.json").write_text(json.dumps({"width": 64, "height": 48} | fields))
     with pytest.raises(CameraError, match=rf"eye\.json: .*({message})"):
@@ -384,7 +384,7 @@ def run(monkeypatch, capsys, *arguments):
     return code, output.out, output.err + " ".join(str(one.message) for one in told)
 
 
-def test_the_command_line_sees_through_the_lens(room, tmp_path, monkeypatch, capsys):
+def test_command_line_renders_lens_cameras(room, tmp_path, monkeypatch, capsys):
     (tmp_path / "eye.json").write_text(json.dumps({"width": 64, "height": 48, "lens": LENS}))
     given = ("experiment_1", "--frame", "--camera", tmp_path / "eye.json", "--quiet")
     code, _, said = run(monkeypatch, capsys, "render", *given, "--out", tmp_path / "a", "--format", "npz,colmap")
@@ -404,7 +404,7 @@ def test_the_command_line_sees_through_the_lens(room, tmp_path, monkeypatch, cap
     assert code == 0 and "visible" in said and (tmp_path / "check.png").stat().st_size > 5000
 
 
-def test_agents_with_lenses_are_drawn(tmp_path):
+def test_perspective_pictures_support_lenses(tmp_path):
     scene = wv.scenes.PRESETS["room"].build()
     agents = [
         wv.Agent("robot", CAMERAS["five"], POSES[0], attention=CAMERAS["fisheye"]),
@@ -415,8 +415,8 @@ def test_agents_with_lenses_are_drawn(tmp_path):
     assert (tmp_path / "seen.png").stat().st_size > 20_000
 
 
-def test_rows_of_straight_poses():
-    """The camera's own frame: points of depth are depth times ray."""
+def test_back_projection_is_depth_times_ray():
+    """In the camera frame, a point is its depth times the ray."""
     camera = CAMERAS["five"]
     depth = np.full((1, 48, 64), 2.0, dtype=np.float32)
     np.testing.assert_allclose(wv.back_project(depth, camera, STRAIGHT).numpy()[0], 2 * camera.rays, rtol=1e-6)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of other systems' files with their lenses."""
+"""Lenses in camera files of other systems."""
 
 import warnings
 
@@ -28,7 +28,7 @@ def same_lens(camera, lens):
 
 
 def file_of_opencv(path, d, **others):
-    """Written by OpenCV itself."""
+    """Write a file with OpenCV, and return its path."""
     cv2 = pytest.importorskip("cv2")
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     for name, value in {"image_width": 64, "image_height": 48, "camera_matrix": K, **others}.items():
@@ -39,7 +39,7 @@ def file_of_opencv(path, d, **others):
 
 
 @pytest.mark.parametrize("ending", ["yaml", "xml"])
-def test_files_that_opencv_writes(ending, tmp_path):
+def test_opencv_files(ending, tmp_path):
     pytest.importorskip("ruamel.yaml")
     path = file_of_opencv(tmp_path / f"camera.{ending}", D)
     same_lens(load_camera(path, distortion=True), lenses.OpenCVPinhole(*F, D))
@@ -50,8 +50,8 @@ def test_files_that_opencv_writes(ending, tmp_path):
     np.testing.assert_allclose(plain.to_K(pixel_center=0.0), K)
 
 
-def test_calibrations_of_ros_are_of_the_raw_image(tmp_path):
-    """With or without a `P`, which is of the rectified one."""
+def test_ros_calibrations_describe_raw_image(tmp_path):
+    """`P` describes the rectified image and is ignored."""
     pytest.importorskip("ruamel.yaml")
     text = ROS_YAML.replace("[0, 0, 0, 0, 0]", str(list(D)))
     same_lens(load_camera(put(tmp_path / "eye.yaml", text), distortion=True), lenses.OpenCVPinhole(*F, D))
@@ -61,7 +61,7 @@ def test_calibrations_of_ros_are_of_the_raw_image(tmp_path):
     same_lens(load_camera(put(tmp_path / "fish.yaml", text), distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
 
 
-def test_chains_of_kalibr(tmp_path):
+def test_kalibr_camera_chains(tmp_path):
     pytest.importorskip("ruamel.yaml")
     radtan = KALIBR.replace("[0.0, 0.0, 0.0, 0.0]", str(list(D[:4])))
     fish = KALIBR.replace("cam0", "cam1").replace("radtan", "equidistant")
@@ -70,7 +70,7 @@ def test_chains_of_kalibr(tmp_path):
     same_lens(load_camera(f"{path}:cam1", distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
 
 
-def test_models_of_colmap(tmp_path):
+def test_colmap_camera_models(tmp_path):
     numbers = " ".join(map(str, (*F, *FISHEYE)))
     colmap_text(tmp_path, f"7 OPENCV_FISHEYE 64 48 {numbers}\n8 OPENCV_FISHEYE 64 48 {numbers}")
     same_lens(load_camera(tmp_path / "cameras.txt", distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
@@ -86,7 +86,7 @@ def test_models_of_colmap(tmp_path):
         load_camera(tmp_path / "cameras.txt", distortion=True)
 
 
-def test_transforms_of_nerfstudio(tmp_path):
+def test_nerfstudio_transforms(tmp_path):
     lens = {"k1": D[0], "k2": D[1], "p1": D[2], "p2": D[3]}
     path = put(tmp_path / "transforms.json", nerfstudio() | NERF | lens)
     same_lens(load_camera(path, distortion=True), lenses.OpenCVPinhole(*F, D[:4]))
@@ -126,7 +126,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_files_are_said(name, tmp_path):
+def test_malformed_files_are_rejected(name, tmp_path):
     file, content, message = BAD[name]
     if file.endswith("yaml"):
         pytest.importorskip("ruamel.yaml")
@@ -134,8 +134,8 @@ def test_bad_files_are_said(name, tmp_path):
         load_camera(put(tmp_path / file, content), distortion=True)
 
 
-def test_any_bytes_are_read_or_refused(tmp_path):
-    """Mutations of every kind of file: a camera, or one sentence."""
+def test_mutated_files_are_read_or_rejected(tmp_path):
+    """Mutated files yield a camera or raise WarpvisError."""
     pytest.importorskip("ruamel.yaml")
     rng, said = np.random.default_rng(0), 0
     colmap_text(tmp_path, f"7 FOV 64 48 {' '.join(map(str, F))} 0.9")
