@@ -178,7 +178,7 @@ def test_zero_coefficients_render_pinhole_image(device):
 
 
 def test_ranges_in_sphere_and_box(device):
-    """All ranges from the center of a ball equal its radius; in a box, the distance to the nearest wall along the ray."""
+    """Ranges from the center of a ball equal its radius; in a box, the distance to the nearest wall along the ray."""
     camera = LensCamera(WIDE, 64, 48)
     assert camera.lens.max_angle > math.radians(100) and (camera.directions[..., 2] < 0).any()
     ball = wv.Scene(device=device)
