@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Quaternions with w first: `quaternion="wxyz"` wherever poses of 7 numbers go in gives what w last gives."""
+"""Tests of `quaternion="wxyz"`: every function that accepts poses of 7 numbers accepts both orders."""
 
 import inspect
 
@@ -36,12 +36,12 @@ def scene(device="cpu"):
 
 
 def both(call):
-    """A call of cameras and of objects: what it gives for poses as they are, and with w first."""
+    """Return the results of a call for poses in xyzw order and in wxyz order."""
     return call(POSES, MOVED), call(w_first(POSES), w_first(MOVED), quaternion="wxyz")
 
 
 def arrays_in(result):
-    """All numbers of a result, in an order of its own."""
+    """Return all arrays of a result, in a fixed order."""
     if isinstance(result, wp.array):
         return [result.numpy()]
     if isinstance(result, tuple | list):
@@ -87,20 +87,20 @@ CALLS = {
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_w_first_gives_the_same(name):
+def test_wxyz_order_gives_equal_results(name):
     one, other = both(CALLS[name])
     arrays = arrays_in(one)
     assert arrays
     for first, second in zip(arrays, arrays_in(other), strict=True):
         np.testing.assert_array_equal(first, second)
-    wrong = CALLS[name](w_first(POSES), w_first(MOVED))  # the order does matter
+    wrong = CALLS[name](w_first(POSES), w_first(MOVED))  # the order matters
     assert name in {"plan_visibility", "standing_room"} or any(
         first.shape != second.shape or not np.array_equal(first, second, equal_nan=first.dtype.kind == "f")
         for first, second in zip(arrays, arrays_in(wrong), strict=True)
     )
 
 
-def test_objects_of_a_scene():
+def test_scene_add_accepts_wxyz():
     one, other = scene(), wv.Scene()
     for item in one:
         other.add((item.vertices, item.faces), name=item.name)
@@ -110,15 +110,15 @@ def test_objects_of_a_scene():
     np.testing.assert_array_equal(one["new"].vertices, other["new"].vertices)
 
 
-def test_matrices_are_what_they_are():
+def test_matrices_ignore_quaternion_order():
     matrices = poses_to_matrices(POSES)
     one, other = (wv.render(SCENE, CAMERA, matrices, quaternion=order) for order in ("xyzw", "wxyz"))
     np.testing.assert_array_equal(one.depth.numpy(), other.depth.numpy())
 
 
 @pytest.mark.parametrize("form", ["rows", "transforms", "objects", "matrices"])
-def test_arrays_of_a_device(form, device):
-    """What lies on a GPU is reordered there."""
+def test_device_arrays_are_reordered(form, device):
+    """Arrays on a GPU are reordered on that GPU."""
     rows = np.float32(POSES)
     given, expected = {
         "rows": lambda: (wp.array(w_first(rows), dtype=wp.float32, device=device), rows),
@@ -131,7 +131,7 @@ def test_arrays_of_a_device(form, device):
     np.testing.assert_allclose(got.view(np.float32).reshape(expected.shape), expected, atol=1e-6)
 
 
-def test_the_kernel_against_its_twin(device):
+def test_kernel_matches_reference(device):
     from warpvis.kernels import poses as kernels
 
     import reference
@@ -143,13 +143,13 @@ def test_the_kernel_against_its_twin(device):
     np.testing.assert_array_equal(out.numpy(), reference.quaternions_to_xyzw(rows))
 
 
-def test_other_orders_are_refused():
+def test_invalid_orders_raise():
     for order in ("xyz", "WXYZ", None, 4, ["w"]):
         with pytest.raises(wv.errors.PoseError, match='quaternion must be "xyzw" or "wxyz"'):
             wv.render(SCENE, CAMERA, POSES, quaternion=order)
 
 
-def test_a_range_finder_of_webots():
+def test_webots_range_finder_accepts_wxyz():
     class RangeFinder:
         getWidth = getHeight = lambda self: 4
         getFov = getMaxRange = lambda self: 1.0
@@ -178,7 +178,7 @@ def test_a_range_finder_of_webots():
 
 
 @pytest.mark.slow
-def test_pictures(tmp_path):
+def test_pictures_accept_wxyz(tmp_path):
     seen = wv.render(SCENE, CAMERA, POSES[0])
     image = seen.depth.numpy()[0], seen.segmentation.numpy()[0]
     plan = wv.floor_map(seen.points, seen.labels, bounds=[[-3, -3], [3, 3]], cell_size=0.5)
@@ -212,7 +212,7 @@ def test_pictures(tmp_path):
 _POSES = {"convention", "object_poses", "camera_to_world", "node_pose", "proposed", "pose"}
 
 
-def test_it_is_an_argument_wherever_poses_go_in():
+def test_pose_functions_have_quaternion_argument():
     for name, function in public_callables().items():
         parameters = inspect.signature(function).parameters
         if parameters.keys() & _POSES and not inspect.isclass(function):

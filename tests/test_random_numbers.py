@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Random numbers of pixels: known answers, their distributions, and the same bits whatever a call is made of."""
+"""Tests of the per-pixel random numbers: known answers, distributions, reproducibility."""
 
 import ast
 import re
@@ -72,7 +72,7 @@ def as_numbers(pairs, device):
 
 
 def draw(pairs, shape, device, seed=SEED, stream=STREAM, threads=1):
-    """Words, uniforms and normals of views by their numbers and frames."""
+    """Return words, uniforms and normals of views, given as pairs of view and frame."""
     made = [wp.empty((len(pairs), *shape), dtype=kind, device=device) for kind in (wp.uint32, float, float)]
     numbers = as_numbers(pairs, device)
     given = [numbers, wp.uint32(seed), wp.uint32(stream), *made]
@@ -97,8 +97,8 @@ def made_of(words, device):
         ("243f6a88 85a308d3 13198a2e 03707344", "a4093822 299f31d0", "d16cfe09 94fdcceb 5001e420 24126ea1"),
     ],
 )
-def test_known_answers(device, counter, key, words):
-    """Those of Random123 for philox4x32-10 (its `kat_vectors`)."""
+def test_philox_known_answers(device, counter, key, words):
+    """Known answers of Random123 for philox4x32-10 (`kat_vectors`)."""
     counter, key, words = (
         np.array([int(word, 16) for word in text.split()], np.uint32) for text in (counter, key, words)
     )
@@ -109,7 +109,7 @@ def test_known_answers(device, counter, key, words):
     np.testing.assert_array_equal(reference_random.philox(counter, tuple(int(word) for word in key)), words)
 
 
-def test_words_and_numbers_are_those_of_the_twin(device):
+def test_words_and_numbers_match_reference(device):
     views, frames = [0, 5, 0xFFFFFFFF], [2, 0xFFFFFFFF, 0]
     words, uniforms, normals = draw(list(zip(views, frames, strict=True)), SHAPE[1:], device)
     np.testing.assert_array_equal(words, reference_random.random_words(views, frames, SHAPE[1:], SEED, STREAM))
@@ -117,8 +117,8 @@ def test_words_and_numbers_are_those_of_the_twin(device):
     np.testing.assert_allclose(normals, reference_random.to_normal(words), rtol=4e-5)
 
 
-def test_numbers_at_places_are_those_of_pixels(device):
-    """Of any places: those that an image has there, and beyond."""
+def test_numbers_at_positions_match_pixels(device):
+    """Positions may lie outside the image."""
     views, frames, places = [0, 5, 0xFFFFFFFF], [2, 0xFFFFFFFF, 0], [(0, 0), (36, 53), (7, 2), (2**31 - 1, 2**31 - 2)]
     draws = wp.array(np.array([views, frames], np.uint32).T.copy(), dtype=wp.vec2ui, device=device)
     found = wp.empty((3, 4), dtype=float, device=device)
@@ -130,7 +130,7 @@ def test_numbers_at_places_are_those_of_pixels(device):
     np.testing.assert_array_equal(uniforms[:, [0, 36, 7], [0, 53, 2]], wanted[:, :3])
 
 
-def test_the_kernel_draws_the_same_normals(device):
+def test_kernels_draw_equal_normals(device):
     pairs = [(3, 4), (5, 6)]
     normals = wp.empty((2, *SHAPE[1:]), dtype=float, device=device)
     given = [as_numbers(pairs, device), wp.uint32(SEED), wp.uint32(STREAM), normals]
@@ -148,8 +148,8 @@ def test_the_kernel_draws_the_same_normals(device):
     np.testing.assert_allclose(normals.numpy(), expected, rtol=4e-5)
 
 
-def test_normals_are_right_from_end_to_end(device):
-    """Words of all sizes from both ends and from the middle: within 4e-5 of the inverse of the distribution."""
+def test_normals_match_inverse_cdf_in_tails(device):
+    """Words from both ends and the middle: within 4e-5 of the inverse cumulative distribution function."""
     steps = np.unique(np.geomspace(1, 2**31, 4001).astype(np.uint64)) - 1
     half = 2**31
     words = np.concatenate([steps, 2 * half - 1 - steps, half + steps[steps < half], half - 1 - steps]).astype(
@@ -163,8 +163,8 @@ def test_normals_are_right_from_end_to_end(device):
     np.testing.assert_array_equal(normals, -mirrored)
 
 
-def test_bits_of_normals_are_those_of_separate_roundings(device):
-    """The formula in NumPy's single precision, which fuses nothing: the same bits on every device, and on every day."""
+def test_normals_equal_single_precision_formula(device):
+    """NumPy's single precision fuses nothing: the bits are the same on every device."""
     words = np.random.default_rng(0).integers(0, 2**32, 100_000, dtype=np.uint32)
     np.testing.assert_array_equal(made_of(words, device)[1], normals_in_single_precision(words))
 
@@ -192,8 +192,8 @@ def normals_in_single_precision(words):
     return np.where(words >> np.uint32(31), size, -size)
 
 
-def test_distributions(device):
-    """Kolmogorov-Smirnov, and moments: of a million numbers."""
+def test_distributions_match_theory(device):
+    """Kolmogorov-Smirnov tests and moments of a million numbers."""
     _, uniforms, normals = draw([(0, frame) for frame in range(13)], (240, 320), device, seed=1)
     count = uniforms.size
     assert stats.kstest(uniforms.ravel(), "uniform").pvalue > 1e-3
@@ -204,8 +204,8 @@ def test_distributions(device):
 
 
 @pytest.mark.parametrize("change", ["seed", "stream", "view", "frame", "y", "x"])
-def test_neighbours_have_nothing_in_common(device, change):
-    """Of two numbers that differ in one part of what they follow from: no correlation, also of their squares."""
+def test_numbers_of_adjacent_keys_are_uncorrelated(device, change):
+    """Change one part of the key: neither the numbers nor their squares correlate."""
     first = draw([(0, 0)], (240, 320), device)[2][0]
     if change in ("seed", "stream"):
         other = draw([(0, 0)], (240, 320), device, SEED + (change == "seed"), STREAM + (change == "stream"))[2][0]
@@ -218,8 +218,8 @@ def test_neighbours_have_nothing_in_common(device, change):
         assert abs(found) < 4 / np.sqrt(first.size)
 
 
-def test_nothing_else_counts(device):
-    """One view alone, a batch, any split over threads, and an image of another width or height."""
+def test_numbers_are_independent_of_batch_and_image_size(device):
+    """A single view, a batch, any split over threads, and images of another width or height."""
     pairs = [(4, 9), (2, 9), (7, 1)]
     whole = draw(pairs, SHAPE[1:], device, threads=3)
     for index, pair in enumerate(pairs):
@@ -229,8 +229,8 @@ def test_nothing_else_counts(device):
         np.testing.assert_array_equal(part, image[:, :20, :31])
 
 
-def test_modules_that_use_random_numbers_round_each_step():
-    """Products and sums that are fused on one device and not on the other would differ."""
+def test_random_number_modules_disable_fp_fusion():
+    """Products and sums fused on only one device would differ."""
     users = []
     for path in (ROOT / "kernels").glob("*.py"):
         text = path.read_text(encoding="utf-8")
@@ -244,8 +244,8 @@ def test_modules_that_use_random_numbers_round_each_step():
 
 
 @pytest.mark.slow
-def test_nothing_is_fused_for_a_gpu(tmp_path):
-    """What NVRTC makes of it: no instruction that multiplies and adds in one."""
+def test_gpu_code_has_no_fused_multiply_add(tmp_path):
+    """The PTX code of NVRTC contains no fused multiply-add instruction."""
     text = gpu_code("warpvis.kernels.random_numbers", tmp_path)
     assert len(re.findall(r"\bmul\.(?:rn\.)?f32", text)) > 10
     assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", text)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors with parameters of each view's own: which these are, and that a view sees what its sensor alone would see."""
+"""Tests of sensors with randomized parameters: drawn values, and equality with the drawn sensor."""
 
 import dataclasses
 import json
@@ -60,15 +60,15 @@ def assert_same(found, wanted):
 
 
 def sensor_alone(sensor, **numbers):
-    """What a view's sensor is, with one inside of another taken out of it, too."""
+    """Return the sensor drawn for one view, also where it is wrapped in `Corruptions`."""
     if isinstance(sensor, Corruptions):
         return dataclasses.replace(sensor, of=sensor.of.drawn(**numbers))
     return sensor.drawn(**numbers)
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_a_view_sees_what_its_own_sensor_would(device, name):
-    """In worlds of its own, with what it excludes: bit for bit, and however views are split and ordered."""
+def test_view_equals_render_with_drawn_sensor(device, name):
+    """With object poses and exclusions per view: bit for bit, in any subset and order of views."""
     scene, sensor = make_scene(device), SENSORS[name]
     places = np.tile([0, 0.7, 0.25, 0, 0, 0, 1], (6, 1, 1)).astype(np.float32)
     places[:, 0, 0] = np.linspace(-0.5, 0.5, 6)
@@ -88,8 +88,8 @@ def test_a_view_sees_what_its_own_sensor_would(device, name):
         assert_same(images(alone), {name: image[[view]] for name, image in whole.items()})
 
 
-def test_parameters_are_those_of_the_numbers():
-    """Of seed, view, name and, if each image has its own, frame: as their twin draws them."""
+def test_parameters_match_reference_draws():
+    """Parameters depend on seed, view and name, and, with `per="image"`, on the frame."""
     sensor = SENSORS["each image"]
     places = [(np_crc("StereoDepth"), np_crc(name)) for name in STEREO_RANGES]
     wanted = reference_random.draw_uniforms([3, 8], [1, 2], places, 5, STREAM_PARAMETERS)
@@ -100,7 +100,7 @@ def test_parameters_are_those_of_the_numbers():
     assert sensor.drawn(view_index=1) != sensor.drawn(view_index=1, frame=1) != sensor.drawn(view_index=1, seed=1)
     still = SENSORS["stereo"]
     assert still.drawn(view_index=1) == still.drawn(view_index=1, frame=1) != still.drawn(view_index=1, seed=1)
-    # What else has a range changes nothing.
+    # Ranges of other parameters change nothing.
     assert randomized(STEREO, sigma=(0.0, 0.3)).drawn(view_index=1).sigma == still.drawn(view_index=1).sigma
 
 
@@ -110,7 +110,7 @@ def np_crc(name):
     return zlib.crc32(name.encode()) >> 1
 
 
-def test_parameters_are_spread_evenly():
+def test_parameters_are_uniformly_distributed():
     sensor = randomized(STEREO, sigma=(0.1, 0.3), noise_spacing=(2, 5), dropout=(0.0, 1.0))
     drawn = [sensor.drawn(view_index=view) for view in range(800)]
     sigma, spacing, dropout = (np.array([getattr(one, name) for one in drawn]) for name in sensor.ranges)
@@ -120,7 +120,7 @@ def test_parameters_are_spread_evenly():
     assert abs(np.corrcoef(sigma, dropout)[0, 1]) < 0.12
 
 
-def test_kinds_are_the_first_sensors():
+def test_kinds_are_the_first_drawn_sensors():
     each, three = (randomized(STEREO, sigma=(0.1, 0.3), kinds=kinds) for kinds in (None, 3))
     known = [each.drawn(view_index=view).sigma for view in range(3)]
     found = [three.drawn(view_index=view).sigma for view in range(150)]
@@ -128,7 +128,7 @@ def test_kinds_are_the_first_sensors():
     assert stats.chisquare([found.count(sigma) for sigma in known]).pvalue > 1e-3
 
 
-def test_worlds_of_mujoco_have_sensors_of_their_own(device):
+def test_mujoco_worlds_have_distinct_sensors(device):
     xml = """<mujoco><worldbody><geom type="plane" size="3 3 .1"/><geom type="box" size=".3 .3 .3" pos="2 0 .3"/>
     <body><joint type="slide" axis="0 1 0"/><geom size=".2" pos="1 0 .2"/></body>
     <camera name="left" pos="-.5 .3 .6" xyaxes="0 -1 0 .2 0 1"/>
@@ -145,12 +145,12 @@ def test_worlds_of_mujoco_have_sensors_of_their_own(device):
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_it_survives_as_fields(name):
+def test_fields_round_trip(name):
     sensor = SENSORS[name]
     assert sensor_from_fields(json.loads(json.dumps(sensor_to_fields(sensor), allow_nan=False))) == sensor
 
 
-def test_the_camera_is_the_devices():
+def test_camera_is_that_of_the_device():
     device = wv.sensors.realsense_d435(64, 48)
     assert randomized(device, sigma=(0.05, 0.1)).camera() == device.camera()
     assert randomized(device, focal_length=(30.0, 34.0)).drawn().focal_length > 30
@@ -190,15 +190,15 @@ def test_the_camera_is_the_devices():
         (lambda: Corruptions(of=randomized(Corruptions(), dropout=(0, 1))), "of must not contain Corruptions"),
     ],
 )
-def test_what_is_refused(make, message):
+def test_invalid_arguments_raise(make, message):
     with pytest.raises(wv.errors.ArrayError, match=message):
         make()
 
 
-def test_a_camera_of_which_one_sensor_is_no_model():
+def test_camera_incompatible_with_a_range_raises():
     sensor = randomized(StereoDepth(0.05, band=False), max_disparity=(100.0, 1e9))
     endless = dataclasses.replace(CAMERA, near=0.0)
     with pytest.raises(wv.errors.CameraError, match="must limit disparities to 8192 px if band=False"):
         wv.Renderer(make_scene(), endless, sensor=sensor)
     fits = randomized(sensor.of, max_disparity=(100.0, 200.0))
-    wv.Renderer(make_scene(), endless, sensor=fits)  # whose own parameters count, and not the sensor's
+    wv.Renderer(make_scene(), endless, sensor=fits)  # checks the ranges, not the parameters of `sensor.of`

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rangefinder sensors, against what MuJoCo writes into `sensordata`, and against the float64 twin."""
+"""Tests of rangefinder sensors against MuJoCo's `sensordata` and the float64 reference."""
 
 import copy
 import pickle
@@ -16,14 +16,14 @@ from warpvis.mujoco import Kinematics, Rangefinders, WorldPoses
 
 import reference
 
-# Single precision of poses, seen from some metres [m].
+# Single precision of poses at distances of a few meters [m].
 TOLERANCE = 1e-5
 FIELDS = ("dist", "dist dir", "origin point normal depth", "dist dir origin point normal depth", "normal", "depth")
 WITHOUT_FIELD = SHAPES.replace('type="sdf" mesh="wedge"', 'type="mesh" mesh="wedge"')
 
 
 def probed(sensors, *, seed=0, count=48):
-    """All types of geoms, a mocap body of sites among them, and sensors, in which {0}, {1}, ... are the sites."""
+    """Return a model with all types of geoms, `count` sites on a mocap body, and the given sensors."""
     rng, sites = np.random.default_rng(seed), []
     for index in range(count):
         numbers = [*rng.uniform((-1, -1, -0.05), (1, 1, 0.8)), *rng.normal(size=3)]
@@ -39,7 +39,7 @@ def probed(sensors, *, seed=0, count=48):
 
 
 def moved(model, count, seed=1):
-    """Data of some worlds in which all is elsewhere."""
+    """Return data of `count` worlds with randomly displaced bodies."""
     rng, worlds = np.random.default_rng(seed), []
     for _ in range(count):
         data = mujoco.MjData(model)
@@ -58,8 +58,8 @@ def assert_equal(found, worlds, sensors):
     return expected
 
 
-def test_sites_read_what_mujoco_writes(device):
-    """All fields, types of geoms and cutoffs, from within shapes and outside."""
+def test_sites_match_mujoco_sensordata(device):
+    """All fields, types of geoms and cutoffs, from inside and outside of shapes."""
     options = ['cutoff=".7"', "", "", ""]
     sensors = "".join(
         f'<rangefinder site="s{index}" data="{FIELDS[index % 6]}" {options[index % 4]}/>' for index in range(48)
@@ -72,7 +72,7 @@ def test_sites_read_what_mujoco_writes(device):
     assert (distances == -1).any() and (distances == 0.7).any() and (distances > 1).any() and (distances < 0.05).any()
 
 
-def test_normals_and_distances_are_the_twins(device):
+def test_normals_and_distances_match_reference(device):
     model = probed("".join(f'<rangefinder site="s{index}" data="dist normal"/>' for index in range(48)))
     (data,) = moved(model, 1)
     found = Rangefinders(model, device=device).read(data).numpy().reshape(48, 4)
@@ -84,7 +84,7 @@ def test_normals_and_distances_are_the_twins(device):
 
 
 @pytest.mark.parametrize(("camera", "fields"), [("lens", "dist normal depth"), ("flat", FIELDS[3])])
-def test_cameras_read_what_mujoco_writes(camera, fields, device):
+def test_cameras_match_mujoco_sensordata(camera, fields, device):
     model = probed(f'<rangefinder camera="{camera}" data="{fields}"/>')
     worlds = moved(model, 4)
     finders = Rangefinders(model, device=device)
@@ -92,8 +92,8 @@ def test_cameras_read_what_mujoco_writes(camera, fields, device):
     assert_equal(finders.read(worlds).numpy(), worlds, finders)
 
 
-def test_cameras_with_a_field_of_view_read_what_rays_meet(device):
-    """`mj_multiRay` passes some geoms that `mj_ray` meets; those are read."""
+def test_cameras_with_fovy_match_mj_ray(device):
+    """`mj_multiRay` misses some geoms that `mj_ray` hits; expect the hits."""
     model = probed('<rangefinder camera="side"/>')
     (data,) = moved(model, 1)
     found = Rangefinders(model, device=device).read(data).numpy()
@@ -109,7 +109,7 @@ def test_cameras_with_a_field_of_view_read_what_rays_meet(device):
     assert np.abs(found - data.sensordata)[written].max() < TOLERANCE * 3 and written.sum() > 10
 
 
-def test_every_source_of_poses_gives_the_same(device):
+def test_pose_sources_give_equal_readings(device):
     model = probed("".join(f'<rangefinder site="s{index}"/>' for index in range(48)))
     worlds = [mujoco.MjData(model) for _ in range(5)]
     for index, data in enumerate(worlds):
@@ -131,7 +131,7 @@ def test_every_source_of_poses_gives_the_same(device):
         assert np.array_equal(again.read(worlds).numpy(), expected)
 
 
-def test_data_of_mujoco_warp_is_read_as_it_is(device):
+def test_mujoco_warp_data_is_read(device):
     mujoco_warp = pytest.importorskip("mujoco_warp")
     text = """<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 1"><freejoint/>
       <geom type="capsule" size=".1 .2"/><site name="down" zaxis=".2 .1 -1"/><site name="up"/></body></worldbody>
@@ -146,8 +146,8 @@ def test_data_of_mujoco_warp_is_read_as_it_is(device):
     np.testing.assert_allclose(found, np.tile(data.sensordata, (3, 1)), atol=1e-6)
 
 
-def test_a_body_does_not_hide_what_is_ahead_of_its_own_sensors(device):
-    """Only the sensor's own body is passed: not those welded to it, and what is invisible as rays have it."""
+def test_only_geoms_of_own_body_are_ignored(device):
+    """Geoms of welded child bodies are hit; geoms that `mj_ray` treats as invisible are not."""
     text = """<mujoco><asset><material name="none" rgba="1 1 1 0"/></asset><worldbody>
       <body name="own"><site name="eye"/><geom type="sphere" size=".1"/>
         <body pos="0 0 1"><geom type="box" size=".1 .1 .1" {}/></body></body>
@@ -164,7 +164,7 @@ def test_a_body_does_not_hide_what_is_ahead_of_its_own_sensors(device):
     assert np.ravel(found) == pytest.approx([0.9, 2, 2, 2, 0.9])
 
 
-def test_meshes_and_hills_are_met_from_within(device):
+def test_meshes_and_height_fields_are_hit_from_inside(device):
     text = """<mujoco><asset><hfield name="hills" nrow="3" ncol="3" size="2 2 1 .5"/>
       <mesh name="block" vertex="-1 -1 -1 1 -1 -1 1 1 -1 -1 1 -1 -1 -1 1 1 -1 1 1 1 1 -1 1 1"/></asset><worldbody>
       <geom type="hfield" hfield="hills"/><geom type="mesh" mesh="block" pos="9 0 0"/>
@@ -205,7 +205,7 @@ EDITS = {
 
 
 @pytest.mark.parametrize("name", EDITS)
-def test_edits_of_the_model_are_followed(name, device):
+def test_model_edits_are_followed(name, device):
     model = probed("".join(f'<rangefinder site="s{index}" data="dist normal"/>' for index in range(48)))
     finders = Rangefinders(model, device=device)
     before = finders.read(moved(model, 10)).numpy()
@@ -218,7 +218,7 @@ def test_edits_of_the_model_are_followed(name, device):
     assert np.array_equal(again.read(worlds).numpy(), found)
 
 
-def test_edits_of_fields_of_view_are_followed(device):
+def test_fovy_edits_are_followed(device):
     model = probed('<rangefinder camera="side"/>')
     finders = Rangefinders(model, device=device)
     (data,) = moved(model, 1)
@@ -229,7 +229,7 @@ def test_edits_of_fields_of_view_are_followed(device):
     assert np.array_equal(found, Rangefinders(model, device=device).read(data).numpy())
 
 
-def test_what_cannot_be_read_is_said():
+def test_unsupported_models_and_shapes_raise():
     with pytest.raises(wv.WarpvisError, match=r"model must be a mujoco.MjModel, got str"):
         Rangefinders("robot.xml")
     model = mujoco.MjModel.from_xml_string("<mujoco/>")

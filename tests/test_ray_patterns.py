@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ray patterns: closed forms, the float64 reference, MuJoCo's rays, axes, and what is refused."""
+"""Tests of ray patterns: closed forms, the float64 reference, MuJoCo's rays, axes, and errors."""
 
 import pickle
 
@@ -18,11 +18,11 @@ from support.solids import build as build_solids
 from support.worlds import ALL, assert_bits_equal, build, random_poses
 
 STRAIGHT = np.array([0, 0, 0, 0, 0, 0, 1.0])
-FROM_BODY = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0.0]])  # OpenCV's axes of x forward, y left, z up
+FROM_BODY = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0.0]])  # OpenCV's axes from x forward, y left, z up
 
 
-def test_inside_a_box(device):
-    """In closed form, from origins of their own, at a place far from the world's."""
+def test_box_from_inside_matches_closed_form(device):
+    """With an origin per ray, far from the world's origin."""
     scene, away = wv.Scene(device=device), np.array([500.0, -300.0, 20.0])
     scene.add(trimesh.creation.box((4, 6, 8)), name="box", pose=(*away, 0, 0, 0, 1))
     directions, origins = sphere_of_rays(2000), np.random.default_rng(2).uniform(-0.5, 0.5, (2000, 3))
@@ -34,8 +34,8 @@ def test_inside_a_box(device):
     np.testing.assert_allclose(views.points.numpy()[0] - away, points, atol=5e-5)  # 500 m in single precision
 
 
-def test_inside_a_sphere(device):
-    """A solid is its triangles from inside: those of a fine ball, within its sagitta of the sphere."""
+def test_sphere_from_inside_matches_closed_form(device):
+    """Triangles of a finely tessellated ball are within its sagitta of the sphere."""
     scene = wv.Scene(device=device)
     ball = trimesh.creation.icosphere(subdivisions=5, radius=3.0)
     scene.add(ball, name="ball")
@@ -48,7 +48,7 @@ def test_inside_a_sphere(device):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_origins_match_the_reference(cull_backfaces, device):
+def test_distinct_origins_match_reference(cull_backfaces, device):
     rng = np.random.default_rng(0)
     meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=1, radius=0.3)]
     scene = build_solids(device, random_poses(rng, 10, spread=2.0), extra=meshes)
@@ -63,7 +63,7 @@ def test_origins_match_the_reference(cull_backfaces, device):
 
 
 @pytest.mark.parametrize("caster", ["auto", "rays"])
-def test_rays_of_one_point_match_the_reference(caster, device):
+def test_common_origin_matches_reference(caster, device):
     scene = wv.scenes.PRESETS["room"].build(device)
     poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
     pattern = Rays(sphere_of_rays(1200).reshape(30, 40, 3), near=0.8, far=2.0, axes="ros_body")
@@ -72,7 +72,7 @@ def test_rays_of_one_point_match_the_reference(caster, device):
     assert_matches_reference(views, scene, poses, pattern)
 
 
-def test_a_list_is_an_image_of_one_row(device):
+def test_flat_pattern_equals_one_row_image(device):
     scene = wv.scenes.PRESETS["room"].build(device)
     poses = [wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3)), wv.look_at((-0.8, 1.2, 1.5), (0.5, 0.4, 0.3))]
     directions = sphere_of_rays(300)
@@ -86,8 +86,8 @@ def test_a_list_is_an_image_of_one_row(device):
     assert_bits_equal(flat, renderer.render(poses, out=flat))
 
 
-def test_a_cameras_rays_as_a_pattern(device):
-    """What the camera shows, by length and along the axis, but for the last bit of directions of length 1."""
+def test_camera_rays_as_pattern_match_camera(device):
+    """Depths of both kinds are equal up to the rounding of normalized directions."""
     scene, pose = wv.scenes.PRESETS["room"].build(device), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     lens = lenses.OpenCVPinhole(52, 50, 32, 24, (-0.1, 0.02, 0, 0))
     for kind in ("z", "range"):
@@ -98,8 +98,8 @@ def test_a_cameras_rays_as_a_pattern(device):
         np.testing.assert_array_equal(first.segmentation.numpy(), second.segmentation.numpy())
 
 
-def test_poses_are_of_the_patterns_frame(device):
-    """By default, whatever its axes are called; `convention` names the axes of poses that are of another."""
+def test_poses_are_of_the_pattern_frame(device):
+    """By default, whatever its axes; `convention` names the axes of poses of another frame."""
     scene = wv.scenes.PRESETS["room"].build(device)
     body = np.array([0.1, 0.2, 0.9, 0.1, -0.2, 0.3, 0.9])
     body[3:] /= np.linalg.norm(body[3:])
@@ -123,7 +123,7 @@ def test_poses_are_of_the_patterns_frame(device):
     np.testing.assert_allclose(there.depth.numpy(), seen.depth.numpy(), atol=2e-5)
 
 
-def test_worlds_and_exclude(device):
+def test_object_poses_and_exclude(device):
     rows = np.stack([random_poses(np.random.default_rng(seed), 5, spread=1.5) for seed in (0, 1)])
     scene = build(device, rows[0], movable=True)
     pattern, poses = Rays(sphere_of_rays(600), few_origins(600)), random_poses(np.random.default_rng(3), 2, spread=0.3)
@@ -139,8 +139,8 @@ def test_worlds_and_exclude(device):
     assert not (hidden.segmentation.numpy() == index).any()
 
 
-def test_mujocos_rays(device):
-    """`mj_ray` casts them in double precision."""
+def test_depth_matches_mj_ray(device):
+    """`mj_ray` casts in double precision."""
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody>
           <geom type="plane" size="5 5 .1"/><geom type="box" size=".3 .2 .4" pos="1 .2 .4" euler="10 20 30"/>
@@ -163,7 +163,7 @@ def test_mujocos_rays(device):
     assert wrong.mean() <= 0.005  # at edges
 
 
-def test_what_it_holds():
+def test_attributes_are_stored_read_only():
     given = sphere_of_rays(6).reshape(2, 3, 3)
     times, rings = np.arange(6).reshape(2, 3) * 1e-3, [[0, 1, 2], [3, 4, 5]]
     pattern = Rays(given, 0 * given, times, rings, near=0.5, far=9, axes="ros_optical")
@@ -215,19 +215,19 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_pattern_is_refused(name):
+def test_invalid_patterns_raise(name):
     make, message = REFUSED[name]
     with pytest.raises(CameraError, match=message):
         make()
 
 
-def test_who_brings_a_wide_camera_where_a_lens_is_needed_is_told_where_it_goes():
+def test_wide_camera_error_names_render():
     camera = wv.rendering.WideCamera(8, 4, 6.0)
     with pytest.raises(CameraError, match=r"got WideCamera: wv\.render accepts it"):
         wv.object_visibility(wv.scenes.PRESETS["room"].build(), camera, STRAIGHT)
 
 
-def test_who_brings_a_pattern_where_an_image_is_needed_is_told_where_it_goes():
+def test_pattern_error_names_render():
     scene, pattern = wv.scenes.PRESETS["room"].build(), Rays(sphere_of_rays(10))
     depth = wv.render(scene, pattern, STRAIGHT).depth
     for call in (

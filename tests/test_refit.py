@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Deforming meshes: both casters see them as a scene that is built of the new vertices shows them."""
+"""Tests of deforming meshes: both casters match a scene built from the new vertices."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ THIRD = unit((0.4, 0.9, 0.7, 0.1, 0.2, 0.0, 1.0))
 
 
 def wobble(seed, amount=0.15):
-    """The ball's vertices, smoothly displaced."""
+    """Return the ball's vertices, smoothly displaced."""
     rng = np.random.default_rng(seed)
     waves = np.sin(VERTICES @ rng.normal(0, 6, (3, 4)) + rng.uniform(0, 6, 4))
     return (VERTICES + amount * waves @ rng.normal(0, 0.5, (4, 3))).astype(np.float32)
@@ -46,7 +46,7 @@ DEFORMATIONS = {
 
 
 def build(device, *balls, poses=(POSE, OTHER, THIRD), movable=True):
-    """A floor, balls of these vertices, and a box."""
+    """Return a scene with a floor, balls with these vertices, and a box."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
     for index, vertices in enumerate(balls):
@@ -57,7 +57,7 @@ def build(device, *balls, poses=(POSE, OTHER, THIRD), movable=True):
 
 
 def assert_refitted(scene, name):
-    """The arrays of the object's tree hold its vertices: leaves, boxes of the children, the whole box."""
+    """Assert that the leaves, child boxes and whole box of the object's tree match its vertices."""
     index = scene.index(name)
     struct, position = scene.bvh().struct, scene.movable.index(index)
     item = scene[name]
@@ -92,7 +92,7 @@ def assert_refitted(scene, name):
 
 
 @pytest.mark.parametrize("deformation", DEFORMATIONS)
-def test_deformed_meshes_are_seen(deformation, device, caster):
+def test_deformed_meshes_match_rebuilt_scene(deformation, device, caster):
     vertices = DEFORMATIONS[deformation]()
     scene = build(device, VERTICES)
     scene.update_vertices("ball_0", VERTICES)
@@ -103,7 +103,7 @@ def test_deformed_meshes_are_seen(deformation, device, caster):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_an_update_before_the_first_rendering(cull_backfaces, device, caster):
+def test_update_before_first_render(cull_backfaces, device, caster):
     scene = build(device, VERTICES)
     scene.update_vertices("ball_0", wobble(0))
     twin = build("cpu", wobble(0), movable=False)
@@ -135,10 +135,10 @@ def test_later_updates_build_nothing(device, caster):
     assert (scene.bvh(), scene.triangles()) == built
 
 
-def test_objects_that_shared_the_mesh_stay(device, caster):
+def test_objects_sharing_the_mesh_are_unchanged(device, caster):
     scene = build(device, VERTICES, VERTICES, VERTICES)
     wv.render(scene, SMALL, eyes(1), caster=caster)
-    assert len(scene.triangles().meshes) == 3  # of the floor, the balls and the box
+    assert len(scene.triangles().meshes) == 3  # the floor, the balls and the box
     for vertices in (wobble(0), wobble(5)):
         scene.update_vertices("ball_1", vertices)
         assert_seen(scene, build("cpu", VERTICES, vertices, VERTICES, movable=False), caster)
@@ -148,7 +148,7 @@ def test_objects_that_shared_the_mesh_stay(device, caster):
 
 
 def test_several_objects_deform(device, caster):
-    """Also where what they become is the same."""
+    """Also to equal vertices."""
     scene = build(device, VERTICES, VERTICES, VERTICES)
     shapes = {"ball_2": wobble(0), "ball_0": wobble(0)}
     for name, vertices in shapes.items():
@@ -160,7 +160,7 @@ def test_several_objects_deform(device, caster):
         assert_refitted(scene, name)
 
 
-def test_deformed_objects_move_too(device, caster):
+def test_deformed_objects_move(device, caster):
     scene = build(device, VERTICES, VERTICES)
     scene.update_vertices("ball_0", wobble(1))
     wv.render(scene, SMALL, eyes(1), caster=caster)
@@ -174,14 +174,14 @@ def test_deformed_objects_move_too(device, caster):
         assert_matches_reference(wv.Views(**images), twin, SMALL, eyes(2)[world : world + 1])
 
 
-def test_from_inside_a_deformed_mesh(device, caster):
-    """It is not drawn as a closed one is, whose back faces are left out."""
+def test_deformed_mesh_from_inside(device, caster):
+    """A deformed mesh is not treated as closed, so its back faces are rendered."""
     scene = build(device, VERTICES)
     scene.update_vertices("ball_0", wobble(1) * np.float32(10))
     assert_seen(scene, build("cpu", wobble(1) * np.float32(10), movable=False), caster)
 
 
-def test_a_scene_of_nothing_else(device, caster):
+def test_scene_of_one_deforming_object(device, caster):
     scene, twin = wv.Scene(device=device), wv.Scene()
     scene.add(([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), name="sheet", movable=True)
     corners = np.array([[0, 0, 0], [1, 0, 1], [0, 1, 0.5]])
@@ -191,7 +191,7 @@ def test_a_scene_of_nothing_else(device, caster):
     assert_seen(scene, twin, caster)
 
 
-def test_what_is_added_later_finds_the_newest_vertices(device, caster):
+def test_rebuild_after_add_uses_newest_vertices(device, caster):
     scene = build(device, VERTICES)
     for seed in range(2):
         scene.update_vertices("ball_0", wobble(seed))
@@ -204,7 +204,7 @@ def test_what_is_added_later_finds_the_newest_vertices(device, caster):
     assert_refitted(scene, "ball_0")
 
 
-def test_the_host_has_the_newest_vertices(device, tmp_path):
+def test_host_vertices_are_the_newest(device, tmp_path):
     scene = build(device, VERTICES)
     held = scene["ball_0"]
     expected = build("cpu", wobble(1), movable=False)
@@ -221,7 +221,7 @@ def test_the_host_has_the_newest_vertices(device, tmp_path):
     assert scene["ball_0"].movable and repr(scene["ball_0"]).startswith("DeformingObject(name='ball_0'")
 
 
-def test_another_devices_scene_keeps_the_vertices_it_was_given(device):
+def test_copy_on_other_device_keeps_its_vertices(device):
     scene = build(device, VERTICES)
     scene.update_vertices("ball_0", wobble(0))
     other = scene.to("cpu")
@@ -230,7 +230,7 @@ def test_another_devices_scene_keeps_the_vertices_it_was_given(device):
     assert_seen(other, build("cpu", wobble(0), movable=False), "packets")
 
 
-def test_an_update_keeps_no_reference_to_what_it_was_given(device, caster):
+def test_update_copies_the_given_vertices(device, caster):
     scene = build(device, VERTICES)
     given = wobble(0)
     scene.update_vertices("ball_0", given)
@@ -239,7 +239,7 @@ def test_an_update_keeps_no_reference_to_what_it_was_given(device, caster):
 
 
 @pytest.mark.parametrize("form", ["list", "double", "vec3", "floats", "torch"])
-def test_vertices_come_in_several_forms(form, device):
+def test_vertices_accept_several_forms(form, device):
     expected = wobble(0)
     forms = {
         "list": expected.tolist,
@@ -273,7 +273,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_vertices_change_nothing(case):
+def test_invalid_vertices_change_nothing(case):
     name, vertices, message = BAD[case]
     scene = build("cpu", VERTICES)
     clusters = scene.bvh()
@@ -282,7 +282,7 @@ def test_bad_vertices_change_nothing(case):
     assert scene.bvh() is clusters
 
 
-def test_bad_vertices_of_a_gpu(cuda):
+def test_invalid_gpu_vertices_raise(cuda):
     cases = {
         "must have 162 rows, as before, got 161": (wp.vec3, VERTICES[1:]),
         "dtype wp.vec3, got float64": (wp.float64, VERTICES),
@@ -300,8 +300,8 @@ def test_bad_vertices_of_a_gpu(cuda):
 
 @pytest.mark.parametrize("parts", [1, 3])
 @pytest.mark.parametrize("lanes", [16, 32])
-def test_kernels_match_their_twins(lanes, parts):
-    """In parts of leaves too, which a thread each makes; trees of 32 lanes are those of CUDA."""
+def test_kernels_match_references(lanes, parts):
+    """Also with leaves in parts, one thread each; trees for CUDA have 32 lanes."""
     from warpvis.kernels.refit import refit_leaves, refit_nodes
     from warpvis.scene._refit import _slots
 
@@ -334,7 +334,7 @@ def test_kernels_match_their_twins(lanes, parts):
     np.testing.assert_array_equal(box.numpy(), whole)
 
 
-def test_large_meshes_are_refitted_on_several_threads(device):
+def test_large_meshes_are_refitted_by_several_threads(device):
     mesh = trimesh.creation.icosphere(subdivisions=6)
     scene = wv.Scene(device=device)
     scene.add(BOX, movable=True)
@@ -346,8 +346,8 @@ def test_large_meshes_are_refitted_on_several_threads(device):
     assert device != "cpu" or core_count() == 1 or len(refit._leaf_launches) > 2
 
 
-def test_a_deformed_ball_is_not_proven_closed_anew(device):
-    """What is proven would hold for one shape alone."""
+def test_deformed_ball_is_not_marked_closed(device):
+    """A proof that a mesh is closed holds for one shape only."""
     scene = build(device, VERTICES)
     scene.update_vertices("ball_0", wobble(1, 0.01))
     assert provably_closed(wobble(1, 0.01), BALL.faces)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""`render_at` of maps: images of whose pixels each shows a place of the camera's image, neighbours in packets."""
+"""Tests of `render_at` with maps: images whose pixels sample given positions of the camera's image, cast in packets."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from support.packets import ALL
 from support.slow import parametrize
 from support.worlds import assert_bits_equal, eyes, random_poses
 
-# No square pixels, and a principal point that single precision does not have.
+# Non-square pixels, and a principal point that is not exact in single precision.
 CAMERA = wv.Camera(96, 72, 80.3, 77.9, 47.3, 35.1, near=0.3, far=6.0)
 SHAPES = {
     "ball": solids.ellipsoid((0.3, 0.2, 0.4)),
@@ -38,7 +38,7 @@ def build(device, rows):
 
 
 def warped(rows, columns, views, seed=0, camera=CAMERA, noise=0.4):
-    """A map that turns, shrinks and shakes the image, looks beyond its sides, and has places that are no numbers."""
+    """Return maps that rotate, shrink and jitter the image, reach beyond its sides, and contain NaN."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:rows, :columns]
     y, x = (y + 0.5) / rows - 0.5, (x + 0.5) / columns - 0.5
@@ -66,9 +66,9 @@ def assert_map_matches(views, scene, camera, poses, places, **options):
         assert apart.mean() <= 1e-2  # at edges between triangles, either normal is right
 
 
-# Whole tiles; ends within a block; less than a block; more than one tree side by side, and below each other.
+# Whole tiles; partial blocks; less than a block; several trees side by side and one above another.
 @parametrize("shape", [(64, 64), (75, 90), (3, 70), (2, 2), (9, 700), (260, 150)], keep=(1, 3))
-def test_maps_match_their_twin(shape, device, caster):
+def test_maps_match_reference(shape, device, caster):
     scene, cameras = build(device, random_poses(np.random.default_rng(1), len(SHAPES))), eyes(2)
     places = warped(*shape, 2, noise=0.02 if shape[0] < 10 else 0.4)
     views = wv.Renderer(scene, CAMERA, outputs=ALL, caster=caster).render_at(cameras, places)
@@ -77,18 +77,18 @@ def test_maps_match_their_twin(shape, device, caster):
 
 
 @parametrize("cull_backfaces", [False, True])
-def test_square_pixels_and_a_room(cull_backfaces, device, caster):
+def test_square_pixels_in_a_room(cull_backfaces, device, caster):
     preset = scenes.PRESETS["room"]
     scene, cameras = preset.build(device), preset.poses(2)
     camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.3, far=4.5)
-    places = warped(60, 80, 2, camera=camera)  # brute force in double precision takes its time in the room
+    places = warped(60, 80, 2, camera=camera)  # brute force in double precision is slow in the room
     renderer = wv.Renderer(scene, camera, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
     views = renderer.render_at(cameras, places)
     assert_map_matches(views, scene, camera, cameras, places, cull_backfaces=cull_backfaces)
 
 
 @pytest.mark.parametrize("outputs", [("depth",), ("depth", "points"), ("segmentation",), ("labels", "depth"), ALL])
-def test_maps_are_what_lists_of_their_places_are(outputs, device, caster):
+def test_maps_match_lists_of_their_positions(outputs, device, caster):
     rows = random_poses(np.random.default_rng(2), 2, len(SHAPES))
     scene, cameras, places = build(device, rows[0]), eyes(2), warped(75, 90, 2)
     flags = np.zeros((2, len(scene)), dtype=bool)
@@ -103,7 +103,7 @@ def test_maps_are_what_lists_of_their_places_are(outputs, device, caster):
         assert same.mean() >= 1 - 2e-4
 
 
-def test_near_surfaces_are_cut_away(device, caster):
+def test_near_surfaces_are_clipped(device, caster):
     scene, cameras, places = (
         build(device, random_poses(np.random.default_rng(3), len(SHAPES))),
         eyes(2),
@@ -116,11 +116,11 @@ def test_near_surfaces_are_cut_away(device, caster):
     assert not np.isneginf(image).any() and np.isfinite(image).any()
     hidden = wv.Renderer(scene, camera, outputs=("depth",), caster=caster).render_at(cameras, places).depth.numpy()
     assert np.isneginf(hidden).any()
-    assert wrong_depth(image, points.astype(np.float64)).mean() <= 3e-3  # where solids are cut, packets differ
+    assert wrong_depth(image, points.astype(np.float64)).mean() <= 3e-3  # packets differ where solids are clipped
 
 
-def test_scattered_places_are_cast_as_lists_are():
-    """Their packets would reach all over the image; as a list they are sorted."""
+def test_incoherent_maps_are_cast_as_lists():
+    """Packets of scattered positions would span the whole image; lists are sorted."""
     rng = np.random.default_rng(4)
     scene, cameras = build("cpu", random_poses(rng, len(SHAPES))), eyes(2)
     places = rng.uniform((0, 0), (CAMERA.width, CAMERA.height), (2, 40, 50, 2)).astype(np.float32)
@@ -132,7 +132,7 @@ def test_scattered_places_are_cast_as_lists_are():
         np.testing.assert_array_equal(one, getattr(points, name).numpy().reshape(one.shape))
 
 
-def test_nothing_but_places_outside(device, caster):
+def test_positions_outside_the_image_are_empty(device, caster):
     places = np.full((1, 20, 30, 2), -5.0, dtype=np.float32)
     places[0, 10:] = np.nan
     scene = build(device, random_poses(np.random.default_rng(5), len(SHAPES)))
@@ -141,7 +141,7 @@ def test_nothing_but_places_outside(device, caster):
     assert (views.segmentation.numpy() == -1).all() and (views.labels.numpy() == wv.Label.EMPTY).all()
 
 
-def test_runs_are_bit_identical_whatever_the_threads():
+def test_results_are_independent_of_threads():
     rows = random_poses(np.random.default_rng(6), len(SHAPES))
     scene, cameras, places = build("cpu", rows), eyes(3), warped(150, 200, 3)
     first = wv.Renderer(scene, CAMERA, outputs=ALL, threads=1).render_at(cameras, places)
@@ -153,7 +153,7 @@ def test_runs_are_bit_identical_whatever_the_threads():
     np.testing.assert_array_equal(alone.depth.numpy()[0], first.depth.numpy()[1])
 
 
-def test_what_maps_may_be(device):
+def test_map_forms_out_and_fill(device):
     scene = build(device, random_poses(np.random.default_rng(7), len(SHAPES)))
     renderer, places = wv.Renderer(scene, CAMERA, outputs=("depth",)), warped(20, 30, 1)
     expected = renderer.render_at(eyes(1), places).depth.numpy()
@@ -170,7 +170,7 @@ def test_what_maps_may_be(device):
     assert np.isfinite(filled.depth.numpy()).all()
 
 
-def test_a_lens_takes_maps(device, caster):
+def test_lens_camera_accepts_maps(device, caster):
     scene = build(device, random_poses(np.random.default_rng(8), len(SHAPES)))
     lens = wv.Camera.from_opencv([[80, 0, 48], [0, 80, 36], [0, 0, 1]], [-0.2, 0.05, 0, 0], 96, 72)
     renderer, places = wv.Renderer(scene, lens, outputs=("depth",), caster=caster), warped(20, 30, 1)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a renderer does around its casters: parts of a batch, and modules loaded before threads meet."""
+"""Tests of `Renderer` apart from its casters: batches in parts, placement of images, loading of modules, buffers."""
 
 from types import SimpleNamespace
 
@@ -48,8 +48,8 @@ ARRANGEMENTS = {
 @pytest.mark.parametrize("caster", ["packets", "rays"])
 @pytest.mark.parametrize("views_at_a_time", [0.5, 1, 2, 3.7, 5, 100])
 @pytest.mark.parametrize("name", ARRANGEMENTS)
-def test_images_made_in_parts_are_those_made_at_once(monkeypatch, name, views_at_a_time, caster):
-    """A GPU makes images in parts that its memory holds. Here the parts are made on the CPU, which has no stream."""
+def test_rendering_in_parts_equals_rendering_at_once(monkeypatch, name, views_at_a_time, caster):
+    """A GPU renders in parts that fit its memory; simulate this on the CPU, which has no stream."""
     device_bytes = int(views_at_a_time * BYTES_PER_VIEW)
     renderer = wv.Renderer(movable_boxes(), CAMERA, outputs=OUTPUTS, caster=caster, device_bytes=device_bytes)
     expected = renderer.render(cameras(), **ARRANGEMENTS[name])
@@ -65,8 +65,8 @@ def test_images_made_in_parts_are_those_made_at_once(monkeypatch, name, views_at
     assert sizes == [min(step, VIEWS - first) for first in range(0, VIEWS, step)]
 
 
-def test_which_images_of_a_gpu_go_to_the_host():
-    """Those that are more than it may hold, and those that the caller has there; no others."""
+def test_images_beyond_device_bytes_go_to_host():
+    """Images larger than `device_bytes`, and images for which the caller passes a Warp array on the host."""
     on_host, on_gpu = wp.zeros((1, 12, 20), device="cpu"), SimpleNamespace(is_cpu=False)
     renderer = SimpleNamespace(scene=SimpleNamespace(device=on_gpu), outputs=("depth",), device_bytes=1000)
     renderer._bytes_per_pixel = lambda: 4
@@ -78,14 +78,14 @@ def test_which_images_of_a_gpu_go_to_the_host():
     assert decide(renderer, (1, 12, 20), wv.Views(depth=np.zeros((1, 12, 20)))) is False
 
 
-def test_a_module_is_loaded_before_it_is_launched(monkeypatch):
-    """Two threads must not load one at the same time: `load_module` holds a lock, a launch does not."""
+def test_modules_are_loaded_before_launch(monkeypatch):
+    """Two threads must not load a module at once: `load_module` holds a lock, a launch does not."""
     steps = []
     load, launch = threads.load_module, wp.launch
     monkeypatch.setattr(threads, "load_module", lambda kernel: (steps.append("load"), load(kernel)))
     monkeypatch.setattr(wp, "launch", lambda *inputs, **options: (steps.append("pack"), launch(*inputs, **options))[1])
     scene = movable_boxes()
-    scene.bvh()  # has launches of its own
+    scene.bvh()  # launches kernels itself
     steps.clear()
     renderer = wv.Renderer(scene, CAMERA)
     for _ in range(3):
@@ -93,7 +93,7 @@ def test_a_module_is_loaded_before_it_is_launched(monkeypatch):
     assert steps == ["load", "pack"]
 
 
-def test_memory_is_used_again(monkeypatch):
+def test_jobs_are_reused(monkeypatch):
     made = []
     renderer = wv.Renderer(movable_boxes(), CAMERA, threads=1)
     make = renderer._caster._make_job

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 2 node of the examples, without ROS: stand-ins for a node, for tf and for messages."""
+"""Tests of the ROS 2 node example without ROS: stand-ins for a node, tf and messages."""
 
 import importlib.util
 import json
@@ -59,7 +59,7 @@ def example():
 
 @pytest.fixture
 def lab(tmp_path, monkeypatch):
-    """A floor with a ball, and a file of a cup in its own frame."""
+    """Return the file of a floor with a ball, and write a file of a cup in its own frame."""
     monkeypatch.chdir(tmp_path)
     scene = wv.Scene()
     scene.add(trimesh.creation.box((8, 8, 0.1)), name="floor", label="ground", pose=(0, 0, -0.05, 0, 0, 0, 1))
@@ -73,7 +73,7 @@ def lab(tmp_path, monkeypatch):
 
 
 def lab_with(**places):
-    """The lab and cups in it, as one who knows no ROS makes it."""
+    """Return the lab with cups, built without ROS."""
     scene = wv.Scene.load("lab.glb")
     boxes = [trimesh.creation.box((0.2, 0.2, 0.1)).apply_translation((0, 0, z)) for z in (0.0, 0.12)]
     for name, place in places.items():
@@ -82,11 +82,11 @@ def lab_with(**places):
 
 
 class Missing(Exception):
-    """tf's TransformException."""
+    """Stand-in for tf's TransformException."""
 
 
 class Buffer:
-    """tf's buffer: poses of frames in the map at times [s]; it knows a frame at the times that it has been told."""
+    """Stand-in for tf's buffer: poses of frames in the map, known only at given times [s]."""
 
     def __init__(self, messages):
         self._messages, self._poses = messages, {}
@@ -112,7 +112,7 @@ class Buffer:
 
 
 class Time:
-    """rclpy's Time: without a stamp, the latest."""
+    """Stand-in for rclpy's Time: without a stamp, the latest."""
 
     def __init__(self, stamp=None):
         self.stamp = stamp
@@ -123,7 +123,7 @@ class Time:
 
 
 class Node:
-    """rclpy's node: it keeps what is published, and calls nothing by itself."""
+    """Stand-in for rclpy's node: it stores published messages and runs no callbacks."""
 
     def __init__(self, messages, parameters):
         self._messages, self._parameters = messages, parameters
@@ -162,7 +162,7 @@ class Node:
 
 @pytest.fixture
 def start(example, monkeypatch):
-    """Starts a viewer of some parameters; returns its node and tf's buffer."""
+    """Return a function that starts a viewer with given parameters and returns its node and tf buffer."""
     messages = ros_messages.install(monkeypatch)
 
     def start(**parameters):
@@ -183,8 +183,8 @@ EYE = tuple(map(float, wv.look_at((0, 0, 0.6), (2, 0, 0.5))))
 SMALL = {"width": 64, "height": 48, "hfov": 1.0}
 
 
-def test_links_are_in_their_own_frames(example):
-    """Visual elements at their origins, whatever the joints say; collision elements only where nothing is visual."""
+def test_links_are_read_in_their_frames(example):
+    """Joints are ignored; collision elements are used only if a robot has no visual elements."""
     with pytest.warns(UserWarning, match=r"link tool is not shown: .*skipped package://somewhere/tool\.stl"):
         links = example.read_links(URDF)
     assert set(links) == {"base", "hand"}
@@ -207,8 +207,8 @@ def test_packages_are_found_on_the_search_path(example, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:link tool")
-def test_a_link_shows_where_tf_has_it(example):
-    """Not before tf knows it, and where it was last when tf no more says so."""
+def test_links_follow_tf(example):
+    """A link is hidden until tf knows it, and keeps its last pose when tf loses it."""
     scene, links = example.build_scene(urdf=URDF)
     eye = example.Eye(scene, wv.Camera.from_fov(64, 48, hfov=1.0), links=links)
     frames = {}
@@ -225,7 +225,7 @@ def test_a_link_shows_where_tf_has_it(example):
 
 
 @pytest.mark.filterwarnings("ignore:link tool")
-def test_it_publishes_what_the_camera_sees(start, lab):
+def test_node_publishes_rendered_images_and_visibility(start, lab):
     node, buffer = start(scene=lab, movable="cup=cup.glb", exclude="base", near=0.2, far=3.0, **SMALL)
     (period, tick), (kind, take, qos) = node.timers[0], node.takes["robot_description"]
     assert period == 0.1 and qos == "latched"
@@ -269,8 +269,8 @@ def test_it_publishes_what_the_camera_sees(start, lab):
     assert told["objects"]["cup"]["hidden_by"] == "hand" and told["objects"]["bowl"]["hidden_by"] is None
 
 
-def test_poses_are_of_the_time_of_the_image(start, lab):
-    """Or the last ones where tf is not there yet; a camera that stands still has the clock's time."""
+def test_poses_are_of_the_image_time(start, lab):
+    """Or the latest ones, if tf has none for that time; a static camera has the clock's time."""
     node, buffer = start(scene=lab, movable="cup=cup.glb mug=cup.glb", **SMALL)
     tick = node.timers[0][1]
     buffer.tell(EYE_FRAME, EYE, 3.0)
@@ -287,7 +287,7 @@ def test_poses_are_of_the_time_of_the_image(start, lab):
     assert (header.stamp.sec, header.stamp.nanosec) == (77, 5)
 
 
-def test_a_real_camera_says_what_it_is(start, lab):
+def test_camera_info_topic_defines_the_camera(start, lab):
     node, buffer = start(scene=lab, camera_info="/head/camera_info", encoding="16UC1", far=3.0)
     buffer.tell(EYE_FRAME, EYE, 3.0)
     node.timers[0][1]()
@@ -306,7 +306,7 @@ def test_a_real_camera_says_what_it_is(start, lab):
     assert np.abs(np.frombuffer(image.data, dtype="<u2").reshape(30, 40) - expected).max() <= 1
 
 
-def test_names_of_links_may_come_before_the_robot(start, lab):
+def test_object_names_of_links_may_precede_the_robot(start, lab):
     node, buffer = start(scene=lab, objects="bowl hand", exclude="base", **SMALL)
     buffer.tell(EYE_FRAME, EYE, 3.0)
     node.timers[0][1]()
@@ -318,8 +318,8 @@ def test_names_of_links_may_come_before_the_robot(start, lab):
     assert told == [["bowl"], ["bowl", "hand"]]
 
 
-def test_the_node_runs_and_stops(example, lab, monkeypatch, tmp_path):
-    """`main` with stand-ins of the modules that it imports."""
+def test_node_runs_and_stops(example, lab, monkeypatch, tmp_path):
+    """Run `main` with stand-ins for the modules that it imports."""
     messages = ros_messages.install(monkeypatch)
     node, buffer = Node(messages, {"scene": lab, **SMALL}), Buffer(messages)
     buffer.tell(EYE_FRAME, EYE, 3.0)

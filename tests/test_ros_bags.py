@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of ROS 2 bags: every kind of message, in both storages, and bags that say too little or too much."""
+"""Tests of poses from ROS 2 bags: every message type, both storages, and bags with missing or ambiguous poses."""
 
 import numpy as np
 import pytest
@@ -26,12 +26,12 @@ from support.slow import parametrize
 
 TIMES = np.array(SECONDS) + 1e-9 * np.array(NANOSECONDS)
 ROS = np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])
-"""A ROS body's axes in the OpenCV camera's frame: forward is z, left is -x, up is -y."""
+"""Axes of a ROS body in the OpenCV camera's frame: forward is z, left is -x, up is -y."""
 
 
 @parametrize("storage", STORAGES)
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_message_in_both_storages(tmp_path, kind, storage):
+def test_message_types_in_both_storages(tmp_path, kind, storage):
     messages, convention = KINDS[kind]
     text = STORE.types["std_msgs/msg/String"](data="hello")
     file = write_bag(tmp_path / "bag", {"/camera": messages, "/chatter": [text]}, storage)
@@ -49,7 +49,7 @@ def test_every_kind_of_message_in_both_storages(tmp_path, kind, storage):
         np.testing.assert_allclose(other, poses_to_opencv(ROWS, "opengl"), atol=1e-12)
 
 
-def test_topics_and_child_frames_are_chosen(tmp_path):
+def test_topics_and_child_frames_are_selected(tmp_path):
     tf = [
         transforms(transform_stamped(0, ROWS[0], "base", "odom"), transform_stamped(0, ROWS[1], "eye_optical_frame")),
         transforms(transform_stamped(1, ROWS[2], "eye_optical_frame")),
@@ -78,7 +78,7 @@ def test_topics_and_child_frames_are_chosen(tmp_path):
         assert str(error.value).startswith(f"{tmp_path / 'bag'}: {said}")
 
 
-def test_stamps_of_zero_are_none(tmp_path):
+def test_zero_stamps_are_replaced_by_indices(tmp_path):
     messages = [pose_stamped(0, row) for row in ROWS]
     for message in messages:
         message.header.stamp.sec = 0
@@ -110,14 +110,14 @@ def test_stamps_of_zero_are_none(tmp_path):
         ),
     ],
 )
-def test_bags_without_poses(tmp_path, topics, said):
+def test_bags_without_poses_raise(tmp_path, topics, said):
     write_bag(tmp_path / "bag", topics)
     with pytest.raises(wv.errors.FileFormatError) as error:
         read_frames(tmp_path / "bag")
     assert str(error.value) == f"{tmp_path / 'bag'}{said}"
 
 
-def test_another_topic_is_asked_for(tmp_path):
+def test_topic_without_poses_raises(tmp_path):
     write_bag(tmp_path / "bag", {"/chatter": "std_msgs/msg/String"})
     with pytest.raises(
         wv.errors.FileFormatError, match=r"topic /chatter has type std_msgs/msg/String, which has no poses"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of ROS: cameras, depth images and points, there and back, of rosbags' types and of ROS's own classes."""
+"""Tests of ROS messages: cameras, depth images and points, both ways, with rosbags' types and ROS's own classes."""
 
 import array
 import builtins
@@ -38,7 +38,7 @@ BENT = [-0.3, 0.1, 0.001, -0.002, 0.0]
 def info(
     *, ros=2, roi=(0, 0, 0, 0, False), binning=(0, 0), d=(), k=K, p=P, r=(1, 0, 0, 0, 1, 0, 0, 0, 1), size=(640, 480)
 ):
-    """A CameraInfo as a driver gives it: of 640 x 480 pixels, rectified with another focal length."""
+    """Return a typical driver's CameraInfo: 640 x 480 pixels, rectified with another focal length."""
     store = STORE if ros == 2 else ROS1
     names = ("x_offset", "y_offset", "height", "width", "do_rectify")
     region = store.types["sensor_msgs/msg/RegionOfInterest"](**dict(zip(names, roi, strict=True)))
@@ -68,8 +68,8 @@ def image(encoding, data, *, width, height, step, big=0):
 
 
 @pytest.mark.parametrize("ros", [1, 2])
-def test_a_rectified_image_has_the_numbers_of_p(ros):
-    """P is of the rectified image, whatever the distortion; ROS counts pixel centres as whole numbers."""
+def test_rectified_camera_uses_p(ros):
+    """P describes the rectified image, whatever the distortion; in ROS, pixel centers are integers."""
     camera = wv.Camera.from_camera_info(info(ros=ros, d=BENT, r=[[0, 1, 0], [-1, 0, 0], [0, 0, 1]]))
     assert numbers_of(camera) == (640, 480, 480.0, 490.0, 318.9, 241.8)
     assert (camera.near, camera.far) == (0.0, math.inf)
@@ -77,20 +77,20 @@ def test_a_rectified_image_has_the_numbers_of_p(ros):
 
 @pytest.mark.parametrize("ros", [1, 2])
 @pytest.mark.parametrize("d", [(), np.zeros(5), np.zeros(8)])
-def test_a_raw_image_has_the_numbers_of_k(ros, d):
+def test_raw_camera_uses_k(ros, d):
     camera = wv.Camera.from_camera_info(info(ros=ros, d=d), rectified=False, near=0.3, far=4.5)
     assert numbers_of(camera) == (640, 480, 500.0, 510.0, 320.7, 240.4)
     assert (camera.near, camera.far) == (0.3, 4.5)
 
 
-def test_without_p_an_image_without_distortion_is_rectified():
+def test_undistorted_image_without_p_uses_k():
     assert numbers_of(wv.Camera.from_camera_info(info(p=np.zeros(12))))[2:4] == (500.0, 510.0)
     with pytest.raises(CameraError, match=r"has no P, but a Camera has no distortion"):
         wv.Camera.from_camera_info(info(p=np.zeros(12), d=BENT))
 
 
-def test_pixels_are_where_image_geometry_has_them():
-    """`project3dToPixel` gives [u v w] = P [X Y Z 1], and u / w is the pixel whose centre that is."""
+def test_projection_matches_image_geometry():
+    """`project3dToPixel` computes [u v w] = P [X Y Z 1]; u / w is 0 at the center of the first pixel."""
     camera = wv.Camera.from_camera_info(info())
     point = np.array([0.3, -0.2, 1.7])
     u, v, w = np.reshape(P, (3, 4)) @ [*point, 1]
@@ -109,16 +109,16 @@ def test_pixels_are_where_image_geometry_has_them():
     ],
 )
 @pytest.mark.parametrize("rectified", [True, False])
-def test_binning_and_region_as_image_geometry_applies_them(binning, roi, expected, rectified):
-    """The region first, in whole pixels, and then binning, which divides P without a half pixel."""
+def test_binning_and_roi_match_image_geometry(binning, roi, expected, rectified):
+    """The region applies first, in whole pixels, then binning, which divides P without a half-pixel shift."""
     k = np.reshape(P, (3, 4))[:, :3].ravel()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IntrinsicsWarning)  # a region need not hold the principal point
+        warnings.simplefilter("ignore", IntrinsicsWarning)  # a region may exclude the principal point
         camera = wv.Camera.from_camera_info(info(binning=binning, roi=roi, k=k), rectified=rectified)
     assert numbers_of(camera) == pytest.approx(expected, abs=1e-12)
 
 
-def test_the_second_camera_of_a_pair_is_told_of():
+def test_right_camera_of_stereo_pair_warns():
     """Tx = -fx B: the camera is B to the right of the frame that both share."""
     p = [480.0, 0, 318.4, -480.0 * 0.12, 0, 480.0, 241.3, 0, 0, 0, 1, 0]
     with pytest.warns(IntrinsicsWarning, match=r"stereo pair, at x = 0\.12 m, y = 0 m in the frame") as said:
@@ -148,19 +148,19 @@ def test_the_second_camera_of_a_pair_is_told_of():
         ({"rectified": "yes"}, "rectified must be True or False"),
     ],
 )
-def test_camera_infos_that_make_no_camera(changes, message):
+def test_invalid_camera_infos_raise(changes, message):
     options = {name: changes.pop(name) for name in ("rectified",) if name in changes}
     with pytest.raises(CameraError, match=message):
         wv.Camera.from_camera_info(info(**changes), **options)
 
 
 @pytest.mark.parametrize("changes", [{"size": ("wide", 480)}, {"roi": (0, 0, None, 1, False)}, {"binning": (1.5, 1)}])
-def test_camera_infos_whose_numbers_are_none(changes):
+def test_non_integer_sizes_raise(changes):
     with pytest.raises(MessageError, match="must be a whole number from 0 up"):
         wv.Camera.from_camera_info(info(**changes))
 
 
-def test_what_is_no_camera_info():
+def test_other_objects_than_camera_info_raise():
     with pytest.raises(MessageError, match="message must have the field k, got str"):
         wv.Camera.from_camera_info("camera")
 
@@ -170,8 +170,8 @@ def test_what_is_no_camera_info():
     focal=st.tuples(st.floats(1, 1e5), st.floats(1, 1e5)),
     centre=st.tuples(st.floats(0.25, 1), st.floats(0.25, 1)),
 )
-def test_a_camera_comes_back_as_it_was(size, focal, centre):
-    """To the last bit, of centres a quarter of a pixel or more from the image's edge: half a pixel is exact there."""
+def test_camera_info_round_trips_exactly(size, focal, centre):
+    """Principal points at least a quarter of a pixel from the edge: half a pixel is exact there."""
     cx, cy = (max(0.25, share * side) for share, side in zip(centre, size, strict=True))
     camera = wv.Camera(*size, *focal, cx, cy, near=0.1, far=7.0)
     message = camera.to_camera_info(**FRAME)
@@ -179,7 +179,7 @@ def test_a_camera_comes_back_as_it_was(size, focal, centre):
         assert wv.Camera.from_camera_info(message, rectified=rectified, near=0.1, far=7.0) == camera
 
 
-def test_a_camera_info_says_all_of_a_camera():
+def test_camera_info_fields_match_camera():
     message = CAMERA.to_camera_info(frame_id="eye", stamp=12.25, types=STORE)
     assert message.k.tolist() == [38.0, 0, 18.8, 0, 37.0, 15.1, 0, 0, 1]
     assert message.p.tolist() == [38.0, 0, 18.8, 0, 0, 37.0, 15.1, 0, 0, 0, 1, 0]
@@ -193,22 +193,22 @@ def test_a_camera_info_says_all_of_a_camera():
 ODD = np.array([[math.inf, -math.inf, math.nan], [0.0, 1.2345678, 70.0]], dtype=np.float32)
 
 
-def test_metres_keep_every_value():
-    """REP 117: infinities and NaN are values, and so is every bit of the rest."""
+def test_float_depth_keeps_every_bit():
+    """REP 117: infinities and NaN are valid values."""
     message = to_image_msg(ODD, stamp=0.5, **FRAME)
     assert (message.encoding, message.height, message.width, message.step) == ("32FC1", 2, 3, 12)
     assert message.is_bigendian == 0 and bytes(message.data) == ODD.astype("<f4").tobytes()
     assert from_image_msg(message).tobytes() == ODD.tobytes()
 
 
-def test_millimetres_are_rounded_to_even():
-    """Ties exactly: 62.5, 187.5 and 312.5 mm are 62, 188 and 312; one more bit rounds up."""
+def test_millimeters_are_rounded_half_to_even():
+    """Exact ties: 62.5, 187.5 and 312.5 mm become 62, 188 and 312; one more bit rounds up."""
     depth = np.array([[0.0625, 0.1875, 0.3125, np.nextafter(np.float32(0.0625), np.float32(1)), 1.9996, 65.534]])
     units = np.frombuffer(to_image_msg(depth, encoding="16UC1", **FRAME).data, dtype="<u2")
     assert units.tolist() == [62, 188, 312, 63, 2000, 65534]
 
 
-def test_what_millimetres_cannot_hold_is_counted():
+def test_depths_beyond_16_bits_warn():
     with pytest.warns(UserWarning, match=r"^pixels have a depth that 16 bits .*: 1 in all$") as said:
         message = to_image_msg(ODD, encoding="16UC1", **FRAME)
     assert said[0].filename == __file__
@@ -216,11 +216,12 @@ def test_what_millimetres_cannot_hold_is_counted():
     assert np.frombuffer(message.data, dtype="<u2").tolist() == [0, 0, 0, 0, 1235, 0]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        to_image_msg(ODD[:, :2], encoding="16UC1", **FRAME)  # no depth is not lost
+        to_image_msg(ODD[:, :2], encoding="16UC1", **FRAME)  # missing depth does not count as lost
 
 
-def test_millimetres_come_back_as_metres():
-    """All 65536 values; 0 and 65535 are no depth. Metres are the nearest floats, and lead to the same millimetres."""
+def test_millimeters_round_trip():
+    """All 65536 values; 0 and 65535 are no depth. Meters are the nearest floats and convert back to the same
+    millimeters."""
     units = np.arange(65536, dtype=np.uint16).reshape(256, 256)
     depth = from_image_msg(image("16UC1", units.astype("<u2").tobytes(), width=256, height=256, step=512))
     assert np.isnan(depth.ravel()[[0, -1]]).all() and depth.dtype == np.float32
@@ -234,7 +235,7 @@ def test_millimetres_come_back_as_metres():
 @pytest.mark.parametrize(("encoding", "kind"), [("32FC1", "f4"), ("16UC1", "u2"), ("mono16", "u2")])
 @pytest.mark.parametrize("padding", [0, 5])
 @pytest.mark.parametrize("holder", [bytes, lambda data: array.array("B", data), list, lambda d: np.frombuffer(d, "u1")])
-def test_either_order_of_bytes_and_padded_rows(big, encoding, kind, padding, holder):
+def test_byte_orders_and_padded_rows(big, encoding, kind, padding, holder):
     values = np.array([[1, 2, 258], [4, 5, 513]])
     rows = values.astype((">" if big else "<") + kind)
     data = b"".join(row.tobytes() + b"\xee" * padding for row in rows)
@@ -244,8 +245,8 @@ def test_either_order_of_bytes_and_padded_rows(big, encoding, kind, padding, hol
     assert (depth == expected.astype(np.float32)).all() and depth.dtype == np.float32 and depth.dtype.isnative
 
 
-def test_an_image_shares_no_memory():
-    """A renderer writes into the same arrays again and again."""
+def test_messages_share_no_memory():
+    """A renderer writes into the same arrays repeatedly."""
     depth, points = np.full((2, 2), 1.5, dtype=np.float32), np.full((2, 3), 1.5, dtype=np.float32)
     message, cloud = to_image_msg(depth, **FRAME), to_pointcloud2(points, **FRAME)
     read = from_image_msg(message)
@@ -272,13 +273,13 @@ def test_an_image_shares_no_memory():
         ({"data": [1, 256]}, "data of an Image must be bytes"),
     ],
 )
-def test_images_that_hold_no_depth(changes, message):
+def test_invalid_depth_images_raise(changes, message):
     fields = {"encoding": "32FC1", "data": bytes(24), "width": 3, "height": 2, "step": 12, **changes}
     with pytest.raises(MessageError, match=message):
         from_image_msg(image(**fields))
 
 
-def test_arrays_of_all_kinds_go_in(device):
+def test_array_types_are_accepted(device):
     kinds = [ODD, ODD[None], ODD.astype(np.float64), ODD.tolist(), ODD[:, ::-1][:, ::-1], wp.array(ODD, device=device)]
     if importlib.util.find_spec("torch") is not None:
         torch = importlib.import_module("torch")
@@ -303,20 +304,20 @@ def test_arrays_of_all_kinds_go_in(device):
         (ODD, {"types": {}}, "types must be a type store of rosbags, or None for ROS's own"),
     ],
 )
-def test_bad_arguments_of_images(depth, options, message):
+def test_invalid_image_arguments_raise(depth, options, message):
     with pytest.raises(wv.WarpvisError, match=message):
         to_image_msg(depth, **{**FRAME, **options})
 
 
-def test_a_store_of_ros_1_makes_no_messages_of_ros_2():
+def test_ros1_type_store_raises():
     with pytest.raises(
         MessageError, match=r"types must define std_msgs/msg/Header as in ROS 2 .*Use Stores.ROS2_JAZZY"
     ):
         to_image_msg(ODD, frame_id="eye", types=ROS1)
 
 
-def test_a_stamp_may_be_a_message():
-    """Of ROS 2, or of ROS 1 with its own names; a float is taken at its shortest decimal."""
+def test_stamp_may_be_a_message():
+    """Of ROS 2 or ROS 1; a float is converted from its shortest decimal."""
     stamps = [
         SimpleNamespace(sec=1305031102, nanosec=175_304_001),
         SimpleNamespace(secs=1305031102, nsecs=175_304_001),
@@ -341,7 +342,7 @@ def xyz_of(cloud):
     return np.frombuffer(cloud.data, dtype="<f4").reshape(cloud.height, cloud.width, 3)
 
 
-def test_a_cloud_of_a_depth_image_is_in_the_optical_frame():
+def test_cloud_of_depth_is_in_the_optical_frame():
     depth = np.full((30, 40), 2.0, dtype=np.float32)
     depth[0, :3] = math.inf, -math.inf, math.nan
     depth[1, :4] = 0.0, -1.0, 0.4, 3.1
@@ -354,8 +355,8 @@ def test_a_cloud_of_a_depth_image_is_in_the_optical_frame():
     assert np.abs(points[rows, columns] - expected).max() < 1e-6
 
 
-def test_the_range_ends_where_rendered_depth_does():
-    """`far` in double precision may be less than the same number in single, which rendered depth reaches."""
+def test_cloud_includes_depth_equal_to_far():
+    """`far` in double precision may be below its single-precision value, which rendered depth reaches."""
     far = np.float32(2.3)
     assert float(far) < 2.3 or float(far) > 2.3
     for edge in (2.3, float(np.nextafter(far, np.float32(0)) / 2 + far / 2)):
@@ -364,7 +365,7 @@ def test_the_range_ends_where_rendered_depth_does():
         assert np.isfinite(xyz_of(to_pointcloud2(depth, camera, **FRAME))).all()
 
 
-def test_points_of_any_frame():
+def test_clouds_accept_points_of_any_frame():
     points = np.arange(12, dtype=np.float64).reshape(4, 3)
     cloud = to_pointcloud2(points, frame_id="map", stamp=3.0, types=STORE)
     assert (xyz_of(cloud) == points).all() and (cloud.height, cloud.width) == (1, 4) and cloud.is_dense
@@ -386,7 +387,7 @@ def test_points_of_any_frame():
         ((np.ones((4, 3), dtype=bool),), "points must be numbers"),
     ],
 )
-def test_bad_arguments_of_clouds(arguments, message):
+def test_invalid_cloud_arguments_raise(arguments, message):
     with pytest.raises(wv.WarpvisError, match=message):
         to_pointcloud2(*arguments, **FRAME)
 
@@ -394,8 +395,8 @@ def test_bad_arguments_of_clouds(arguments, message):
 # ROS's own classes
 
 
-def test_ros_own_classes_get_what_they_ask_for(monkeypatch):
-    """Fields of the types that they assert, and the same bytes as rosbags' messages."""
+def test_ros_classes_receive_valid_fields(monkeypatch):
+    """Field types satisfy the assertions, and the bytes equal those of rosbags' messages."""
     ros_messages.install(monkeypatch)
     depth = np.full((30, 40), 2.0, dtype=np.float32)
     for make in (
@@ -410,15 +411,15 @@ def test_ros_own_classes_get_what_they_ask_for(monkeypatch):
         assert bytes(STORE.serialize_cdr(ros_messages.as_rosbags(own), kind)) == bytes(STORE.serialize_cdr(other, kind))
 
 
-def test_ros_own_messages_are_read(monkeypatch):
+def test_ros_messages_are_read(monkeypatch):
     ros_messages.install(monkeypatch)
     message = to_image_msg(ODD, frame_id="eye")
-    assert isinstance(message.data, array.array)  # anything else is looked at byte by byte
+    assert isinstance(message.data, array.array)  # other types are checked byte by byte
     assert from_image_msg(message).tobytes() == ODD.tobytes()
     assert wv.Camera.from_camera_info(CAMERA.to_camera_info(frame_id="eye", stamp=message.header.stamp)) == CAMERA
 
 
-def test_without_ros_one_sentence_says_what_to_do(monkeypatch):
+def test_missing_ros_error_names_remedy(monkeypatch):
     def refuse(name, *arguments, real=builtins.__import__, **options):
         assert not name.startswith(("rosbags", "rclpy")), "rosbags is the caller's to import"
         return real(name, *arguments, **options)
@@ -433,8 +434,8 @@ def test_without_ros_one_sentence_says_what_to_do(monkeypatch):
             make()
 
 
-def test_a_message_that_arrives_answers_what_is_visible():
-    """A live camera's image and its camera_info are all that these functions need."""
+def test_received_messages_give_visibility_and_labels():
+    """A live camera's image and camera_info suffice."""
     depth = np.full((30, 40), 2.0, dtype=np.float32)
     depth[:, :20] = math.nan
     eye = wv.Camera.from_camera_info(CAMERA.to_camera_info(**FRAME), far=5.0)

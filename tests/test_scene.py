@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes: placing meshes, names and labels, and what mesh files keep of them."""
+"""Tests of scenes: placement of meshes, names, labels, and mesh files."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_objects_are_placed_in_the_world():
     assert scene.triangle_count == 12
 
 
-def test_meshes_come_in_several_forms():
+def test_meshes_accept_several_forms():
     scene = Scene()
     vertices, faces = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
     scene.add((vertices, faces))
@@ -44,26 +44,26 @@ def test_formats_load(tmp_path, suffix):
     np.testing.assert_allclose(scene.bounds, [[-0.5, -1, -1.5], [0.5, 1, 1.5]], atol=1e-6)
 
 
-def test_a_file_without_names_names_its_object_after_itself(tmp_path):
+def test_unnamed_object_takes_the_file_name(tmp_path):
     trimesh.creation.box().export(tmp_path / "gearbox.stl")
     assert [item.name for item in Scene.load(tmp_path / "gearbox.stl")] == ["gearbox"]
 
 
 def test_gltf_is_y_up(tmp_path):
     path = tmp_path / "pole.glb"
-    trimesh.creation.box((1, 4, 1)).export(path)  # 4 m along y, which glTF says is up
+    trimesh.creation.box((1, 4, 1)).export(path)  # y is up in glTF
     np.testing.assert_allclose(np.ptp(Scene.load(path).bounds, axis=0), [1, 1, 4], atol=1e-6)
     np.testing.assert_allclose(np.ptp(Scene.load(path, up="y").bounds, axis=0), [1, 4, 1], atol=1e-6)
     np.testing.assert_allclose(np.ptp(Scene.load(path, file_up="z").bounds, axis=0), [1, 4, 1], atol=1e-6)
 
 
-def test_millimetres(tmp_path):
+def test_scale_converts_millimeters(tmp_path):
     trimesh.creation.box((100, 200, 300)).export(tmp_path / "part.stl")
     scene = Scene.load(tmp_path / "part.stl", scale=0.001)
     np.testing.assert_allclose(np.ptp(scene.bounds, axis=0), [0.1, 0.2, 0.3], rtol=1e-6)
 
 
-def test_obj_objects_and_groups_keep_their_names(tmp_path):
+def test_obj_objects_and_groups_keep_names(tmp_path):
     text = "{k} one\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n{k} two\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf 4 5 6\nf 4 6 5\n"
     for kind in "og":
         path = tmp_path / f"{kind}.obj"
@@ -108,7 +108,7 @@ def test_labels_are_given_by_name_and_pattern(tmp_path):
     }
 
 
-def test_instances_of_one_mesh_are_objects_of_their_own(tmp_path):
+def test_mesh_instances_are_separate_objects(tmp_path):
     whole = trimesh.Scene()
     for i in range(3):
         where = trimesh.transformations.translation_matrix([2 * i, 0, 0])
@@ -132,8 +132,8 @@ def volume(item):
 
 @pytest.mark.parametrize("mirror", [(-1, 1, 1), (1, 1, -2), (-1, -1, -1)])
 @pytest.mark.parametrize("suffix", ["glb", "gltf"])
-def test_mirrored_nodes_still_face_outwards(tmp_path, mirror, suffix):
-    """Two nodes of one box: one mirrored by its matrix, one by its parent's."""
+def test_mirrored_nodes_face_outward(tmp_path, mirror, suffix):
+    """Two nodes of one box: one mirrored by its own matrix, one also by its parent's."""
     file, box = trimesh.Scene(), trimesh.creation.box((2, 4, 6))
     matrix = np.diag([*map(float, mirror), 1.0])
     matrix[:3, 3] = (10, 0, 0)
@@ -153,8 +153,8 @@ def test_mirrored_nodes_still_face_outwards(tmp_path, mirror, suffix):
     assert volumes == pytest.approx({"as it is": 48, "mirrored": 48 * size, "child": 48 * size**2})
 
 
-def test_a_mirrored_box_shuts_out_whom_it_holds(tmp_path):
-    """Culling and room to stand go by what faces outwards."""
+def test_mirrored_box_encloses_points(tmp_path):
+    """Culling and `standing_room` depend on outward faces."""
     file = trimesh.Scene()
     file.add_geometry(trimesh.creation.box((4, 4, 4)), geom_name="box", node_name="box")
     file.graph.update(frame_from="world", frame_to="box", matrix=np.diag([-1.0, 1, 1, 1]), geometry="box")
@@ -169,7 +169,7 @@ def test_a_mirrored_box_shuts_out_whom_it_holds(tmp_path):
     assert np.isinf(depth[0]).all() and np.allclose(depth[1], 3)
 
 
-def test_mirrors_are_refused_by_name():
+def test_mirrors_raise():
     scene, box = Scene(), trimesh.creation.box()
     with pytest.raises(wv.errors.PoseError, match="pose of 'box' must be rotations, not mirrors"):
         scene.add(box, name="box", pose=np.diag([-1.0, 1, 1, 1]))
@@ -177,7 +177,7 @@ def test_mirrors_are_refused_by_name():
         scene.add(box, name="box", scale=(-1, 1, 1))
 
 
-def test_an_unnamed_object_takes_the_next_free_name():
+def test_unnamed_objects_take_the_next_free_name():
     scene, box = Scene(), trimesh.creation.box()
     for name in ("object_1", None, "object_3", None, None):
         scene.add(box, name=name)
