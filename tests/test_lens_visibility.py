@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Through a lens: points, objects, agents, back-projection and classification, by the float64 reference and OpenCV."""
+"""Visibility, back-projection and classification through lenses, compared with a float64 reference and OpenCV."""
 
 import math
 from dataclasses import replace
@@ -35,7 +35,7 @@ def in_camera(pose, points):
 
 
 def judged(camera, at, depth, margin):
-    """A point's status by its place in the image, its depth, and how far it lies behind a surface."""
+    """Return the status of points from image position, depth, and signed distance behind the surface."""
     status = np.where(margin > 0, V.OCCLUDED, V.VISIBLE)
     status = np.where(depth > camera.far, V.TOO_FAR, np.where(depth < camera.near, V.TOO_NEAR, status))
     with np.errstate(invalid="ignore"):
@@ -44,14 +44,14 @@ def judged(camera, at, depth, margin):
 
 
 def placed(camera, pose, points):
-    """Where points are in the image, their depths, and rays of depth 1 to them."""
+    """Return the image positions of points, their depths, and rays of depth 1 to them."""
     seen = in_camera(pose, points)
     depth = seen[:, 2] if camera.kind == "z" else np.linalg.norm(seen, axis=1)
     return camera.lens.project(seen), depth, seen / depth[:, None]
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_points_match_the_reference(kind, device):
+def test_point_visibility_matches_reference(kind, device):
     scene, poses, camera = desk(device), cameras(), CAMERAS[kind]
     rng = np.random.default_rng(3)
     points = rng.uniform((-2, -2, -0.5), (2.5, 2, 1.5), (400, 3)).astype(np.float32)
@@ -74,7 +74,7 @@ def test_points_match_the_reference(kind, device):
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_points_in_measured_images_match_the_reference(kind, device):
+def test_point_visibility_from_depth_matches_reference(kind, device):
     scene, poses, camera = desk(device), cameras(), CAMERAS[kind]
     depth = wv.render(scene, camera, poses, outputs="depth").depth.numpy().copy()
     depth[0, ::3] = np.nan
@@ -95,8 +95,8 @@ def test_points_in_measured_images_match_the_reference(kind, device):
     assert len(several) == 6
 
 
-def test_points_are_where_opencv_projects_them():
-    """Of a ball of points around the camera, those are out of view whose image is, by cv2.projectPoints."""
+def test_point_visibility_matches_opencv_projection():
+    """Points around the camera are visible exactly if cv2.projectPoints places them inside the image."""
     cv2 = pytest.importorskip("cv2")
     scene = wv.Scene()
     scene.add(wv.scene.solids.sphere(0.001), name="speck", pose=(50, 50, 50, 0, 0, 0, 1))
@@ -110,11 +110,11 @@ def test_points_are_where_opencv_projects_them():
     assert 100 < inside.sum() < len(points) - 100
     np.testing.assert_array_equal(status == V.VISIBLE, inside)
     pinhole = wv.point_visibility(scene, PINHOLE, STRAIGHT, points).numpy()[0]
-    assert (pinhole != status).sum() > 20  # what a pinhole would say in silence
+    assert (pinhole != status).sum() > 20  # a pinhole would silently be wrong
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_back_projection_gives_the_rendered_points(kind, device):
+def test_back_projection_matches_rendered_points(kind, device):
     scene, poses, camera = desk(device), cameras(), CAMERAS[kind]
     views = wv.render(scene, camera, poses, outputs=("depth", "points"))
     points = wv.back_project(views.depth, camera, poses).numpy()
@@ -128,7 +128,7 @@ def test_back_projection_gives_the_rendered_points(kind, device):
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_labels_match_the_reference(kind, device):
+def test_classify_matches_reference(kind, device):
     scene, poses, camera = desk(device), cameras(), CAMERAS[kind]
     depth = wv.render(scene, camera, poses, outputs="depth").depth.numpy()
     spheres = (wv.maps.Sphere((1.6, 0, 0.3), 0.65), wv.maps.Sphere((0.6, -0.4, 0.5), 0.9, wv.Label.HUMAN))
@@ -145,7 +145,7 @@ def test_labels_match_the_reference(kind, device):
     assert len(np.unique(labels.numpy())) == 5
 
 
-def test_pixels_without_a_ray_have_no_point_and_no_label(device):
+def test_pixels_without_rays_have_no_points_or_labels(device):
     with pytest.warns(wv.errors.IntrinsicsWarning):
         camera = LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, (-0.9, 0, 0.001, 0)), 64, 48)
     depth = np.ones((1, 48, 64), dtype=np.float32)
@@ -157,8 +157,8 @@ def test_pixels_without_a_ray_have_no_point_and_no_label(device):
 
 @pytest.mark.parametrize("kind", ["z", "wide"])
 @pytest.mark.parametrize("delta", [0.0, BOP_DELTA])
-def test_fractions_are_those_of_bop(kind, delta, device):
-    """Objects alone on a canvas of the same lens: within one pixel per object."""
+def test_object_visibility_matches_bop_reference(kind, delta, device):
+    """Each object alone is rendered on a canvas of the same lens; counts agree within one pixel per object."""
     scene, poses, camera = desk(device), cameras()[1:3], CAMERAS[kind]
     lens = replace(camera.lens, fx=camera.lens.fx / 2, fy=camera.lens.fy / 2, cx=14, cy=11)
     camera, canvas = replace(camera, lens=lens, width=28, height=22), (28, 22, 28, 22)
@@ -182,7 +182,7 @@ def test_fractions_are_those_of_bop(kind, delta, device):
     np.testing.assert_array_equal(unseen.fraction.numpy(), result.fraction.numpy())
 
 
-def test_without_distortion_all_is_a_pinholes(device):
+def test_zero_distortion_matches_pinhole(device):
     scene, poses = desk(device), cameras()
     found, expected = (object_visibility(scene, eye, poses, caster="rays") for eye in (UNBENT, PINHOLE))
     for name in (*COUNTS, "status", "occluder", "silhouette_box"):
@@ -216,7 +216,7 @@ def test_worlds_and_excluded_objects(device):
     np.testing.assert_array_equal(status, [[V.VISIBLE, V.VISIBLE], [V.OCCLUDED, V.VISIBLE]])
 
 
-def test_many_points_are_judged_in_parts(monkeypatch):
+def test_chunked_points_match_single_pass(monkeypatch):
     from warpvis.visibility import _lens_points
 
     scene, poses, camera = desk(), cameras(), CAMERAS["z"]
@@ -229,7 +229,7 @@ def test_many_points_are_judged_in_parts(monkeypatch):
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_a_scene_is_framed(kind):
+def test_framing_contains_scene_bounds(kind):
     scene, camera = desk(), CAMERAS[kind]
     pose = framing(scene, camera)
     low, high = scene.bounds.astype(np.float64)
@@ -244,7 +244,7 @@ def test_a_scene_is_framed(kind):
         framing(scene, aside)
 
 
-def test_planning_takes_lenses():
+def test_planning_supports_lens_cameras():
     scene = desk()
     candidates = np.concatenate([cameras(), [wv.look_at((5, 5, 1), (9, 9, 1))]])
     best = wv.planning.best_views(scene, CAMERAS["z"], candidates, objects=["ball"])
@@ -257,13 +257,13 @@ def test_planning_takes_lenses():
     assert 0 < found.mean() < 1
 
 
-def test_what_takes_pinholes_alone_says_so():
+def test_pinhole_only_functions_reject_lens_cameras():
     depth, objects = np.ones((48, 64)), np.zeros((48, 64), dtype=int)
     with pytest.raises(CameraError, match=r"must be a pinhole here, a warpvis\.Camera, got a LensCamera: rendering"):
         wv.viz.view_from_outside(desk(), wv.Camera.kinect(), STRAIGHT, CAMERAS["z"], STRAIGHT, depth, objects)
 
 
-def test_what_is_no_camera_is_said():
+def test_invalid_cameras_and_casters_are_rejected():
     scene = desk()
     for call in (wv.point_visibility, lambda *given: wv.object_visibility(*given[:3])):
         with pytest.raises(CameraError, match=r"camera must be a warpvis\.Camera or a .*LensCamera, got str"):
@@ -274,8 +274,8 @@ def test_what_is_no_camera_is_said():
         wv.point_visibility(scene, CAMERAS["z"], STRAIGHT, [[0.0, 0, 1]], caster="fast")
 
 
-def test_angles_of_wide_lenses_are_kept():
-    """A point at 100 degrees from the axis is seen by a fisheye, at its range."""
+def test_point_beyond_90_degrees_is_visible():
+    """A fisheye sees a point 100 degrees from the axis, at its range."""
     scene, camera = desk(), LensCamera(WIDE, 64, 48)
     angle = math.radians(100)
     point = 0.4 * np.array([math.sin(angle), 0, math.cos(angle)])

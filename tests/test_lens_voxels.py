@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Maps in 3D and lines of sight on the floor plan through lenses: the twin, the pinhole, and geometry."""
+"""Voxel maps and plan visibility through lenses, compared with a reference, a pinhole camera, and geometry."""
 
 import math
 
@@ -36,7 +36,7 @@ CAMERAS = {
 
 
 @parametrize("name", CAMERAS)
-def test_maps_match_their_twin(name, device):
+def test_voxel_maps_match_reference(name, device):
     scene, camera = build(device), CAMERAS[name]()
     views = wv.render(scene, camera, POSES, outputs=("depth", "labels"))
     result = voxel_map(views.depth, camera, POSES, bounds=BOUNDS, labels=views.labels)
@@ -47,7 +47,7 @@ def test_maps_match_their_twin(name, device):
     assert same(voxel_map_from_scene(scene, camera, POSES, bounds=BOUNDS), result)
 
 
-def test_measured_images_with_holes(device):
+def test_depth_images_with_holes_match_reference(device):
     rng, camera = np.random.default_rng(0), CAMERAS["range"]()
     depth = wv.render(build(device), camera, POSES, outputs="depth").depth.numpy()
     for value in (np.nan, 0.0, -1.0, 0.1, 9.0, -np.inf):
@@ -58,18 +58,18 @@ def test_measured_images_with_holes(device):
 
 
 @pytest.mark.parametrize("name", ["z", "range", "more than a hemisphere"])
-def test_states_are_where_geometry_says(name, device):
+def test_voxel_states_match_geometry(name, device):
     result = voxel_map_from_scene(build(device), CAMERAS[name](), POSES[0], bounds=BOUNDS)
     assert at(result, (BOX_FRONT, 0.0, 0.2)) == (Voxel.SURFACE, Label.OBSTACLE)
     assert at(result, (BOX_FRONT - 0.1, 0.0, 0.2)) == (Voxel.FREE, Label.EMPTY)
     assert at(result, (BOX_FRONT + 0.1, 0.0, 0.2)) == (Voxel.HIDDEN, Label.EMPTY)  # inside
     assert at(result, (BOX_BACK + 0.1, 0.0, 0.1)) == (Voxel.HIDDEN, Label.EMPTY)  # behind
-    assert at(result, (BOX_BACK + 0.1, 0.0, 0.7)) == (Voxel.FREE, Label.EMPTY)  # over it
+    assert at(result, (BOX_BACK + 0.1, 0.0, 0.7)) == (Voxel.FREE, Label.EMPTY)  # above it
     assert at(result, (-0.3 - 0.14, 0.4, 0.15)) == (Voxel.SURFACE, Label.OBJECT)
-    assert at(result, (-1.5, 0.0, 0.8)) == (Voxel.OUTSIDE, Label.EMPTY)  # nearer than it measures, or behind
+    assert at(result, (-1.5, 0.0, 0.8)) == (Voxel.OUTSIDE, Label.EMPTY)  # nearer than `near`, or behind
 
 
-def test_a_lens_that_bends_nothing_is_a_pinhole(device):
+def test_undistorted_lens_matches_pinhole(device):
     scene, lens = build(device), LensCamera(lenses.OpenCVPinhole(130, 128, 80, 60), 160, 120, near=0.3, far=3.5)
     pinhole = wv.Camera(160, 120, 130, 128, 80, 60, 0.3, 3.5)
     views = wv.render(scene, pinhole, POSES, outputs=("depth", "labels"))
@@ -77,11 +77,11 @@ def test_a_lens_that_bends_nothing_is_a_pinhole(device):
         voxel_map(views.depth, camera, POSES, bounds=BOUNDS, labels=views.labels) for camera in (pinhole, lens)
     )
     for name in ("states", "labels"):
-        # Middles on the border of two pixels, and points on that of two voxels.
+        # Voxel centers on pixel borders, and points on voxel borders, may differ.
         assert (getattr(first, name).numpy() != getattr(second, name).numpy()).sum() <= 5
 
 
-def test_parts_and_threads_change_nothing(monkeypatch, device):
+def test_chunks_and_threads_do_not_change_maps(monkeypatch, device):
     scene, camera = build(device), CAMERAS["range"]()
     views = wv.render(scene, camera, POSES, outputs=("depth", "labels"))
     arguments = (views.depth, camera, POSES)
@@ -97,8 +97,8 @@ def test_parts_and_threads_change_nothing(monkeypatch, device):
         assert same(voxel_map(*rest, bounds=BOUNDS, labels=views.labels.numpy()[1:], out=added), whole)
 
 
-def test_a_pixel_without_a_ray_says_nothing(device):
-    """Where an image is empty all over, what lies in it is free; but for what the lens does not show."""
+def test_pixels_without_rays_do_not_free_voxels(device):
+    """In an empty image, voxels are free except where the pixel has no ray."""
     camera = of_corners_without_rays()
     depth = np.full((120, 160), np.inf, dtype=np.float32)
     pose = [0, 0, 0, 0, 0, 0, 1]
@@ -120,7 +120,7 @@ def posts(*places):
     return scene
 
 
-def test_lines_of_sight_are_the_pinholes_where_nothing_is_bent():
+def test_plan_visibility_of_undistorted_lens_matches_pinhole():
     scene = posts((2, 0), (3, 0.5), (2.5, -1), (0, 2), (-2, 0))
     poses = [wv.look_at((0, 0, height), (3, 0.2, 0.5)) for height in (0.5, 1.5)]
     pinhole = wv.Camera(160, 120, 130, 128, 70, 60, far=2.9)
@@ -131,24 +131,24 @@ def test_lines_of_sight_are_the_pinholes_where_nothing_is_bent():
     assert expected.visible[0].tolist() == [True, True, True, False, False]
 
 
-def test_a_fisheye_sees_what_stands_beside_it():
-    """It reaches 87 degrees to either side; ranges are along the lines."""
+def test_plan_visibility_of_fisheye():
+    """The lens covers 87 degrees to either side; ranges are measured along the lines."""
     scene = posts((2, 0), (0, 2), (0.6, -4), (-2, 0), (4, 0))
     pose = wv.look_at((0, 0, 0.5), (1, 0, 0.5))
     seen = plan_visibility(scene, LensCamera(FISHEYE, 160, 120, far=3.0), pose)
-    assert seen.visible[0].tolist() == [True, True, False, False, False]  # the third is too far, the last one hidden
+    assert seen.visible[0].tolist() == [True, True, False, False, False]  # the third is too far, the last one occluded
     seen = plan_visibility(scene, LensCamera(FISHEYE, 160, 120, far=4.5), pose)
     assert seen.visible[0].tolist() == [True, True, True, False, False] and seen.alone[0, 4] > 0
-    # A column's line is its pixel's: a post of half-angle a spans 2 fx theta(a) columns, here of an ideal fisheye.
+    # A column's line is the ray of its pixel: a post of half-angle a spans 2 fx theta(a) columns of an ideal fisheye.
     ideal = LensCamera(lenses.KannalaBrandt(50, 50, 80, 60, (0, 0, 0, 0)), 160, 120, far=3.0)
     half = 50 * math.asin(0.2 / 2)
-    expected = [2 * half, half + 80 - 50 * math.pi / 2]  # the image ends in the second one
+    expected = [2 * half, half + 80 - 50 * math.pi / 2]  # the image ends within the second post
     np.testing.assert_allclose(plan_visibility(scene, ideal, pose).alone[0, :2], expected, atol=1.1)
     with pytest.raises(PoseError, match="must not look straight up or down"):
         plan_visibility(scene, ideal, [0, 0, 1, 0, 0, 0, 1])
 
 
-def test_a_column_without_a_ray_has_no_line():
+def test_columns_without_rays_have_no_line():
     with pytest.warns(wv.errors.IntrinsicsWarning, match="have no ray"):
         camera = LensCamera(TURNS, 600, 120)
     around = posts(*[(2 * math.cos(a), 2 * math.sin(a)) for a in np.linspace(-1.5, 1.5, 60)])

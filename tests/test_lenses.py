@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lens models: there and back, against OpenCV's and COLMAP's own, and where a mapping turns back."""
+"""Lens models: round trips, comparison with OpenCV and COLMAP, and limits of invertible mappings."""
 
 import math
 import pickle
@@ -60,7 +60,7 @@ def directions(most_angle, count=2000):
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_there_and_back(name):
+def test_projection_round_trips(name):
     lens = LENSES[name]
     rays = lens.unproject(PIXELS)
     there = np.isfinite(rays).all(-1)
@@ -75,7 +75,7 @@ def test_there_and_back(name):
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_the_axis_and_what_is_behind(name):
+def test_axis_maps_to_principal_point_and_rear_to_nan(name):
     lens = LENSES[name]
     middle = lens.project([0.0, 0.0, 2.0])
     np.testing.assert_allclose(lens.unproject(middle), [0, 0, 1], atol=1e-15)
@@ -87,8 +87,8 @@ def test_the_axis_and_what_is_behind(name):
 
 
 @pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
-def test_opencv_projects_alike(count):
-    """OpenCV's pixels have their centres at whole numbers: it is half a pixel away."""
+def test_pinhole_projection_matches_opencv(count):
+    """OpenCV's pixel centers are at integers, so coordinates differ by half a pixel."""
     cv2 = pytest.importorskip("cv2")
     lens = lenses.OpenCVPinhole(*INTRINSICS, OPENCV[:count])
     fx, fy, cx, cy = INTRINSICS
@@ -98,7 +98,7 @@ def test_opencv_projects_alike(count):
     assert differences(lens.project(points), theirs[:, 0] + 0.5) < 1e-9
 
 
-def test_opencvs_fisheye_projects_alike():
+def test_fisheye_projection_matches_opencv():
     cv2 = pytest.importorskip("cv2")
     fx, fy, cx, cy = INTRINSICS
     k = np.array([[fx, 0, cx - 0.5], [0, fy, cy - 0.5], [0, 0, 1]])
@@ -107,8 +107,8 @@ def test_opencvs_fisheye_projects_alike():
     assert differences(lenses.KannalaBrandt(*INTRINSICS, FISHEYE).project(points), theirs[:, 0] + 0.5) < 1e-9
 
 
-def test_lenses_turn_back_where_their_slope_is_none():
-    """k1 alone: the radius r + k1 r^3 is greatest at r = 1 / sqrt(-3 k1)."""
+def test_mapping_ends_at_zero_slope():
+    """With k1 only, the radius r + k1 r^3 is maximal at r = 1 / sqrt(-3 k1)."""
     lens = lenses.OpenCVPinhole(*INTRINSICS, (-0.5, 0, 0, 0))
     end = 1 / math.sqrt(1.5)
     assert lens.turns_back and lens.max_angle == pytest.approx(math.atan(end), abs=1e-9)
@@ -121,8 +121,8 @@ def test_lenses_turn_back_where_their_slope_is_none():
     assert not lenses.OpenCVPinhole(*INTRINSICS).turns_back
 
 
-def test_the_double_spheres_range_is_that_of_its_paper():
-    """Usenko 2018: where alpha is above 1/2, the image ends at r^2 = 1 / (2 alpha - 1), as xi d1 + Z is -w1 d2."""
+def test_double_sphere_range_matches_paper():
+    """Usenko 2018: for alpha above 1/2, the image ends at r^2 = 1 / (2 alpha - 1), where xi d1 + Z = -w1 d2."""
     lens = LENSES["double sphere"]
     xi, alpha = lens.xi, lens.alpha
     second = math.cos(lens.max_angle) + xi
@@ -133,8 +133,8 @@ def test_the_double_spheres_range_is_that_of_its_paper():
     assert np.isfinite(rays[0]).all() and np.isnan(rays[1]).all()
 
 
-def test_masks_of_bent_lenses_are_what_they_map_to():
-    """Every pixel whose centre's neighbourhood is the image of a direction has a ray, and none that is not."""
+def test_pixels_have_rays_where_directions_map_to_them():
+    """A pixel has a ray if directions map to its whole neighborhood, and only if one maps into the neighborhood."""
     lens = LENSES["opencv folded"]
     assert lens.turns_back
     angle, azimuth = np.meshgrid(np.linspace(0, math.radians(40), 400), np.linspace(0, 2 * math.pi, 1200))
@@ -151,7 +151,7 @@ def test_masks_of_bent_lenses_are_what_they_map_to():
     assert 0.2 < there.mean() < 0.9
 
 
-def test_derivatives_of_bent_lenses_are_those_of_differences():
+def test_derivatives_match_finite_differences():
     x, y = np.random.default_rng(2).uniform(-0.4, 0.4, (2, 200))
     for name in ("opencv 14", "thin prism", "aria"):
         bend, h = LENSES[name]._bend, 1e-6
@@ -163,7 +163,7 @@ def test_derivatives_of_bent_lenses_are_those_of_differences():
         np.testing.assert_allclose(bent.yy, (down.y - up.y) / (2 * h), atol=1e-8)
 
 
-def test_panoramas_see_all_around():
+def test_equirectangular_and_cylindrical_projections():
     whole = LENSES["equirectangular"]
     np.testing.assert_allclose(whole.project([[0, 0, 1], [1, 0, 0], [0, -1, 0.0]])[:, 0], [160, 240, 160])
     np.testing.assert_allclose(whole.project([[0, 0, 1], [1, 0, 0], [0, -1, 0.0]])[:, 1], [120, 120, 0])
@@ -197,7 +197,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_lenses_are_said(name):
+def test_invalid_lenses_are_rejected(name):
     make, message = BAD[name]
     with pytest.raises(CameraError, match=message):
         make()
@@ -227,19 +227,19 @@ COLMAP = {
 
 
 @pytest.mark.parametrize("model", COLMAP)
-def test_colmap_projects_alike(model):
+def test_projection_matches_pycolmap(model):
     pycolmap = pytest.importorskip("pycolmap")
     lens = lens_from_colmap(model, COLMAP[model])
     theirs = pycolmap.Camera(camera_id=1, model=model, width=WIDTH, height=HEIGHT, params=COLMAP[model])
     points = directions(math.pi if model == "EQUIRECTANGULAR" else math.radians(85))
-    if model == "FOV":  # theirs is a series near the axis, good to 1e-8
+    if model == "FOV":  # COLMAP uses a series near the axis, accurate to 1e-8
         points = points[np.hypot(points[:, 0], points[:, 1]) > 0.02 * points[:, 2]]
     projected = lens.project(points)
     assert differences(projected, theirs.img_from_cam(points)) < 1e-9
     assert differences(projected, lens.project(lens.unproject(projected))) < 1e-9
 
 
-def test_all_models_of_colmap_are_known():
+def test_colmap_model_numbers_are_complete():
     pycolmap = pytest.importorskip("pycolmap")
     theirs = {member.value: name for name, member in pycolmap.CameraModelId.__members__.items() if name != "INVALID"}
     assert theirs == {number: name for number, name in COLMAP_NUMBERS.items() if number in theirs}
@@ -247,14 +247,14 @@ def test_all_models_of_colmap_are_known():
 
 
 @pytest.mark.parametrize("model", COLMAP)
-def test_models_of_colmap_are_written_as_the_same_lens(model):
+def test_colmap_models_round_trip(model):
     lens = lens_from_colmap(model, COLMAP[model])
     again = lens_from_colmap(*lens_to_colmap(lens))
     points = directions(math.radians(40), 100)
     np.testing.assert_array_equal(again.project(points), lens.project(points))
 
 
-def test_models_that_colmap_has_not_are_said():
+def test_unsupported_colmap_models_are_rejected():
     with pytest.raises(CameraError, match="COLMAP has no camera model PANINI; its models are SIMPLE_PINHOLE, "):
         lens_from_colmap("PANINI", F)
     with pytest.raises(CameraError, match="EUCM has 6 parameters, got 4"):
@@ -264,7 +264,7 @@ def test_models_that_colmap_has_not_are_said():
             lens_to_colmap(LENSES[name])
 
 
-def test_directions_are_kept():
+def test_directions_are_cached_and_read_only():
     lens = lenses.FOV(*F, 0.5)
     table = lens.directions(8, 6)
     assert table is lens.directions(8, 6) and not table.flags.writeable and table.shape == (6, 8, 3)
@@ -280,8 +280,8 @@ def test_directions_are_kept():
     ],
     ids=lambda lens: type(lens).__name__,
 )
-def test_unprojecting_ends_where_rounding_begins(monkeypatch, lens):
-    """A few points whose last digit keeps changing are no reason to go on with all the steps that there may be."""
+def test_unprojection_converges_in_few_iterations(monkeypatch, lens):
+    """A few points whose last digit keeps changing must not exhaust the maximum number of iterations."""
     pixels, calls, function = (
         np.random.default_rng(0).uniform((0, 0), (640, 480), (1000, 2)),
         [],

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ray patterns of lidars, against the makers' formulas, tables and libraries."""
+"""Ray patterns of lidars, compared with manufacturers' formulas, tables and libraries."""
 
 import json
 import math
@@ -22,7 +22,7 @@ SPINNING = {
     "bpearl": lambda rate: lidars.bpearl(0.01, rate=rate),
 }
 
-# What ouster-sdk 1.0.1's `XYZLut` says of `SensorInfo.from_default(LidarMode._1024x10)`: direction and offset.
+# Directions and offsets of ouster-sdk 1.0.1's `XYZLut` for `SensorInfo.from_default(LidarMode._1024x10)`.
 OS1_64 = {
     (0, 0): (
         [-0.9568069643596201, 0.05289077661276211, 0.28587234686521795],
@@ -44,14 +44,14 @@ OS1_64 = {
 
 
 def angles(rays):
-    """Azimuth to the left and elevation [deg]."""
+    """Return azimuths, counterclockwise, and elevations [deg]."""
     x, y, z = np.moveaxis(np.asarray(rays.directions), -1, 0)
     return np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(z))
 
 
 @pytest.mark.parametrize("rate", [10, 20])
 @pytest.mark.parametrize("name", SPINNING)
-def test_times_rise_and_stay_within_a_turn(name, rate):
+def test_times_increase_within_one_revolution(name, rate):
     rays = SPINNING[name](rate)
     times = np.asarray(rays.times)
     assert times.min() == 0 and times.max() < 1 / rate
@@ -61,7 +61,7 @@ def test_times_rise_and_stay_within_a_turn(name, rate):
 
 
 @pytest.mark.parametrize("name", ["vlp16", "vlp32c", "hdl64e"])
-def test_a_velodyne_turns_clockwise_at_its_rate(name):
+def test_velodyne_rotates_clockwise_at_its_rate(name):
     rays = SPINNING[name](10)
     azimuth, elevation = angles(rays)
     turned = np.unwrap(np.radians(azimuth), axis=1)
@@ -71,7 +71,7 @@ def test_a_velodyne_turns_clockwise_at_its_rate(name):
     assert (np.asarray(rays.rings)[:, 0] == np.arange(len(elevation))[::-1]).all()
 
 
-def test_a_vlp16_fires_its_lasers_in_the_manuals_order():
+def test_vlp16_firing_order_matches_manual():
     rays = lidars.vlp16()
     azimuth, elevation = angles(rays)
     order = np.argsort(rays.times[:, 0])
@@ -81,14 +81,14 @@ def test_a_vlp16_fires_its_lasers_in_the_manuals_order():
     np.testing.assert_allclose(np.diff(rays.times, axis=1), 55.296e-6, atol=1e-12)
     assert rays.directions.shape == (16, 1808, 3)
     assert azimuth[15, 0] == 0 and azimuth[15, 1] == pytest.approx(-0.1990656, abs=1e-9)
-    # 11.2 mm for the outermost lasers, by the sensor's drawing; beams meet 41.91 mm ahead.
+    # The sensor's drawing gives 11.2 mm for the outermost lasers; beams intersect 41.91 mm ahead.
     heights = np.asarray(rays.origins)[:, 0, 2]
     assert heights[0] == pytest.approx(-0.0112, abs=5e-5) and heights[-1] == pytest.approx(0.0112, abs=5e-5)
     at = rays.origins[:, 0] + rays.directions[:, 0] * (0.04191 / np.cos(np.radians(elevation[:, 0])))[:, None]
     np.testing.assert_allclose(at[:, 2], 0, atol=1e-15)
 
 
-def test_a_vlp32c_has_two_lasers_at_a_time_and_azimuths_of_their_own():
+def test_vlp32c_firing_pairs_and_azimuth_offsets():
     rays = lidars.vlp32c()
     times, counts = np.unique(np.round(rays.times[:, 0], 9), return_counts=True)
     assert (counts == 2).all() and len(times) == 16
@@ -99,12 +99,12 @@ def test_a_vlp32c_has_two_lasers_at_a_time_and_azimuths_of_their_own():
     assert left[0] == pytest.approx(1.4) and left[-1] == pytest.approx(-1.4)
 
 
-def test_an_hdl64e_has_two_blocks_that_fire_together():
+def test_hdl64e_blocks_fire_simultaneously():
     rays = lidars.hdl64e()
     times, counts = np.unique(np.round(rays.times[:, 0], 9), return_counts=True)
     assert (counts == 2).all() and times[-1] == pytest.approx(7 * 7.2e-6 + 3.7e-6)
     assert 64 * rays.directions.shape[1] * 10 == pytest.approx(1.11e6, rel=0.01)  # points a second, by its data sheet
-    # Every ray passes the axis at 26 mm.
+    # Every ray passes the axis at a distance of 26 mm.
     across = np.abs(rays.origins[..., 0] * rays.directions[..., 1] - rays.origins[..., 1] * rays.directions[..., 0])
     np.testing.assert_allclose(across / np.hypot(rays.directions[..., 0], rays.directions[..., 1]), 0.026, atol=1e-12)
 
@@ -118,7 +118,7 @@ def velodyne_file(path, count=16, **changes):
     return path
 
 
-def test_a_velodynes_own_calibration_is_read(tmp_path):
+def test_velodyne_calibration_is_read(tmp_path):
     rays = lidars.vlp16(calibration=velodyne_file(tmp_path / "a.yaml"))
     assert rays.directions[0, 0, 2] == pytest.approx(math.sin(0.15))
     heading = 0.1 - 2 * math.pi * 10 * rays.times[0, 0]
@@ -129,8 +129,8 @@ def test_a_velodynes_own_calibration_is_read(tmp_path):
 
 
 def velodyne_points(row, distance, azimuth):
-    """velodyne_pointcloud's ``RawData::unpack`` without corrections of the distance: a point in ROS's axes.
-
+    """Return the point that velodyne_pointcloud's ``RawData::unpack`` computes without distance corrections, in ROS
+    axes.
     ros-drivers/velodyne, velodyne_pointcloud/src/lib/rawdata.cpp; `azimuth` is clockwise.
     """
     turned = azimuth - row["rot_correction"]
@@ -143,7 +143,7 @@ def velodyne_points(row, distance, azimuth):
 
 
 def corrections(count, seed=3):
-    """Lasers as an HDL-64E's calibration has them."""
+    """Return random lasers in the form of an HDL-64E calibration."""
     rng = np.random.default_rng(seed)
     elevation = np.sort(rng.uniform(-0.42, 0.05, count))[::-1]
     return [
@@ -159,19 +159,19 @@ def corrections(count, seed=3):
 
 
 @pytest.mark.parametrize(("make", "count"), [(lidars.vlp16, 16), (lidars.vlp32c, 32), (lidars.hdl64e, 64)])
-def test_points_of_a_calibrated_velodyne_are_its_drivers(tmp_path, make, count):
+def test_calibrated_velodyne_points_match_driver(tmp_path, make, count):
     rows = corrections(count)
     put(tmp_path / "calibration.yaml", {"lasers": rows, "num_lasers": count})
     rays = make(calibration=tmp_path / "calibration.yaml")
-    for place, row in enumerate(rows):  # both have the highest laser first
+    for place, row in enumerate(rows):  # both list the highest laser first
         for column, distance in ((0, 1.0), (311, 7.5), (900, 60.0)):
             point = rays.origins[place, column] + distance * rays.directions[place, column]
             azimuth = 2 * math.pi * 10 * rays.times[place, column]
             np.testing.assert_allclose(point, velodyne_points(row, distance, azimuth), atol=1e-12)
 
 
-def test_points_of_the_hdl64e_are_its_drivers():
-    """The table is of the same corrections; by height alone, the lowest laser's points were 66 mm off."""
+def test_hdl64e_points_match_driver():
+    """The built-in table contains the same corrections; using only heights, the lowest laser was off by 66 mm."""
     rays, table = lidars.hdl64e(), lidars._velodyne_tables.HDL64E_S3
     number = min(range(64), key=lambda laser: table[laser][0])
     elevation, left, vertical = table[number]
@@ -188,7 +188,7 @@ def put(path, fields):
     return path
 
 
-def test_an_ouster_is_that_of_ouster_sdk():
+def test_ouster_matches_recorded_ouster_sdk_values():
     rays = lidars.ouster("OS1-64")
     assert rays.directions.shape == (64, 1024, 3)
     for place, (direction, offset) in OS1_64.items():
@@ -198,7 +198,7 @@ def test_an_ouster_is_that_of_ouster_sdk():
     assert (rays.times == rays.times[0]).all() and (rays.rings[:, 5] == np.arange(64)).all()
 
 
-def test_an_ouster_is_that_of_an_installed_ouster_sdk():
+def test_ouster_matches_installed_ouster_sdk():
     core = pytest.importorskip("ouster.sdk.core")
     lut = core.XYZLut(core.SensorInfo.from_default(core.LidarMode._1024x10))
     rays = lidars.ouster("OS1-64")
@@ -207,7 +207,7 @@ def test_an_ouster_is_that_of_an_installed_ouster_sdk():
 
 
 @pytest.mark.parametrize("metadata", [ouster_metadata, old_ouster_metadata])
-def test_an_ousters_metadata_is_read_of_all_firmwares(tmp_path, metadata):
+def test_ouster_metadata_of_all_firmwares_is_read(tmp_path, metadata):
     path = put(tmp_path / "os.json", metadata())
     rays, nominal = lidars.ouster(path), lidars.ouster("OS1-64")
     np.testing.assert_allclose(rays.directions, nominal.directions, atol=1e-15)
@@ -216,7 +216,7 @@ def test_an_ousters_metadata_is_read_of_all_firmwares(tmp_path, metadata):
 
 
 @pytest.mark.parametrize(("window", "columns"), [((100, 200), range(100, 201)), ((1022, 1), (0, 1, 1022, 1023))])
-def test_an_ousters_column_window_is_kept(tmp_path, window, columns):
+def test_ouster_column_window_selects_columns(tmp_path, window, columns):
     fields = ouster_metadata(lidar_data_format={"column_window": list(window)})
     rays, whole = lidars.ouster(put(tmp_path / "os.json", fields)), lidars.ouster("OS1-64")
     np.testing.assert_allclose(rays.directions, whole.directions[:, list(columns)], atol=1e-15)
@@ -224,7 +224,7 @@ def test_an_ousters_column_window_is_kept(tmp_path, window, columns):
 
 
 @pytest.mark.parametrize("name", ["OS0-128", "os-1-128", "OS2-128"])
-def test_nominal_ousters_have_even_beams_in_columns_of_four(name):
+def test_nominal_ouster_beams_are_even_in_groups_of_four(name):
     rays = lidars.ouster(name, "512x10")
     _, elevation = angles(rays)
     np.testing.assert_allclose(np.diff(elevation[:, 0]), -2 * elevation[0, 0] / 127, atol=1e-9)
@@ -247,7 +247,7 @@ def livox_npy(path):
 
 
 @pytest.mark.parametrize("file", [lambda p: livox_csv(p / "mid360.csv"), lambda p: livox_npy(p / "mid360.npy")])
-def test_frames_of_a_livox_go_on_where_the_last_one_ended(tmp_path, file):
+def test_livox_frames_continue_the_pattern(tmp_path, file):
     pattern = lidars.livox("Mid-360", file(tmp_path))
     azimuth, elevation = LIVOX.T.astype(np.float64)
     wanted = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], -1)
@@ -255,17 +255,17 @@ def test_frames_of_a_livox_go_on_where_the_last_one_ended(tmp_path, file):
     seen = np.concatenate([frame.directions.reshape(-1, 3) for frame in frames])
     np.testing.assert_allclose(seen, np.tile(wanted, (4, 1))[:18], atol=1e-9)
     np.testing.assert_allclose(np.ravel(frames[0].times), [0, 1 / 30, 2 / 30], atol=1e-15)
-    # Lasers fire in turn, sample by sample of the pattern: four of a Mid-360, one of a Mid-40.
+    # Lasers fire in turn, one per sample of the pattern: four in a Mid-360, one in a Mid-40.
     assert np.concatenate([frame.rings for frame in frames]).tolist() == [0, 1, 2, 3, 0] * 3 + [0, 1, 2]
     assert pattern.lines == 4 and lidars.livox("mid40", file(tmp_path)).frame(0, samples=5).rings.tolist() == [0] * 5
-    # Livox' own words: Rz(azimuth) Ry(zenith - 90 degrees) x.
+    # Livox defines directions as Rz(azimuth) Ry(zenith - 90 degrees) x.
     turn = wanted[1]
     c, s = math.cos(-elevation[1]), math.sin(-elevation[1])
     np.testing.assert_allclose(turn[2], -s, atol=1e-12)
     np.testing.assert_allclose(np.hypot(*turn[:2]), c, atol=1e-12)
 
 
-def test_a_livox_is_that_of_an_installed_mujoco_lidar():
+def test_livox_matches_installed_mujoco_lidar():
     pytest.importorskip("mujoco_lidar")
     from mujoco_lidar.scan_gen import LivoxGenerator
 
@@ -278,7 +278,7 @@ def test_a_livox_is_that_of_an_installed_mujoco_lidar():
 
 
 @pytest.mark.parametrize(("model", "lines"), [("mid360", 4), ("avia", 6), ("horizon", 6), ("tele", 6), ("HAP", 6)])
-def test_samples_of_one_line_of_a_livox_lie_close_to_each_other(model, lines):
+def test_livox_samples_of_one_line_are_close(model, lines):
     pytest.importorskip("mujoco_lidar")
     pattern = lidars.livox(model)
     assert pattern.lines == lines
@@ -290,8 +290,8 @@ def test_samples_of_one_line_of_a_livox_lie_close_to_each_other(model, lines):
     assert step(lines) < 0.7 * min(step(apart) for apart in range(1, lines))
 
 
-def test_an_even_lidar_is_isaac_labs():
-    """Isaac Lab's `lidar_pattern`: linspace of elevations, arange of azimuths without the last of a whole turn."""
+def test_even_lidar_matches_isaac_lab():
+    """Isaac Lab's `lidar_pattern`: linspace of elevations, arange of azimuths without the end of a full revolution."""
     rays = lidars.even(5, (-0.5, 0.25), increment=math.radians(3))
     azimuth, elevation = angles(rays)
     np.testing.assert_allclose(elevation[::-1, 0], np.degrees(np.linspace(-0.5, 0.25, 5)), atol=1e-12)
@@ -301,7 +301,7 @@ def test_an_even_lidar_is_isaac_labs():
     np.testing.assert_allclose(np.radians(angles(part)[0]), [[0, 0.25, 0.5, 0.75, 1]], atol=1e-12)
 
 
-def test_a_bpearl_looks_up_from_89_5_to_2_3_degrees():
+def test_bpearl_elevations_match_isaac_lab():
     azimuth, elevation = angles(lidars.bpearl(math.radians(10)))
     isaac = [89.5, 86.6875, 83.875, 81.0625, 78.25, 75.4375, 72.625, 69.8125, 67.0, 64.1875, 61.375, 58.5625, 55.75,
              52.9375, 50.125, 47.3125, 44.5, 41.6875, 38.875, 36.0625, 33.25, 30.4375, 27.625, 24.8125, 22, 19.1875,
@@ -311,7 +311,7 @@ def test_a_bpearl_looks_up_from_89_5_to_2_3_degrees():
     np.testing.assert_allclose(np.diff(azimuth[5]), 10, atol=1e-9)
 
 
-def test_a_grid_is_isaac_labs():
+def test_grid_matches_isaac_lab():
     rays = lidars.grid((1.6, 1.0), 0.1)
     x, y = np.meshgrid(np.arange(-0.8, 0.8 + 1e-9, 0.1), np.arange(-0.5, 0.5 + 1e-9, 0.1), indexing="xy")
     np.testing.assert_allclose(rays.origins, np.stack([x, y, 0 * x], axis=-1), atol=1e-12)
@@ -320,7 +320,7 @@ def test_a_grid_is_isaac_labs():
     np.testing.assert_allclose(slanted.directions, [[[0, 0.6, -0.8]]])
 
 
-def test_a_laser_scan_has_the_angles_of_its_message():
+def test_laser_scan_angles_match_message():
     rays = lidars.laser_scan(-1.0, 1.0, 0.5, time_increment=0.001, near=0.1, far=9.0)
     np.testing.assert_allclose(np.radians(angles(rays)[0]).ravel(), [-1, -0.5, 0, 0.5, 1], atol=1e-12)
     np.testing.assert_allclose(np.ravel(rays.times), np.arange(5) * 0.001)
@@ -447,14 +447,14 @@ def array(path, values):
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_told_in_one_sentence(tmp_path, name):
+def test_invalid_input_raises_one_line_errors(tmp_path, name):
     call, message = BAD[name]
     with pytest.raises(wv.WarpvisError, match=message) as found:
         call(tmp_path)
     assert "\n" not in str(found.value)
 
 
-def test_a_livox_needs_a_file_where_no_wheel_is(monkeypatch):
+def test_livox_requires_file_without_mujoco_lidar(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(wv.WarpvisError, match=r"file must be given, .* because mujoco-lidar, .* is not installed"):
         lidars.livox("mid360")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lights and backgrounds as data: of MuJoCo, whose pictures they explain, of glTF and of Webots."""
+"""Lights and backgrounds read from MuJoCo, glTF and Webots, and compared with MuJoCo's pictures."""
 
 import copy
 import pickle
@@ -28,13 +28,13 @@ def load(path, **options):
         return wv.Scene.load(path, **options)
 
 
-def test_light_that_comes_from_everywhere_is_as_strong_everywhere():
+def test_lights_without_position_have_constant_strength():
     points = np.random.default_rng(0).normal(size=(2, 5, 3))
     for kind in ("ambient", "directional", "headlight"):
         np.testing.assert_array_equal(Light(kind).strength(points), np.ones((2, 5)))
 
 
-def test_points_grow_weaker_with_distance():
+def test_point_lights_attenuate_with_distance():
     points = [[1.0, 2, 3], [1, 2, 5], [1, 2, 13.5]]
     light = Light("point", position=(1, 2, 3), attenuation=(1, 0.5, 0.25), reach=10)
     np.testing.assert_allclose(light.strength(points), [1, 1 / 3, 0])
@@ -50,7 +50,7 @@ def test_points_grow_weaker_with_distance():
         ("gltf", [1, 1, ((np.cos(0.6) - np.cos(0.7)) / (np.cos(0.3) - np.cos(0.7))) ** 2, 0]),
     ],
 )
-def test_spots_grow_weaker_beside_their_axis(falloff, wanted):
+def test_spotlights_attenuate_off_axis(falloff, wanted):
     light = Light(
         "spot", direction=(0, 2, 0), falloff=falloff, inner_angle=0.3, outer_angle=0.7, exponent=2, position=(0, 0, 1)
     )
@@ -59,7 +59,7 @@ def test_spots_grow_weaker_beside_their_axis(falloff, wanted):
     np.testing.assert_allclose(light.strength(points), wanted, atol=1e-9)
 
 
-def test_a_scene_keeps_its_lights_and_its_background():
+def test_copies_keep_lights_and_background():
     scene = wv.Scene()
     scene.add(trimesh.creation.box())
     assert scene.lights == ()
@@ -72,7 +72,7 @@ def test_a_scene_keeps_its_lights_and_its_background():
         np.testing.assert_array_equal(same.background.image[::4, 0, 0], [0, 40, 80, 120, 160, 200])
 
 
-def test_skies_that_are_no_cube_are_left_out_with_a_warning(tmp_path):
+def test_skies_of_unequal_images_are_ignored_with_warning(tmp_path):
     odd = (*FACES[:5], Texture(np.zeros((3, 3, 3), np.uint8), "odd"))
     with pytest.warns(UserWarning, match="the sky is ignored: images such as face 0 are not squares of equal size"):
         assert Background(sky=odd).image is None
@@ -80,8 +80,8 @@ def test_skies_that_are_no_cube_are_left_out_with_a_warning(tmp_path):
     assert Background(sky=clear).image.shape == (24, 4, 3)
 
 
-def test_places_in_the_images_of_a_cube():
-    # The table of OpenGL 2.1, section 3.8.6.
+def test_cube_coordinates_match_opengl():
+    # Table of OpenGL 2.1, section 3.8.6.
     ways = [[2, 1, 0.5], [-2, 1, 0.5], [0.5, 2, 1], [0.5, -2, 1], [1, 0.5, 2], [1, 0.5, -2], [0, 0, 0]]
     images, places = cube_coordinates(ways)
     assert images.tolist() == [0, 1, 2, 3, 4, 5, 0]
@@ -118,7 +118,7 @@ def test_places_in_the_images_of_a_cube():
         (lambda: setattr(wv.Scene(), "background", "blue"), "background must be a Background or None, got str"),
     ],
 )
-def test_malformed_lights_get_one_sentence(make, said):
+def test_invalid_lights_and_backgrounds_are_rejected(make, said):
     with pytest.raises(SceneError, match=said):
         make()
 
@@ -143,7 +143,7 @@ def test_mujoco_lights(tmp_path):
 
 
 def shaded(scene, points, eye, forward):
-    """What the formula of `Light` makes of the floor."""
+    """Return the floor's colors by the formula of `Light`."""
     (material,) = scene["floor"].appearance.materials
     base, shine = np.array(material.base_color[:3]), np.array(material.specular)
     normal, total = np.array([0.0, 0, 1]), 0.0
@@ -166,7 +166,7 @@ def shaded(scene, points, eye, forward):
 
 
 @pytest.mark.gl
-def test_mujoco_draws_what_its_lights_say():
+def test_mujoco_picture_matches_light_formula():
     model = mujoco.MjModel.from_xml_string(MODEL)
     scene = wv.mujoco.scene_from_mujoco(model).scene
     eye, forward = np.array([0.3, -1.5, 1.8]), np.array([0.0, 1.5, -1.6])
@@ -177,11 +177,11 @@ def test_mujoco_draws_what_its_lights_say():
     error = np.abs(image - wanted).max(axis=-1)[inside]
     assert wanted[inside].max() - wanted[inside].min() > 0.4
     assert np.median(error) < 1 / 255
-    assert np.quantile(error, 0.95) < 1 / 255  # it mixes colours of corners, and the cone's edge is jagged
+    assert np.quantile(error, 0.95) < 1 / 255  # MuJoCo interpolates vertex colors, and the edge of the cone is jagged
 
 
 @pytest.mark.gl
-def test_mujoco_draws_the_sky_that_its_background_says():
+def test_mujoco_picture_matches_sky():
     xml = """<mujoco><asset><texture name="sky" type="skybox" builtin="flat" width="16" height="16"/></asset>
     <worldbody><geom size=".001" pos="0 0 -90"/></worldbody></mujoco>"""
     model = mujoco.MjModel.from_xml_string(xml)
@@ -193,7 +193,9 @@ def test_mujoco_draws_the_sky_that_its_background_says():
         image, rays = picture(model, np.zeros(3), forward)
         number, place = cube_coordinates(rays @ np.array(background.world_to_cube).T)
         row, column = np.minimum(place * 16, 15).astype(int)[..., ::-1].transpose(2, 0, 1)
-        inside = (np.abs(place * 2 % 1 - 0.5) < 0.4).all(axis=-1)  # between the edges, where colours are mixed
+        inside = (np.abs(place * 2 % 1 - 0.5) < 0.4).all(
+            axis=-1
+        )  # away from texel borders, where colors are interpolated
         np.testing.assert_allclose(image[inside], sky[number[inside], row[inside], column[inside]] / 255, atol=2 / 255)
 
 
@@ -205,7 +207,7 @@ def test_gltf_lights(tmp_path):
         scene = wv.Scene.load(tmp_path / "a.glb", scale=10, strict=True)
     sun, spot, point = scene.lights
     assert (sun.kind, sun.color, sun.intensity, sun.color_space) == ("directional", (1, 0.5, 0), 3, "linear")
-    # Turned about x, -z is y, which is up in glTF; 10 times as large, and z up.
+    # Rotated about x, -z becomes y, which is up in glTF; then scaled by 10 and converted to z-up.
     np.testing.assert_allclose(sun.direction, [0, 0, 1], atol=1e-6)
     np.testing.assert_allclose(spot.position, [10, -30, 20], atol=1e-5)
     assert (spot.name, spot.reach, spot.inner_angle, spot.outer_angle) == ("spot", 20, 0.1, 0.5)
@@ -237,7 +239,7 @@ def test_webots_sky(tmp_path):
     urls = " ".join(f'{name}Url [ "{name}.png" ]' for name in names)
     (tmp_path / "a.wbt").write_text(WORLD % urls)
     background = load(tmp_path / "a.wbt").background
-    # As WbBackground.cpp changes them for worlds whose z is up: x is behind, y to the right.
+    # WbBackground.cpp maps the images in z-up worlds so that x is backward and y is right.
     ways = {"back": [1, 0, 0], "front": [-1, 0, 0], "right": [0, 1, 0], "left": [0, -1, 0], "top": [0, 0, 1]}
     for name, way in {**ways, "bottom": [0, 0, -1]}.items():
         number, _ = cube_coordinates(np.array(background.world_to_cube) @ way)

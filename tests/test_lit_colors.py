@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The output "color": surfaces under lights, by a twin in double precision and by MuJoCo's own pictures."""
+"""The output "color": lit surfaces, compared with a double-precision reference and MuJoCo's pictures."""
 
 import mujoco
 import numpy as np
@@ -53,7 +53,7 @@ def two_boxes(device):
 
 
 @pytest.mark.parametrize("name", MIXES)
-def test_colours_are_those_of_double_precision(name, device):
+def test_lit_colors_match_reference(name, device):
     scene, lights = two_boxes(device), MIXES[name]
     scene.lights = lights
     views = wv.render(scene, CAMERA, POSE, outputs=("color", "points", "normals", "segmentation"))
@@ -64,8 +64,8 @@ def test_colours_are_those_of_double_precision(name, device):
 
 
 @pytest.mark.parametrize("space", ["srgb", "linear"])
-def test_what_has_a_texture_is_lit(space, device):
-    """As fixed functions do, by no more light than can be shown, times the texture; or in proportion."""
+def test_textured_surfaces_are_lit(space, device):
+    """sRGB light is clamped before the texture multiplies it, as in fixed-function pipelines; linear light is not."""
     scene, bright = wv.Scene(device=device), Light("ambient", ambient=(2.0, 0.5, 1.0), color_space=space)
     gray = Texture(np.full((2, 2, 3), 102, dtype=np.uint8))
     look = Appearance((Material(base_color=(0.9, 0.8, 0.5), texture=gray),), uv=np.zeros((8, 2)))
@@ -80,7 +80,7 @@ def test_what_has_a_texture_is_lit(space, device):
     assert len(seen) and np.abs(seen - expected * 255).max() <= 1
 
 
-def test_without_lights_colours_are_base_colours(device):
+def test_color_without_lights_equals_albedo(device):
     scene = two_boxes(device)
     views = wv.render(scene, CAMERA, POSE, outputs=("color", "albedo"))
     np.testing.assert_array_equal(views.color.numpy(), views.albedo.numpy())
@@ -89,7 +89,7 @@ def test_without_lights_colours_are_base_colours(device):
     assert (views.color.numpy() < views.albedo.numpy()).mean() > 0.3
 
 
-def test_a_background_is_seen_where_nothing_is(device):
+def test_background_color_fills_empty_pixels(device):
     scene = two_boxes(device)
     renderer = wv.Renderer(scene, CAMERA, outputs=("color", "segmentation"))
     for lights in ((), (LIGHTS["headlight"],)):
@@ -102,8 +102,8 @@ def test_a_background_is_seen_where_nothing_is(device):
 
 
 @pytest.mark.parametrize("kind", ["stays", "movable", "attached"])
-def test_normals_of_vertices_make_surfaces_smooth(kind, device):
-    """A coarse ball that has a ball's normals is lit as one, wherever it is and whatever it goes with."""
+def test_vertex_normals_shade_smoothly(kind, device):
+    """A coarse ball with the normals of a sphere is shaded like a sphere, static, moved or attached."""
     ball, place = trimesh.creation.icosphere(2, 0.5), np.array([0.3, 0.2, 0.1, 0.0, 0.6, 0.0, 0.8])
     hub, pose = np.array([0, 0, 0, 0, 0, 0.6, 0.8]), np.array([[0.5, -0.4, 0.2, 0, 0.28, 0, 0.96]])
     for normals in (ball.vertices, ball.vertices[ball.faces]):
@@ -127,11 +127,13 @@ def test_normals_of_vertices_make_surfaces_smooth(kind, device):
             normal = out / np.linalg.norm(out)
             view = points[y, x], normal, matrix[:3, 3], matrix[:3, 2]
             wanted = reference_shading.lit_color(scene.lights, GLOSSY, *view) * 255
-            assert np.abs(views.color.numpy()[0, y, x] - wanted).max() <= 5  # mixed normals are not quite a ball's
+            assert (
+                np.abs(views.color.numpy()[0, y, x] - wanted).max() <= 5
+            )  # interpolated normals deviate slightly from a sphere's
 
 
-def test_worlds_of_mujoco_have_colours(device):
-    """A red box that is lit from above, in two places."""
+def test_mujoco_worlds_render_colors(device):
+    """A red box lit from above, at two positions."""
     model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><light pos="0 0 3" dir="0 0 -1" type="directional"/>
     <camera name="c" pos="0 0 4"/><body><freejoint/><geom type="box" size=".3 .3 .3" rgba="1 0 0 1"/></body></worldbody>
     </mujoco>""")
@@ -148,8 +150,8 @@ def test_worlds_of_mujoco_have_colours(device):
 
 
 @pytest.mark.gl
-def test_pictures_are_those_of_mujoco():
-    """Away from silhouettes. MuJoCo mixes the light of corners, and highlights are smaller than its triangles."""
+def test_colors_match_mujoco_pictures():
+    """Silhouettes are excluded. MuJoCo interpolates vertex light, and highlights are smaller than its triangles."""
     points = " ".join(map(str, trimesh.creation.icosphere(2, 0.3).vertices.ravel().round(5)))
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>

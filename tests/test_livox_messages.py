@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds of Livox lidars as messages of Livox's driver, made and written into bags and read again."""
+"""Livox point clouds as messages of Livox's driver: construction, and round trips through bags."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def store():
 
 @pytest.fixture(scope="module")
 def cloud(tmp_path_factory):
-    """A frame of a Mid-360 in a room that is open above, so that some rays meet nothing."""
+    """Return a frame of a Mid-360 in a room without ceiling, so that some rays have no hit."""
     path = tmp_path_factory.mktemp("livox") / "mid360.npy"
     angles = np.random.default_rng(0).uniform((-3.1, -0.1), (3.1, 0.9), (400, 2))
     np.save(path, angles.astype(np.float32))
@@ -49,7 +49,7 @@ def points_of(message):
     return [np.array([getattr(point, name) for point in message.points]) for name in names]
 
 
-def test_a_message_says_what_the_cloud_does(store, cloud):
+def test_message_contains_finite_points_of_cloud(store, cloud):
     message = wv.io.to_livox_msg(cloud, frame_id="livox_frame", stamp=STAMP, lidar_id=7, types=store)
     kept = cloud[np.isfinite(cloud["x"])]
     assert len(kept) == 171 == message.point_num == len(message.points)
@@ -80,7 +80,7 @@ def test_points_are_sorted_by_time_and_tags_are_kept(store, cloud):
 
 
 @pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
-def test_messages_come_back_from_a_bag(tmp_path, store, cloud, storage):
+def test_messages_round_trip_through_bag(tmp_path, store, cloud, storage):
     messages = [wv.io.to_livox_msg(cloud, frame_id="livox", stamp=STAMP + k, types=store) for k in range(2)]
     clouds = [wv.io.to_pointcloud2(cloud, frame_id="livox", stamp=STAMP, layout="livox", types=store)]
     plugin = getattr(rosbag2.StoragePlugin, storage)
@@ -89,7 +89,7 @@ def test_messages_come_back_from_a_bag(tmp_path, store, cloud, storage):
             connection = writer.add_connection(topic, kind, typestore=store)
             for message in sent:
                 writer.write(connection, 10**9, store.serialize_cdr(message, kind))
-    # Whoever reads knows the message from the bag alone.
+    # The reader takes the message definition from the bag.
     reader_store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     with rosbag2.Reader(tmp_path / "bag") as reader:
         for connection in reader.connections:
@@ -113,7 +113,7 @@ def test_messages_come_back_from_a_bag(tmp_path, store, cloud, storage):
     assert np.abs(points["timestamp"] - messages[0].timebase - time).max() <= 256
 
 
-def test_livoxs_cloud_has_the_fields_of_its_driver(store, cloud):
+def test_livox_layout_has_fields_of_driver(store, cloud):
     message = wv.io.to_pointcloud2(cloud, frame_id="livox", stamp=2.0, layout="livox", types=store)
     found = [(field.name, field.offset, field.datatype) for field in message.fields]
     assert found == [
@@ -127,8 +127,8 @@ def test_livoxs_cloud_has_the_fields_of_its_driver(store, cloud):
     assert points["intensity"].max() > 200
 
 
-def test_drivers_own_classes_take_the_numbers(monkeypatch, cloud):
-    """Those of livox_ros_driver2, which check what they are given."""
+def test_driver_classes_accept_values(monkeypatch, cloud):
+    """The classes of livox_ros_driver2 validate assigned values."""
     import ros_messages
 
     classes = ros_messages.install(monkeypatch)
@@ -161,12 +161,12 @@ def named(**columns):
         (np.zeros((4, 3)), {}, "a cloud must be a NumPy array with named fields"),
     ],
 )
-def test_what_is_no_cloud_of_a_livox_is_said(store, cloud, options, message):
+def test_invalid_clouds_are_rejected(store, cloud, options, message):
     with pytest.raises(wv.WarpvisError, match=message):
         wv.io.to_livox_msg(cloud, frame_id="a", types=store, **options)
 
 
-def test_types_without_the_message_are_told_how_to_have_it():
+def test_missing_message_type_error_names_the_remedy():
     plain = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     with pytest.raises(wv.WarpvisError, match=r"types have no livox_ros_driver2/msg/CustomMsg: .*register_livox_types"):
         wv.io.to_livox_msg(named(time=0.0), frame_id="a", types=plain)
