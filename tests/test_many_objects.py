@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes of many objects of one mesh: they share it, and what they cost is what is new."""
+"""Scenes with many objects of one mesh: shared arrays, lazy objects, and cost per call."""
 
 import gc
 import pickle
@@ -22,7 +22,7 @@ HALF = np.sqrt(0.5)
 
 
 def grid(count):
-    """Poses in a square, turned a little."""
+    """Return poses on a square grid, slightly rotated."""
     side = int(np.ceil(np.sqrt(count)))
     x, y = np.indices((side, side)).reshape(2, -1)[:, :count] - side / 2
     turned = np.tile([0, 0, HALF, HALF], (count, 1))
@@ -43,8 +43,8 @@ def test_objects_of_one_mesh_share_its_arrays(kind):
 
 
 @pytest.mark.parametrize("kind", ["trimesh", "arrays", "views"])
-def test_a_mesh_that_was_changed_is_another_one(kind):
-    """In place, between two times that it is added; and scaled."""
+def test_modified_meshes_are_not_shared(kind):
+    """Meshes modified in place between two additions, and scaled meshes, are copies."""
     ball = trimesh.creation.icosphere(subdivisions=1, radius=0.3)
     mesh = ball if kind == "trimesh" else (np.array(ball.vertices), np.array(ball.faces))
     if kind == "views":
@@ -66,8 +66,8 @@ def test_a_mesh_that_was_changed_is_another_one(kind):
     np.testing.assert_array_equal(four.mesh_vertices, (2 * before * [1, 2, 3]).astype(np.float32))
 
 
-def test_meshes_of_the_same_id_are_told_apart():
-    """Arrays come and go, and Python gives their ids to others."""
+def test_meshes_with_reused_ids_are_distinguished():
+    """Python reuses the ids of freed arrays."""
     scene = wv.Scene()
     for size in range(1, 30):
         box = trimesh.creation.box((size, size, size))
@@ -75,7 +75,7 @@ def test_meshes_of_the_same_id_are_told_apart():
     np.testing.assert_allclose([item.bounds[1, 0] for item in scene], np.arange(1, 30) / 2)
 
 
-def test_vertices_in_the_world_are_computed_when_asked_for():
+def test_world_vertices_are_computed_lazily():
     ball = trimesh.creation.icosphere(subdivisions=1, radius=0.3)
     scene = wv.Scene()
     scene.add(ball, pose=(1, 2, 3, 0, 0, HALF, HALF), movable=True, name="ball")
@@ -90,7 +90,7 @@ def test_vertices_in_the_world_are_computed_when_asked_for():
 
 
 @pytest.mark.parametrize("mesh", [trimesh.creation.icosphere(subdivisions=1), solids.sphere(0.5)])
-def test_movable_objects_too_far_away_are_refused(mesh):
+def test_movable_objects_too_far_away_are_rejected(mesh):
     scene = wv.Scene()
     with pytest.raises(wv.errors.SceneError, match="within 1e18 m"):
         scene.add(mesh, pose=(1e19, 0, 0, 0, 0, 0, 1), movable=True)
@@ -98,17 +98,17 @@ def test_movable_objects_too_far_away_are_refused(mesh):
 
 
 @pytest.mark.parametrize("counts", [(30, MANY_OBJECTS - 1), (MANY_OBJECTS, 3 * MANY_OBJECTS)])
-def test_a_call_does_not_look_at_every_object(counts, device):
-    """What a call costs in Python does not grow with the objects, as it did with their square.
+def test_cost_of_call_does_not_grow_with_objects(counts, device):
+    """The number of executed Python lines does not grow with the number of objects.
 
-    From `MANY_OBJECTS` on, a GPU finds them before it draws: some 50 lines more, however many they are.
+    From `MANY_OBJECTS` on, a GPU culls objects before rendering: some 50 lines more, for any number of objects.
     """
     few, many = (lines_of_a_call(device, count) for count in counts)
     assert 0 < many < few + 30
 
 
 def lines_of_a_call(device, count):
-    """How many lines of warpvis run in a call: what a collector of garbage runs then is not the call's."""
+    """Return the number of lines of warpvis executed in a call, without those of garbage collection."""
     scene, ball = wv.Scene(device=device), trimesh.creation.icosphere(subdivisions=1, radius=0.3)
     for pose in grid(count):
         scene.add(ball, pose=pose, movable=True)
@@ -130,29 +130,29 @@ def lines_of_a_call(device, count):
     return lines
 
 
-def test_poses_as_they_were_added_are_the_ones_that_count(device):
+def test_object_poses_default_to_initial_poses(device):
     scene, ball = wv.Scene(device=device), trimesh.creation.icosphere(subdivisions=1, radius=0.3)
     rows = grid(50).astype(np.float32)
     for pose in rows:
         scene.add(ball, pose=pose, movable=True)
     told = wv.render(scene, CAMERA, POSE, object_poses=rows, outputs=("depth",)).depth.numpy()
     np.testing.assert_array_equal(wv.render(scene, CAMERA, POSE, outputs=("depth",)).depth.numpy(), told)
-    scene.add(ball, pose=(0, -2, 1, 0, 0, 0, 1), movable=True)  # and those that come later
+    scene.add(ball, pose=(0, -2, 1, 0, 0, 0, 1), movable=True)  # and objects added later
     assert (wv.render(scene, CAMERA, POSE, outputs=("depth",)).depth.numpy() < told).any()
 
 
-def test_meshes_are_forgotten_with_their_arrays():
+def test_mesh_cache_releases_freed_arrays():
     scene = wv.Scene()
     for _ in range(5):
         box = trimesh.creation.box()
         scene.add(box, movable=True)
         scene.add((np.array(box.vertices), np.array(box.faces)), movable=True)
-    gc.collect()  # trimesh's meshes are in circles
-    assert len(scene._meshes._known) == 1  # that of the last box, which is alive
+    gc.collect()  # trimesh's meshes are in reference cycles
+    assert len(scene._meshes._known) == 1  # the mesh of the last box, which is alive
 
 
 @pytest.mark.parametrize("mesh", [trimesh.creation.icosphere(subdivisions=1, radius=0.3), solids.sphere(0.3)])
-def test_instances_are_what_adding_one_by_one_makes(mesh, device):
+def test_add_instances_matches_repeated_add(mesh, device):
     many, one_by_one = wv.Scene(device=device), wv.Scene(device=device)
     for scene in (many, one_by_one):
         scene.add(trimesh.creation.box((9, 9, 0.1)), name="floor")
@@ -181,7 +181,7 @@ def test_instances_are_what_adding_one_by_one_makes(mesh, device):
         (7, "names must be a list, got 7"),
     ],
 )
-def test_names_of_instances(names, message):
+def test_invalid_instances_are_rejected(names, message):
     scene, box = wv.Scene(), trimesh.creation.box()
     scene.add(box, name="floor")
     with pytest.raises(wv.errors.SceneError, match=message):
@@ -193,14 +193,14 @@ def test_names_of_instances(names, message):
     assert len(scene) == 1
 
 
-def test_instances_are_made_objects_when_asked_for():
+def test_instance_objects_are_created_lazily():
     scene, ball = wv.Scene(), trimesh.creation.icosphere(subdivisions=0)
     rows = grid(1000)
     assert calls_of("placed", lambda: scene.add_instances(ball, rows, names="ball")) == 0
     assert calls_of("placed", lambda: scene["ball_7"]) == 1
     np.testing.assert_allclose(scene["ball_7"].pose, rows[7], atol=1e-6)
     assert scene["ball_7"] is scene.objects[7] is list(scene)[7]
-    assert calls_of("placed", lambda: scene.objects) == 0  # all of them by now
+    assert calls_of("placed", lambda: scene.objects) == 0  # all objects exist by now
     copy = pickle.loads(pickle.dumps(scene))
     for other in (copy, scene.to("cpu")):
         assert other["ball_999"].name == "ball_999"
@@ -209,8 +209,8 @@ def test_instances_are_made_objects_when_asked_for():
 
 
 @pytest.mark.parametrize("made", [False, True])
-def test_bounds_make_no_vertices_of_instances(made):
-    """Those of 20,000 objects of 5,120 triangles took 5 s; here are objects of every kind."""
+def test_bounds_do_not_compute_instance_vertices(made):
+    """Bounds of 20,000 objects of 5,120 triangles once took 5 s; this scene has objects of every kind."""
     scene, ball = wv.Scene(), trimesh.creation.icosphere(subdivisions=1, radius=0.3)
     ball.vertices *= (1, 2, 3)
     rows = grid(100)
@@ -233,7 +233,7 @@ def test_bounds_make_no_vertices_of_instances(made):
         assert bounds.dtype == np.float32
 
 
-def test_crowds_look_alike_whether_they_may_move_or_not(device):
+def test_movable_and_static_crowds_render_alike(device):
     moving, static = (wv.scenes.PRESETS[name] for name in ("crowd_1k", "crowd_1k_static"))
     scenes = [preset.build(device) for preset in (moving, static)]
     assert [len(scene) for scene in scenes] == [1000, 1000]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mesh files: names and order as the file has them, whatever is compressed, units and axes, archives."""
+"""Mesh files: names and order of parts, compression, units and axes, and archives."""
 
 import bz2
 import gzip
@@ -44,7 +44,7 @@ def refusal(path, **options):
 CAR = ["body_0", "body_1", "body_2", "wheel", "wheel_2", "wheel_1", "mesh_6", "node_4_0", "node_4_1"]
 
 
-def test_names_and_order_are_the_files(tmp_path):
+def test_names_and_order_match_file(tmp_path):
     scene = load(write(tmp_path, car()))
     assert [item.name for item in scene] == CAR
     scene.export(tmp_path / "again.glb")
@@ -55,7 +55,7 @@ def test_names_and_order_are_the_files(tmp_path):
 
 
 def files_of_many_parts(folder):
-    """Files of every format that holds several parts, and the names in them."""
+    """Write files of every multi-part format, and return the names in each."""
     write(folder, car(), "car.glb")
     (folder / "animals.obj").write_text(OBJ)
     (folder / "groups.obj").write_text(OBJ.replace("o ", "g "))
@@ -79,7 +79,7 @@ def files_of_many_parts(folder):
     }
 
 
-def test_names_are_the_same_in_every_process(tmp_path):
+def test_names_are_deterministic_across_processes(tmp_path):
     names = files_of_many_parts(tmp_path)
     assert {name: [item.name for item in load(tmp_path / name)] for name in names} == names
     code = (
@@ -91,7 +91,7 @@ def test_names_are_the_same_in_every_process(tmp_path):
     assert [line for line in run.stdout.splitlines() if line.startswith("[")] == list(map(str, names.values()))
 
 
-def test_a_batch_of_many_materials_resumes(tmp_path):
+def test_batch_of_multi_material_file_resumes(tmp_path):
     path = write(tmp_path, car())
     frames = wv.Frames.from_poses(np.repeat([wv.look_at((0, -3, 1), (0, 0, 1))], 3, axis=0))
     camera = wv.Camera.from_fov(8, 8, hfov=1.0)
@@ -101,7 +101,7 @@ def test_a_batch_of_many_materials_resumes(tmp_path):
     assert wv.render_batch(path, camera, frames, tmp_path / "out", shard_frames=1, resume=True).rendered_frames == 1
 
 
-def test_obj_files_as_people_write_them(tmp_path):
+def test_obj_syntax_variants(tmp_path):
     upright = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nv 0 0 2\nv 1 0 2\nv 0 1 2\nf 4 5 6\n"
     variants = {
         "relative": upright.replace("f 1 2 3", "f -3 -2 -1").replace("f 4 5 6", "f -3 -2/ -1"),
@@ -127,12 +127,12 @@ def test_obj_files_as_people_write_them(tmp_path):
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 2 3\n", r"a face references vertex -4 after 3 vertices"),
     ],
 )
-def test_short_lines_of_obj_files_are_named(tmp_path, text, message):
+def test_malformed_obj_lines_are_reported(tmp_path, text, message):
     assert message in refusal(write(tmp_path, text.encode(), "x.obj"))
 
 
-def test_obj_faces_of_two_corners_are_left_out(tmp_path):
-    """As exporters write loose edges."""
+def test_obj_faces_of_two_corners_are_skipped(tmp_path):
+    """Some exporters write loose edges as such faces."""
     text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\nf 1/1 3/1 # edge\nf 1 2 3\nf \\\n2 3\nf 3 2 1\n"
     path = write(tmp_path, text, "edges.obj")
     message = r"edges.obj: left out 3 faces of fewer than three corners, the first 'f 1 2' in line 4"
@@ -147,7 +147,7 @@ def test_obj_faces_of_two_corners_are_left_out(tmp_path):
 
 
 def test_no_traceback_is_printed(tmp_path):
-    """Nor one that trimesh logs of what it raises, or reads all the same."""
+    """Tracebacks that trimesh logs, of errors it raises or recovers from, are suppressed too."""
     broken = SOLIDS.replace("normal 0 0 1", "normal x 0 1").encode()
     code = "import sys, warpvis as wv\ntry: wv.Scene.load(sys.argv[1])\nexcept wv.WarpvisError as error: print(error)"
     command = [sys.executable, "-c", code, str(write(tmp_path, broken, "x.stl"))]
@@ -162,12 +162,12 @@ def test_draco_is_decoded(tmp_path):
     scene = load(write(tmp_path, file, "ball.glb"), up="y")
     faces = scene["ball"].faces
     assert len(faces) == len(BALL.faces)
-    # 14 bits for its extent: half a step is the most that a coordinate is off.
+    # 14 bits over the extent: the error of a coordinate is at most half a step.
     found, wanted = scene["ball"].vertices[faces], BALL.vertices[BALL.faces]
     np.testing.assert_allclose(found, wanted, atol=1.01 * 2**-15)
 
 
-def test_draco_beside_plain_data_needs_no_decoder(tmp_path, monkeypatch):
+def test_optional_draco_needs_no_decoder(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "DracoPy", None)
     writer = GltfWriter(extensionsUsed=["KHR_draco_mesh_compression"])
     primitive = writer.primitive(TRIANGLE, [0, 1, 2])
@@ -176,8 +176,8 @@ def test_draco_beside_plain_data_needs_no_decoder(tmp_path, monkeypatch):
     np.testing.assert_array_equal(load(write(tmp_path, writer), up="y")["flat"].vertices, TRIANGLE)
 
 
-def test_draco_of_normalized_integers(tmp_path):
-    """DracoPy gives integers as floats; what they stand for, their accessor says."""
+def test_draco_with_normalized_integers(tmp_path):
+    """DracoPy returns integers as floats; the accessor defines their normalization."""
     DracoPy = pytest.importorskip("DracoPy")
     rows = np.round(BALL.vertices / 0.5 * 32767)
     data = DracoPy.encode(rows, BALL.faces, quantization_bits=20, compression_level=0)
@@ -194,8 +194,8 @@ def test_draco_of_normalized_integers(tmp_path):
         np.testing.assert_allclose(np.linalg.norm(item.vertices[item.faces], axis=-1), radius, rtol=1e-4)
 
 
-def test_instances(tmp_path):
-    """EXT_mesh_gpu_instancing: rows of places, turns and sizes, below the node, in any of their types."""
+def test_gpu_instancing(tmp_path):
+    """EXT_mesh_gpu_instancing: translations, rotations and scales of any component type, relative to the node."""
     writer = GltfWriter(extensionsRequired=["EXT_mesh_gpu_instancing"])
     quarter = np.int16(np.round(32767 * np.array([[0, 0, 0, 1], [0, 0, 0.5**0.5, 0.5**0.5], [1, 0, 0, 0]])))
     move, size = np.float32([[0, 0, 0], [5, 0, 0], [0, 7, 0]]), np.float32([[1, 1, 1], [2, 1, 1], [1, 1, 3]])
@@ -227,7 +227,7 @@ def test_instances(tmp_path):
         ({"type": "VEC2"}, "translation and scale must have 3 numbers, rotation 4, got 2"),
     ],
 )
-def test_instances_that_are_refused(tmp_path, change, wanted):
+def test_invalid_gpu_instancing_is_rejected(tmp_path, change, wanted):
     writer = GltfWriter()
     places = [writer.accessor(np.zeros((3, 3), np.float32)) for _ in range(2)]
     items = writer.content["accessors"]
@@ -242,7 +242,7 @@ def test_instances_that_are_refused(tmp_path, change, wanted):
 def test_meshopt_is_decoded(tmp_path, extension, filter, off):
     scene = load(write(tmp_path, meshopt_file(extension, filter)), up="y")
     wanted = np.sort(BALL.vertices[BALL.faces].astype(np.float32).reshape(-1, 9), axis=0)
-    for name in ("ball", "twin"):  # the encoder may turn each triangle round, and keeps their order
+    for name in ("ball", "twin"):  # the encoder may rotate the vertices of a triangle, but keeps the order of triangles
         item = scene[name]
         assert len(item.faces) == len(BALL.faces)
         np.testing.assert_allclose(item.vertices, BALL.vertices.astype(np.float32), atol=off)
@@ -255,7 +255,7 @@ def test_meshopt_is_decoded(tmp_path, extension, filter, off):
     ("package", "extension"),
     [("DracoPy", "KHR_draco_mesh_compression"), ("meshoptimizer", "EXT_meshopt_compression")],
 )
-def test_a_missing_decoder_is_named(tmp_path, monkeypatch, package, extension):
+def test_missing_decoder_error_names_package(tmp_path, monkeypatch, package, extension):
     pytest.importorskip(package)
     path = write(tmp_path, draco_file() if package == "DracoPy" else meshopt_file())
     monkeypatch.setitem(sys.modules, package, None)
@@ -263,7 +263,7 @@ def test_a_missing_decoder_is_named(tmp_path, monkeypatch, package, extension):
     assert refusal(path) == f"{path}: cannot be read as GLB: {wanted}"
 
 
-def test_required_extensions_that_change_geometry_are_named(tmp_path):
+def test_unsupported_required_extensions_are_rejected(tmp_path):
     for name, fine in {
         "CESIUM_RTC": False,
         "EXT_mesh_gpu_instancing": True,
@@ -284,7 +284,7 @@ def test_required_extensions_that_change_geometry_are_named(tmp_path):
 
 
 def test_quantized_and_sparse_positions(tmp_path):
-    """KHR_mesh_quantization: whole numbers, and numbers for -1 to 1; and accessors of which some are replaced."""
+    """KHR_mesh_quantization with plain and normalized integers, and sparse accessors."""
     writer = GltfWriter(extensionsRequired=["KHR_mesh_quantization"])
     rows = np.int16([[0, 0, 0, 0], [32767, 0, 0, 0], [0, -32768, 16384, 0]])
     view = writer.view(rows.tobytes(), byteStride=8)
@@ -308,7 +308,7 @@ def test_quantized_and_sparse_positions(tmp_path):
     np.testing.assert_array_equal(scene["zeros"].vertices, [[0, 0, 0], [0, 0, 0], [5, 6, 7]])
 
 
-def test_strips_fans_and_what_is_below_cameras(tmp_path):
+def test_strips_fans_visibility_and_children_of_cameras(tmp_path):
     corners = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]])
     writer = GltfWriter(cameras=[{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}])
     writer.node(writer.primitive(corners, mode=5), name="strip")
@@ -329,7 +329,7 @@ def test_strips_fans_and_what_is_below_cameras(tmp_path):
     np.testing.assert_array_equal(scene["below"].vertices[:, 2], [9, 9, 9])
 
 
-def test_nodes_in_several_places_and_files_without_scenes(tmp_path):
+def test_shared_nodes_and_files_without_scenes(tmp_path):
     writer = GltfWriter()
     shared = writer.node(writer.primitive(TRIANGLE), name="shared")
     writer.node(name="left", translation=[-1, 0, 0], children=[shared])
@@ -339,11 +339,11 @@ def test_nodes_in_several_places_and_files_without_scenes(tmp_path):
     scene = load(path, up="y")
     assert [item.name for item in scene] == ["shared", "shared_1", "other"]
     assert [item.vertices[0, 0] for item in scene] == [-1, 1, 0]
-    path.write_bytes(path.read_bytes().replace(b'"scenes"', b'"sceneX"'))  # a library of nodes: all of them
+    path.write_bytes(path.read_bytes().replace(b'"scenes"', b'"sceneX"'))  # without scenes, all nodes are loaded
     assert [part.name for part in wv.io.read_parts(path).parts] == ["shared", "shared_1", "other"]
 
 
-def test_malformed_gltf_is_one_sentence(tmp_path):
+def test_malformed_gltf_is_rejected(tmp_path):
     def changed(**content):
         writer = GltfWriter(**content)
         writer.node(writer.primitive(TRIANGLE, [0, 1, 2]), name="flat")
@@ -377,23 +377,23 @@ def test_malformed_gltf_is_one_sentence(tmp_path):
         ('<unit meter="0.001"/><up_axis>X_UP</up_axis>', 0.001 * np.array([(0, 0, 1), (-2, 0, 0), (0, -3, 0)])),
     ],
 )
-def test_units_and_axes_of_collada(tmp_path, asset, wanted):
+def test_collada_units_and_axes(tmp_path, asset, wanted):
     pytest.importorskip("collada")
     (tmp_path / "part.dae").write_text(dae(asset))
     found = load(tmp_path / "part.dae")["part"].vertices
     np.testing.assert_allclose(found, wanted, atol=1e-7)
-    if "Z_UP" in asset:  # who knows better says so
+    if "Z_UP" in asset:  # arguments override the file
         other = load(tmp_path / "part.dae", file_up="y", scale=10)["part"].vertices
         np.testing.assert_allclose(other, 0.254 * np.array([(1, 0, 0), (0, 0, 2), (0, -3, 0)]), atol=1e-7)
 
 
-def test_collada_that_says_nonsense(tmp_path):
+def test_collada_with_zero_unit_is_rejected(tmp_path):
     pytest.importorskip("collada")
     (tmp_path / "part.dae").write_text(dae('<unit meter="0"/>'))
     assert refusal(tmp_path / "part.dae").endswith("cannot be read as DAE: the unit must be above zero, got 0 m")
 
 
-def test_collada_without_its_reader(tmp_path, monkeypatch):
+def test_missing_collada_reader_error_names_package(tmp_path, monkeypatch):
     from trimesh.exchange import load as readers
 
     (tmp_path / "part.dae").write_text(dae(""))
@@ -412,8 +412,8 @@ def tar(data, name):
     return whole.getvalue()
 
 
-def test_archives(tmp_path):
-    """A part is named by the file that it comes from, if that does not name it; glTF is y up in archives, too."""
+def test_archives_are_read(tmp_path):
+    """Parts without names take the name of their file; glTF is y-up in archives too."""
     stl = BALL.export(file_type="stl")
     for name, data in {
         "x.tar.gz": tar(stl, "in/ball.stl"),
@@ -432,7 +432,7 @@ def test_archives(tmp_path):
     np.testing.assert_allclose(upright["flat"].vertices, TRIANGLE[:, [0, 2, 1]], atol=1e-7)
 
 
-def test_buffers_of_gltf_in_archives(tmp_path):
+def test_gltf_buffers_in_archives_are_read(tmp_path):
     files = trimesh.exchange.gltf.export_gltf(trimesh.Scene({"ball": BALL}))
     with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
         for name, data in files.items():
@@ -440,7 +440,7 @@ def test_buffers_of_gltf_in_archives(tmp_path):
     assert [item.name for item in load(tmp_path / "x.zip")] == ["ball"]
 
 
-def test_archives_that_are_refused(tmp_path, monkeypatch):
+def test_invalid_archives_are_rejected(tmp_path, monkeypatch):
     stl, writer = BALL.export(file_type="stl"), GltfWriter()
     writer.node(writer.primitive(TRIANGLE))
 
@@ -466,13 +466,13 @@ def test_archives_that_are_refused(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("unit", "metres"), [("", 0.001), (' unit="meter"', 1), (" unit='inch'", 0.0254), (' unit="micron"', 1e-6)]
 )
-def test_units_and_order_of_3mf(tmp_path, monkeypatch, unit, metres):
+def test_3mf_units_and_order(tmp_path, monkeypatch, unit, metres):
     names = ["zebra", "apple", "a &amp; b", "mid"]
     file = threemf(unit, names)
     try:
         import lxml  # noqa: F401
         import networkx  # noqa: F401
-    except ImportError:  # what trimesh makes of it, by hand: no file decides about its order
+    except ImportError:  # stand-in for trimesh's result, whose order differs from the file's
         shape = trimesh.Trimesh(np.diag([1.0, 2, 3]), [[0, 1, 2]], process=False)
         back = {name.replace("&amp;", "&"): shape for name in reversed(names)}
         monkeypatch.setattr(trimesh, "load_scene", lambda *given, **options: trimesh.Scene(back))
@@ -482,7 +482,7 @@ def test_units_and_order_of_3mf(tmp_path, monkeypatch, unit, metres):
     np.testing.assert_allclose(scene["mid"].vertices, metres * np.diag([1, 2, 3]), rtol=1e-6)
 
 
-def test_3mf_that_is_refused(tmp_path, monkeypatch):
+def test_invalid_3mf_is_rejected(tmp_path, monkeypatch):
     monkeypatch.setattr(trimesh, "available_formats", lambda: {"3mf"})
     wanted = "the unit must be one of micron, millimeter, centimeter, inch, foot, meter, got 'mile'"
     assert refusal(write(tmp_path, threemf(' unit="mile"', ["a"]), "x.3mf")).endswith(wanted)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""`Scene.load` of MJCF and URDF: what MuJoCo compiles, where it is, what it is called, and what is refused."""
+"""`Scene.load` of MJCF and URDF: comparison with MuJoCo's compiler, search paths, names, and errors."""
 
 import re
 import warnings
@@ -29,7 +29,7 @@ def load(path, **options):
 
 @pytest.fixture
 def package(tmp_path):
-    """A ROS package of a robot: robots/urdf/arm.urdf and robots/meshes/hand.stl."""
+    """Return a ROS package of a robot: robots/urdf/arm.urdf and robots/meshes/hand.stl."""
     for name in ("urdf", "meshes"):
         (tmp_path / "robots" / name).mkdir(parents=True)
     trimesh.creation.box((2, 2, 2)).export(tmp_path / "robots" / "meshes" / "hand.stl")
@@ -41,7 +41,7 @@ def bounds(scene, name):
     return scene[name].bounds.round(4).tolist()
 
 
-def test_a_model_is_what_mujoco_compiles(tmp_path, device):
+def test_mjcf_matches_compiled_model(tmp_path, device):
     path = tmp_path / "shapes.xml"
     path.write_text(SHAPES)
     expected = scene_from_mujoco(mujoco.MjModel.from_xml_string(SHAPES), device=device).scene
@@ -59,7 +59,7 @@ def test_a_model_is_what_mujoco_compiles(tmp_path, device):
     assert {item.name for item in expected if item.movable and not moving[item.name].movable} == {"own_colour"}
 
 
-def test_a_real_robot_loads():
+def test_aloha_matches_compiled_model():
     package = pytest.importorskip("mujoco_warp")
     path = Path(package.__file__).parent / "test_data" / "aloha_pot" / "scene.xml"
     expected = scene_from_mujoco(mujoco.MjModel.from_xml_path(str(path))).scene
@@ -71,7 +71,7 @@ def test_a_real_robot_loads():
     np.testing.assert_allclose(*depths, atol=1e-5)
 
 
-def test_a_mujoco_pattern_may_name_a_body(tmp_path):
+def test_patterns_match_body_names(tmp_path):
     (tmp_path / "shapes.xml").write_text(SHAPES)
     scene = load(tmp_path / "shapes.xml", labels={"arm": "robot", "hand*": "human"}, movable=["brick"])
     assert (scene["upper"].label, scene["hand"].label) == (Label.ROBOT, Label.HUMAN)
@@ -79,7 +79,7 @@ def test_a_mujoco_pattern_may_name_a_body(tmp_path):
     np.testing.assert_allclose(scene["brick"].pose[:3], [0.8, -0.5, 0.2], atol=1e-6)
 
 
-def test_models_are_turned_to_another_axis(tmp_path):
+def test_models_are_rotated_to_requested_up_axis(tmp_path):
     (tmp_path / "shapes.xml").write_text(SHAPES)
     upright, turned = load(tmp_path / "shapes.xml"), load(tmp_path / "shapes.xml", up="y", movable=True)
     for item in turned:
@@ -87,7 +87,7 @@ def test_models_are_turned_to_another_axis(tmp_path):
         np.testing.assert_allclose(item.vertices, np.stack([x, y, -z], axis=1), atol=1e-5)
 
 
-def test_a_robot_is_what_it_looks_like(package):
+def test_urdf_loads_visual_elements(package):
     scene = load(package / "urdf" / "arm.urdf")
     assert [item.name for item in scene] == ["base", "v", "hand"]
     assert {item.label for item in scene} == {Label.ROBOT} and scene.movable == ()
@@ -96,14 +96,14 @@ def test_a_robot_is_what_it_looks_like(package):
     np.testing.assert_allclose(scene["v"].bounds, [[2.5, -0.1, -0.1], [3.5, 0.1, 0.1]], atol=2e-3)
 
 
-def test_links_that_move_are_movable(package):
+def test_links_with_joints_are_movable(package):
     scene = load(package / "urdf" / "arm.urdf", movable=True, labels={"upper": "human"})
     assert [scene.objects[index].name for index in scene.movable] == ["v", "hand"]
     assert scene["v"].label == Label.HUMAN and not scene["base"].movable
-    assert scene["v"].solid is not None  # exactly round
+    assert scene["v"].solid is not None  # an exact sphere
 
 
-def test_a_robot_without_looks_shows_what_collides(package):
+def test_urdf_without_visuals_loads_collision_elements(package):
     path = package / "urdf" / "arm.urdf"
     path.write_text(ROBOT.replace("visual", "collision"))
     np.testing.assert_allclose(load(path)["base_1"].bounds, [[-9, -9, -9], [9, 9, 9]], atol=2e-3)
@@ -130,7 +130,7 @@ def test_meshes_are_found_on_the_search_path(package, tmp_path, url):
 
 
 @pytest.mark.parametrize("name", ["hand.ply", "hand.glb", "hand.obj", "text.stl", "hand.off"])
-def test_meshes_that_mujoco_does_not_read_itself(package, name):
+def test_urdf_mesh_formats_unsupported_by_mujoco(package, name):
     path = package / "urdf" / "arm.urdf"
     mesh = trimesh.creation.box((2, 2, 2))
     mesh.export(package / "meshes" / name, file_type="stl_ascii" if name == "text.stl" else None)
@@ -140,7 +140,7 @@ def test_meshes_that_mujoco_does_not_read_itself(package, name):
 
 
 def robot_of(tmp_path, mesh, *, scale="1 1 1", rest=""):
-    """Write a robot of one link, at (0, 0, 5), which looks like a mesh file."""
+    """Write a robot of one link at (0, 0, 5) whose visual is a mesh file, and return its path."""
     visual = f'<origin xyz="0 0 5"/><geometry><mesh filename="{mesh}" scale="{scale}"/></geometry>'
     path = tmp_path / "robot.urdf"
     path.write_text(f'<robot name="r"><link name="a"><visual>{visual}</visual>{rest}</link></robot>')
@@ -161,7 +161,7 @@ def boxes(tmp_path, keyword):
 
 
 @pytest.mark.parametrize("keyword", ["o", "g"])
-def test_all_objects_of_a_robots_obj_file_are_drawn(tmp_path, keyword):
+def test_urdf_loads_all_objects_of_obj_file(tmp_path, keyword):
     whole = boxes(tmp_path, keyword)
     scene = load(robot_of(tmp_path, "boxes.obj"))
     assert [item.name for item in scene] == ["a"] and scene.triangle_count == len(whole.faces) == 36
@@ -171,8 +171,8 @@ def test_all_objects_of_a_robots_obj_file_are_drawn(tmp_path, keyword):
     assert wv.render(scene, camera, pose).depth.numpy()[0, 12, 16] == pytest.approx(8.5)  # the last box
 
 
-def test_an_obj_file_in_mjcf_is_what_mujoco_makes_of_it(tmp_path):
-    """Its decoder keeps the first object."""
+def test_mjcf_obj_file_matches_mujoco(tmp_path):
+    """MuJoCo's decoder reads only the first object."""
     boxes(tmp_path, "o")
     text = '<mujoco><asset><mesh name="m" file="boxes.obj"/></asset><worldbody><geom type="mesh" mesh="m"/></worldbody>'
     (tmp_path / "boxes.xml").write_text(text + "</mujoco>")
@@ -181,7 +181,7 @@ def test_an_obj_file_in_mjcf_is_what_mujoco_makes_of_it(tmp_path):
 
 
 @pytest.mark.parametrize("scale", ["1 1 1", "-1 1 1", "-2 -1 -.5"])
-def test_scaled_meshes_of_robots_face_outwards(tmp_path, scale):
+def test_mirrored_urdf_meshes_face_outward(tmp_path, scale):
     whole = boxes(tmp_path, "o")
     scene = load(robot_of(tmp_path, "boxes.obj", scale=scale))
     factors = np.array([float(value) for value in scale.split()])
@@ -191,7 +191,7 @@ def test_scaled_meshes_of_robots_face_outwards(tmp_path, scale):
     assert found.volume == pytest.approx(abs(factors.prod()) * whole.volume, rel=1e-5)
 
 
-def test_collada_of_robots_is_in_metres(tmp_path):
+def test_urdf_collada_is_converted_to_meters(tmp_path):
     pytest.importorskip("collada")
     pair = trimesh.Scene()
     for number in range(2):
@@ -207,7 +207,7 @@ def test_collada_of_robots_is_in_metres(tmp_path):
     np.testing.assert_allclose(scene.bounds, [[-0.5, -1, 3.5], [3.5, 1, 6.5]], atol=1e-6)
 
 
-def test_stl_files_of_robots_may_be_large(tmp_path):
+def test_urdf_accepts_large_stl_files(tmp_path):
     """MuJoCo's decoder reads at most 200,000 triangles."""
     ball = trimesh.creation.icosphere(7)
     ball.export(tmp_path / "ball.stl")
@@ -217,12 +217,12 @@ def test_stl_files_of_robots_may_be_large(tmp_path):
 @pytest.mark.parametrize(
     "text", ["v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 4 3\n"]
 )
-def test_meshes_of_robots_may_be_flat(tmp_path, text):
+def test_urdf_accepts_flat_meshes(tmp_path, text):
     (tmp_path / "flat.obj").write_text(text)
     np.testing.assert_allclose(load(robot_of(tmp_path, "flat.obj")).bounds, [[0, 0, 5], [1, 1, 5]], atol=1e-6)
 
 
-def test_meshes_of_robots_without_triangles_are_named(tmp_path):
+def test_urdf_meshes_without_triangles_are_reported(tmp_path):
     (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\n")
     path = robot_of(tmp_path, "points.obj", rest=f"<visual>{BOX}</visual>")
     message = r"robot.urdf: skipped .*points.obj, without triangles"
@@ -232,8 +232,8 @@ def test_meshes_of_robots_without_triangles_are_named(tmp_path):
         load(path, strict=True)
 
 
-def test_what_a_robot_weighs_and_collides_with_is_not_read(tmp_path):
-    """Nothing of it is drawn, and MuJoCo would refuse all of the robot for it."""
+def test_urdf_inertia_and_collision_are_ignored(tmp_path):
+    """Inertia and collision elements are ignored; MuJoCo would reject the whole robot for them."""
     boxes(tmp_path, "o")
     inertia = '<inertia ixx="0" ixy="1" ixz="0" iyy="0" iyz="0" izz="0"/>'
     rest = f"""<inertial><mass value="1"/>{inertia}</inertial>
@@ -243,8 +243,8 @@ def test_what_a_robot_weighs_and_collides_with_is_not_read(tmp_path):
     assert load(robot_of(tmp_path, "boxes.obj", rest=rest), strict=True).triangle_count == 36
 
 
-def test_a_visual_without_a_material_is_gray(tmp_path):
-    """MuJoCo alone gives it the color of the visual before."""
+def test_urdf_visual_without_material_is_gray(tmp_path):
+    """MuJoCo itself would use the color of the preceding visual."""
     boxes(tmp_path, "o")
     red = '<material name="red"><color rgba="1 0 0 1"/></material>'
     rest = f'<visual>{BOX}{red}</visual><visual>{BOX}</visual><visual>{BOX}<material name="red"/></visual>'
@@ -262,7 +262,7 @@ o blue\nusemtl blue\nf 5 6 7\nf 5 7 8
 
 
 def flags(tmp_path):
-    """Write two squares from x = 0 and 2: one red where x < 0.5 and green beyond, by its texture, and a blue one."""
+    """Write two squares from x = 0 and 2: one textured red for x < 0.5 and green beyond, and a blue one."""
     (tmp_path / "flags.obj").write_text(TEXTURED)
     (tmp_path / "flags.mtl").write_text("newmtl flag\nmap_Kd flag.png\nnewmtl blue\nKd 0 0 1\n")
     image = np.zeros((8, 8, 3), dtype=np.uint8)
@@ -271,7 +271,7 @@ def flags(tmp_path):
 
 
 def colors_at(scene, *places):
-    """Look down at places of x and y, and return their base colors."""
+    """Return the base colors at positions (x, y), seen from above."""
     camera = wv.Camera.from_fov(3, 3, hfov=0.1)
     poses = np.stack([wv.look_at((x, y, 9), (x, y, 0), up=(0, 1, 0)) for x, y in places])
     return wv.render(scene, camera, poses, outputs=("albedo",)).albedo.numpy()[:, 1, 1, :3].tolist()
@@ -281,7 +281,7 @@ RED, GREEN, BLUE = [255, 0, 0], [0, 255, 0], [0, 0, 255]
 
 
 @pytest.mark.parametrize("scale", ["1 1 1", "-1 1 1", "1 -1 1", "-1 -1 1"])
-def test_meshes_of_robots_have_their_own_colors(tmp_path, scale):
+def test_urdf_meshes_keep_file_colors(tmp_path, scale):
     flags(tmp_path)
     scene = load(robot_of(tmp_path, "flags.obj", scale=scale))
     x, y, _ = map(float, scale.split())
@@ -290,7 +290,7 @@ def test_meshes_of_robots_have_their_own_colors(tmp_path, scale):
     assert scene["a"].appearance.normals.shape == (4, 3, 3)
 
 
-def test_a_robots_own_color_comes_before_that_of_its_mesh(tmp_path):
+def test_urdf_material_overrides_mesh_color(tmp_path):
     flags(tmp_path)
     path = robot_of(tmp_path, "flags.obj", rest='<material name="red"><color rgba="0 1 0 1"/></material>')
     text = path.read_text()
@@ -303,12 +303,12 @@ def test_a_robots_own_color_comes_before_that_of_its_mesh(tmp_path):
     assert colors_at(load(path), (0.2, 0.7), (2.5, 0.7)) == [RED, BLUE]
 
 
-def test_a_robot_is_no_mesh_of_a_robot(tmp_path):
+def test_urdf_as_mesh_file_is_rejected(tmp_path):
     with pytest.raises(FileFormatError, match=r"robot.urdf: must be a mesh file, got .urdf"):
         load(robot_of(tmp_path, "robot.urdf"))
 
 
-def test_parts_of_a_model_are_found_on_the_search_path(tmp_path):
+def test_included_files_are_found_on_the_search_path(tmp_path):
     (tmp_path / "lib" / "assets").mkdir(parents=True)
     (tmp_path / "own").mkdir()
     trimesh.creation.box((2, 2, 2)).export(tmp_path / "lib" / "assets" / "crate.stl")
@@ -327,7 +327,7 @@ def test_parts_of_a_model_are_found_on_the_search_path(tmp_path):
         load(tmp_path / "lib" / "parts.xml")
 
 
-def test_what_is_soft_is_named_or_refused(tmp_path):
+def test_flexes_are_reported_or_rejected(tmp_path):
     soft = '<flexcomp name="cloth" type="grid" dim="2" count="3 3 1" spacing=".1 .1 .1" radius=".01"/>'
     text = SHAPES.replace("<worldbody>", f"<worldbody>{soft}")
     (tmp_path / "cloth.xml").write_text(text)
@@ -372,7 +372,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_files_are_one_sentence(tmp_path, case):
+def test_malformed_files_raise_one_line_errors(tmp_path, case):
     name, text, options, message = BAD[case]
     (tmp_path / name).write_text(text)
     (tmp_path / "bad.ply").write_text("ply\nformat ascii 1.0\nelement vertex many\n")

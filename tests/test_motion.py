@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions: poses between poses and along screws, against powers and exponentials of matrices; and what is refused."""
+"""Motions: interpolation and screw motion, compared with matrix powers and exponentials, and errors."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def assert_same_places(rows, matrices, tolerance=1e-12):
     np.testing.assert_allclose(poses_to_matrices(rows), matrices, atol=tolerance)
 
 
-def test_between_instants():
+def test_interpolation_matches_matrix_powers():
     rows, times = random_rows(4, 3), np.array([0.0, 0.3, 0.4, 2.0])
     motion = Motion(rows, times)
     moments = np.array([0.0, 0.1, 0.3, 0.35, 1.9999, 2.0])
@@ -43,8 +43,8 @@ def test_between_instants():
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1.0, np.pi - 1e-6])
-def test_on_the_shorter_way(angle):
-    """Whichever of its two quaternions a rotation is given by."""
+def test_rotation_takes_the_shorter_arc(angle):
+    """Both quaternions of a rotation yield the same motion."""
     half = angle / 2
     end = np.array([1, 2, 3, np.sin(half), 0, 0, np.cos(half)])
     other = end * [1, 1, 1, -1, -1, -1, -1]
@@ -54,7 +54,7 @@ def test_on_the_shorter_way(angle):
 
 
 @pytest.mark.parametrize("rate", [0.0, 1e-9, 1e-3, 0.99e-2, 1.01e-2, 1.0, 40.0])
-def test_along_a_screw(rate):
+def test_twist_matches_matrix_exponential(rate):
     row, linear = random_rows(seed=1), np.array([2.0, -1.0, 0.5])
     angular = rate * np.array([0.3, -0.5, 0.81])
     motion = Motion.from_twist(row, linear, angular)
@@ -62,7 +62,7 @@ def test_along_a_screw(rate):
         assert_same_places(motion.at(moment), twins.along_screw(row, linear, angular, moment), 1e-11)
 
 
-def test_of_several_views():
+def test_twists_of_several_views():
     rows, linear = random_rows(2), np.array([[1.0, 0, 0], [0, 0, 2.0]])
     found = Motion.from_twist(rows, linear, (0, 0, 1.0)).at([0.0, 0.5])
     assert found.shape == (2, 2, 7)
@@ -70,8 +70,8 @@ def test_of_several_views():
         assert_same_places(found[1, view], twins.along_screw(rows[view], linear[view], np.array([0, 0, 1.0]), 0.5))
 
 
-def test_frames_of_a_trajectory():
-    """One trajectory on a clock of its own, of which every frame is a part."""
+def test_starts_select_frames_of_trajectory():
+    """Frames are sections of one trajectory, whose clock does not start at zero."""
     rows, times = random_rows(20), 1.7e9 + 0.01 * np.arange(20)
     starts = 1.7e9 + np.array([0.0, 0.105])
     found = Motion(rows, times, starts=starts).at([[0.0], [0.05]])
@@ -81,7 +81,7 @@ def test_frames_of_a_trajectory():
         np.testing.assert_array_equal(found[1, 0, view], on_clock.at(start + 0.05))
 
 
-def test_quaternions_and_matrices():
+def test_pose_formats_are_equivalent():
     rows = random_rows(3, 2)
     w_first = rows[..., [0, 1, 2, 6, 3, 4, 5]]
     expected = Motion(rows, [0, 1, 2]).at(0.7)
@@ -98,11 +98,11 @@ def test_quaternions_and_matrices():
 
 
 @pytest.mark.parametrize("twist", [False, True])
-def test_legs_against_their_twin(twist, device):
+def test_segments_match_reference(twist, device):
     from warpvis.kernels.motions import Leg, begin_legs
 
     rows = np.float32(random_rows(4, 3, 2))
-    rows[1, 0] = rows[2, 0]  # a leg that goes nowhere
+    rows[1, 0] = rows[2, 0]  # a segment without motion
     velocities = np.random.default_rng(3).normal(size=(2, 3, 2, 3)) if twist else None
     rows = rows[:1] if twist else rows
     legs = wp.empty(rows.shape[:-1], dtype=Leg, device=device)
@@ -113,7 +113,9 @@ def test_legs_against_their_twin(twist, device):
     origin, rotation, path, turn = reference.begin_legs(rows, *([] if velocities is None else velocities))
     np.testing.assert_allclose(found["origin"], origin, atol=1e-12)
     np.testing.assert_allclose(found["path"], path, atol=1e-12)
-    np.testing.assert_allclose(found["turn"], turn, atol=1e-7)  # an eigenvalue's vector is half as sharp
+    np.testing.assert_allclose(
+        found["turn"], turn, atol=1e-7
+    )  # a rotation axis from an eigenvector has half the digits
     places = np.concatenate([found["origin"], found["rotation"]], axis=-1)
     np.testing.assert_allclose(poses_to_matrices(places)[..., :3, :3], rotation, atol=1e-12)
     if not twist:
@@ -158,14 +160,14 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_motion_is_refused(name):
+def test_invalid_motions_are_rejected(name):
     make, message = REFUSED[name]
     with pytest.raises((ArrayError, PoseError), match=message):
         make()
 
 
-def test_rounded_times_are_taken():
-    """A clock of many digits, and times in single precision, are rounded; what is outside by more is not there."""
+def test_rounded_times_are_accepted():
+    """Rounded clocks and single-precision times are accepted; times outside by more are rejected."""
     motion = Motion(TWO, [1.7e9, 1.7e9 + 0.1], starts=[1.7e9])
     motion.at(0.1)
     moving = Motion([STRAIGHT, STRAIGHT + [1, 0, 0, 0, 0, 0, 0]], [0, 0.1])
@@ -175,7 +177,7 @@ def test_rounded_times_are_taken():
         moving.at(0.1 + 1e-6)
 
 
-def test_it_says_what_it_is():
+def test_repr_and_read_only_times():
     assert "2 times, shape=()" in repr(Motion(TWO, [0, 1]))
     assert "from_twist, shape=(2,), 2 starts" in repr(Motion.from_twist(TWO, (0, 0, 0), (0, 0, 0), starts=[0, 1]))
     assert "per_ray" in repr(Motion.per_ray(TWO))

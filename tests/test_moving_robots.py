@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The hall of moving robots, which lidars of many worlds are measured in."""
+"""The scene of moving robots for lidars in many worlds."""
 
 import mujoco
 import numpy as np
@@ -10,7 +10,7 @@ from warpvis.mujoco import Kinematics, geom_poses, scene_from_mujoco
 from warpvis.scenes.robots import moving_robots_xml, robot_joints
 
 
-def test_a_lidar_in_worlds_of_moving_robots_measures_what_mj_ray_does():
+def test_lidar_in_worlds_of_moving_robots_matches_mj_ray():
     model = mujoco.MjModel.from_xml_string(moving_robots_xml(robots=5, obstacles=6))
     joints = robot_joints(3, robots=5)
     assert joints.shape == (3, model.nq)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors and objects that move within a frame: closed forms, the float64 twins, single rows, clouds, bad input."""
+"""Sensors and objects that move within a frame: closed forms, float64 references, single rows, clouds, and errors."""
 
 import copy
 import pickle
@@ -37,7 +37,7 @@ def room_pose():
 
 
 def assert_same_images(one, other, device):
-    """Bit for bit; a GPU's compiler joins products and sums as it likes, in each kernel: there within the bounds."""
+    """Compare bit for bit on CPU; a GPU compiler contracts operations per kernel, so compare within bounds there."""
     if device == "cpu":
         assert_bits_equal(one, other)
         return
@@ -50,7 +50,7 @@ def assert_same_images(one, other, device):
 
 
 def edge_scene(device, x):
-    """A plate of which one edge is upright, 2 m in front of an OpenCV camera: all that is left of x."""
+    """Return a plate to the left of a vertical edge at `x`, 2 m in front of an OpenCV camera."""
     scene = wv.Scene(device=device)
     corners = [[x, -9, 2], [x, 9, 2], [-9, 9, 2], [-9, -9, 2.0]]
     scene.add((np.array(corners), [[0, 1, 2], [0, 2, 3]]), name="plate")
@@ -58,8 +58,8 @@ def edge_scene(device, x):
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
-def test_an_upright_edge_is_sheared(direction, device):
-    """A camera that moves aside at 5 m/s moves the edge by 5 m/s times the line's time times f / z, in its line."""
+def test_translation_shears_vertical_edge(direction, device):
+    """A camera moving sideways at 5 m/s shifts the edge in each line by 5 m/s times the line's time times f / z."""
     shutter = RollingShutter(CAMERA, READOUT, direction)
     end = STRAIGHT + np.array([5.0 * READOUT, 0, 0, 0, 0, 0, 0])
     depth = wv.render(edge_scene(device, 0.13), shutter, Motion([STRAIGHT, end], [0, READOUT])).depth.numpy()[0]
@@ -72,12 +72,12 @@ def test_an_upright_edge_is_sheared(direction, device):
     np.testing.assert_allclose(depth[np.isfinite(depth)], 2.0, atol=1e-6)
     if direction == "top_to_bottom":
         columns = np.isfinite(depth).sum(axis=1)
-        shear = CAMERA.fx * 5.0 * READOUT / 2.0 * 47 / 48  # 5.3 px from the first line to the last
+        shear = CAMERA.fx * 5.0 * READOUT / 2.0 * 47 / 48  # 5.3 px from the first to the last line
         assert abs((columns[0] - columns[-1]) - shear) <= 1
 
 
-def test_a_camera_that_turns_shears_an_edge(device):
-    """By the angle that it has turned by, w t: at the edge, columns are f tan(bearing - w t)."""
+def test_rotation_shears_vertical_edge(device):
+    """A rotation by the angle w t places the edge at column f tan(bearing - w t)."""
     rate, scene = 2.0, edge_scene(device, 0.0)
     motion = Motion.from_twist(STRAIGHT, (0, 0, 0), (0, rate, 0))
     depth = wv.render(scene, RollingShutter(CAMERA, READOUT), motion).depth.numpy()[0]
@@ -94,8 +94,8 @@ def moving_box(device):
     return scene
 
 
-def test_an_object_that_moves_is_met_where_it_is_then(device):
-    """A cart that passes by at 3 m/s and comes nearer at 8 m/s: its edges and its depth, line by line."""
+def test_moving_object_is_hit_at_ray_time(device):
+    """A box moves sideways at 3 m/s and approaches at 8 m/s: compare edges and depth line by line."""
     start = np.array([[-0.3, 0, 3.25, 0, 0, 0, 1.0]])
     end = start + np.array([3.0, 0, -8.0, 0, 0, 0, 0]) * READOUT
     shutter, motion = RollingShutter(CAMERA, READOUT), Motion([start, end], [0, READOUT])
@@ -104,7 +104,7 @@ def test_an_object_that_moves_is_met_where_it_is_then(device):
     time = READOUT * y / 48
     front = 3.0 - 8.0 * time
     across = (x + 0.5 - 32) / CAMERA.fx * front - (-0.3 + 3.0 * time)
-    sure = np.abs(np.abs(across) - 0.2) > 0.02  # its sides are seen beside the front
+    sure = np.abs(np.abs(across) - 0.2) > 0.02  # its sides are visible next to the front
     hit = views.segmentation.numpy()[0] == 0
     np.testing.assert_array_equal(hit[sure], (np.abs(across) < 0.2)[sure])
     middle = np.abs(across) < 0.18
@@ -114,7 +114,7 @@ def test_an_object_that_moves_is_met_where_it_is_then(device):
 
 
 def eyes_for_zero():
-    """Cameras for what stands still, and for what moves; some surfaces are nearer than what they measure."""
+    """Return static cameras and their counterparts with times; some surfaces are nearer than `near`."""
     lens, ranges = lenses.OpenCVPinhole(52, 50, 32, 24, (-0.1, 0.02, 0, 0)), {"near": 1.6, "far": 4.0}
     camera, bent = wv.Camera.from_fov(64, 48, hfov=1.1, **ranges), LensCamera(lens, 64, 48, **ranges)
     rays, times = (sphere_of_rays(600), few_origins(600)), np.linspace(0, READOUT, 600)
@@ -127,8 +127,8 @@ def eyes_for_zero():
 
 @pytest.mark.parametrize("near_plane", ["occlude", "clip"])
 @pytest.mark.parametrize("eye", ["camera", "lens", "lidar"])
-def test_what_stands_still_is_seen_as_it_was(eye, near_plane, device, monkeypatch):
-    """Among solids, meshes, and instances that stay; some of them excluded, or stretched."""
+def test_zero_motion_matches_static_render(eye, near_plane, device, monkeypatch):
+    """Scenes contain solids, meshes and static instances, some of them excluded or scaled."""
     for name, few in (("_MIN_USES", 10), ("_MIN_SAVED", 1000), ("_MIN_SAVED_CUDA", 1000)):
         monkeypatch.setattr(_traversal_plan, name, few)
     rng = np.random.default_rng(5)
@@ -152,7 +152,7 @@ def test_what_stands_still_is_seen_as_it_was(eye, near_plane, device, monkeypatc
     assert len(seen & set(scene.movable)) >= 3 and len(seen) > len(seen & set(scene.movable)) + 4
 
 
-def test_every_row_is_that_of_an_image_from_its_pose(device):
+def test_rows_match_images_from_their_poses(device):
     scene, shutter = wv.scenes.PRESETS["room"].build(device), RollingShutter(CAMERA, READOUT)
     eyes = np.linspace((-1.6, -1.3, 1.6), (-1.4, -1.5, 1.5), 48)
     rows = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in eyes])
@@ -166,8 +166,8 @@ def test_every_row_is_that_of_an_image_from_its_pose(device):
         assert_same_images(views, each, device)
 
 
-def test_a_pose_for_each_column_and_each_ray(device):
-    """As one for each time, where every column, or ray, has a time of its own."""
+def test_per_ray_poses_match_motion_in_time(device):
+    """Per-ray poses match a motion in time when each column, or ray, has a different time."""
     scene = wv.scenes.PRESETS["room"].build(device)
     shutter = RollingShutter(CAMERA, READOUT, "left_to_right")
     motion = Motion([room_pose(), unit(room_pose() + [0.2, -0.1, 0, 0, 0.05, 0, 0])], [0, READOUT])
@@ -176,19 +176,19 @@ def test_a_pose_for_each_column_and_each_ray(device):
     lidar = Rays(sphere_of_rays(300), times=np.linspace(0, READOUT, 300))
     of_list = wv.render(scene, lidar, Motion.per_ray(motion.at(lidar.times)), outputs=ALL)
     for views, other in ((columns, expected), (of_list, wv.render(scene, lidar, motion, outputs=ALL))):
-        # Poses of rays are rounded to single precision.
+        # Poses per ray are rounded to single precision.
         assert wrong_depth(views.depth.numpy(), other.depth.numpy().astype(np.float64)).mean() < 2e-3
 
 
 def paths(count, times, seed=0, spread=0.5):
-    """Motions of several things, at instants."""
+    """Return random poses of `count` things at `times`."""
     rng = np.random.default_rng(seed)
     first = random_poses(rng, count, spread=spread).astype(np.float64)
     steps = rng.normal(size=(len(times), count, 7)) * 0.15
     return unit(first + np.cumsum(steps, axis=0))
 
 
-def test_rays_with_origins_and_times_match_the_twin(device):
+def test_timed_rays_with_origins_match_reference(device):
     rng, times = np.random.default_rng(0), np.array([0.0, 0.01, 0.035, 0.04])
     scene = build_solids(device, random_poses(rng, 8, spread=2.0))
     moments = np.linspace(0, READOUT, 6)[rng.integers(6, size=500)]
@@ -215,7 +215,7 @@ def test_rays_with_origins_and_times_match_the_twin(device):
 
 
 @pytest.mark.parametrize("kind", ["meshes", "solids"])
-def test_objects_on_their_way_match_the_twin(kind, device):
+def test_moving_objects_match_reference(kind, device):
     rng, instants = np.random.default_rng(1), np.array([0.0, 0.02, 0.05])
     make, count = {
         "meshes": (lambda where, rows: build(where, rows, movable=True), 5),
@@ -240,8 +240,8 @@ def test_objects_on_their_way_match_the_twin(kind, device):
     assert len(np.unique(views.segmentation.numpy())) > 4
 
 
-def test_worlds_exclude_scales_and_parts(device):
-    """Each view of many is what a call of its own shows."""
+def test_batched_worlds_match_single_calls(device):
+    """Each view matches a separate call."""
     instants = [0.0, READOUT]
     rows = np.stack([paths(5, instants, seed=seed, spread=1.5) for seed in (0, 1)], axis=1)  # (T, W, M, 7)
     scene, shutter = build(device, rows[0, 0], movable=True), RollingShutter(CAMERA, READOUT)
@@ -276,8 +276,8 @@ def test_worlds_exclude_scales_and_parts(device):
                 np.testing.assert_array_equal(getattr(alone, name).numpy()[0], getattr(views, name).numpy()[view])
 
 
-def test_some_of_the_views_are_what_all_are():
-    """Images that are too large for a GPU are made in parts."""
+def test_split_batches_match_whole_batch():
+    """Batches too large for a GPU are split."""
     instants = [0.0, READOUT]
     rows = np.stack([paths(5, instants, seed=seed, spread=1.5) for seed in (0, 1, 2)], axis=1)
     eyes = paths(3, instants, seed=4)
@@ -307,13 +307,13 @@ def box_room(device):
 
 
 def wall_errors(points):
-    """How far points are from the walls of the box."""
+    """Return the distances of points from the walls of the box."""
     return np.abs(np.abs(points) - [2, 3, 4]).min(axis=-1)
 
 
 @pytest.mark.parametrize("kind", ["twist", "instants", "trajectory"])
 def test_deskewing_restores_walls(kind, device):
-    """A lidar that drives at 5 m/s and turns at 3 rad/s in a closed box: skewed by decimetres, restored to 1e-5 m."""
+    """A lidar moves at 5 m/s and rotates at 3 rad/s in a closed box: skew of decimeters is corrected to 1e-5 m."""
     times = np.linspace(0, 0.1, 2000, endpoint=False)
     lidar = Rays(sphere_of_rays(2000), few_origins(2000), times, np.arange(2000) % 16, axes="ros_body")
     poses = np.array([[0.1, -0.2, 0.3, 0, 0, 0, 1], *unit([[-0.2, 0.3, 0, 0.1, 0.2, -0.3, 1]])])
@@ -342,7 +342,7 @@ def test_deskewing_restores_walls(kind, device):
     np.testing.assert_allclose(world, views.points.numpy(), atol=2e-6)
 
 
-def test_points_of_one_view_and_organized_clouds():
+def test_deskewing_arrays_and_organized_clouds():
     motion = Motion.from_twist(STRAIGHT, (1.0, 0, 0), (0, 0, 0))
     times = np.array([[0.0, 0.1], [0.2, 0.3]])
     points = np.random.default_rng(0).normal(size=(2, 2, 3))
@@ -357,14 +357,14 @@ def test_points_of_one_view_and_organized_clouds():
     )
 
 
-def test_conventions(device):
-    """A motion is of the frame that `convention` says; velocities are along its axes."""
+def test_motions_follow_convention(device):
+    """Poses of a motion follow `convention`, and velocities are along the axes of its frame."""
     scene, body = wv.scenes.PRESETS["room"].build(device), unit([[0.1, 0.2, 0.9, 0.1, -0.2, 0.3, 0.9]] * 2)
     body[1] = unit(body[0] + [0.1, 0, 0, 0.05, 0, 0, 0])
     shutter = RollingShutter(CAMERA, READOUT)
     optical = poses_to_opencv(body, "ros_body")
     linear, angular = np.array([1.0, 2, 3]), np.array([-0.5, 1.0, 2.0])
-    into = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0.0]])  # OpenCV's axes of x forward, y left, z up
+    into = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0.0]])  # OpenCV axes from x forward, y left, z up
     for of_body, of_eye in (
         (Motion(body, [0, READOUT]), Motion(optical, [0, READOUT])),
         (Motion.from_twist(body[0], linear, angular), Motion.from_twist(optical[0], into @ linear, into @ angular)),
@@ -387,7 +387,7 @@ def test_conventions(device):
     np.testing.assert_allclose(*cosines, atol=1e-6)
 
 
-def test_arrays_of_a_device(device):
+def test_device_arrays_match_host_arrays(device):
     scene, shutter = build(device, paths(5, [0.0])[0], movable=True), RollingShutter(CAMERA, READOUT)
     eyes, rows = np.float32(paths(2, [0, 1], seed=4)), np.float32(paths(5, [0, 1], spread=1.5))
     expected = wv.render(scene, shutter, Motion(eyes, [0, 1]), object_poses=Motion(rows, [0, 1]), outputs=ALL)
@@ -406,7 +406,7 @@ def test_arrays_of_a_device(device):
     assert_same_images(one, wv.render(scene, shutter, Motion(eyes[:, 0], [0, 1]), outputs=ALL), device)
 
 
-def test_renderers_are_used_again(device):
+def test_renderers_can_be_reused_and_copied(device):
     scene, shutter = wv.scenes.PRESETS["room"].build(device), RollingShutter(CAMERA, READOUT)
     motions = [Motion([room_pose(), unit(room_pose() + 0.02 * k)], [0, READOUT]) for k in (1, 2)]
     renderer = wv.Renderer(scene, shutter, outputs=ALL, fill="far")
@@ -421,8 +421,8 @@ def test_renderers_are_used_again(device):
     assert wrong_depth(packets, still.depth.numpy().astype(np.float64)).mean() <= 1e-3
 
 
-def test_a_shutter_shows_points_of_the_cameras_image(device):
-    """From poses that are no motion it sees what the camera sees, between pixels too."""
+def test_render_at_of_shutter_matches_its_camera(device):
+    """With static poses, a rolling shutter matches its camera, also between pixel centers."""
     scene, pixels = wv.scenes.PRESETS["room"].build(device), np.float32([[[5.25, 9.5], [70.0, 3.0], [63.9, 47.9]]])
     lens = LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, (-0.1, 0.02, 0, 0)), 64, 48)
     for camera in (CAMERA, lens):
@@ -525,7 +525,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_move_is_refused(name):
+def test_invalid_motions_and_sensors_are_rejected(name):
     scene = build("cpu", paths(5, [0.0])[0], movable=True)
     call, message = REFUSED[name]
     with pytest.raises((ArrayError, CameraError, PoseError), match=message):
@@ -541,7 +541,7 @@ def test_gpu_poses_are_not_read_back(cuda):
         Motion.from_twist(wp.array(STRAIGHT[None], dtype=wp.transform, device=cuda), (0, 0, 0), (0, 0, 0))
 
 
-def test_shutters_are_values():
+def test_shutters_compare_hash_and_copy_by_value():
     shutter = RollingShutter(CAMERA, READOUT, "bottom_to_top")
     assert shutter == RollingShutter(CAMERA, READOUT, "bottom_to_top") and hash(shutter)
     again = pickle.loads(pickle.dumps(shutter))

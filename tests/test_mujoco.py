@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo's answers on the same worlds: its rays, in double precision, and its OpenGL renderer."""
+"""Comparison with MuJoCo: `mj_ray` in double precision, and its OpenGL renderer."""
 
 import mujoco
 import numpy as np
@@ -16,7 +16,7 @@ NAMES = [experiment.name for experiment in scenes.EXPERIMENTS]
 
 
 def mujoco_model(scene, camera):
-    """The scene's meshes as MuJoCo geoms, one each in the same order, and the camera on a mocap body."""
+    """Return a model with the scene's meshes as geoms, in the same order, and the camera on a mocap body."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.width, camera.height
     spec.visual.quality.offsamples = 0
@@ -35,7 +35,7 @@ def mujoco_model(scene, camera):
 
 
 def place_camera(model, data, pose):
-    """MuJoCo's cameras look along -z with y up."""
+    """Set the camera's mocap body; MuJoCo's cameras look along -z with y up."""
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, (poses_to_matrices(pose)[:3, :3] @ np.diag([1, -1, -1])).ravel())
     data.mocap_pos[0], data.mocap_quat[0] = pose[:3], quaternion
@@ -43,7 +43,7 @@ def place_camera(model, data, pose):
 
 
 @pytest.mark.parametrize("name", [*NAMES, "room"])
-def test_every_pixel_agrees_with_mj_ray(name, device):
+def test_pixels_match_mj_ray(name, device):
     preset = scenes.PRESETS[name]
     scene = preset.build(device)
     camera = wv.Camera.from_fov(80, 60, hfov=0.994837)
@@ -65,7 +65,7 @@ def test_every_pixel_agrees_with_mj_ray(name, device):
 
     got = views.depth.numpy()[0].astype(np.float64)
     hits = np.isfinite(depth)
-    # MuJoCo stores compiled meshes about their own centre in single precision: silhouettes move by that much.
+    # MuJoCo stores meshes relative to their centers in single precision, which shifts silhouettes.
     assert (np.isfinite(got) != hits).mean() <= 1e-3
     both = hits & np.isfinite(got)
     error = np.abs(got[both] - depth[both])
@@ -75,7 +75,7 @@ def test_every_pixel_agrees_with_mj_ray(name, device):
 
 
 def away_from_silhouettes(depth, reach=2, step=0.03):
-    """Pixels whose neighbours lie about as far: OpenGL and rays round edges to different pixels."""
+    """Return pixels whose neighbors have similar depth; OpenGL and ray casting round edges to different pixels."""
     limited = np.where(np.isfinite(depth), depth, 1e3)
     padded = np.pad(limited, reach, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1, 2 * reach + 1))
@@ -84,7 +84,7 @@ def away_from_silhouettes(depth, reach=2, step=0.03):
 
 @pytest.mark.gl
 @parametrize("name", [*NAMES, "room"])
-def test_depth_and_segmentation_agree_with_mujocos_renderer(name):
+def test_depth_and_segmentation_match_mujoco_renderer(name):
     preset = scenes.PRESETS[name]
     scene = preset.build()
     camera = wv.Camera.from_fov(320, 240, hfov=0.994837, far=49.0)
