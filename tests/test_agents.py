@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Agents: wide fields of view whose faces adjoin and overlap nowhere, presets, poses."""
+"""Agents: wide fields of view split into adjoining faces, presets, and poses."""
 
 import itertools
 import math
@@ -31,7 +31,7 @@ def rotation(face):
 
 
 def in_image(face, directions):
-    """Whether a face's image shows directions of the agent's frame."""
+    """Return whether directions in the agent's frame project into a face's image."""
     x, y = np.moveaxis(face.camera.project(directions @ rotation(face)), -1, 0)
     with np.errstate(invalid="ignore"):
         return (x >= 0) & (x < face.camera.width) & (y >= 0) & (y < face.camera.height)
@@ -39,16 +39,16 @@ def in_image(face, directions):
 
 @settings(deadline=None, max_examples=100)
 @given(fields, st.integers(0, 2**32 - 1))
-def test_every_direction_of_a_field_is_in_one_face(field, seed):
+def test_every_direction_of_a_field_is_in_exactly_one_face(field, seed):
     rng, faces = np.random.default_rng(seed), field.faces()
     step = field.hfov / len(faces)
     azimuth = rng.uniform(-math.pi, math.pi, 2000)
-    height = rng.uniform(-6, 6, 2000)  # over the floor through the eyes, at a distance of 1
+    height = rng.uniform(-6, 6, 2000)  # on a vertical line at a distance of 1
     directions = np.stack([np.sin(azimuth), -height, np.cos(azimuth)], axis=-1)
     number = np.floor((azimuth + field.hfov / 2) / step)
     from_axis = azimuth - ((number + 0.5) * step - field.hfov / 2)
-    elevation = np.arctan(height / np.cos(from_axis))  # on the centre plane
-    # What lies within rounding of a border may be on either side.
+    elevation = np.arctan(height / np.cos(from_axis))  # on the center plane
+    # Directions within rounding of a border may be on either side.
     inside = (np.abs(azimuth) < field.hfov / 2) & (elevation < field.up) & (elevation > -field.down)
     sideways = np.abs(np.abs(from_axis) - step / 2)
     near = (sideways < 1e-6) | (np.abs(elevation - field.up) < 1e-6) | (np.abs(elevation + field.down) < 1e-6)
@@ -58,7 +58,7 @@ def test_every_direction_of_a_field_is_in_one_face(field, seed):
 
 @settings(deadline=None, max_examples=100)
 @given(fields)
-def test_canvases_overlap_nowhere(field):
+def test_canvases_do_not_overlap(field):
     faces = field.faces()
     for before, after in itertools.pairwise(faces):
         assert before.canvas[2] == after.canvas[0] == 0
@@ -95,14 +95,14 @@ def test_faces_have_exact_angles():
     assert [face.canvas[2] for face in faces] == [0, 0, width]
 
 
-def test_a_narrow_field_is_one_image():
+def test_narrow_field_has_one_face():
     assert len(FieldOfView(1e-9, 0.3, 0.3).faces()) == 1
     (face,) = FieldOfView(80 * DEGREE, 0.3, 0.3).faces()
     assert face.canvas == (face.camera.width, face.camera.height) * 2
     assert len(FieldOfView(80.1 * DEGREE, 0.3, 0.3).faces()) == 2
 
 
-def test_kinect():
+def test_kinect_preset():
     robot = Agent.kinect("robot", POSE, body="shell")
     assert robot.camera == wv.Camera.kinect()
     assert robot.body == ("shell",)
@@ -112,7 +112,7 @@ def test_kinect():
     assert np.allclose(robot.face_poses(face), POSE)
 
 
-def test_human():
+def test_human_preset():
     human = Agent.human("human", POSE, body=["head", "trunk"], far=20.0, resolution=60)
     assert human.camera == FieldOfView(200 * DEGREE, 60 * DEGREE, 75 * DEGREE, far=20.0, resolution=60)
     assert human.attention.hfov == human.attention.vfov == pytest.approx(60 * DEGREE)
@@ -120,7 +120,7 @@ def test_human():
     assert human.body == ("head", "trunk")
 
 
-def test_poses_in_every_form_are_one():
+def test_pose_formats_are_equivalent():
     ros = np.concatenate([POSE[:3], quaternion_product(POSE[3:], np.array([0.5, -0.5, 0.5, 0.5]))])
     given = [POSE, [POSE], poses_to_matrices(POSE), wp.array([POSE], dtype=wp.transform, device="cpu")]
     for pose in given:
@@ -129,7 +129,7 @@ def test_poses_in_every_form_are_one():
     assert Agent.kinect("robot", np.tile(POSE, (4, 1))).poses.shape == (4, 7)
 
 
-def test_faces_turn_with_the_agent():
+def test_faces_rotate_with_the_agent():
     human = Agent.human("human", np.stack([POSE, wv.look_at((0, 0, 2), (0, 1, 0))]))
     for face in human.faces:
         poses = human.face_poses(face)
@@ -140,7 +140,7 @@ def test_faces_turn_with_the_agent():
     assert right_of_the_first @ poses_to_matrices(POSE)[:3, 0] > 0.9
 
 
-def test_angles():
+def test_angles_to_points():
     agent = Agent.kinect("robot", [wv.look_at((0, 0, 0), (1, 0, 0)), wv.look_at((0, 0, 1), (0, 0, 0), up="y")])
     points = np.array([[[2, 0, 0], [0, 0, 3], [-1, 0, 0], [0, 0, 0], [1, 1, 0]]], dtype=float)
     down = [math.degrees(math.acos(cosine)) for cosine in (5**-0.5, -1, 2**-0.5, 1, 3**-0.5)]
@@ -177,7 +177,7 @@ def test_angles():
         (lambda: Agent.kinect("robot", POSE, convention="unity"), "convention must be one of"),
     ],
 )  # fmt: skip
-def test_bad_input(call, said):
+def test_invalid_arguments_raise(call, said):
     with pytest.raises(wv.WarpvisError) as error:
         call()
     assert str(error.value).startswith(said)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The output "albedo": base colours of materials, vertices, faces and textures, by a twin in double precision."""
+"""Output "albedo": base colors of materials, vertices, faces and textures against a double-precision reference."""
 
 import numpy as np
 import pytest
@@ -63,21 +63,21 @@ APPEARANCES = appearances()
 
 
 @pytest.mark.parametrize("name", APPEARANCES)
-def test_colours_are_those_of_double_precision(name, device):
+def test_colors_match_the_double_precision_reference(name, device):
     scene = wv.Scene(device=device)
     scene.add(BOX, name="box", pose=(0, 0, 0, 0, 0, 0.3826834, 0.9238795), appearance=APPEARANCES[name])
     views = wv.render(scene, CAMERA, POSE, outputs=("albedo", "segmentation", "faces"))
     expected = reference_shading.shade_base_colors(scene, CAMERA, POSE, views)
     assert len(np.unique(views.faces.numpy())) > 4
     apart = np.abs(views.albedo.numpy() - expected).max(axis=-1)
-    if name == "nearest":  # a place beside a texel's edge may be in either
+    if name == "nearest":  # a sample near a texel's border may round to either texel
         assert (apart > 1).mean() < 0.01
     else:
         assert apart.max() <= 1
 
 
-def test_far_textures_do_not_shimmer(device):
-    """A fine pattern becomes its mean, and not what its texels happen to be."""
+def test_distant_textures_are_averaged(device):
+    """A fine pattern averages to its mean instead of aliasing."""
     fine = np.kron(np.indices((128, 128)).sum(axis=0) % 2, np.ones((2, 2)))[..., None] * np.array([250, 200, 100])
     look = Appearance((Material(texture=Texture(fine.astype(np.uint8))),), uv=[[0, 0], [8, 0], [8, 8], [0, 8]])
     scene = wv.Scene(device=device)
@@ -88,7 +88,7 @@ def test_far_textures_do_not_shimmer(device):
     assert np.abs(seen - np.array([125, 100, 50])).max() <= 2
 
 
-def test_movable_objects_carry_their_colours(device):
+def test_movable_objects_keep_their_colors(device):
     scene = wv.Scene(device=device)
     scene.add(BOX, name="box", movable=True, appearance=APPEARANCES["repeat mirror"])
     scene.add(PLATE, name="plate")
@@ -101,8 +101,8 @@ def test_movable_objects_carry_their_colours(device):
     assert (views.segmentation.numpy() == 0).any(axis=(1, 2)).all()
 
 
-def test_stretched_objects_stretch_their_textures(device):
-    """What is twice as large, and twice as far away, has the same colours."""
+def test_textures_scale_with_objects(device):
+    """An object of twice the size at twice the distance has the same colors."""
     scene = wv.Scene(device=device)
     scene.add(BOX, name="box", movable=True, appearance=APPEARANCES["clamp repeat"])
     eyes = np.stack([wv.look_at(np.array([2.2, -2.6, 1.8]) * by, (0, 0, 0)) for by in (1, 2)])
@@ -114,7 +114,7 @@ def test_stretched_objects_stretch_their_textures(device):
     assert (np.abs(albedo[0].astype(int) - albedo[1]) > 1).mean() < 0.01
 
 
-def test_solids_and_objects_without_a_look(device):
+def test_colors_of_solids_and_of_objects_without_appearance(device):
     scene = wv.Scene(device=device)
     scene.add(solids.sphere(0.5), name="ball", movable=True, appearance=(0.2, 0.4, 0.6))
     scene.add(BOX, name="box", pose=(0, 3, 0, 0, 0, 0, 1))
@@ -125,7 +125,7 @@ def test_solids_and_objects_without_a_look(device):
     assert (albedo[seg < 0] == 0).all() and (seg < 0).any()
 
 
-def test_other_images_stay_as_they_are(device):
+def test_albedo_does_not_change_other_outputs(device):
     scene = wv.scenes.PRESETS["room"].build(device)
     pose = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     names = ("depth", "points", "normals", "labels", "segmentation", "faces")
@@ -135,7 +135,7 @@ def test_other_images_stay_as_they_are(device):
         np.testing.assert_array_equal(getattr(with_colours, name).numpy(), getattr(without, name).numpy())
 
 
-def test_splits_threads_and_points_of_the_image_give_the_same(device):
+def test_albedo_does_not_depend_on_batching_threads_or_pixel_lists(device):
     scene = wv.Scene(device=device)
     scene.add(BOX, name="box", appearance=APPEARANCES["fine"])
     poses = np.stack([POSE, wv.look_at((3, 1, 1), (0, 0, 0))])
@@ -152,21 +152,21 @@ def test_splits_threads_and_points_of_the_image_give_the_same(device):
     assert (np.abs(at.astype(int) - one.albedo.numpy()) > 1).mean() < 0.01
 
 
-def test_lenses_and_lidars_have_colours(device):
+def test_lens_cameras_and_lidars_return_albedo(device):
     scene = wv.Scene(device=device)
     scene.add(BOX, name="box", appearance=APPEARANCES["repeat repeat"])
     lens = wv.Camera.from_opencv([[40.0, 0, 17.5], [0, 40.0, 13.5], [0, 0, 1]], [1e-9, 0, 0, 0], 36, 28)
     pinhole = wv.Camera(36, 28, 40, 40, 18, 14)
     one, other = (wv.render(scene, camera, POSE, outputs="albedo").albedo.numpy() for camera in (lens, pinhole))
-    # A pixel of a lens is as large in all directions, and one of a pinhole smaller at its sides.
+    # Pixels of a lens cover equal angles; a pinhole's pixels cover smaller angles towards the border.
     assert np.abs(one.astype(int) - other).mean() < 6
     rays = lens.rays.reshape(-1, 3)
     scan = Rays(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
     assert wv.render(scene, scan, POSE, outputs="albedo").albedo.shape == (1, 36 * 28)
 
 
-def test_parallel_rays_have_colours(device):
-    """A pixel is a texel: of a plate that is seen from above, the image is the texture."""
+def test_orthographic_camera_returns_albedo(device):
+    """The image of a plate seen from above is its texture if pixels and texels coincide."""
     image = np.random.default_rng(0).integers(0, 256, (8, 8, 3), dtype=np.uint8)
     for kind in ("nearest", "linear"):
         look = Appearance((Material(texture=Texture(image, filter=kind)),), uv=[[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -177,7 +177,7 @@ def test_parallel_rays_have_colours(device):
         np.testing.assert_array_equal(albedo, image)
 
 
-def test_what_is_added_later_has_its_colour(device):
+def test_objects_added_later_have_their_color(device):
     scene = wv.Scene(device=device)
     scene.add(BOX, name="box", appearance=(1.0, 0.0, 0.0))
     renderer = wv.Renderer(scene, CAMERA, outputs=("albedo",))
@@ -186,7 +186,7 @@ def test_what_is_added_later_has_its_colour(device):
     assert (renderer.render(POSE).albedo.numpy() == [0, 255, 0]).all(axis=-1).any()
 
 
-def test_colours_go_with_vertices_that_move(device):
+def test_updated_vertices_keep_their_colors(device):
     scene, twin = wv.Scene(device=device), wv.Scene(device=device)
     scene.add(BOX, name="box", movable=True, appearance=APPEARANCES["clamp mirror"])
     renderer = wv.Renderer(scene, CAMERA, outputs=("albedo",))
@@ -199,7 +199,7 @@ def test_colours_go_with_vertices_that_move(device):
         assert (np.abs(renderer.render(POSE).albedo.numpy() - expected) > 1).mean() < 0.01
 
 
-def test_levels_are_means():
+def test_mip_levels_are_means():
     image = np.random.default_rng(0).integers(0, 256, (10, 7, 3), dtype=np.uint8)
     levels = mip_levels(image)
     for level, twin in zip(levels, reference_shading.levels_of(image), strict=True):
@@ -212,11 +212,11 @@ def test_levels_are_means():
             np.testing.assert_array_equal(level[size * side : size * side + size], alone[number])
 
 
-def test_a_cube_has_its_sides(device):
-    """A sphere with a cube of six colours, from each side."""
+def test_cube_map_faces_have_their_colors(device):
+    """A sphere with a cube map of six colors, seen from each side."""
     colors = np.array([[200, 0, 0], [0, 200, 0], [0, 0, 200], [200, 200, 0], [0, 200, 200], [200, 0, 200]])
     cube = np.repeat(colors, 4, axis=0)[:, None].repeat(4, axis=1).astype(np.uint8)
-    place = np.array([1.0, -2.0, 0.5, 0, 0, np.sqrt(0.5), np.sqrt(0.5)])  # a quarter turn
+    place = np.array([1.0, -2.0, 0.5, 0, 0, np.sqrt(0.5), np.sqrt(0.5)])  # rotated by 90 degrees
     turn = poses_to_matrices(place)[:3, :3]
     for movable in (False, True):
         scene, look = wv.Scene(device=device), Material(texture=Texture(cube), projection="cube")
@@ -229,7 +229,7 @@ def test_a_cube_has_its_sides(device):
             np.testing.assert_array_equal(albedo[0, 14, 18], color)
 
 
-def test_motion_has_no_colours_yet():
+def test_albedo_of_moving_camera_raises():
     scene = wv.Scene(device="cpu")
     scene.add(BOX, name="box")
     motion = Motion([POSE, POSE], [0.0, 1.0])

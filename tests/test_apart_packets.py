@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays that begin close beside each other, in packets: in closed form, by the float64 reference, by single rays."""
+"""Packets of rays with distinct origins against closed forms, the float64 reference and single rays."""
 
 import pickle
 
@@ -29,7 +29,7 @@ from support.worlds import ALL, assert_bits_equal, random_poses
 
 @pytest.fixture
 def packets_only(monkeypatch):
-    """No ray is cast alone but where a test asks for it."""
+    """Fail if a ray is cast outside packets."""
 
     def refuse(*_):
         raise AssertionError("cast ray by ray")
@@ -38,12 +38,12 @@ def packets_only(monkeypatch):
 
 
 @pytest.mark.parametrize("size", [0.05, 1.0, 40.0])
-def test_inside_a_box(size, packets_only):
+def test_ranges_inside_a_box(size, packets_only):
     check_box(wv.render, size, (outlets(40, 200), spread_out(3000)))
 
 
-def test_a_sphere(packets_only):
-    """From inside and from outside, within the sagitta of its triangles."""
+def test_ranges_of_a_sphere(packets_only):
+    """Seen from inside and outside, depth is within the sagitta of the triangles."""
     scene = wv.Scene(device="cpu")
     ball = trimesh.creation.icosphere(subdivisions=5, radius=3.0)
     scene.add(ball, name="ball")
@@ -65,15 +65,15 @@ def test_a_sphere(packets_only):
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("near", [0.004, 0.05, 1.0])
-def test_triangles_as_near_as_origins_match_the_reference(near, cull_backfaces, packets_only):
+def test_triangles_near_the_origins_match_the_reference(near, cull_backfaces, packets_only):
     check_soup(wv.render, near, cull_backfaces, 1500)
 
 
-def test_rays_begin_on_either_side_of_a_plate(packets_only):
+def test_rays_start_on_either_side_of_a_plate(packets_only):
     check_plate(wv.render)
 
 
-def test_the_room_matches_the_reference(packets_only):
+def test_room_matches_the_reference(packets_only):
     scene = wv.scenes.PRESETS["room"].build("cpu")
     poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
     for shape in ((1500,), (30, 50)):
@@ -85,7 +85,7 @@ def test_the_room_matches_the_reference(packets_only):
 
 
 @pytest.mark.parametrize("name", ["room", "blobs_77k"])
-def test_a_turn_of_an_ouster_is_that_of_single_rays(name):
+def test_ouster_scan_matches_single_rays(name):
     scene, poses = (
         wv.scenes.PRESETS[name].build("cpu"),
         np.array([[0.4, 0.3, 0.8, 0, 0, 0, 1], [-1, 1, 0.4, 0, 0, 1, 0]]),
@@ -106,15 +106,15 @@ def test_a_turn_of_an_ouster_is_that_of_single_rays(name):
         assert turned.mean() <= 1e-3
 
 
-def test_nothing_leaks(packets_only):
+def test_no_ray_passes_between_triangles(packets_only):
     check_no_leaks(wv.render, 3)
 
 
-def test_worlds_and_exclude_are_those_of_single_rays():
+def test_worlds_and_exclude_match_single_rays():
     check_worlds(wv.render, Rays(*outlets(48, 160)), 0.9999)
 
 
-def test_splits_and_threads_give_the_same_bits(packets_only):
+def test_results_do_not_depend_on_batching_or_threads(packets_only):
     scene, poses = wv.scenes.PRESETS["room"].build("cpu"), wv.scenes.PRESETS["room"].poses(5)
     pattern = Rays(*outlets(64, 256))
     one = wv.render(scene, pattern, poses, outputs=ALL, threads=1)
@@ -124,12 +124,12 @@ def test_splits_and_threads_give_the_same_bits(packets_only):
         alone = wv.render(scene, pattern, poses[view : view + 1], outputs=ALL)
         for name in ALL:
             np.testing.assert_array_equal(getattr(alone, name).numpy()[0], getattr(one, name).numpy()[view])
-    depth = wv.render(scene, pattern, poses, outputs="depth")  # by code of its own
+    depth = wv.render(scene, pattern, poses, outputs="depth")  # uses a separate code path
     np.testing.assert_array_equal(depth.depth.numpy(), one.depth.numpy())
 
 
-def test_along_an_axis_and_one_origin(packets_only):
-    """Depth along z; and where all begin at one place beside the sensor's, it is that of a sensor there."""
+def test_depth_along_z_and_common_origin(packets_only):
+    """Depth along z; rays with one common origin equal those of a sensor at that origin."""
     scene, pose = wv.scenes.PRESETS["room"].build("cpu"), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     x, y = np.meshgrid(np.linspace(-0.8, 0.8, 48), np.linspace(-0.6, 0.6, 32))
     directions = np.stack([x, y, np.ones_like(x)], axis=-1)
@@ -147,7 +147,7 @@ def test_along_an_axis_and_one_origin(packets_only):
 
 
 @pytest.mark.parametrize("reason", ["far apart", "solids", "clip"])
-def test_what_packets_do_not_take_goes_ray_by_ray(reason):
+def test_unsupported_inputs_are_cast_as_single_rays(reason):
     poses = random_poses(np.random.default_rng(3), 2, spread=0.3)
     scene = wv.scenes.PRESETS["room"].build("cpu")
     options, spread = {"outputs": ALL}, 0.5 if reason == "far apart" else 0.03

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What objects look like, as data: what is given, and what trimesh's visuals say, through all that scenes do."""
+"""Appearance as data: from arguments and trimesh visuals, preserved by scene operations."""
 
 import copy
 import pickle
@@ -35,12 +35,12 @@ def added(mesh, name="box", **options):
     return scene
 
 
-def test_who_says_nothing_has_no_appearance():
+def test_object_without_appearance_has_none():
     assert added(box())["box"].appearance is None
     assert added((np.eye(3), np.array([[0, 1, 2]])))["box"].appearance is None
 
 
-def test_a_colour_and_a_material_and_an_appearance():
+def test_appearance_from_color_material_or_appearance():
     for given, alpha, mode in (((1, 0.5, 0), 1.0, "opaque"), ([1.0, 0.5, 0.0, 0.25], 0.25, "blend")):
         (material,) = added(painted(), appearance=given)["box"].appearance.materials
         assert material.base_color == (1.0, 0.5, 0.0, alpha)
@@ -53,7 +53,7 @@ def test_a_colour_and_a_material_and_an_appearance():
     assert whole.uv.dtype == np.float32
 
 
-def test_texture_coordinates_of_vertices_become_those_of_corners():
+def test_vertex_uv_is_converted_to_corner_uv():
     uv = np.random.default_rng(0).uniform(-3, 3, (8, 2)).astype(np.float32)
     faces = np.asarray(box().faces)
     np.testing.assert_array_equal(Appearance(uv=uv).corner_uv(faces), uv[faces])
@@ -61,7 +61,7 @@ def test_texture_coordinates_of_vertices_become_those_of_corners():
 
 
 @pytest.mark.parametrize("movable", [False, True])
-def test_faces_of_trimesh_keep_their_colours(movable):
+def test_trimesh_face_colors_are_read(movable):
     scene = added(painted(), movable=movable)
     scene.add_instances(painted(), np.tile([0.0, 0, 0, 0, 0, 0, 1], (3, 1)), names="copy", movable=movable)
     for same in (scene, pickle.loads(pickle.dumps(scene)), scene.to("cpu"), scene.isolated()):
@@ -70,13 +70,13 @@ def test_faces_of_trimesh_keep_their_colours(movable):
             np.testing.assert_array_equal(item.appearance.face_colors, COLORS)
 
 
-def test_vertices_of_trimesh_keep_their_colours():
+def test_trimesh_vertex_colors_are_read():
     mesh = box()
     mesh.visual.vertex_colors = COLORS[:8]
     np.testing.assert_array_equal(added(mesh)["box"].appearance.vertex_colors, COLORS[:8])
 
 
-def test_a_visual_is_read_when_it_is_asked_for(monkeypatch):
+def test_trimesh_visual_is_read_lazily(monkeypatch):
     from warpvis.scene import appearances
 
     read = []
@@ -89,7 +89,7 @@ def test_a_visual_is_read_when_it_is_asked_for(monkeypatch):
     assert len(read) == 1
 
 
-def test_a_pbr_material_of_trimesh_is_linear():
+def test_trimesh_pbr_material_is_linear():
     mesh = box()
     material = trimesh.visual.material.PBRMaterial(
         "tin", baseColorFactor=[255, 51, 0, 102], alphaMode="MASK", alphaCutoff=0.25, roughnessFactor=0.5
@@ -106,7 +106,7 @@ def test_a_pbr_material_of_trimesh_is_linear():
     np.testing.assert_allclose(found.uv, uv, rtol=1e-6)
 
 
-def test_a_simple_material_of_trimesh_is_srgb():
+def test_trimesh_simple_material_is_srgb():
     mesh = box()
     material = trimesh.visual.material.SimpleMaterial(diffuse=[255, 51, 0, 255], specular=[51, 0, 0], glossiness=20)
     mesh.visual = trimesh.visual.TextureVisuals(material=material)
@@ -116,7 +116,7 @@ def test_a_simple_material_of_trimesh_is_srgb():
     assert (made.color_space, made.shininess) == ("srgb", 20)
 
 
-def test_a_texture_of_trimesh_is_not_darkened_by_a_colour_that_nobody_said():
+def test_trimesh_default_color_does_not_darken_a_texture():
     mesh = box()
     mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), image=Image.fromarray(IMAGE))
     (made,) = added(mesh)["box"].appearance.materials
@@ -124,7 +124,7 @@ def test_a_texture_of_trimesh_is_not_darkened_by_a_colour_that_nobody_said():
     np.testing.assert_array_equal(made.texture.image, IMAGE)
 
 
-def test_several_materials_of_trimesh():
+def test_trimesh_multi_material():
     mesh = box()
     two = [trimesh.visual.material.SimpleMaterial(diffuse=color) for color in ([255, 0, 0], [0, 0, 255])]
     rows = np.arange(12) % 2
@@ -136,7 +136,7 @@ def test_several_materials_of_trimesh():
     np.testing.assert_array_equal(found.face_materials, rows)
 
 
-def test_a_visual_that_does_not_fit_is_left_out_with_a_warning():
+def test_mismatched_visual_is_ignored_with_a_warning():
     mesh = box()
     mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((5, 2)))
     scene = added(mesh)
@@ -144,7 +144,7 @@ def test_a_visual_that_does_not_fit_is_left_out_with_a_warning():
         assert scene["box"].appearance is None
 
 
-def test_a_deformed_mesh_keeps_it_and_another_one_keeps_its_first_material():
+def test_appearance_after_deforming_or_replacing_a_mesh():
     red = Material(base_color=(1, 0, 0))
     look = Appearance((red, Material()), face_materials=np.arange(12) % 2)
     scene = added(box(), appearance=look, movable=True)
@@ -154,14 +154,14 @@ def test_a_deformed_mesh_keeps_it_and_another_one_keeps_its_first_material():
     assert scene["box"].appearance is look
     scene = added(box(), appearance=look)
     scene.update_mesh("box", np.eye(3), np.array([[0, 1, 2]]))
-    for _ in range(2000):  # no chain of what was once said
+    for _ in range(2000):  # must not build a chain of earlier appearances
         scene.update_mesh("box", np.eye(3), np.array([[0, 1, 2]]))
         scene.update_mesh("box", np.eye(3), np.array([[0, 2, 1]]))
     assert scene["box"].appearance.materials == (red,)
     assert scene["box"].appearance.face_materials is None
 
 
-def test_attached_objects_and_those_that_are_exchanged_keep_it():
+def test_attached_and_replaced_objects_keep_their_appearance():
     scene = added(painted(), movable=True)
     scene.add(painted(), name="hat", attach_to="box", appearance=(1, 0, 0))
     scene.replace_objects([*scene, *added(painted(), name="new", movable=True)])
@@ -170,7 +170,7 @@ def test_attached_objects_and_those_that_are_exchanged_keep_it():
         np.testing.assert_array_equal(same["new"].appearance.face_colors, COLORS)
 
 
-def test_a_file_is_decoded_when_its_image_is_asked_for(tmp_path):
+def test_texture_file_is_decoded_lazily(tmp_path):
     path = tmp_path / "a.png"
     texture = Texture(path)
     Image.fromarray(IMAGE).save(path)
@@ -185,7 +185,7 @@ def test_a_file_is_decoded_when_its_image_is_asked_for(tmp_path):
 @pytest.mark.parametrize(
     ("mode", "shape"), [("L", (2, 4, 3)), ("LA", (2, 4, 4)), ("P", (2, 4, 3)), ("RGBA", (2, 4, 4)), ("I;16", (2, 4, 3))]
 )
-def test_images_of_other_kinds_become_colours(tmp_path, mode, shape):
+def test_image_modes_are_converted_to_rgb(tmp_path, mode, shape):
     source = Image.fromarray(np.full((2, 4), 0x8012, np.uint16)) if mode == "I;16" else Image.new(mode, (4, 2))
     source.save(tmp_path / "a.png")
     found = Texture(tmp_path / "a.png").image
@@ -193,7 +193,7 @@ def test_images_of_other_kinds_become_colours(tmp_path, mode, shape):
     assert mode != "I;16" or (found == 0x80).all()
 
 
-def test_an_unreadable_image_is_white_with_a_warning_that_names_it(tmp_path):
+def test_unreadable_image_is_white_with_a_warning(tmp_path):
     (tmp_path / "torn.png").write_bytes(b"\x89PNG\r\n\x1a\n torn")
     for texture, said in (
         (Texture(tmp_path / "torn.png"), r"torn\.png: cannot be read as an image"),
@@ -230,7 +230,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("said", "given"), [(said, given) for said, many in BAD.items() for given in many])
-def test_what_does_not_fit_is_refused_and_nothing_is_added(said, given):
+def test_invalid_appearance_raises_and_adds_nothing(said, given):
     scene = wv.Scene()
     with pytest.raises(SceneError, match=said):
         scene.add(box(), name="box", appearance=given)
@@ -269,6 +269,6 @@ def test_what_does_not_fit_is_refused_and_nothing_is_added(said, given):
         (lambda: Appearance(face_colors=[[255.0, 0, 0]]), "face_colors of floats must be from 0 to 1"),
     ],
 )
-def test_malformed_looks_get_one_sentence(make, said):
+def test_malformed_appearance_raises(make, said):
     with pytest.raises(SceneError, match=said):
         make()

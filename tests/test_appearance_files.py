@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What files say of colour: glTF, OBJ with MTL, PLY, COLLADA and MuJoCo's models."""
+"""Appearance from files: glTF, OBJ with MTL, PLY, COLLADA, MuJoCo and Webots."""
 
 import gc
 import zipfile
@@ -34,10 +34,10 @@ def test_gltf_factors_and_texture(tmp_path):
     assert (made.metallic, made.roughness, made.emission) == (1.0, 1.0, (0, 0, 3))
     assert (made.texture.wrap_u, made.texture.wrap_v, made.texture.filter) == ("clamp", "mirror", "nearest")
     np.testing.assert_array_equal(made.texture.image, IMAGE)
-    np.testing.assert_array_equal(found.uv, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))  # v counts upwards
+    np.testing.assert_array_equal(found.uv, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))  # v points up
 
 
-def test_gltf_second_coordinates_and_their_transform(tmp_path):
+def test_gltf_second_uv_set_and_texture_transform(tmp_path):
     second = np.array([[0, 0], [1, 0.2], [0, 1]])
     found = appearance(tmp_path, triangle({"index": 0, "texCoord": 1}))
     np.testing.assert_allclose(found.uv, second * [1, -1] + [0, 1], atol=1e-6)
@@ -47,14 +47,14 @@ def test_gltf_second_coordinates_and_their_transform(tmp_path):
     np.testing.assert_allclose(found.uv, np.stack([v + 0.5, 1 - (-u + 0.25)], axis=1), atol=1e-6)
 
 
-def test_gltf_image_of_a_file_of_its_own(tmp_path):
+def test_gltf_image_in_a_separate_file(tmp_path):
     Image.fromarray(IMAGE).save(tmp_path / "my tex.png")
     texture = appearance(tmp_path, triangle({"index": 1})).materials[0].texture
     assert (texture.wrap_u, texture.filter) == ("repeat", "linear")
     np.testing.assert_array_equal(texture.image, IMAGE)
 
 
-def test_gltf_image_of_an_archive(tmp_path):
+def test_gltf_image_in_an_archive(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr("in/a.glb", triangle({"index": 1}).bytes())
         archive.writestr("in/my tex.png", png())
@@ -63,9 +63,9 @@ def test_gltf_image_of_an_archive(tmp_path):
 
 
 @pytest.mark.parametrize("place", ["my tex.png", "../my tex.png"])
-def test_gltf_without_its_image_shows_the_materials_colour(tmp_path, place):
+def test_gltf_missing_image_is_white_with_a_warning(tmp_path, place):
     (tmp_path / "in").mkdir()
-    Image.fromarray(IMAGE).save(tmp_path / "my tex.png")  # outside of the file's folder, where nothing is read
+    Image.fromarray(IMAGE).save(tmp_path / "my tex.png")  # outside the file's folder, where nothing is read
     writer = triangle({"index": 1})
     writer.content["images"][1]["uri"] = place
     texture = appearance(tmp_path / "in", writer).materials[0].texture
@@ -73,7 +73,7 @@ def test_gltf_without_its_image_shows_the_materials_colour(tmp_path, place):
         assert (texture.image == 255).all()
 
 
-def test_gltf_colours_of_vertices(tmp_path):
+def test_gltf_vertex_colors(tmp_path):
     for rows, more in ((np.uint8([[255, 0, 51]] * 3), {"normalized": True}), (np.float32([[1, 0, 0.2]] * 3), {})):
         writer = GltfWriter()
         made = writer.primitive(ROWS, FACES)
@@ -84,14 +84,14 @@ def test_gltf_colours_of_vertices(tmp_path):
         assert found.materials[0].color_space == "linear"
 
 
-def test_gltf_nodes_of_one_mesh_share_what_they_look_like(tmp_path):
+def test_gltf_nodes_of_one_mesh_share_an_appearance(tmp_path):
     writer = triangle({"index": 0})
     writer.node(mesh=None)
     writer.content["nodes"][-1] = {"mesh": 0, "name": "mirrored", "scale": [-1, 1, 1]}
     (tmp_path / "a.glb").write_bytes(writer.bytes())
     one, other = load(tmp_path / "a.glb")
     assert one.appearance is other.appearance
-    # Turned round, a face's corners have the coordinates that its vertices have.
+    # In the flipped face, corners have the coordinates of their vertices.
     np.testing.assert_array_equal(
         other.appearance.corner_uv(other.faces)[0, ::-1], one.appearance.corner_uv(one.faces)[0]
     )
@@ -113,7 +113,7 @@ def test_gltf_nodes_of_one_mesh_share_what_they_look_like(tmp_path):
         lambda content: content["accessors"][2].update(count=2),
     ],
 )
-def test_gltf_with_damaged_colours_keeps_its_triangles(tmp_path, spoil):
+def test_gltf_damaged_material_keeps_the_triangles(tmp_path, spoil):
     writer = triangle({"index": 0})
     spoil(writer.content)
     (tmp_path / "a.glb").write_bytes(writer.bytes())
@@ -123,7 +123,7 @@ def test_gltf_with_damaged_colours_keeps_its_triangles(tmp_path, spoil):
         assert item.appearance is None
 
 
-def test_gltf_colours_are_read_when_they_are_asked_for(tmp_path, monkeypatch):
+def test_gltf_materials_are_read_lazily(tmp_path, monkeypatch):
     from warpvis.io import _gltf_materials
 
     read = []
@@ -135,7 +135,7 @@ def test_gltf_colours_are_read_when_they_are_asked_for(tmp_path, monkeypatch):
     assert len(read) == 1
 
 
-def test_gltf_without_textures_leaves_no_bytes_of_the_file_in_memory(tmp_path):
+def test_gltf_without_textures_releases_the_file_data(tmp_path):
     writer = triangle()
     writer.content["materials"].append(dict(writer.content["materials"][0]))
     (tmp_path / "a.glb").write_bytes(writer.bytes())
@@ -145,7 +145,7 @@ def test_gltf_without_textures_leaves_no_bytes_of_the_file_in_memory(tmp_path):
     assert item.appearance.materials[0].base_color == (1, 0.5, 0.25, 0.5)
 
 
-def test_obj_faces_have_the_materials_of_their_lines(tmp_path):
+def test_obj_faces_have_their_usemtl_materials(tmp_path):
     (tmp_path / "a.obj").write_text(OBJ)
     (tmp_path / "m.mtl").write_text(MTL)
     Image.fromarray(IMAGE).save(tmp_path / "my tex.png")
@@ -154,7 +154,7 @@ def test_obj_faces_have_the_materials_of_their_lines(tmp_path):
         found = item.appearance
         names = [found.materials[number].name[0] for number in found.face_materials]
         first = item.vertices[item.faces].min(axis=1)[:, 0] < bound
-        if item.name != "mixed":  # its triangle is of vertex 5, as the polygon's last is not
+        if item.name != "mixed":  # its triangle uses vertex 5, which the polygon's last triangle does not
             assert names == [low if early else high for early in first], item.name
     assert [scene["mixed"].appearance.materials[n].name for n in scene["mixed"].appearance.face_materials] == [
         "red",
@@ -185,14 +185,14 @@ def test_obj_faces_have_the_materials_of_their_lines(tmp_path):
     np.testing.assert_array_equal(blue.texture.image, IMAGE)
 
 
-def test_mtl_that_says_no_numbers_has_what_is_there_by_default():
+def test_invalid_mtl_values_use_defaults():
     green = mtl_material(read_mtl(MTL.encode())[2], lambda name: None)
     assert (green.base_color, green.shininess) == ((1, 1, 1, 0.75), 0)
     (said,) = read_mtl(b"\xff\0 Kd\nKd 1 1 1\nnewmtl\nKd 9 nan -3\nd inf\nmap_Kd -s 1")
     assert mtl_material(said, lambda name: None).base_color == (1, 1, 1, 1)
 
 
-def test_obj_without_its_mtl_warns_when_colours_are_asked_for(tmp_path):
+def test_obj_missing_mtl_warns_on_access(tmp_path):
     (tmp_path / "a.obj").write_text(OBJ)
     scene = load(tmp_path / "a.obj")
     with pytest.warns(
@@ -202,7 +202,7 @@ def test_obj_without_its_mtl_warns_when_colours_are_asked_for(tmp_path):
     assert [material.base_color for material in found.materials] == [(1, 1, 1, 1)] * 2
 
 
-def test_ply_colours_of_vertices_and_of_faces(tmp_path):
+def test_ply_vertex_and_face_colors(tmp_path):
     for kind, count in (("vertex", 8), ("face", 12)):
         mesh = trimesh.creation.box()
         colors = np.arange(4 * count, dtype=np.uint8).reshape(count, 4)
@@ -212,7 +212,7 @@ def test_ply_colours_of_vertices_and_of_faces(tmp_path):
         np.testing.assert_array_equal(getattr(item.appearance, f"{kind}_colors"), colors)
 
 
-def test_collada_base_colour(tmp_path):
+def test_collada_base_color(tmp_path):
     pytest.importorskip("collada")
     mesh = trimesh.creation.box()
     mesh.visual = trimesh.visual.TextureVisuals(
@@ -262,12 +262,12 @@ MODEL = """<mujoco><asset>
 <geom name="c" size="1" material="k"/><geom name="q" type="mesh" mesh="q" material="m"/></worldbody></mujoco>"""
 
 
-def test_mujoco_colours_materials_and_textures(tmp_path):
+def test_mujoco_colors_materials_and_textures(tmp_path):
     (tmp_path / "a.xml").write_text(MODEL)
     model = mujoco.MjModel.from_xml_string(MODEL)
     for scene in (load(tmp_path / "a.xml"), wv.mujoco.scene_from_mujoco(model).scene):
         made = {item.name: item.appearance.materials[0] for item in scene}
-        assert made["p"].base_color == (0.25, 0.5, 0.75, 1)  # the material's, for the geom has none
+        assert made["p"].base_color == (0.25, 0.5, 0.75, 1)  # from the material: the geom has none
         assert (made["p"].specular, made["p"].shininess) == ((0.25,) * 3, 64)
         assert made["p"].texture.image.shape == (4, 8, 3)
         assert made["p"].texture is made["q"].texture
@@ -275,10 +275,10 @@ def test_mujoco_colours_materials_and_textures(tmp_path):
         assert (made["c"].projection, made["c"].texture_uniform) == ("cube", False)
         assert made["b"].texture.image.shape == (48, 8, 3)
         assert (made["s"].base_color, made["s"].texture) == ((0, 0, 1, 1), None)
-        assert (made["s"].specular, made["s"].shininess) == ((0.5,) * 3, 64)  # what MuJoCo has without a material
+        assert (made["s"].specular, made["s"].shininess) == ((0.5,) * 3, 64)  # MuJoCo's default without a material
         assert made["q"].projection == "uv"
         found = scene["q"].appearance.corner_uv(scene["q"].faces)
-        # 3 times and 2 times for two metres, v counted upwards; sizes are those of its box.
+        # 3 and 2 repeats per 2 m, v upwards; sizes are those of the mesh's box.
         size = model.geom_size[model.geom("q").id][:2]
         said = {(0, 0, 0): (0, 0), (1, 0, 0): (1, 0), (0, 1, 0): (0, 0.25), (0, 0, 1): (1, 1)}
         corners = scene["q"].vertices[scene["q"].faces]
@@ -287,7 +287,7 @@ def test_mujoco_colours_materials_and_textures(tmp_path):
             np.testing.assert_allclose(uv, [3 * size[0] * u, 1 - 2 * size[1] * v], atol=1e-6)
 
 
-def test_exported_scenes_have_no_colours(tmp_path):
+def test_export_writes_no_colors(tmp_path):
     scene = wv.Scene()
     scene.add(trimesh.creation.box(), appearance=(1, 0, 0))
     scene.export(tmp_path / "a.glb")
@@ -308,14 +308,14 @@ Solid { name "bad" children [ Shape { appearance PBRAppearance { baseColor "red"
 """
 
 
-def test_webots_base_colours(tmp_path):
+def test_webots_base_colors(tmp_path):
     (tmp_path / "a.wbt").write_text(WORLD)
     scene = wv.Scene.load(tmp_path / "a.wbt")
     found = scene["two"].appearance
     orange, blue, white = found.materials
     assert orange.base_color == pytest.approx((1, 0.21404, 0, 0.75), abs=1e-5)
     assert orange.alpha_mode == "blend"
-    assert orange.color_space == blue.color_space == "linear"  # as Webots multiplies it, which a world has as sRGB
+    assert orange.color_space == blue.color_space == "linear"  # Webots multiplies linear values; the file has sRGB
     assert (orange.metallic, orange.roughness) == (0, 0.5)
     assert (blue.base_color, blue.specular, blue.shininess) == ((0, 0, 1, 1), (1, 0, 0), pytest.approx(25.6))
     assert white.base_color == (1, 1, 1, 1)

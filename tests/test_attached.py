@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Objects of one piece: they share a pose, and are seen, named and excluded each for itself."""
+"""Attached objects share a pose, but are rendered, named and excluded individually."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def render(scene, cameras, caster, **options):
     return wv.render(scene, SMALL, cameras, outputs=ALL, caster=caster, **options)
 
 
-def test_what_is_attached_has_no_pose_of_its_own():
+def test_attached_object_has_no_pose():
     scene = build("cpu", *random_poses(np.random.default_rng(0), 2))
     assert scene.movable == (1, 4)
     lamp = scene["lamp"]
@@ -31,7 +31,7 @@ def test_what_is_attached_has_no_pose_of_its_own():
 
 
 @parametrize("cull_backfaces", [False, True])
-def test_it_moves_along(device, caster, cull_backfaces):
+def test_attached_objects_move_with_their_parent(device, caster, cull_backfaces):
     rng = np.random.default_rng(1)
     first, poses, cameras = random_poses(rng, 2), random_poses(rng, 3, 2), eyes(5)
     world = np.array([1, 0, 2, 2, 0])
@@ -44,7 +44,7 @@ def test_it_moves_along(device, caster, cull_backfaces):
         assert_matches_reference(view_of(views, view), twin, SMALL, cameras[one], cull_backfaces=cull_backfaces)
 
 
-def test_from_among_its_parts(device, caster):
+def test_camera_between_attached_objects(device, caster):
     table = unit([0, 0, 1, 0, 0, 0.3, 0.9])
     scene, twin = (build(device, table, (0, 3, 1, 0, 0, 0, 1), attached=flag) for flag in (True, False))
     cameras = np.array([wv.look_at((0.05, 0.02, 1.1), (0.3, 0.4, 1.2)), wv.look_at((-0.1, 0, 1.15), (-0.2, 0.1, 1.2))])
@@ -52,7 +52,7 @@ def test_from_among_its_parts(device, caster):
 
 
 @pytest.mark.parametrize("gone", ["table", "lamp", "ball"])
-def test_each_part_is_excluded_for_itself(device, caster, gone):
+def test_attached_objects_are_excluded_individually(device, caster, gone):
     rng = np.random.default_rng(2)
     poses, cameras = random_poses(rng, 2), eyes(4)
     scene = build(device, *poses)
@@ -71,7 +71,7 @@ def test_each_part_is_excluded_for_itself(device, caster, gone):
     assert_bits_equal(*(wv.Views(**{n: getattr(v, n)[2:] for n in ALL}) for v in (views, everything)))
 
 
-def test_another_device_and_a_file_keep_them(tmp_path):
+def test_other_devices_and_files_keep_attached_objects(tmp_path):
     scene = build("cpu", *random_poses(np.random.default_rng(3), 2))
     assert scene.to("cpu")["tray"].parent == 1
     scene.export(tmp_path / "scene.glb")
@@ -101,7 +101,7 @@ def test_another_device_and_a_file_keep_them(tmp_path):
         ),
     ],
 )
-def test_what_cannot_be_attached(name, attach_to, said):
+def test_invalid_attachment_raises(name, attach_to, said):
     scene = build("cpu", *random_poses(np.random.default_rng(4), 2))
     scene.add(wv.scene.solids.sphere(0.1), name="egg", movable=True)
     scene.add(trimesh.creation.box((1, 1, 1)), name="rag", movable=True)
@@ -114,7 +114,7 @@ def test_what_cannot_be_attached(name, attach_to, said):
 
 
 @pytest.mark.parametrize(("name", "others"), [("table", "'lamp', 'tray'"), ("lamp", "'table'")])
-def test_pieces_do_not_deform(name, others):
+def test_attached_objects_and_parents_cannot_deform(name, others):
     scene = build("cpu", *random_poses(np.random.default_rng(5), 2))
     with pytest.raises(wv.errors.SceneError) as error:
         scene.update_vertices(name, scene[name].mesh_vertices)

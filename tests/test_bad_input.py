@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bad input gets one sentence that says what was given and what is wanted: every public call, and the CLI."""
+"""Invalid input to public functions and the CLI raises one sentence with the value and the expectation."""
 
 import json
 import math
@@ -36,7 +36,7 @@ def box_scene():
 
 
 def moving_scene(*, movable=True):
-    """A floor that stays, and two boxes that move."""
+    """Return a scene with a static floor and two movable boxes."""
     scene = box_scene()
     for name in ("left", "right"):
         scene.add(BOX, name=name, movable=movable)
@@ -48,7 +48,7 @@ def render_moved(views=2, *, movable=True, **arguments):
 
 
 def moved(worlds, *, bad=(), value=np.nan):
-    """Poses of two objects in worlds, some of them without a rotation to speak of."""
+    """Return poses of two objects in worlds, some with an invalid rotation."""
     rows = np.tile(POSE, (worlds, 2, 1))
     for world, movable in bad:
         rows[world, movable, 3:] = value
@@ -354,7 +354,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_bad_input_gets_a_sentence(case):
+def test_invalid_arguments_raise_one_sentence(case):
     call, message = CASES[case]
     with pytest.raises(wv.WarpvisError, match=message) as caught:
         call()
@@ -362,7 +362,7 @@ def test_bad_input_gets_a_sentence(case):
     assert "\n" not in str(caught.value)
 
 
-def test_arrays_of_another_device_are_refused(device):
+def test_arrays_on_another_device_raise(device):
     if device == "cpu":
         pytest.skip("needs two devices")
     with pytest.raises(wv.WarpvisError, match=r"camera_to_world must be on device cpu, got cuda:0"):
@@ -385,7 +385,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("case", FILES)
-def test_files_that_are_no_meshes(tmp_path, case):
+def test_invalid_scene_files_raise(tmp_path, case):
     name, content, message = FILES[case]
     if content is not None:
         (tmp_path / name).write_bytes(content)
@@ -393,7 +393,7 @@ def test_files_that_are_no_meshes(tmp_path, case):
         Scene.load(tmp_path / name)
 
 
-def test_labels_that_fit_no_object(tmp_path):
+def test_labels_that_match_no_object_raise(tmp_path):
     BOX.export(tmp_path / "box.stl")
     with pytest.raises(wv.errors.SceneError, match=r"labels for .wall_\*. fit no object of .*box.stl, which has 'box'"):
         Scene.load(tmp_path / "box.stl", labels={"wall_*": "obstacle"})
@@ -411,7 +411,7 @@ TRAJECTORIES = {
 
 
 @pytest.mark.parametrize("case", TRAJECTORIES)
-def test_trajectories_that_are_none(tmp_path, case):
+def test_invalid_trajectories_raise(tmp_path, case):
     text, message = TRAJECTORIES[case]
     if text is not None:
         (tmp_path / "poses.txt").write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -419,7 +419,7 @@ def test_trajectories_that_are_none(tmp_path, case):
         read_poses(tmp_path / "poses.txt")
 
 
-def test_depth_files(tmp_path):
+def test_save_depth_png_errors(tmp_path):
     with pytest.raises(wv.errors.ArrayError, match=r"depth must have shape \(H, W\)"):
         save_depth_png(DEPTH, tmp_path / "depth.png")
     with pytest.raises(wv.errors.FileFormatError, match="cannot be written"):
@@ -427,7 +427,7 @@ def test_depth_files(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_nothing_is_clamped_into_millimetres():
+def test_depth_outside_16_bits_becomes_zero():
     depth = [0.0004, 0.001, 65.534, 65.535, 65.536, np.inf, -np.inf, np.nan, -1.0]
     assert depth_to_units(depth, 1000).tolist() == [0, 1, 65534, 0, 0, 0, 0, 0, 0]
 
@@ -476,7 +476,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("case", COMMANDS)
-def test_the_cli_prints_the_sentence_and_exits_2(workspace, case):
+def test_cli_prints_one_sentence_and_exits_2(workspace, case):
     arguments, message = COMMANDS[case]
     run = run_apart if case == "no mesh" else run_inside
     result = run(*arguments.split(), cwd=workspace)
@@ -488,11 +488,11 @@ def test_the_cli_prints_the_sentence_and_exits_2(workspace, case):
 
 
 @pytest.mark.parametrize("arguments", ["", "paint", "render", "render box.stl --poses poses.txt", "demo --color red"])
-def test_unknown_arguments_exit_2(workspace, arguments):
+def test_unknown_cli_arguments_exit_2(workspace, arguments):
     result = run_inside(*arguments.split(), cwd=workspace)
     assert result.returncode == 2
     assert "Traceback" not in result.stderr
 
 
-def test_labels_parse_in_every_form():
+def test_label_parse_accepts_names_numbers_and_labels():
     assert Label.parse("human") is Label.parse(4) is Label.parse(Label.HUMAN) is Label.HUMAN

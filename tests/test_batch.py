@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Batch rendering: the images are the renderer's, and an interrupted job gives the bytes of one that was not."""
+"""Batch rendering: images equal the renderer's, and a resumed job writes the same bytes as an uninterrupted one."""
 
 import json
 import os
@@ -26,7 +26,7 @@ OUTPUTS = ("depth", "points", "normals", "labels", "segmentation", "faces")
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A dataset that nothing interrupted."""
+    """Return an uninterrupted dataset."""
     out = tmp_path_factory.mktemp("whole") / "data"
     run(out)
     return out
@@ -36,7 +36,7 @@ def read_npz(out, name):
     return np.concatenate([np.load(path)[name] for path in sorted(Path(out).glob("shard-*.npz"))])
 
 
-def test_images_are_the_renderers(tmp_path, device):
+def test_images_equal_the_renderers(tmp_path, device):
     summary = run(tmp_path / "out", outputs=OUTPUTS, device=device)
     views = wv.render(make_scene().to(device), CAMERA, make_poses(20), outputs=OUTPUTS)
     for name in OUTPUTS:
@@ -52,7 +52,7 @@ def _poses(folder):
     return (folder / "out" / "poses.npz").stat().st_size
 
 
-def test_visibility_is_object_visibilitys(tmp_path, device):
+def test_visibility_equals_object_visibility(tmp_path, device):
     run(tmp_path / "out", outputs=("visibility",), objects=["ball", "box"], device=device)
     seen = wv.object_visibility(make_scene().to(device), CAMERA, make_poses(20), objects=["ball", "box"])
     np.testing.assert_array_equal(read_npz(tmp_path / "out", "visible_fraction"), seen.fraction.numpy())
@@ -60,7 +60,7 @@ def test_visibility_is_object_visibilitys(tmp_path, device):
 
 
 @pytest.mark.parametrize("excluded", [["ball"], [2]])
-def test_what_is_excluded_is_not_seen(tmp_path, excluded):
+def test_excluded_objects_are_not_rendered(tmp_path, excluded):
     run(tmp_path / "out", outputs=("segmentation",), exclude=excluded)
     objects = read_npz(tmp_path / "out", "segmentation")
     assert set(np.unique(objects)) == {-1, 0, 1}
@@ -74,7 +74,7 @@ def moving_frames(*, world=None):
 
 
 @pytest.mark.parametrize("world", [None, np.arange(20) % 4])
-def test_every_frame_has_its_world(tmp_path, world):
+def test_each_frame_uses_its_world(tmp_path, world):
     scene, frames = make_scene(movable=True), moving_frames(world=world)
     run(tmp_path / "out", scene=scene, frames=frames)
     expected = wv.render(
@@ -85,7 +85,7 @@ def test_every_frame_has_its_world(tmp_path, world):
     assert (read_npz(tmp_path / "out", "depth") != still).any()
 
 
-def test_what_moves_stays_where_it_was_added_unless_told(tmp_path):
+def test_movable_objects_default_to_their_initial_pose(tmp_path):
     run(tmp_path / "out", scene=make_scene(movable=True))
     expected = wv.render(make_scene(), CAMERA, make_poses(20), outputs=("segmentation",)).segmentation.numpy()
     poses = np.load(tmp_path / "out" / "poses.npz")
@@ -93,7 +93,7 @@ def test_what_moves_stays_where_it_was_added_unless_told(tmp_path):
     assert (np.isfinite(read_npz(tmp_path / "out", "depth")) == (expected >= 0)).mean() > 0.99
 
 
-def test_the_renderer_of_frames_alone():
+def test_frame_renderer():
     renderer = FrameRenderer(make_scene, CAMERA, outputs=("depth", "visibility"), objects=["ball"], masks=True)
     batch = renderer({"camera_to_world": make_poses(4), "number": np.arange(4)})
     assert batch["number"].tolist() == [0, 1, 2, 3]
@@ -107,7 +107,7 @@ def test_the_renderer_of_frames_alone():
         FrameRenderer(make_scene(), CAMERA, outputs=("colour",))
 
 
-def test_scenes_pickle():
+def test_scenes_can_be_pickled():
     scene = make_scene(movable=True)
     scene.add(trimesh.creation.box(), name="hat", attach_to="ball")
     scene.add(wv.scene.solids.sphere(0.2), name="bead", movable=True, pose=(0, 1, 1, 0, 0, 0, 1))
@@ -120,7 +120,7 @@ def test_scenes_pickle():
         np.testing.assert_array_equal(a, b)
 
 
-def test_the_hash_is_of_all_that_is_seen():
+def test_scene_hash_covers_all_visible_properties():
     hashes = {describe_scene(item)["sha256"] for item in (make_scene(), make_scene(movable=True))}
     for change in ({"label": "human"}, {"name": "sphere"}, {"pose": (0, 0, 0.1, 0, 0, 0, 1)}, {"scale": 1.01}):
         scene = wv.Scene()
@@ -138,7 +138,7 @@ NEEDS = {"zarr": "zarr", "ros2": "rosbags"}
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_every_format_is_whole_and_the_same_again(tmp_path, name):
+def test_every_format_is_complete_and_reproducible(tmp_path, name):
     if name in NEEDS:
         pytest.importorskip(NEEDS[name])
     scene = make_scene(movable=True)
@@ -154,8 +154,8 @@ def test_every_format_is_whole_and_the_same_again(tmp_path, name):
     assert tree(tmp_path / "a") == tree(tmp_path / "b")
 
 
-def test_several_processes(tmp_path, monkeypatch, whole):
-    """What several GPUs would do, with the CPU twice."""
+def test_several_device_processes(tmp_path, monkeypatch, whole):
+    """Simulate several GPUs by using the CPU twice."""
     monkeypatch.setattr("warpvis.batch._render_batch.parse_devices", lambda device: ["cpu", "cpu"])
     run(tmp_path / "out", device="cpu")
     assert tree(tmp_path / "out") == tree(whole)
@@ -176,8 +176,8 @@ def die_soon(connection, *others):
     os._exit(7)
 
 
-def test_all_gpus_and_resuming_on_cuda(tmp_path, cuda):
-    """One GPU, all of this machine, and one that goes on with what was lost: the same bytes."""
+def test_several_gpus_and_resume_on_cuda(tmp_path, cuda):
+    """One GPU, all GPUs, and a resumed job write the same bytes."""
     given = {"scene": make_scene(movable=True), "outputs": (*OUTPUTS, "visibility")}
     run(tmp_path / "one", device="cuda:0", **given)
     run(tmp_path / "all", device="cuda:all", **given)
@@ -189,7 +189,7 @@ def test_all_gpus_and_resuming_on_cuda(tmp_path, cuda):
     assert tree(tmp_path / "all") == tree(tmp_path / "one")
 
 
-def test_devices():
+def test_parse_devices():
     assert local.parse_devices("cpu") == ["cpu"]
     assert local.parse_devices("cpu, cpu") == ["cpu"]
     with pytest.raises(wv.errors.ArrayError, match="device 'cuda:99' is not on this machine"):
@@ -221,7 +221,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_writes_nothing(tmp_path, case):
+def test_invalid_arguments_write_nothing(tmp_path, case):
     given, message = BAD[case]
     with pytest.raises(wv.WarpvisError, match=message) as caught:
         run(tmp_path / "out", **given)
@@ -229,7 +229,7 @@ def test_bad_input_writes_nothing(tmp_path, case):
     assert not (tmp_path / "out").exists()
 
 
-def test_the_manifest(whole):
+def test_manifest(whole):
     manifest = json.loads((whole / "manifest.json").read_text())
     assert manifest["frames"] == 20 and manifest["seed"] == 3 and manifest["format"] == "npz"
     assert manifest["scene"]["sha256"] == describe_scene(make_scene())["sha256"]
@@ -238,14 +238,14 @@ def test_the_manifest(whole):
 
 
 @pytest.mark.parametrize("source", [np.zeros(2), {"file": "a"}, 3, b"a"])
-def test_source_is_a_text(tmp_path, source):
+def test_source_must_be_a_string(tmp_path, source):
     with pytest.raises(wv.WarpvisError, match="source must be a text, got "):
         run(tmp_path / "set", source=source)
     assert not (tmp_path / "set").exists()
 
 
 @pytest.mark.parametrize("caster", [{1, 2}, None, "fast", 3])
-def test_a_caster_that_is_none_begins_no_dataset(tmp_path, caster):
+def test_invalid_caster_writes_nothing(tmp_path, caster):
     with pytest.raises(wv.WarpvisError, match="caster must be "):
         run(tmp_path / "set", caster=caster)
     assert not (tmp_path / "set").exists()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""BOP datasets are judged by their files alone: BOP's definition, in float64 NumPy, of their models and poses."""
+"""BOP datasets, checked from their files alone: BOP's definitions in float64 NumPy, applied to models and poses."""
 
 import dataclasses
 import json
@@ -25,12 +25,12 @@ from warpvis.visibility import object_visibility
 WIDTH, HEIGHT, FRAMES, SHARD = 40, 30, 50, 30
 CAMERA = wv.Camera(WIDTH, HEIGHT, 38.0, 37.0, 19.3, 15.6, near=0.6, far=4.5)
 OBJECTS = ("ball", "cup", "cart", "buried")
-EDGE = 3e-4  # [px]: nearer to a triangle's edge than this, single precision may decide otherwise
-ROUNDING = 0.2  # [mm]: of the depth image, along a ray
+EDGE = 3e-4  # [px]: closer to a triangle's edge, single precision may differ
+ROUNDING = 0.2  # [mm]: error of the depth image along a ray
 
 
 def table():
-    """Two things that stay, one that moves, one that nobody can see, a wall and a floor."""
+    """Return a scene with two static objects, a movable one, a buried one, a wall and a floor."""
     scene = wv.Scene()
     scene.add(trimesh.creation.box((8, 8, 0.1)), name="floor", label="ground", pose=(0, 0, -0.05, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.1, 1.0, 0.6)), name="wall", pose=(0.9, 0.2, 0.3, 0, 0, 0.2, 0.98))
@@ -45,7 +45,7 @@ def table():
 
 
 def walk(seed=7):
-    """Cameras all around, some so near that the range and the image's border cut things off; the cart goes about."""
+    """Return cameras all around, some close enough for clipping by range and image border, and a moving cart."""
     rng = np.random.default_rng(seed)
     angle, radius = rng.uniform(0, 2 * np.pi, FRAMES), rng.uniform(0.9, 4.6, FRAMES)
     eyes = np.stack([0.8 + radius * np.cos(angle), radius * np.sin(angle), rng.uniform(0.2, 2.0, FRAMES)], axis=1)
@@ -73,7 +73,7 @@ def plan_of(scene, frames, *, camera=CAMERA, shard_frames=SHARD, chosen=OBJECTS,
 
 
 def images_of(scene, plan, frames, layout):
-    """What the job's renderer gives a format that asks for masks of any depth."""
+    """Return the images that the job's renderer passes to a format that requests unclipped masks."""
     moved = {"object_poses": frames.object_poses, "world_index": frames.world_index}
     depth = wv.render(scene, plan.camera, frames.camera_to_world, outputs=("depth",), **moved).depth
     anywhere = dataclasses.replace(plan.camera, near=0.0, far=math.inf)
@@ -116,18 +116,20 @@ def read_json(path):
 
 
 def meet(vertices, faces, directions):
-    """Depth at which rays ``(n, 3)`` from the origin with z = 1 meet triangles, +inf if nowhere; and which of them pass
-    so near an edge of one that single precision may say otherwise.
+    """Return the depth at which rays ``(n, 3)`` from the origin with z = 1 hit triangles, +inf for a miss, and
+    uncertain rays.
 
-    A ray is in a triangle where the signed volumes with its three edges agree (Moller and Trumbore 1997 without the
-    division); the depth is that of the triangle's plane.
+    A ray hits a triangle if the signed volumes with its three edges have the same sign (Moller and Trumbore 1997
+    without
+    the division); the depth is that of the triangle's plane. A ray is uncertain if it passes so close to an edge that
+    single precision may differ.
     """
     depth, doubtful = np.full(len(directions), np.inf), np.zeros(len(directions), dtype=bool)
     for a, b, c in vertices[faces]:
         normal, edges = np.cross(b - a, c - a), np.stack([np.cross(a, b), np.cross(b, c), np.cross(c, a)], axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             z = (a @ normal) / (directions @ normal)
-        # Volumes in units of what a turn by EDGE changes them: within 1 of 0, the ray is that near to the edge.
+        # Volumes in units of their change by EDGE: within 1 of 0, the ray is that close to the edge.
         sides = directions @ (edges / np.linalg.norm(edges[:2], axis=0) * (CAMERA.fx / EDGE))
         low, high = sides.min(axis=1), sides.max(axis=1)
         depth = np.where(((low > 0) | (high < 0)) & (z > 0) & (z < depth), z, depth)
@@ -136,19 +138,19 @@ def meet(vertices, faces, directions):
 
 
 def rays(K, columns, rows):
-    """Rays of pixels whose centres are whole numbers, as BOP's toolkit has them."""
+    """Return rays of pixels with centers at whole numbers, as in BOP's toolkit."""
     x, y = np.meshgrid(columns, rows)
     return np.stack([(x - K[0, 2]) / K[0, 0], (y - K[1, 2]) / K[1, 1], np.ones(x.shape)], axis=-1)
 
 
 def box_of(mask, x0=0, y0=0):
-    """BOP's box: the last column and row less the first."""
+    """Return BOP's box: its width and height are last minus first column and row."""
     ys, xs = mask.nonzero()
     return [int(v) for v in (xs.min() + x0, ys.min() + y0, xs.max() - xs.min(), ys.max() - ys.min())]
 
 
 def judge(alone_canvas, depth, directions, delta=15.0, missing_is_visible=True):
-    """BOP's definition, of the object drawn alone on a canvas of 3 W x 3 H [mm] and the depth image [mm]."""
+    """Apply BOP's definition to an object rendered alone on a canvas of 3 W x 3 H [mm] and the depth image [mm]."""
     inner = slice(HEIGHT, 2 * HEIGHT), slice(WIDTH, 2 * WIDTH)
     length = np.linalg.norm(directions[inner], axis=-1)
     alone = alone_canvas[inner]
@@ -168,9 +170,11 @@ def judge(alone_canvas, depth, directions, delta=15.0, missing_is_visible=True):
     return there, visible, info, there & (depth > 0) & (np.abs(difference - delta) < ROUNDING)
 
 
-def test_counts_boxes_and_masks_are_those_of_the_definition(dataset):
-    """Everything is equal where no ray of the canvas passes within 3e-4 px of an edge, and nothing seen is within the
-    depth's rounding of delta; else all other pixels are."""
+def test_counts_boxes_and_masks_match_bops_definition(dataset):
+    """All values are equal if no ray of the canvas passes within 3e-4 px of an edge and no depth is within rounding of
+    delta;
+    otherwise all other pixels are equal.
+    """
     folder, _, frames = dataset
     models = [trimesh.load(folder / f"models/obj_{k:06d}.ply", process=False) for k in range(1, 5)]
     kinds, exact, every = set(), 0, 0
@@ -206,8 +210,8 @@ def test_counts_boxes_and_masks_are_those_of_the_definition(dataset):
     assert {(kind, True) for kind in ("cut", "hidden", "partly", "no depth", "buried")} <= kinds
 
 
-def test_depth_leads_back_to_the_world_within_a_millimetre(dataset):
-    """Half a pixel included: the same with centres at +0.5 is off by more."""
+def test_depth_back_projects_to_the_world_within_1_mm(dataset):
+    """With pixel centers shifted by 0.5 px, the error is larger."""
     folder, scene, frames = dataset
     x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
     directions = np.stack([(x - CAMERA.cx) / CAMERA.fx, (y - CAMERA.cy) / CAMERA.fy, np.ones(x.shape)], axis=-1)
@@ -244,7 +248,7 @@ def matrix_of(pose):
 
 
 def place(scene, frames, frame):
-    """Vertices in the world and faces of all objects in a frame."""
+    """Return world vertices and faces of all objects in a frame."""
     placed = []
     for item in scene:
         vertices = item.vertices.astype(np.float64)
@@ -255,8 +259,8 @@ def place(scene, frames, frame):
     return placed
 
 
-def test_equal_meshes_are_one_model(tmp_path):
-    """As BOP counts: instances of an object share its number, and are told apart by their order in an image."""
+def test_equal_meshes_share_a_model(tmp_path):
+    """Instances of an object share its number and are distinguished by their order in an image."""
     scene, cup = wv.Scene(), trimesh.creation.cylinder(0.05, 0.1)
     scene.add(trimesh.creation.box((2, 2, 0.1)), name="floor", label="ground")
     places = np.array([[(x, 0, 0.1, 0, 0, 0, 1) for x in (0.0, 0.3, 0.6)]], dtype=np.float32)
@@ -276,8 +280,8 @@ def test_equal_meshes_are_one_model(tmp_path):
     assert dataset.visibility_objects == ("cup", "can", "cup 2") and (dataset[0]["visible_pixels"] > 0).all()
 
 
-def test_models_are_where_the_objects_are(dataset):
-    """Model to camera and world to camera say the same of every vertex."""
+def test_models_coincide_with_objects(dataset):
+    """Model-to-camera and world-to-camera transforms agree for every vertex."""
     folder, scene, frames = dataset
     infos = read_json(folder / "models/models_info.json")
     assert [infos[k]["name"] for k in range(1, 5)] == list(OBJECTS)
@@ -300,7 +304,7 @@ def test_models_are_where_the_objects_are(dataset):
             assert np.abs(model.vertices @ R.T + t - wanted).max() < 1e-3
 
 
-def test_intrinsics_count_centres_as_whole_numbers(dataset):
+def test_intrinsics_have_pixel_centers_at_whole_numbers(dataset):
     folder, _, _ = dataset
     camera = json.loads((folder / "camera.json").read_text())
     assert camera == {"fx": 38, "fy": 37, "cx": 18.8, "cy": 15.1, "width": WIDTH, "height": HEIGHT, "depth_scale": 0.1}
@@ -309,7 +313,7 @@ def test_intrinsics_count_centres_as_whole_numbers(dataset):
     assert len(read_json(folder / "train_pbr/000001/scene_camera.json")) == FRAMES - SHARD
 
 
-def test_our_own_reader_gives_the_poses_back(dataset):
+def test_read_frames_returns_the_poses(dataset):
     from warpvis.io import read_frames
 
     folder, _, frames = dataset
@@ -318,7 +322,7 @@ def test_our_own_reader_gives_the_poses_back(dataset):
         assert np.abs(matrix_of(a) - matrix_of(b)).max() < 1e-9
 
 
-def test_bytes_are_the_same_every_time_whatever_the_threads(dataset, tmp_path):
+def test_bytes_do_not_depend_on_threads(dataset, tmp_path):
     folder, scene, frames = dataset
     write(tmp_path, scene, plan_of(scene, frames, options={"depth_scale": 0.1, "split": "train_pbr"}), threads=1)
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
@@ -327,8 +331,8 @@ def test_bytes_are_the_same_every_time_whatever_the_threads(dataset, tmp_path):
         assert (folder / name).read_bytes() == (tmp_path / name).read_bytes(), name
 
 
-def test_a_job_writes_the_same(dataset, tmp_path):
-    """By `render_batch`, which chooses the objects labelled so, and casts what masks need beyond the camera's range."""
+def test_render_batch_writes_the_same_files(dataset, tmp_path):
+    """`render_batch` selects objects by label and casts beyond the camera's range for masks."""
     folder, scene, frames = dataset
     options = {"depth_scale": 0.1, "split": "train_pbr"}
     render_batch(scene, CAMERA, frames, tmp_path / "out", format="bop", shard_frames=SHARD, options=options)
@@ -337,7 +341,7 @@ def test_a_job_writes_the_same(dataset, tmp_path):
 
 
 def test_missing_depth_may_count_as_hidden(dataset, tmp_path):
-    """The toolkit's bop18: no depth, not visible."""
+    """As the toolkit's bop18: pixels without depth are not visible."""
     folder, scene, frames = dataset
     plan = plan_of(scene, frames[:10], options={"missing": "hidden", "depth_scale": 0.1})
     write(tmp_path, scene, plan)
@@ -355,8 +359,8 @@ def test_missing_depth_may_count_as_hidden(dataset, tmp_path):
     assert differ > 0
 
 
-def test_delta_is_an_option(tmp_path):
-    """A sheet 20 mm before a cube hides it for 15 mm, and does not for 25 mm."""
+def test_delta_option(tmp_path):
+    """A sheet 20 mm in front of a cube occludes it with delta 15 mm, but not with 25 mm."""
     scene = wv.Scene()
     scene.add(trimesh.creation.box((1, 1, 0.1)), name="cube", label="object", pose=(0, 0, 2.05, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((3, 3, 0.002)), name="sheet", pose=(0, 0, 1.979, 0, 0, 0, 1))
@@ -368,8 +372,8 @@ def test_delta_is_an_option(tmp_path):
         assert (info["bbox_obj"] == [-1] * 4) == (fraction == 0)
 
 
-def test_the_range_ends_between_a_sheet_and_what_is_just_behind(tmp_path):
-    """The depth there is the sheet's, and the object alone is drawn at any depth: BOP calls it visible."""
+def test_object_just_behind_a_sheet_at_the_end_of_the_range(tmp_path):
+    """The depth image contains the sheet; the isolated object is rendered at any depth, so BOP counts it as visible."""
     scene = wv.Scene()
     scene.add(trimesh.creation.box((1, 1, 0.1)), name="cube", label="object", pose=(0, 0, 4.555, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((3, 3, 0.002)), name="sheet", pose=(0, 0, 4.497, 0, 0, 0, 1))
@@ -378,7 +382,7 @@ def test_the_range_ends_between_a_sheet_and_what_is_just_behind(tmp_path):
     assert info["visib_fract"] == 1.0 and info["px_count_valid"] == info["px_count_all"] > 0
 
 
-def test_depth_that_16_bits_cannot_hold_is_told(tmp_path):
+def test_depth_beyond_16_bits_is_reported(tmp_path):
     scene = wv.Scene()
     scene.add(trimesh.creation.box((90, 90, 1)), name="cube", label="object", pose=(0, 0, 10, 0, 0, 0, 1))
     plan = plan_of(scene, Frames.from_poses([[0, 0, 0, 0, 0, 0, 1]]), chosen=["cube"], options={"depth_scale": 0.1})
@@ -390,8 +394,8 @@ def test_depth_that_16_bits_cannot_hold_is_told(tmp_path):
     assert info["px_count_valid"] == 0 and info["visib_fract"] == pytest.approx(1 / 9)
 
 
-def test_many_frames_in_few_worlds(tmp_path):
-    """`Frames.world_index` says which pose of the cart a frame has."""
+def test_world_index_selects_object_poses(tmp_path):
+    """`Frames.world_index` selects the cart's pose in each frame."""
     scene, frames = table(), walk()
     few = dataclasses.replace(
         frames, object_poses=frames.object_poses[:3], world_index=np.arange(FRAMES, dtype=np.int32) % 3
@@ -424,6 +428,6 @@ def test_many_frames_in_few_worlds(tmp_path):
         ({"options": {"missing": "maybe"}}, "option missing must be visible or hidden, got 'maybe'"),
     ],
 )
-def test_bad_plans(changes, message):
+def test_invalid_plans_raise(changes, message):
     with pytest.raises(wv.WarpvisError, match=message):
         Bop(plan_of(table(), walk(), **changes))

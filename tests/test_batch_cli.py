@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands batch, verify and warmup: what they write and print, and one sentence for bad input."""
+"""The commands batch, verify and warmup: output, messages, and errors of one sentence."""
 
 import json
 import signal
@@ -43,8 +43,8 @@ def cli(*arguments):
     return run_inside(*arguments, cwd=".")
 
 
-def test_one_is_no_plural_and_a_file_is_no_folder(workspace):
-    """Of one frame of one triangle, in one process: each message says one of what there is one of."""
+def test_singular_messages_and_file_instead_of_folder(workspace):
+    """With one frame, one triangle and one process, messages use the singular."""
     from warpvis.batch import verify
     from warpvis.core.checks import pluralize
 
@@ -64,7 +64,7 @@ def test_one_is_no_plural_and_a_file_is_no_folder(workspace):
         wv.render_batch(*given[:2], [given[2][0], wv.look_at((0, 0, 0), (1, 0, 0))], "two")
 
 
-def test_a_job_from_the_command_line(workspace):
+def test_job_from_the_command_line(workspace):
     job = ("batch", "scene.glb", "--poses", ORBIT, "--camera", "camera.json", "--out", "out", "--shard-frames", "4")
     first = run_apart(*job, cwd=workspace)
     assert first.returncode == 0, first.stderr
@@ -174,7 +174,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_sentence_and_writes_nothing(workspace, case):
+def test_invalid_input_raises_one_sentence_and_writes_nothing(workspace, case):
     given, message = BAD[case]
     before = tree(workspace)
     with pytest.raises(wv.WarpvisError, match=message) as caught:
@@ -183,14 +183,14 @@ def test_bad_input_is_one_sentence_and_writes_nothing(workspace, case):
     assert tree(workspace) == before
 
 
-def test_bad_input_exits_2(workspace):
+def test_invalid_input_exits_2(workspace):
     result = cli("batch", "scene.glb", "--poses", "broken.txt", "--out", "out")
     assert result.returncode == 2
     assert [line for line in result.stderr.splitlines() if line.startswith("warpvis: broken.txt:2: expected the 8")]
     assert "Traceback" not in result.stderr and not (workspace / "out").exists()
 
 
-def test_what_is_no_dataset_is_not_verified(workspace):
+def test_verify_of_a_folder_without_manifest_raises(workspace):
     with pytest.raises(wv.errors.FileFormatError, match=r"taken: is not a dataset: it has no manifest.json of warpvis"):
         Verify("taken").run()
 
@@ -199,7 +199,7 @@ def test_what_is_no_dataset_is_not_verified(workspace):
     "manifest",
     [{}, {"format": "npz", "frames": 9, "shard_frames": 0, "poses": {"sha256": ""}}, {"format": "npz", "frames": "9"}],
 )
-def test_a_manifest_that_does_not_say_what_there_is_is_not_verified(tmp_path, manifest):
+def test_verify_of_an_incomplete_manifest_raises(tmp_path, manifest):
     (tmp_path / "manifest.json").write_text(json.dumps({"warpvis_dataset": 1, **manifest}))
     with pytest.raises(
         wv.errors.FileFormatError, match=r"is not a dataset: its manifest.json does not define the contents"
@@ -208,7 +208,7 @@ def test_a_manifest_that_does_not_say_what_there_is_is_not_verified(tmp_path, ma
 
 
 @pytest.mark.slow
-def test_an_interrupted_job_says_how_to_go_on(workspace):
+def test_interrupted_job_prints_how_to_resume(workspace):
     many = ORBIT.replace("count=9", "count=100000")
     assert many != ORBIT
     command = ("batch", "scene.glb", "--poses", many, "--camera", "camera.json", "--out", "out", "--shard-frames", "4")

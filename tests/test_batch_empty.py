@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Datasets that see nothing say so, with a reason that the numbers give; `--fail-empty` makes it a failure."""
+"""Datasets without visible objects warn with the likely reason; `--fail-empty` makes it an error."""
 
 import json
 import re
@@ -20,14 +20,14 @@ ALL_OUTPUTS = ("depth", "points", "normals", "labels", "segmentation")
 
 
 def away(frames, which):
-    """Turn some frames' cameras away from the scene."""
+    """Point the cameras of some frames away from the scene."""
     poses = frames.camera_to_world.copy()
     poses[which] = [wv.look_at(pose[:3], 3 * pose[:3]) for pose in poses[which]]
     return replace(frames, camera_to_world=poses)
 
 
 def messages(call):
-    """Return what a call warns of, and what it returns."""
+    """Return the warnings and the result of a call."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         result = call()
@@ -35,15 +35,15 @@ def messages(call):
 
 
 def plate():
-    """A part of 305 x 304 x 26 millimetres that was taken for metres."""
+    """Return a part of 305 x 304 x 26 mm that was loaded in meters."""
     scene = wv.Scene()
     scene.add(trimesh.creation.box((305, 304, 26)), name="plate")
     return scene
 
 
-def test_millimetres_are_named(tmp_path):
+def test_scene_in_millimeters_is_suspected(tmp_path):
     said, summary = messages(lambda: run(tmp_path / "out", scene=plate(), frames=make_frames(12), shard_frames=12))
-    # The cameras are 3 m from the origin, inside of the plate.
+    # The cameras are 3 m from the origin, inside the plate.
     assert said == [
         "12 of 12 frames see nothing: the scene spans 305 x 304 x 26 m, near is 0.3 m, far is 4.5 m; "
         "are its units millimeters (a scale of 0.001)?"
@@ -60,7 +60,7 @@ def test_millimetres_are_named(tmp_path):
         (0.5, replace(CAMERA, far=np.inf), "near is 0.3 m; do the cameras point away from it"),
     ],
 )
-def test_other_reasons(tmp_path, size, camera, hint):
+def test_other_reasons_for_empty_frames(tmp_path, size, camera, hint):
     scene = wv.Scene()
     scene.add(trimesh.creation.box((size,) * 3), name="box")
     frames = away(make_frames(3), slice(None))
@@ -69,7 +69,7 @@ def test_other_reasons(tmp_path, size, camera, hint):
 
 
 @pytest.mark.parametrize("outputs", [*((name,) for name in ALL_OUTPUTS), ("visibility",), ("visibility", "depth")])
-def test_every_output_tells(tmp_path, outputs):
+def test_empty_frames_are_detected_from_every_output(tmp_path, outputs):
     frames = away(make_frames(12), [0, 3, 4, 5, 11])
     said, summary = messages(lambda: run(tmp_path / "out", frames=frames, outputs=outputs))
     assert said == ["5 of 12 frames see nothing"] and summary.empty_frames == 5
@@ -77,7 +77,7 @@ def test_every_output_tells(tmp_path, outputs):
     assert [record["empty"] for record in records] == [1, 3, 0, 1]
 
 
-def test_visibility_of_chosen_objects(tmp_path):
+def test_empty_visibility_of_selected_objects(tmp_path):
     scene = make_scene()
     scene.add(trimesh.creation.box((0.1,) * 3), name="far", pose=(90, 0, 0, 0, 0, 0, 1))
     given = {"scene": scene, "frames": make_frames(3), "outputs": ("visibility",)}
@@ -86,7 +86,7 @@ def test_visibility_of_chosen_objects(tmp_path):
     assert messages(lambda: run(tmp_path / "all", **given))[0] == []
 
 
-def test_one_pixel_is_something():
+def test_frame_with_one_hit_pixel_is_not_empty():
     image = np.full((3, 200, 300), np.inf, np.float32)
     image[0, 199, 299], image[2] = 2.0, -np.inf
     assert count_empty({"depth": image}) == 2
@@ -94,16 +94,16 @@ def test_one_pixel_is_something():
     assert count_empty({"status": np.zeros((2, 1))}) == 0
 
 
-def test_a_long_job_says_so_early(tmp_path):
+def test_long_job_warns_early(tmp_path):
     said, _ = messages(lambda: run(tmp_path / "out", scene=plate(), frames=make_frames(12), shard_frames=3, threads=1))
-    assert len(said) == 2  # another shard may be whole before the first one
+    assert len(said) == 2  # another shard may be complete before the first one
     assert re.match(r"so far (3|6|9|12) of \1 frames see nothing: the scene spans 305 x 304 ", said[0])
     assert said[1].startswith("12 of 12 frames see nothing: ")
     frames = away(make_frames(12), slice(3, None))
     assert messages(lambda: run(tmp_path / "some", frames=frames, threads=1))[0] == ["9 of 12 frames see nothing"]
 
 
-def test_the_count_is_of_the_whole_dataset(tmp_path):
+def test_empty_count_covers_the_whole_dataset(tmp_path):
     frames = away(make_frames(12), [0, 1, 2, 9])
     messages(lambda: run(tmp_path / "out", frames=frames))
     for name in ("index.json", "shards/000003.json"):
@@ -125,7 +125,7 @@ def workspace(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("command", [Batch, Render])
-def test_the_command_line(workspace, command, capsys):
+def test_command_line_warnings_and_fail_empty(workspace, command, capsys):
     def call(file, out, **options):
         out = workspace / out
         return messages(
@@ -144,7 +144,7 @@ def test_the_command_line(workspace, command, capsys):
     assert ended.value.code == 3
 
 
-def test_range_finders_that_see_nothing(workspace):
+def test_range_finders_that_measure_nothing(workspace):
     robot = """#VRML_SIM R2023b utf8
     Robot { name "robot" children [ RangeFinder { name "%s" maxRange %g } ] }
     Solid { translation 3 0 0 children [ Shape { geometry Box { size 1 1 1 } } ] }"""
@@ -167,19 +167,19 @@ def test_range_finders_that_see_nothing(workspace):
         assert ended.value.code == 3
 
 
-def test_no_frames_are_refused(tmp_path):
+def test_zero_frames_raise(tmp_path):
     with pytest.raises(wv.WarpvisError, match="there must be at least one frame to render, got none"):
         wv.render_batch(make_scene(), CAMERA, make_frames(3)[:0], tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-def test_images_beyond_all_memory_are_refused(tmp_path):
+def test_images_larger_than_memory_raise(tmp_path):
     camera = wv.Camera(10**7, 10**7, 1e6, 1e6, 5e6, 5e6)
     with pytest.raises(wv.WarpvisError, match=r"images of shape \(1, 10000000, 10000000\) need 400000.0 GB"):
         wv.render_batch(make_scene(), camera, make_frames(3), tmp_path / "out")
 
 
-def test_no_number_of_workers(tmp_path):
-    """Said before Ray is started."""
+def test_invalid_number_of_workers_raises(tmp_path):
+    """The error is raised before Ray starts."""
     with pytest.raises(wv.WarpvisError, match="workers must be a whole number from 1 up, got inf"):
         run(tmp_path / "out", engine="ray", workers=np.inf, threads=None)

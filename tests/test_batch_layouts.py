@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Layouts of a file a frame: read back by public readers, and from there to the points that the renderer saw."""
+"""Formats with one file per frame, read back by public readers and compared with the rendered points."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from warpvis.core.threads import Crew
 from warpvis.io import depth_to_units, encode_png, load_camera, read_frames
 from warpvis.rendering import SENSOR_OUTPUTS
 
-# Not in the middle, and not square: half a pixel, and x taken for y, are centimetres at the scene's distances.
+# Asymmetric: an offset of half a pixel or swapped axes shift points by centimeters at the scene's distances.
 CAMERA = wv.Camera(48, 36, fx=50.0, fy=47.0, cx=22.3, cy=19.1, near=0.5, far=6.0)
 OUTPUTS = {
     "png": ("depth", "labels", "segmentation"),
@@ -37,7 +37,7 @@ MILLIMETRE = 1e-3
 
 
 def make_scene(up="z"):
-    """A floor, a ball and a box, upright."""
+    """Return a floor, a ball and a box."""
     scene = wv.Scene(up=up)
     turn = np.eye(4) if up == "z" else np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
     for name, label, mesh, height in (
@@ -52,7 +52,7 @@ def make_scene(up="z"):
 
 
 def make_poses(up="z"):
-    """Five cameras around the scene; the last one sees the sky and little else."""
+    """Return five cameras around the scene; the last one points mostly at the sky."""
     eyes = [(2.5, 0.3, 1.1), (0.2, 2.8, 0.7), (-2.4, -1.0, 1.6), (1.0, -2.2, 0.9), (3.5, 0.0, 0.4)]
     targets = [(0, 0, 0.4)] * 4 + [(0, 0.3, 2.5)]
     if up == "y":
@@ -65,7 +65,7 @@ TIMES = [0.1, 0.2 + 1e-9, 1305031102.175304, 1305031102.2, 1305031103.0]
 
 @pytest.fixture(scope="module")
 def rendered():
-    """Scene, poses and images, by the world's vertical axis."""
+    """Return scene, poses and images by the world's vertical axis."""
 
     def render(up):
         scene, poses = make_scene(up), make_poses(up)
@@ -94,7 +94,7 @@ def make_plan(rendered, kind, *, up="z", outputs=None, options=None, timestamps=
 
 
 def write(folder, rendered, kind, *, up="z", threads=None, **changes):
-    """Write a dataset, shard by shard; what the user is told at the end."""
+    """Write a dataset shard by shard; return the warnings."""
     plan = make_plan(rendered, kind, up=up, **changes)
     layout = find_format(kind)(plan)
     layout.encoders = None if threads is None else Crew(threads, "encoder")
@@ -126,12 +126,12 @@ def read_image(path):
 
 
 def pixel_grid(offset):
-    """Coordinates (x, y) of all pixels, their indices + offset, shape (H, W, 2)."""
+    """Return coordinates (x, y) of all pixels, their indices + offset, shape (H, W, 2)."""
     return np.stack(np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height)), axis=-1) + offset
 
 
 def seen_error(points, expected):
-    """Distances of points from those that the renderer saw, where it saw any, and as many as it saw."""
+    """Return distances of points from the rendered ones, after checking that the same pixels are valid."""
     seen = np.isfinite(expected[..., 0])
     assert seen.any()
     assert (np.isfinite(points[..., 0]) == seen).all()
@@ -152,12 +152,12 @@ def test_png_bytes_read_back_with_pillow(tmp_path, dtype, shape):
 @pytest.mark.parametrize(
     "image", [np.zeros((2, 2), np.float32), np.zeros((2, 2, 3), np.uint8), np.zeros((0, 3), np.uint8)]
 )
-def test_what_is_no_png_image_is_refused(image):
+def test_encode_png_of_invalid_image_raises(image):
     with pytest.raises(wv.errors.ArrayError, match=r"a PNG image must be uint8 or uint16 of shape \(H, W\), got"):
         encode_png(image)
 
 
-def test_depth_in_units():
+def test_depth_to_units():
     depth = [0.00009, 0.00011, 1.23456, 13.10689, 13.10691, 13.1072, 13.2, np.inf, -np.inf, np.nan]
     assert depth_to_units(depth, 5000).tolist() == [0, 1, 6173, 65534, 0, 0, 0, 0, 0, 0]
     assert depth_to_units(1.5, 1000) == 1500
@@ -187,7 +187,7 @@ def test_png_images(tmp_path, rendered):
     assert [item["name"] for item in meaning["segmentation"]["objects"]] == ["floor", "ball", "box"]
 
 
-def test_a_camera_without_end_is_json(tmp_path, rendered):
+def test_camera_with_infinite_range_is_valid_json(tmp_path, rendered):
     camera = wv.Camera(CAMERA.width, CAMERA.height, 50.0, 50.0, 24.0, 18.0)
     write(tmp_path, rendered, "png", camera=camera)
     assert load_camera(str(tmp_path / "camera.json")) == camera
@@ -195,7 +195,7 @@ def test_a_camera_without_end_is_json(tmp_path, rendered):
 
 
 @pytest.mark.parametrize("scale", [2e4, "20000", "2e4"])
-def test_depth_that_16_bits_cannot_hold_is_told(tmp_path, rendered, scale):
+def test_depth_beyond_16_bits_is_reported(tmp_path, rendered, scale):
     warnings = write(tmp_path, rendered, "png", outputs=("depth",), options={"scale": scale})
     depth = rendered["z"][2]["depth"]
     lost = np.isfinite(depth) & (depth > 65534.5 / 2e4)
@@ -207,7 +207,7 @@ def test_depth_that_16_bits_cannot_hold_is_told(tmp_path, rendered, scale):
 
 
 def tum_points(folder, frame, *, cx_shift=0.0):
-    """World points of a frame, by TUM's equations: pixel centres at whole numbers, 5000 units a metre."""
+    """Return world points of a frame by TUM's equations: pixel centers at whole numbers, 5000 units per meter."""
     fx, fy, cx, cy = np.loadtxt(folder / "calibration.txt")
     lines = [line.split() for line in (folder / "depth.txt").read_text().splitlines() if line[0] != "#"]
     poses = np.loadtxt(folder / "groundtruth.txt")
@@ -220,12 +220,12 @@ def tum_points(folder, frame, *, cx_shift=0.0):
     return (local @ poses_to_matrices(poses[frame, 1:]).T)[..., :3]
 
 
-def test_tum_points_are_the_renderers(tmp_path, rendered):
+def test_tum_points_equal_the_rendered_points(tmp_path, rendered):
     assert write(tmp_path, rendered, "tum") == {}
     for frame in range(FRAMES):
         points = rendered["z"][2]["points"][frame]
         assert seen_error(tum_points(tmp_path, frame), points).max() < MILLIMETRE
-        for shift in (-0.5, 0.5):  # the principal point of the other convention
+        for shift in (-0.5, 0.5):  # principal point of the other convention
             assert np.median(seen_error(tum_points(tmp_path, frame, cx_shift=shift), points)) > 5 * MILLIMETRE
 
 
@@ -244,7 +244,7 @@ def test_evo_reads_tum(tmp_path, rendered):
 
 
 def nerfstudio_points(folder, frame, *, pixel_center=0.5):
-    """World points of a frame in the saved world, by nerfstudio's equations."""
+    """Return points of a frame in the saved world, by nerfstudio's equations."""
     meta = json.loads((folder / "transforms.json").read_text())
     entry = meta["frames"][frame]
     z = read_image(folder / entry["depth_file_path"])[1] * 1e-3
@@ -259,7 +259,7 @@ def nerfstudio_points(folder, frame, *, pixel_center=0.5):
 
 
 @pytest.mark.parametrize("up", ["z", "y"])
-def test_nerfstudio_points_are_the_renderers(tmp_path, rendered, up):
+def test_nerfstudio_points_equal_the_rendered_points(tmp_path, rendered, up):
     assert write(tmp_path, rendered, "nerfstudio", up=up) == {}
     meta = json.loads((tmp_path / "transforms.json").read_text())
     assert (meta["w"], meta["h"], meta["camera_model"]) == (CAMERA.width, CAMERA.height, "OPENCV")
@@ -272,13 +272,13 @@ def test_nerfstudio_points_are_the_renderers(tmp_path, rendered, up):
         assert seen_error(nerfstudio_points(tmp_path, frame), points).max() < MILLIMETRE
         assert np.median(seen_error(nerfstudio_points(tmp_path, frame, pixel_center=0), points)) > 5 * MILLIMETRE
         floor = images["segmentation"][frame] == 0
-        assert np.abs(nerfstudio_points(tmp_path, frame)[floor][:, 2]).max(initial=0) < 0.101  # z is up: the floor lies
+        assert np.abs(nerfstudio_points(tmp_path, frame)[floor][:, 2]).max(initial=0) < 0.101  # horizontal floor
         mode, labels = read_image(tmp_path / meta["frames"][frame]["file_path"])
         assert mode == "L"
         np.testing.assert_array_equal(labels, images["labels"][frame])
 
 
-def test_nerfstudio_worlds_of_both_axes_are_the_same(tmp_path, rendered):
+def test_nerfstudio_worlds_do_not_depend_on_the_up_axis(tmp_path, rendered):
     for up in "zy":
         write(tmp_path / up, rendered, "nerfstudio", up=up)
     for frame in range(FRAMES):
@@ -289,7 +289,7 @@ def test_nerfstudio_worlds_of_both_axes_are_the_same(tmp_path, rendered):
         np.testing.assert_allclose(z_up, y_up, atol=1e-12)
 
 
-def test_nerfstudio_without_labels_names_the_depth(tmp_path, rendered):
+def test_nerfstudio_without_labels_refers_to_depth(tmp_path, rendered):
     write(tmp_path, rendered, "nerfstudio", outputs=("depth",))
     frames = json.loads((tmp_path / "transforms.json").read_text())["frames"]
     assert [frame["file_path"] for frame in frames] == [f"depth/{frame_file(i, '.png')}" for i in range(FRAMES)]
@@ -329,7 +329,7 @@ def test_pycolmap_reads_colmap(tmp_path, rendered):
         points = depth[..., None] * rays @ rotation.T + translation
         points[~seen] = np.nan
         assert seen_error(points, images["points"][frame]).max() < 1e-5
-        # COLMAP keeps three planes; pycolmap 4.2 gives them out as if x, y and z of a pixel lay side by side.
+        # COLMAP stores three planes; pycolmap 4.2 returns them as if x, y and z of a pixel were interleaved.
         planes = np.frombuffer(normal_path.read_bytes().split(b"&", 3)[3], dtype="<f4")
         normals = planes.reshape(3, *depth.shape).transpose(1, 2, 0)
         assert (normals[~seen] == 0).all()
@@ -355,7 +355,7 @@ def test_trimesh_reads_ply(tmp_path, rendered):
 
 
 @pytest.mark.parametrize("organized", [True, "true"])
-def test_organized_ply_has_a_point_a_pixel(tmp_path, rendered, organized):
+def test_organized_ply_has_one_point_per_pixel(tmp_path, rendered, organized):
     write(tmp_path, rendered, "ply", outputs=("points", "segmentation"), options={"organized": organized})
     images = rendered["z"][2]
     path = tmp_path / "clouds" / frame_file(4, ".ply")
@@ -369,7 +369,7 @@ def test_organized_ply_has_a_point_a_pixel(tmp_path, rendered, organized):
 
 
 @pytest.mark.parametrize("kind", OUTPUTS)
-def test_the_same_bytes_every_time_and_for_any_threads(tmp_path, rendered, kind):
+def test_bytes_do_not_depend_on_threads(tmp_path, rendered, kind):
     for threads in (1, 3):
         write(tmp_path / str(threads), rendered, kind, threads=threads)
     once, again = bytes_of(tmp_path / "1"), bytes_of(tmp_path / "3")
@@ -381,7 +381,7 @@ def test_the_same_bytes_every_time_and_for_any_threads(tmp_path, rendered, kind)
 
 
 @pytest.mark.parametrize("kind", OUTPUTS)
-def test_a_single_output(tmp_path, rendered, kind):
+def test_single_output(tmp_path, rendered, kind):
     default = find_format(kind).default_outputs
     assert set(default) <= find_format(kind).outputs - SENSOR_OUTPUTS.keys() == set(OUTPUTS[kind])
     write(tmp_path, rendered, kind, outputs=default[:1])
@@ -389,7 +389,7 @@ def test_a_single_output(tmp_path, rendered, kind):
 
 
 @pytest.mark.parametrize("kind", OUTPUTS)
-def test_a_job_writes_the_same_files(tmp_path, rendered, kind):
+def test_render_batch_writes_the_same_files(tmp_path, rendered, kind):
     scene, poses, _ = rendered["z"]
     frames = Frames.from_poses(poses, timestamps=TIMES)
     options = {"format": kind, "outputs": OUTPUTS[kind], "shard_frames": SHARD_FRAMES}
@@ -404,7 +404,7 @@ def test_a_job_writes_the_same_files(tmp_path, rendered, kind):
 
 
 @pytest.mark.parametrize("kind", OUTPUTS)
-def test_a_frame_that_sees_nothing(tmp_path, rendered, kind):
+def test_empty_frame(tmp_path, rendered, kind):
     poses = [wv.look_at((0, 0, 3), (0, 1, 6))]
     views = wv.render(rendered["z"][0], CAMERA, poses, outputs=OUTPUTS[kind])
     images = {name: getattr(views, name).numpy() for name in OUTPUTS[kind]}
@@ -471,7 +471,7 @@ BAD_PLANS = {
 
 
 @pytest.mark.parametrize("case", BAD_PLANS)
-def test_plans_that_a_layout_cannot_hold(rendered, case):
+def test_invalid_plans_raise(rendered, case):
     kind, changes, message = BAD_PLANS[case]
     with pytest.raises(wv.errors.FileFormatError, match=message) as caught:
         find_format(kind)(make_plan(rendered, kind, **changes))

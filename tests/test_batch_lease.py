@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""One process writes a URL at a time: a lock file, which ends with its process or its lease."""
+"""Only one process writes a URL at a time: a lock file, valid until its process or its lease ends."""
 
 import json
 import os
@@ -23,7 +23,7 @@ BUSY = r"another process is writing it \(\d+ on .*\)\. Wait for it, or end it an
 
 
 class OldStore(fsspec.get_filesystem_class("memory")):
-    """A store that cannot create a file only if there is none."""
+    """A store without exclusive creation of files."""
 
     protocol = "oldstore"
     store, pseudo_dirs = {}, [""]
@@ -45,7 +45,7 @@ def url(request, tmp_path):
 
 
 def write_lock(url, **changes):
-    """The lock of another process, alive and of this machine unless told otherwise."""
+    """Write another process's lock, by default of a live process on this machine."""
     system, root = fsspec.core.url_to_fs(url)
     fields = {"owner": "another", "host": socket.gethostname(), "process": os.getppid(), "time": time.time()}
     system.makedirs(root, exist_ok=True)
@@ -58,12 +58,12 @@ def is_locked(url):
     return system.exists(f"{root}/.part-lock")
 
 
-def test_one_at_a_time(url):
+def test_one_writer_at_a_time(url):
     run(url)
     store = open_store(url)
     with store.locked():
         assert is_locked(url) and not any(".part" in name for name in [*store.entries(), *store.files()])
-        assert verify(url).ok  # to read is free
+        assert verify(url).ok  # reading needs no lock
         for job in (lambda: run(url, resume=True), lambda: verify(url, repair=True), lambda: open_store(url).locked()):
             with pytest.raises(wv.errors.FileFormatError, match=BUSY):
                 with job() or pytest.fail("was not refused"):
@@ -72,14 +72,14 @@ def test_one_at_a_time(url):
 
 
 @pytest.mark.parametrize("kind", ["folder", "memory", "local", "oldstore"])
-def test_a_second_writer_is_told_of_the_first(tmp_path, kind):
-    """Not of what the folder holds by then, or to resume."""
+def test_second_writer_raises_lock_error(tmp_path, kind):
+    """The error is about the lock, not about the folder's contents or resuming."""
     out = str(tmp_path / "out") if kind == "folder" else f"{kind}://{tmp_path}/out"
     run(tmp_path / "whole")
     store = open_store(out)
     store.create()
     with store.locked():
-        with store.new_files() as files:  # as far as the first has come
+        with store.new_files() as files:  # the first writer's progress
             for name in ("manifest.json", "poses.npz"):
                 files.write(name, (tmp_path / "whole" / name).read_bytes())
             store.put(files, ["manifest.json", "poses.npz"])
@@ -90,7 +90,7 @@ def test_a_second_writer_is_told_of_the_first(tmp_path, kind):
         run(out)
 
 
-def test_another_machines_lock_holds_until_its_lease_ends(url):
+def test_lock_of_another_machine_holds_until_its_lease_ends(url):
     owner = write_lock(url, host="elsewhere", process=1, time=time.time() - 100)
     with pytest.raises(wv.errors.FileFormatError, match=BUSY):
         run(url)
@@ -107,7 +107,7 @@ def test_a_lock_ends_with_its_process(url):
 
 
 @pytest.mark.parametrize("changes", [{"time": "now"}, {"process": None}, {"host": []}, {"time": 1e999}])
-def test_a_lock_of_nonsense_does_no_harm(changes):
+def test_malformed_lock_is_harmless(changes):
     url = "memory://nonsense"
     owner = write_lock(url, **changes)
     try:
@@ -117,7 +117,7 @@ def test_a_lock_of_nonsense_does_no_harm(changes):
         assert "another process is writing it" in str(error)
 
 
-def test_a_lock_is_written_again_and_left_to_who_took_it(monkeypatch):
+def test_lock_is_renewed_and_left_to_a_new_owner(monkeypatch):
     monkeypatch.setattr(lease, "LEASE", 0.2)
     system = fsspec.filesystem("memory")
     with open_store("memory://again").locked():
@@ -131,8 +131,8 @@ def test_a_lock_is_written_again_and_left_to_who_took_it(monkeypatch):
     assert owner() == "another"
 
 
-def test_who_is_overwritten_at_the_same_moment_is_told(monkeypatch):
-    """A store that creates what is there already: the one that wrote last has it."""
+def test_simultaneously_overwritten_lock_raises(monkeypatch):
+    """In a store without exclusive creation, the last writer owns the lock."""
     monkeypatch.setattr(lease, "_create", lambda system, path, owner: bool(write_lock("memory://moment")))
     with pytest.raises(wv.errors.FileFormatError, match="another process started to write it at the same time"):
         with open_store("memory://moment").locked():

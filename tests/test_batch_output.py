@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files of a batch: written whole and with their checksum, by the disk or by URL; Zarr is read back by zarr-python."""
+"""Batch output files: complete with checksums, on disk or by URL; Zarr is read back by zarr-python."""
 
 import errno
 import io
@@ -26,7 +26,7 @@ MEGABYTE = 1 << 20
 
 
 def page_of(size, seed=0):
-    """Bytes that begin at a page of memory."""
+    """Return bytes that start at a memory page."""
     memory = np.frombuffer(mmap.mmap(-1, size), dtype=np.uint8)
     memory[:] = np.random.default_rng(seed).integers(0, 256, size, dtype=np.uint8)
     return memory
@@ -48,7 +48,7 @@ PARTS = {
 @pytest.mark.parametrize("direct", ["direct", "refused", "unknown"])
 @pytest.mark.parametrize("case", PARTS)
 def test_files_and_their_checksums(tmp_path, monkeypatch, case, direct):
-    """The same bytes with O_DIRECT, where the file system refuses it, and where the system has no such thing."""
+    """Bytes are the same with O_DIRECT, if the file system rejects it, and if the system does not support it."""
     parts = PARTS[case]()
     if direct == "unknown":
         monkeypatch.setattr(direct_io, "_O_DIRECT", 0)
@@ -67,7 +67,7 @@ def test_files_and_their_checksums(tmp_path, monkeypatch, case, direct):
     assert (tmp_path / "file").read_bytes() == expected
 
 
-def test_images_begin_at_pages():
+def test_image_buffers_are_page_aligned():
     buffers = ImageBuffers(("depth", "points", "labels"), CAMERA, 5)
     views, arrays = buffers.first(3)
     for name, shape in (("depth", (3, 24, 32)), ("points", (3, 24, 32, 3)), ("labels", (3, 24, 32))):
@@ -76,7 +76,7 @@ def test_images_begin_at_pages():
         assert getattr(views, name).ptr == arrays[name].ctypes.data
 
 
-def test_npz_is_numpys():
+def test_numpy_reads_npz():
     arrays = {
         "large": np.random.default_rng(0).random((3, 300, 400)),
         "empty": np.zeros((0, 3), dtype=np.float32),
@@ -94,7 +94,7 @@ def test_npz_is_numpys():
     assert data.index(arrays["large"].tobytes()) % direct_io.ALIGNMENT == 0
 
 
-def test_records(tmp_path):
+def test_shard_records(tmp_path):
     store = LocalStore(tmp_path / "out")
     store.create()
     with store.new_files() as files:
@@ -115,7 +115,7 @@ def test_records(tmp_path):
     assert sorted(tree(tmp_path / "out")) == ["images/a.bin", "images/b.bin", "shards/000000.json"]
 
 
-def test_files_outside_of_units_are_a_mistake(tmp_path):
+def test_files_outside_units_raise(tmp_path):
     files = ShardFiles(tmp_path)
     files.write("a.txt", b"a")
     files.write("b/c.txt", b"c")
@@ -123,7 +123,7 @@ def test_files_outside_of_units_are_a_mistake(tmp_path):
         commit(LocalStore(tmp_path), "record.json", 1, files, ["b"])
 
 
-def test_an_url(tmp_path):
+def test_url_output(tmp_path):
     fsspec = pytest.importorskip("fsspec")
     memory = fsspec.filesystem("memory")
     memory.store.clear()
@@ -145,7 +145,7 @@ def test_an_url(tmp_path):
 
 
 @pytest.mark.parametrize("options", [{}, {"compression": "zstd"}, {"compression": "zstd", "level": "3"}])
-def test_zarr_reads_it_back(tmp_path, options):
+def test_zarr_python_reads_zarr(tmp_path, options):
     zarr = pytest.importorskip("zarr")
     outputs = ("depth", "points", "normals", "labels", "segmentation", "visibility")
     scene, poses = make_scene(movable=True), make_poses(20)
@@ -179,7 +179,7 @@ BAD_OPTIONS = {
 
 
 @pytest.mark.parametrize("case", BAD_OPTIONS)
-def test_bad_options_of_zarr(tmp_path, case):
+def test_invalid_zarr_options_raise(tmp_path, case):
     pytest.importorskip("zarr")
     options, message = BAD_OPTIONS[case]
     with pytest.raises(wv.errors.FileFormatError, match=message):

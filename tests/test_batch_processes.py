@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that encode: the bytes of threads, one sentence when one is lost, and none that outlives its job."""
+"""Encoding processes: same bytes as threads, one error if a process dies, and none that outlives its job."""
 
 import multiprocessing
 import os
@@ -29,12 +29,12 @@ import sys
 sys.path.insert(0, {tests!r})
 from batch_jobs import make_frames, run
 run({out!r}, frames=make_frames(1000), threads=8, format="png")
-"""  # as users write scripts: nothing keeps it from running again where it is imported
+"""  # typical user script: no guard against being run again on import
 
 
 @pytest.fixture
 def started(monkeypatch):
-    """What was started; also for a job of few shards."""
+    """Collect the started process pools, also for jobs with few shards."""
     found, start = [], EncodingProcesses.__init__
 
     def note(self, target, count):
@@ -47,7 +47,7 @@ def started(monkeypatch):
 
 
 def children(parent):
-    """Processes that encode for another one."""
+    """Return the encoding processes of another process."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -59,13 +59,13 @@ def children(parent):
     return found
 
 
-def test_no_process_has_many_threads():
+def test_process_count_by_threads():
     assert [process_count(threads) for threads in (1, 4, 7, 8, 16, 33)] == [0, 0, 0, 2, 4, 8]
     assert [shards_at_once(threads) for threads in (7, 16)] == [0, 8]
 
 
 @parametrize("name, options", [("zarr", {"compression": "zstd"}), ("bop", {}), ("png", {})])
-def test_bytes_are_those_of_one_thread(tmp_path, started, name, options):
+def test_bytes_equal_those_of_one_thread(tmp_path, started, name, options):
     if name == "zarr":
         pytest.importorskip("zarr")
     run(tmp_path / "one", threads=1, format=name, options=options)
@@ -76,8 +76,8 @@ def test_bytes_are_those_of_one_thread(tmp_path, started, name, options):
     assert not children(os.getpid())
 
 
-def test_shards_of_other_sizes_and_worlds_of_their_own(tmp_path, started):
-    """The last shard is smaller, warnings and empty frames are counted, and poses go there through shared memory."""
+def test_uneven_shards_warnings_and_empty_frames(tmp_path, started):
+    """The last shard is smaller, warnings and empty frames are counted, and poses are passed through shared memory."""
     poses = make_frames(11).camera_to_world.copy()
     poses[[2, 7]] = [wv.look_at(pose[:3], 3 * pose[:3]) for pose in poses[[2, 7]]]
     frames, options = wv.Frames.from_poses(poses), {"scale": 30_000}
@@ -89,7 +89,7 @@ def test_shards_of_other_sizes_and_worlds_of_their_own(tmp_path, started):
     assert tree(tmp_path / "many") == tree(tmp_path / "one")
 
 
-def test_what_needs_none_starts_none(tmp_path, started, monkeypatch):
+def test_processes_are_not_started_when_not_needed(tmp_path, started, monkeypatch):
     run(tmp_path / "raw", threads=8, format="npz")
     pytest.importorskip("fsspec")
     run("memory://processes/job", threads=8, format="png")
@@ -98,7 +98,7 @@ def test_what_needs_none_starts_none(tmp_path, started, monkeypatch):
     assert not started
 
 
-def test_a_process_that_is_killed_is_said_and_the_job_goes_on(tmp_path, started):
+def test_killed_process_raises_and_the_job_can_be_resumed(tmp_path, started):
     out, frames = tmp_path / "out", make_frames(240)
 
     def kill():
@@ -117,7 +117,7 @@ def test_a_process_that_is_killed_is_said_and_the_job_goes_on(tmp_path, started)
     assert tree(out) == tree(tmp_path / "whole")
 
 
-def test_what_cannot_be_written_is_said_once(tmp_path, started):
+def test_write_failure_raises_once(tmp_path, started):
     out = tmp_path / "out"
     run(out, threads=1, format="png")
     (out / "shards" / "000003.json").unlink()
@@ -132,8 +132,8 @@ def test_what_cannot_be_written_is_said_once(tmp_path, started):
 
 
 @pytest.mark.slow
-def test_none_outlives_a_job_that_is_killed(tmp_path):
-    """A script without a guard of its main part, as one that needs no processes to be started is written."""
+def test_no_process_outlives_a_killed_job(tmp_path):
+    """A script without a main guard."""
     out = tmp_path / "out"
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(tests=str(Path(__file__).parent), out=str(out)))
@@ -174,8 +174,8 @@ def test_poses_are_mapped_not_copied(tmp_path):
         os.close(descriptor)
 
 
-def test_a_process_that_has_to_end_takes_no_more_shards():
-    """SIGTERM says so by an event: what a handler raises is lost where Python is in a callback."""
+def test_ending_process_takes_no_more_shards():
+    """SIGTERM sets an event: an exception raised by a handler is lost during a Python callback."""
     ours, theirs = multiprocessing.Pipe()
     ending = threading.Event()
     for shard in range(3):

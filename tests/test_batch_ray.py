@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Batch rendering by Ray: the bytes of the local engine's, also where a worker is killed in mid-run."""
+"""Batch rendering with Ray: same bytes as the local engine, also if a worker is killed."""
 
 import os
 import shutil
@@ -24,7 +24,7 @@ SHARDS = 200
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Two cores, whatever the machine has."""
+    """Start a cluster of two cores on any machine."""
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
     yield
@@ -38,7 +38,7 @@ def ancestors(process):
 
 
 def workers():
-    """Ids of the processes of this test's cluster that render."""
+    """Return the ids of the rendering processes of this test's cluster."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -51,7 +51,7 @@ def workers():
 
 
 def kill_one(out, killed):
-    """SIGKILL to a worker when the first shards are whole."""
+    """Send SIGKILL to a worker once the first shards are complete."""
     while not killed:
         if (out / "shards").is_dir() and len(os.listdir(out / "shards")) > 5:
             victims = workers()
@@ -62,7 +62,7 @@ def kill_one(out, killed):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
-def test_a_worker_is_killed(tmp_path, cluster):
+def test_killed_worker_is_replaced(tmp_path, cluster):
     frames, scene, out, killed = make_frames(3 * SHARDS - 1), make_scene(movable=True), tmp_path / "out", []
     run(tmp_path / "whole", scene=scene, frames=frames, outputs=("depth", "labels"))
     killer = threading.Thread(target=kill_one, args=(out, killed), daemon=True)
@@ -75,7 +75,7 @@ def test_a_worker_is_killed(tmp_path, cluster):
     assert summary.rendered_frames == len(frames)
 
 
-def test_what_goes_wrong_is_said_once(tmp_path, cluster):
+def test_failures_raise_once(tmp_path, cluster):
     with pytest.raises(wv.errors.ArrayError, match="workers must be from 1 to 2, the cluster's cores, got 3"):
         run(tmp_path / "out", threads=None, engine="ray", workers=3)
     with pytest.raises(wv.errors.ArrayError, match="threads is of the engine local"):
@@ -93,7 +93,7 @@ def test_what_goes_wrong_is_said_once(tmp_path, cluster):
 
 
 def test_empty_frames_are_counted(tmp_path, cluster):
-    """Those of shards that a worker made, and those that were there."""
+    """Frames of newly rendered and of existing shards are counted."""
     frames = make_frames(6)
     poses = frames.camera_to_world.copy()
     poses[[0, 4]] = [wv.look_at(pose[:3], 3 * pose[:3]) for pose in poses[[0, 4]]]
@@ -107,8 +107,8 @@ def test_empty_frames_are_counted(tmp_path, cluster):
     assert (summary.rendered_frames, summary.empty_frames) == (3, 2)
 
 
-def test_a_worker_that_always_ends_is_not_started_for_ever(tmp_path, cluster, monkeypatch):
+def test_restarts_of_failing_workers_are_limited(tmp_path, cluster, monkeypatch):
     monkeypatch.setattr("warpvis.batch.engines._ray._MAX_RESTARTS", 1)
-    monkeypatch.setattr(Job, "__reduce__", lambda job: (os._exit, (7,)))  # which is what a worker gets that unpacks it
+    monkeypatch.setattr(Job, "__reduce__", lambda job: (os._exit, (7,)))  # called when a worker unpickles the job
     with pytest.raises(wv.errors.FileFormatError, match=r"workers ended, .* too often; 0 of 7 shards are whole"):
         run(tmp_path / "out", engine="ray", workers=1, threads=None)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Ray cluster of two nodes that loses one: the job goes on, and what Ray prints of it is not mixed with ours."""
+"""A two-node Ray cluster that loses a node: the job continues, and Ray's messages are suppressed."""
 
 import io
 import os
@@ -41,7 +41,7 @@ print("ends", flush=True)
 """
 
 
-def test_a_node_is_lost(tmp_path):
+def test_job_continues_after_losing_a_node(tmp_path):
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
     cluster = subprocess.Popen([sys.executable, "-c", CLUSTER], **pipes)
     try:
@@ -64,8 +64,8 @@ def test_a_node_is_lost(tmp_path):
     assert tree(out) == tree(tmp_path / "whole")
 
 
-def test_what_ray_kept_back_is_left_out(monkeypatch, capsys):
-    """It prints lines like those before some seconds later, or when it ends: on the thread that ends it."""
+def test_ray_messages_at_shutdown_are_suppressed(monkeypatch, capsys):
+    """Ray prints delayed messages seconds later or at shutdown, on the thread that shuts it down."""
     import ray
 
     from warpvis.batch.engines._ray import _cluster as cluster
@@ -78,7 +78,7 @@ def test_what_ray_kept_back_is_left_out(monkeypatch, capsys):
     assert capsys.readouterr() == ("ours\n", "")
 
 
-def test_what_rays_threads_print_is_left_out():
+def test_output_of_ray_threads_is_suppressed():
     from warpvis.batch.engines._ray import _WithoutRay as WithoutRay
 
     there = io.StringIO()

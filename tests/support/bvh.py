@@ -147,6 +147,4 @@ def assert_boxes_and_cones_hold(given, tree):
         if cutoff < 2:
             assert cutoff < 1
             assert abs(np.linalg.norm(axis) - 1) < 1e-6
-            assert not (
-                normals[triangles] @ axis < np.sqrt(1 - (cutoff - 5e-4) ** 2)
-            ).any()  # NaN normals of degenerate triangles are ignored
+            assert not (normals[triangles] @ axis < np.sqrt(1 - (cutoff - 5e-4) ** 2)).any()  # NaN is ignored

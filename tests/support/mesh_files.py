@@ -51,7 +51,7 @@ def meshopt_file(extension="EXT_meshopt_compression", filter=None):
     meshopt = pytest.importorskip("meshoptimizer")
     vertices, faces = BALL.vertices.astype(np.float32), BALL.faces.astype(np.uint32).reshape(-1)
     stored = vertices
-    if filter == "EXPONENTIAL":  # a mantissa of 24 bits and an exponent of 8 in each number
+    if filter == "EXPONENTIAL":  # 24-bit mantissa, 8-bit exponent
         stored = ((-20 & 0xFF) << 24 | np.round(vertices * 2.0**20).astype(np.int64) & 0xFFFFFF).astype(np.uint32)
     writer = GltfWriter(extensionsRequired=[extension])
     writer.content["buffers"] = [{"byteLength": 0}, {"byteLength": 0, "extensions": {extension: {"fallback": True}}}]

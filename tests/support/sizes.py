@@ -54,5 +54,5 @@ SURROUNDED = ((0, 3.0, 0.6), (4, 3.0, 0.6), (0, 0.5, 0.15), (4, 0.5, 0.11))
 
 
 def surrounded(factor, x):
-    """Return the scale of one object and a camera beside its center that looks through it."""
+    """Return the scale of one object and a camera near its center that looks through it."""
     return [(factor,) * 3], wv.look_at((x, 0.01, 2), (-1, 0.1, 2.05))[None].astype(np.float32)
