@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds that differ in more than joint positions, and cameras that are not the model's."""
+"""Batches whose worlds differ in model fields, and cameras of viewers."""
 
 import copy
 from types import SimpleNamespace
@@ -28,7 +28,7 @@ def batch_of(model, **options):
 
 
 def single(model, data, camera, device):
-    """Depth and geoms by `Renderer`, which follows its model; infinite where there is nothing."""
+    """Return depth and geoms of `Renderer`, which follows its model; depth is infinite where nothing is hit."""
     mujoco.mj_forward(model, data)
     renderer = Renderer(model, HEIGHT, WIDTH, device=device)
     renderer.update_scene(data, camera)
@@ -39,7 +39,7 @@ def single(model, data, camera, device):
 
 
 def assert_same(batch, views, worlds, cameras, device):
-    """Each world as the one of `worlds`, pairs of a model and data, is by itself."""
+    """Compare each image with one of `worlds`, pairs of a model and data, rendered alone."""
     depth, geoms = views.depth.numpy(), batch.geom_ids(views).numpy()
     assert len(depth) == len(worlds) * len(cameras)
     expected = [single(*world, camera, device) for camera in cameras for world in worlds]
@@ -52,7 +52,7 @@ def assert_same(batch, views, worlds, cameras, device):
 
 
 def randomised(count):
-    """Models of which everything that poses follow from differs, with joint positions."""
+    """Return models with different values of all fields that poses depend on, and their data."""
     rng, worlds = np.random.default_rng(2), []
     for _ in range(count):
         model, data = task()
@@ -73,20 +73,20 @@ def fields(worlds, names=FIELDS):
     return {name: np.stack([getattr(model, name) for model, _ in worlds]) for name in names}
 
 
-def test_fixed_bodies_and_cameras_are_elsewhere_in_every_world(device):
+def test_static_bodies_and_cameras_differ_between_worlds(device):
     worlds = randomised(4)
     batch = batch_of(task()[0], movable="all", device=device)
     qpos = np.stack([data.qpos for _, data in worlds])
     views = batch.render(qpos, cameras=["front", "wrist"], model=fields(worlds))
     assert assert_same(batch, views, worlds, ["front", "wrist"], device) == 8
-    # As data that has it in, and some worlds of all.
+    # With computed data, and with a selection of worlds.
     views = batch.render([data for _, data in worlds], cameras="front")
     assert_same(batch, views, worlds, ["front"], device)
     views = batch.render(qpos, cameras="front", worlds=[3, 1], model=fields(worlds))
     assert_same(batch, views, [worlds[3], worlds[1]], ["front"], device)
 
 
-def test_bodies_that_move_nevertheless_are_named(device):
+def test_movable_selects_static_bodies(device):
     worlds = randomised(3)
     for model, _ in worlds:
         model.geom("pole").quat[:] = task()[0].geom("pole").quat
@@ -94,12 +94,12 @@ def test_bodies_that_move_nevertheless_are_named(device):
     batch = batch_of(task()[0], movable=["drawer", "lid"], device=device)
     scene = batch.scene
     assert not scene["table"].movable and scene["lid"].parent is None
-    assert scene.objects[scene["handle"].parent].name == "case"  # a body is of one piece
+    assert scene.objects[scene["handle"].parent].name == "case"  # geoms of a body are rigidly attached
     views = batch.render(np.stack([data.qpos for _, data in worlds]), cameras="front", model=fields(worlds))
     assert assert_same(batch, views, worlds, ["front"], device) == 3
 
 
-def test_what_was_moved_and_is_fixed_in_the_scene_is_said():
+def test_moved_static_geoms_are_rejected():
     worlds = randomised(2)
     qpos = np.stack([data.qpos for _, data in worlds])
     for _, data in worlds:
@@ -140,7 +140,7 @@ def test_fields_of_view_differ_between_worlds(angles, device):
     assert np.array_equal(single_row.depth.numpy(), alike.depth.numpy())
 
 
-def test_a_field_of_view_is_mujocos():
+def test_camera_with_fovy_matches_model_camera():
     model, _ = task()
     like = camera_from_mujoco(model, 0, WIDTH, HEIGHT)
     for angle in (1.0, 33.3, 45.0, 77.7, 150.0):
@@ -149,7 +149,7 @@ def test_a_field_of_view_is_mujocos():
         assert got == camera_from_mujoco(model, 1, WIDTH, HEIGHT)
 
 
-def test_what_shows_differs_between_worlds(device):
+def test_visibility_of_geoms_differs_between_worlds(device):
     worlds = []
     for hidden in ("case", "palm", "knob", None):
         model, data = task()
@@ -170,11 +170,11 @@ def test_what_shows_differs_between_worlds(device):
     assert (seen[:, 0] == batch.scene.index("mine")).any(axis=(1, 2)).all()
     views = batch.render(qpos, cameras="front", worlds=[3, 0], model=colours)
     assert np.array_equal(views.segmentation.numpy(), seen[[3, 0], 0])
-    plain = batch.render(qpos, cameras="front")  # nothing of it is left
+    plain = batch.render(qpos, cameras="front")  # no color of the previous call remains
     assert np.array_equal(plain.segmentation.numpy()[0], before.segmentation.numpy()[0])
 
 
-def test_mujoco_warps_model_says_what_differs(device):
+def test_mujoco_warp_model_provides_fields(device):
     mjwarp = pytest.importorskip("mujoco_warp", reason="the package mujoco_warp is not installed")
     worlds = []
     for k, angle in enumerate((45.0, 75.0, 45.0)):
@@ -191,7 +191,7 @@ def test_mujoco_warps_model_says_what_differs(device):
         warp_model.geom_rgba = wp.array(rows["geom_rgba"], dtype=wp.vec4)
     batch = batch_of(plain, device=device)
     views = batch.render(warp_data, cameras="front", model=warp_model)
-    assert assert_same(batch, views, worlds, ["front"], device) == 2  # the first and the last are the same
+    assert assert_same(batch, views, worlds, ["front"], device) == 2  # the first and last worlds are equal
 
 
 def free(**values):
@@ -202,7 +202,7 @@ def free(**values):
     return camera
 
 
-def test_cameras_of_viewers(device):
+def test_viewer_cameras(device):
     worlds = []
     for k in range(3):
         model, data = task()
@@ -216,7 +216,7 @@ def test_cameras_of_viewers(device):
     for cameras in ([free(), "front", tracking, -1, fixed, free(azimuth=200)], [free()], [tracking]):
         views = batch.render(qpos, cameras=cameras if len(cameras) > 1 else cameras[0])
         different = assert_same(batch, views, worlds, cameras, device)
-        assert different == 3 * len(cameras) - 3 * (len(cameras) > 1)  # "front" is the fixed one
+        assert different == 3 * len(cameras) - 3 * (len(cameras) > 1)  # "front" is the camera of `fixed`
     stacked = WorldPoses.of([data for _, data in worlds])
     assert_same(batch, batch.render(stacked, cameras=tracking), worlds, [tracking], device)
     fields = ("geom_xpos", "geom_xmat", "cam_xpos", "cam_xmat")
@@ -226,13 +226,13 @@ def test_cameras_of_viewers(device):
         batch.render(without, cameras=tracking)
 
 
-def test_a_model_without_cameras_is_seen_by_a_free_one(device):
+def test_free_camera_renders_model_without_cameras(device):
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom type='box' size='1 1 1'/></worldbody></mujoco>")
     batch = batch_of(model, device=device)
     assert np.isfinite(batch.render(mujoco.MjData(model).qpos[None], cameras=-1).depth.numpy()).any()
 
 
-def test_viewer_kernels_do_what_the_reference_does(device):
+def test_viewer_kernels_match_reference(device):
     rng = np.random.default_rng(0)
     com, worlds = rng.normal(size=(5, 4, 3)), np.array([3, 0, 0], dtype=np.int32)
     cameras, bodies = np.array([-1, 2, -1], dtype=np.int32), np.array([2, -1, -1], dtype=np.int32)
@@ -257,7 +257,7 @@ def test_viewer_kernels_do_what_the_reference_does(device):
     assert np.array_equal(hidden.numpy(), expected) and 0 < expected.mean() < 1
 
 
-def test_options_choose_what_shows():
+def test_scene_option_selects_geoms():
     model, data = task()
     option = mujoco.MjvOption()
     option.geomgroup[:] = 0, 0, 0, 0, 1, 0
@@ -269,7 +269,7 @@ def test_options_choose_what_shows():
     assert np.isinf(batch.render(data.qpos, cameras="front").depth.numpy()).any()
 
 
-def test_worlds_by_a_mask_and_one_row_of_positions(device):
+def test_world_mask_and_single_row_of_positions(device):
     model, data = task()
     batch = batch_of(model, device=device)
     rows = np.stack([data.qpos + 0.1 * k * np.eye(model.nq)[0] for k in range(4)])
@@ -283,7 +283,7 @@ def test_worlds_by_a_mask_and_one_row_of_positions(device):
     )
 
 
-def test_images_world_by_world(device):
+def test_by_world_reorders_images(device):
     model, data = task()
     batch = batch_of(model, outputs=("depth", "points", "segmentation"), device=device)
     rows = np.stack([data.qpos + 0.1 * k * np.eye(model.nq)[0] for k in range(3)])
@@ -301,7 +301,7 @@ def test_images_world_by_world(device):
     assert np.array_equal(filled.by_world().depth.numpy(), turned.depth.numpy()) and filled.depth is plain.depth
 
 
-def test_bodies_and_classes_of_pixels(device):
+def test_body_and_semantic_ids_of_pixels(device):
     model, data = task()
     batch = batch_of(model, device=device)
     batch.scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="mine", pose=(0.5, -0.4, 0.5, 0, 0, 0, 1))
@@ -317,7 +317,7 @@ def test_bodies_and_classes_of_pixels(device):
     assert (classes[geoms == model.geom("palm").id] == 0).all() and (classes == 7).any()
 
 
-def test_depth_for_learning(device):
+def test_fill_far_replaces_infinite_depth(device):
     model, data = task()
     far = batch_of(model, fill="far", near_plane="clip", device=device)
     depth = far.render(data.qpos, cameras=free(elevation=10)).depth.numpy()
@@ -350,8 +350,8 @@ BAD = {
 }
 
 
-def test_geoms_at_the_origins_of_their_bodies_move_too():
-    # The compiler notes such geoms, and MuJoCo takes their bodies' poses for theirs, whatever geom_pos says.
+def test_geoms_at_body_origins_follow_geom_pos():
+    # The compiler marks such geoms, and MuJoCo gives them the poses of their bodies, ignoring geom_pos.
     model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><camera name="eye" pos="0 0 3"/><body><freejoint/>
         <geom name="first" type="box" size=".1 .2 .3"/><geom type="box" size=".1 .1 .1" pos=".5 0 0"/>
         <geom type="box" size=".1 .1 .1" pos="-.5 0 0"/></body></worldbody></mujoco>""")
@@ -366,13 +366,13 @@ def test_geoms_at_the_origins_of_their_bodies_move_too():
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_what_cannot_differ_is_named(name):
+def test_invalid_model_fields_are_rejected(name):
     given, match = BAD[name]
     with pytest.raises(wv.WarpvisError, match=match):
         batch_of(MODEL, movable="all").render(QPOS, model=given)
 
 
-def test_other_bad_input_is_named():
+def test_other_invalid_arguments_are_rejected():
     batch = batch_of(MODEL)
     with pytest.raises(wv.WarpvisError, match=r"worlds must be a mask of 2 with a True, got 0 in shape \(2,\)"):
         batch.render(QPOS, worlds=[False, False])
@@ -393,7 +393,7 @@ def test_other_bad_input_is_named():
         batch_of(MODEL, movable=["nobody"])
 
 
-def test_a_copy_of_a_batch_renders_the_same():
+def test_copied_batch_renders_equal_images():
     batch = batch_of(MODEL)
     views = batch.render(QPOS)
     again = copy.deepcopy(batch).render(QPOS)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Colors of MuJoCo's worlds: those of the geom that segmentation names, and the model's own, or none."""
+"""Colors of MuJoCo scenes belong to the geom in the segmentation; colors that differ from the model are rejected."""
 
 import copy
 import pickle
@@ -22,7 +22,7 @@ OUTPUTS = ("albedo", "color", "segmentation")
 
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("kind", TWICE)
-def test_colors_are_of_the_geom_that_segmentation_names(kind, moving, device):
+def test_colors_match_segmented_geom(kind, moving, device):
     if kind == "plane" and moving:
         pytest.skip("MuJoCo's planes do not move")
     joint = "<freejoint/>" if moving else ""
@@ -36,8 +36,8 @@ def test_colors_are_of_the_geom_that_segmentation_names(kind, moving, device):
     assert (color[ids == 1][:, 0] <= color[ids == 1][:, 2]).all() and color[ids == 1][:, 2].max() > 100
 
 
-def test_textures_lie_on_the_triangles_of_the_geom_that_segmentation_names(device):
-    """The meshes have one shape, and other triangles in another order."""
+def test_textures_match_triangles_of_segmented_geom(device):
+    """Both meshes have the same shape, but different triangles in different order."""
     corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     faces = "0 1 3 0 3 2 4 6 7 4 7 5 0 4 5 0 5 1 2 3 7 2 7 6 0 2 6 0 6 4 1 5 7 1 7 3"
     turned = "1 5 7 1 7 3 0 2 6 0 6 4 2 3 7 2 7 6 0 4 5 0 5 1 4 6 7 4 7 5 0 1 3 0 3 2"
@@ -57,7 +57,7 @@ def test_textures_lie_on_the_triangles_of_the_geom_that_segmentation_names(devic
     assert (np.abs(images[0] - alone).max(axis=-1) <= 1).mean() > 0.999
 
 
-def test_faces_are_those_that_the_seen_points_are_on(device, caster):
+def test_faces_contain_rendered_points(device, caster):
     model, data = model_of(FLUSH)
     outputs = ("segmentation", "faces", "points")
     geoms, renderer = renderer_of(model, device, outputs=outputs, caster=caster, cull_backfaces=True)
@@ -109,13 +109,13 @@ def changed(name, geom, value):
     [
         (changed("geom_rgba", 0, (1, 0, 1, 1)), "own"),
         (changed("geom_rgba", 1, (1, 0, 1, 1)), "red"),
-        (changed("geom_rgba", 1, (0.5, 0.5, 0.5, 0.9)), "red"),  # its own color now, and not its material's
+        (changed("geom_rgba", 1, (0.5, 0.5, 0.5, 0.9)), "red"),  # its geom color now overrides the material
         (changed("geom_matid", 1, 1), "red"),
         (changed("geom_matid", 0, 0), "own"),
         (changed("mat_rgba", 0, (1, 0, 1, 1)), "red"),
     ],
 )
-def test_colors_of_worlds_that_are_not_the_models_are_refused(given, geom, outputs, device):
+def test_colors_that_differ_from_model_are_rejected(given, geom, outputs, device):
     model, data = model_of(WORLDS)
     batch = BatchRenderer(model, **SIZE, outputs=outputs, device=device)
     for rows in (given, {name: wp.array(rows, device="cpu") for name, rows in given.items()}):
@@ -133,12 +133,12 @@ def test_colors_of_worlds_that_are_not_the_models_are_refused(given, geom, outpu
     [
         changed("geom_rgba", 0, (0, 1, 0, 1)),
         changed("geom_rgba", 0, (0, 1, 0, 0)),  # hidden
-        changed("geom_rgba", 0, (1, 0, 1, 0)),  # hidden, whatever its color
-        changed("geom_rgba", 2, (1, 0, 1, 1)),  # of a group that does not show
-        changed("mat_rgba", 1, (1, 1, 0, 1)),  # of no geom
+        changed("geom_rgba", 0, (1, 0, 1, 0)),  # hidden, so the color is irrelevant
+        changed("geom_rgba", 2, (1, 0, 1, 1)),  # of an invisible group
+        changed("mat_rgba", 1, (1, 1, 0, 1)),  # of an unused material
     ],
 )
-def test_colors_of_worlds_that_are_the_models_are_rendered(given, device):
+def test_irrelevant_color_differences_are_accepted(given, device):
     model, data = model_of(WORLDS)
     batch = BatchRenderer(model, **SIZE, outputs=("color", "segmentation"), device=device)
     views, plain = batch.render([data] * 2, model=given), batch.render([data] * 2)
@@ -149,7 +149,7 @@ def test_colors_of_worlds_that_are_the_models_are_rendered(given, device):
     assert (shown == 0).any() != hides
 
 
-def test_colors_on_a_gpu_are_refused(cuda):
+def test_colors_on_gpu_are_rejected(cuda):
     model, data = model_of(WORLDS)
     batch = BatchRenderer(model, **SIZE, outputs=("color",), device=cuda)
     given = {"geom_rgba": wp.array(model.geom_rgba[None], dtype=wp.vec4, device=cuda)}
@@ -157,7 +157,7 @@ def test_colors_on_a_gpu_are_refused(cuda):
         batch.render(data, model=given)
 
 
-def test_materials_of_worlds_are_the_models(device):
+def test_invalid_geom_matid_is_rejected(device):
     model, data = model_of(WORLDS)
     batch = BatchRenderer(model, **SIZE, device=device)
     for number in (-2, 2):
@@ -179,7 +179,7 @@ EDITS = {
 
 
 @pytest.mark.parametrize("name", EDITS)
-def test_colors_after_edits_of_the_model_are_refused(name, device):
+def test_model_color_edits_after_creation_are_rejected(name, device):
     model, data = model_of(WORLDS)
     batch = BatchRenderer(model, **SIZE, outputs=("color",), device=device)
     depth = BatchRenderer(model, **SIZE, device=device)
@@ -190,7 +190,7 @@ def test_colors_after_edits_of_the_model_are_refused(name, device):
     for edited in (batch, copy.deepcopy(batch), pickle.loads(pickle.dumps(batch))):
         with pytest.raises(wv.WarpvisError, match=said):
             edited.render(data)
-    for again in copies:  # of the model as it was
+    for again in copies:  # copies keep the original model
         assert np.array_equal(again.render(data).color.numpy(), before)
         EDITS[name](again.model)
         with pytest.raises(wv.WarpvisError, match=said):
@@ -200,7 +200,7 @@ def test_colors_after_edits_of_the_model_are_refused(name, device):
     assert np.array_equal(anew, before) == (name == "mat_texrepeat")  # there is no texture
 
 
-def test_scenes_keep_the_materials_that_they_were_made_with():
+def test_scenes_keep_materials_of_their_creation():
     model, _ = model_of(WORLDS)
     scene = scene_from_mujoco(model).scene
     model.mat_rgba[0] = (0, 1, 1, 1)
@@ -217,7 +217,7 @@ TEXTURED = """<mujoco><visual><headlight ambient=".9 .9 .9" diffuse="0 0 0" spec
 @pytest.mark.gl
 @pytest.mark.parametrize("kind", ["2d", "cube"])
 @pytest.mark.parametrize("space", ["auto", "linear", "sRGB"])
-def test_textures_of_every_color_space_are_as_in_mujocos_picture(kind, space, device):
+def test_texture_color_spaces_match_mujoco(kind, space, device):
     model, data = model_of(TEXTURED.format(type=kind, height=16 if kind == "2d" else 96, space=space))
     color = BatchRenderer(model, **SIZE, outputs=("color",), device=device).render(data).color.numpy()[0]
     with mujoco.Renderer(model, **SIZE) as renderer:
@@ -230,7 +230,7 @@ def test_textures_of_every_color_space_are_as_in_mujocos_picture(kind, space, de
 
 @pytest.mark.gl
 @pytest.mark.parametrize("space", ["auto", "sRGB"])
-def test_skies_of_every_color_space_are_as_in_mujocos_picture(space):
+def test_sky_color_spaces_match_mujoco(space):
     text = TEXTURED.format(type="skybox", height=96, space=space).replace(' material="image"', ' pos="0 9 9"')
     model, data = model_of(text)
     sky = scene_from_mujoco(model).scene.background.sky

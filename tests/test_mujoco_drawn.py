@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What MuJoCo draws beside geoms: sites, tendons, skins, flexes, and what options ask for."""
+"""MuJoCo's elements other than geoms: sites, tendons, skins, flexes, and those enabled by options."""
 
 import copy
 import pickle
@@ -91,7 +91,7 @@ def model_of(name):
 
 
 def stir(model, data):
-    """Move everything, so that tendons, skins and flexes change their shapes."""
+    """Change the state so that tendons, skins and flexes change shape."""
     data.qvel[:] = np.random.default_rng(3).normal(scale=0.5, size=model.nv)
     for _ in range(40):
         mujoco.mj_step(model, data)
@@ -115,7 +115,7 @@ def pixels(segmentation):
 
 
 def assert_drawn(ours, theirs, share=0.8):
-    """What MuJoCo shows of each thing is shown, where MuJoCo shows it."""
+    """Check that elements in MuJoCo's image are in ours at the same pixels."""
     assert_same_images(ours, theirs, 1e-3)
     (_, segmentation), (_, expected) = ours, theirs
     for pair, count in pixels(expected).items():
@@ -124,7 +124,7 @@ def assert_drawn(ours, theirs, share=0.8):
 
 
 def assert_all_drawn(model, data, options, renderer=None, share=0.8):
-    """Every option, in turn and by one renderer; return the pixels of MuJoCo's last image."""
+    """Compare images for all options in turn, and return pixel counts of MuJoCo's last image."""
     renderer = Renderer(model, HEIGHT, WIDTH) if renderer is None else renderer
     with mujoco.Renderer(model, HEIGHT, WIDTH) as theirs, warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -134,11 +134,11 @@ def assert_all_drawn(model, data, options, renderer=None, share=0.8):
     return pixels(expected[1])
 
 
-# As MuJoCo.
+# Comparison with MuJoCo.
 
 
 @pytest.mark.gl
-def test_sites_are_mujocos():
+def test_sites_match_mujoco():
     model, data = model_of("sites")
     groups = [option_with(sitegroup=chosen) for chosen in ((), (3,), (0, 1, 2, 3))]
     fixed = [option_with({"STATIC": 0}), None]
@@ -160,12 +160,12 @@ def test_sites_follow_the_model():
     model.site("on_table").rgba[3] = 0
     mujoco.mj_forward(model, data)
     assert_all_drawn(model, data, [None], renderer)
-    data.site_xpos[model.site("box").id, 2] += 0.2  # by hand
+    data.site_xpos[model.site("box").id, 2] += 0.2  # data changed directly
     assert_all_drawn(model, data, [None], renderer)
 
 
 @pytest.mark.gl
-def test_tendons_are_mujocos():
+def test_tendons_match_mujoco():
     model, data = model_of("tendons")
     renderer = Renderer(model, HEIGHT, WIDTH)
     for _ in range(2):
@@ -179,7 +179,7 @@ def test_tendons_are_mujocos():
 
 
 @pytest.mark.gl
-def test_skins_are_mujocos():
+def test_skins_match_mujoco():
     model, data = model_of("skins")
     renderer, (skin,) = Renderer(model, HEIGHT, WIDTH), [(0, SKIN)]
     for _ in range(2):
@@ -200,7 +200,7 @@ FLEX_FLAGS = {
 
 
 @pytest.mark.gl
-def test_flexes_are_mujocos():
+def test_flexes_match_mujoco():
     model, data = model_of("flexes")
     renderer = Renderer(model, HEIGHT, WIDTH)
     options = [option_with(flags) for flags in FLEX_FLAGS.values()] + [option_with(flexgroup=(5,)), None]
@@ -214,10 +214,10 @@ def test_flexes_are_mujocos():
 
 
 @pytest.mark.gl
-def test_marks_are_mujocos():
-    """What options ask for and MuJoCo does not draw by default."""
+def test_optional_elements_match_mujoco():
+    """Elements that MuJoCo draws only with options."""
     model, data = model_of("tendons")
-    data.qpos[model.joint("lift").qposadr] = -0.5  # into the floor
+    data.qpos[model.joint("lift").qposadr] = -0.5  # in contact with the floor
     mujoco.mj_forward(model, data)
     assert data.ncon
     solid = option_with({"JOINT": 1, "ACTUATOR": 1, "COM": 1, "CONTACTPOINT": 1, "CONTACTFORCE": 1, "LIGHT": 1})
@@ -240,8 +240,8 @@ RAYS = f"""{HEAD}<worldbody><geom name="floor" type="plane" size="3 3 .1" pos="0
 
 @pytest.mark.gl
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_lines_of_sensors_are_mujocos(projection):
-    """By default: they are some pixels wide, wherever they are."""
+def test_rangefinder_lines_match_mujoco(projection):
+    """Lines of rangefinders are drawn by default and are some pixels wide at any distance."""
     wide = "fovy='2'" if projection == "orthographic" else "fovy='50'"
     eye = EYE.replace('fovy="50"', f"{wide} projection='{projection}'")
     model = mujoco.MjModel.from_xml_string(RAYS.format(eye=eye))
@@ -252,10 +252,10 @@ def test_lines_of_sensors_are_mujocos(projection):
     assert sum(kind == OBJ.mjOBJ_SENSOR for _, kind in seen) >= 2
 
 
-# What it costs, and what is around it.
+# Cost, and interaction with the rest of the scene.
 
 
-def test_a_frame_builds_nothing(device):
+def test_shape_changes_rebuild_nothing(device):
     for name in ("tendons", "skins", "flexes"):
         model, data = model_of(name)
         renderer = Renderer(model, 24, 32, device=device)
@@ -269,7 +269,7 @@ def test_a_frame_builds_nothing(device):
         assert all(map(lambda one, other: one is other, renderer.scene.objects, objects))
 
 
-def test_models_without_any_are_not_asked():
+def test_models_without_visuals_skip_drawing():
     model = mujoco.MjModel.from_xml_string(
         f"{HEAD}<worldbody><geom size='1'/><site name='s'/>{EYE}</worldbody></mujoco>"
     )
@@ -283,8 +283,8 @@ def test_models_without_any_are_not_asked():
     assert all(Visuals(model_of(name)[0], tolerance=1e-3).may_draw(None) for name in MODELS if name != "sites")
 
 
-def test_what_is_added_stays_behind():
-    """Before anything is drawn, and after more is drawn than before."""
+def test_added_objects_stay_last():
+    """Objects are added before anything is drawn, and more elements are drawn later."""
     model, data = model_of("tendons")
     renderer, box = Renderer(model, HEIGHT, WIDTH), trimesh.creation.box((0.3, 0.3, 0.3))
     renderer.scene.add(box, name="mine", pose=(0.8, -0.5, 0.3, 0, 0, 0, 1), movable=True)
@@ -305,7 +305,7 @@ def test_what_is_added_stays_behind():
     "copied", [copy.deepcopy, lambda item: pickle.loads(pickle.dumps(item))], ids=["copy", "pickle"]
 )
 @parametrize("name", MODELS)
-def test_a_copy_shows_the_same(name, copied):
+def test_copies_render_equal_images(name, copied):
     model, data = model_of(name)
     renderer = Renderer(model, 60, 80)
     renderer.update_scene(data, "front", option_with({"JOINT": 1}))
@@ -323,7 +323,7 @@ def test_a_copy_shows_the_same(name, copied):
     assert np.allclose(moved[0], images(renderer, data, "front")[0], atol=1e-5)
 
 
-def test_names_leave_out_and_label():
+def test_exclude_and_labels_apply_to_elements():
     model, data = model_of("tendons")
     labels = {"string": "robot", "d": "human"}
     renderer = Renderer(model, HEIGHT, WIDTH, exclude=["belt", "b"], labels=labels)
@@ -336,7 +336,7 @@ def test_names_leave_out_and_label():
         Renderer(model, HEIGHT, WIDTH, exclude=["nobody"])
 
 
-def test_what_cannot_be_drawn_is_named_once(monkeypatch):
+def test_unsupported_elements_warn_once(monkeypatch):
     monkeypatch.setattr("warpvis.mujoco._visuals._LINES", ())
     model, data = model_of("skins")
     renderer, option = Renderer(model, HEIGHT, WIDTH), option_with({"BODYBVH": 1})
@@ -351,10 +351,10 @@ def test_what_cannot_be_drawn_is_named_once(monkeypatch):
         renderer.update_scene(data, "front", option)
 
 
-# Many worlds.
+# Batches.
 
 
-def test_batches_show_sites_if_asked(device):
+def test_batches_render_sites_with_scene_option(device):
     model, data = model_of("sites")
     size = {"height": 60, "width": 80, "outputs": ("depth", "segmentation"), "device": device}
     plain = BatchRenderer(model, **size).render(data, cameras="front")
@@ -392,7 +392,7 @@ def test_batches_show_sites_if_asked(device):
         )
 
 
-def test_scenes_have_sites_of_groups():
+def test_site_groups_select_sites():
     model, data = model_of("sites")
     plain, scene = scene_from_mujoco(model), scene_from_mujoco(model, site_groups=(0, 3))
     assert len(plain.site_ids) == 0 and np.array_equal(plain.geom_ids, scene.geom_ids)
@@ -407,7 +407,7 @@ def test_scenes_have_sites_of_groups():
 
 
 @pytest.mark.parametrize("make", [scene_from_mujoco, BatchRenderer])
-def test_what_a_batch_has_not_is_named(make):
+def test_unsupported_elements_of_batches_warn(make):
     expected = {"tendons": "tendon 'belt', tendon 'string'", "skins": "skin 'sleeve'"}
     expected["flexes"] = "flex 'rope', flex 'cloth', flex 'jelly'"
     for name, soft in expected.items():
@@ -425,8 +425,8 @@ def test_what_a_batch_has_not_is_named(make):
 
 
 @pytest.mark.gl
-def test_dogs_are_there():
-    """The dog of dm_control's suite is all skin."""
+def test_skin_of_dm_control_dog_matches_mujoco():
+    """The dog of dm_control's suite consists of a skin."""
     dog = pytest.importorskip("dm_control.suite.dog")
     model = mujoco.MjModel.from_xml_string(*dog.get_model_and_assets(10))
     data = mujoco.MjData(model)

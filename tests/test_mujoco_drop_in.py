@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What users of `mujoco.Renderer` do beside rendering: its scene's flags and cameras, colours, options, copies."""
+"""Compatibility with `mujoco.Renderer`: flags and cameras of the scene, colors, options, and copies."""
 
 import copy
 import pickle
@@ -29,7 +29,7 @@ def ready(camera="front", **options):
     return renderer, model, data
 
 
-def test_flags_are_mujocos():
+def test_flags_match_mujoco():
     renderer, model, data = ready()
     flags = renderer.scene.flags
     assert np.array_equal(flags, mujoco.MjvScene(model, 1).flags)
@@ -39,15 +39,15 @@ def test_flags_are_mujocos():
     assert not renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]
     option = mujoco.MjvOption()
     option.geomgroup[4] = 1
-    renderer.update_scene(data, "front", option)  # another scene, with the same flags
+    renderer.update_scene(data, "front", option)  # the scene is replaced, with the same flags
     assert not renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]
 
 
 @pytest.mark.gl
-def test_back_faces_show_without_the_flag_as_in_mujoco():
+def test_back_face_culling_flag_matches_mujoco():
     model, data = task()
     model.body("hand").pos[:] = 0, 0, 0
-    data.qpos[:3] = 0, -1.62, 1.31  # the camera is in the palm
+    data.qpos[:3] = 0, -1.62, 1.31  # the camera is inside the palm
     mujoco.mj_forward(model, data)
     expected = []
     with mujoco.Renderer(model, HEIGHT, WIDTH) as theirs:
@@ -60,7 +60,7 @@ def test_back_faces_show_without_the_flag_as_in_mujoco():
     assert not np.array_equal(expected[0][0], expected[1][0])
 
 
-def test_wires_are_not_drawn_and_a_warning_says_so_once():
+def test_wireframe_flag_warns_once():
     renderer, _, _ = ready()
     before = renderer.render()
     renderer.scene.flags[mujoco.mjtRndFlag.mjRND_WIREFRAME] = True
@@ -72,8 +72,8 @@ def test_wires_are_not_drawn_and_a_warning_says_so_once():
 
 
 @pytest.mark.gl
-def test_cameras_of_the_scene_are_mujocos():
-    """Between its two eyes, that is: both of ours are in their middle."""
+def test_scene_cameras_match_mujoco():
+    """MuJoCo's scene has two eyes; both of ours are at their center."""
     model, data = task()
     mujoco.mj_forward(model, data)
     renderer = Renderer(model, HEIGHT, WIDTH)
@@ -90,7 +90,7 @@ def test_cameras_of_the_scene_are_mujocos():
 
 
 @pytest.mark.gl
-def test_what_is_written_into_the_cameras_is_rendered():
+def test_edits_of_scene_cameras_are_rendered():
     model, data = task()
     mujoco.mj_forward(model, data)
     renderer = Renderer(model, HEIGHT, WIDTH)
@@ -109,19 +109,19 @@ def test_what_is_written_into_the_cameras_is_rendered():
             each.enable_segmentation_rendering()
             pairs.append((depth, each.render()))
         assert_same_images(*pairs, 1e-3)
-    renderer.update_scene(data, "front")  # and it is gone
+    renderer.update_scene(data, "front")  # edits end with the next update
     assert not np.array_equal(renderer.render(), pairs[0][1])
 
 
 @pytest.mark.parametrize("name", ["geoms", "ngeom", "maxgeom"])
-def test_what_the_scene_has_not_is_said(name):
+def test_missing_scene_attributes_raise(name):
     renderer, _, _ = ready()
     with pytest.raises(wv.WarpvisError, match=f"renderer.scene is a warpvis.Scene and has no {name}; add shapes to it"):
         getattr(renderer.scene, name)
     assert not hasattr(renderer.scene, name)
 
 
-def test_options_that_depth_does_not_show_say_nothing():
+def test_options_without_effect_on_depth_do_not_warn():
     renderer, _, data = ready()
     before = renderer.render()
     option = mujoco.MjvOption()
@@ -135,7 +135,7 @@ def test_options_that_depth_does_not_show_say_nothing():
 
 
 @pytest.mark.gl
-def test_colours_are_made_by_mujoco():
+def test_fallback_renders_colors_of_mujoco():
     renderer, model, data = ready(fallback=True)
     depth = renderer.render()
     renderer.disable_depth_rendering()
@@ -145,7 +145,7 @@ def test_colours_are_made_by_mujoco():
         assert np.array_equal(renderer.render(), expected) and expected.shape == (HEIGHT, WIDTH, 3)
         out = np.zeros_like(expected)
         assert renderer.render(out=out) is out and np.array_equal(out, expected)
-        # What was taken over is of the update, also where it was made for depth.
+        # Colors show the state of the last update, even if that was made for depth.
         renderer.enable_depth_rendering()
         data.qpos[0] += 0.3
         mujoco.mj_forward(model, data)
@@ -169,7 +169,7 @@ def mujoco_copy(model):
     return data
 
 
-def test_there_are_no_colours_without():
+def test_colors_without_fallback_are_rejected():
     renderer, _, _ = ready()
     renderer.disable_depth_rendering()
     assert renderer.fallback is None
@@ -177,7 +177,7 @@ def test_there_are_no_colours_without():
         renderer.render()
 
 
-def test_a_closed_renderer_takes_nothing_over():
+def test_closed_renderer_rejects_updates():
     renderer, _, data = ready()
     renderer.close()
     with pytest.raises(wv.WarpvisError, match="update_scene cannot be called after close"):
@@ -219,7 +219,7 @@ RANGED = """
 """
 
 
-# An object of every public class, and what it does, as arrays that a copy has to give as well.
+# An object of each public class, and a function whose arrays must be equal for a copy.
 OBJECTS = {
     "BatchRenderer": (BATCH, lambda batch: batch.render(QPOS).depth.numpy()),
     "BatchViews": (VIEWS, lambda views: views.by_world().points.numpy()),
@@ -234,7 +234,7 @@ OBJECTS = {
 }
 
 
-def test_every_public_class_is_here():
+def test_all_public_classes_are_covered():
     classes = {name for name in ours.__all__ if isinstance(getattr(ours, name), type)}
     assert classes == set(OBJECTS)
 
@@ -243,17 +243,17 @@ def test_every_public_class_is_here():
     "copied", [copy.deepcopy, lambda item: pickle.loads(pickle.dumps(item))], ids=["copy", "pickle"]
 )
 @pytest.mark.parametrize("name", OBJECTS)
-def test_a_copy_does_the_same(name, copied):
+def test_copies_behave_alike(name, copied):
     item, use = OBJECTS[name]
     expected = use(item)
     again = copied(item)
     assert type(again) is type(item) and again is not item
-    # What was moved in a renderer's model is fixed again in its copy, and traced in another frame.
+    # Geoms moved by a renderer are static again in its copy, and intersected in another frame.
     assert np.isclose(use(again), expected, atol=1e-5, equal_nan=True).mean() > 0.999 and np.isfinite(expected).any()
     assert np.array_equal(use(item), expected, equal_nan=True)
 
 
-def test_a_copy_of_a_renderer_goes_on_by_itself():
+def test_copied_renderer_is_independent():
     renderer = used_renderer()
     before, again = renderer.render(), copy.deepcopy(renderer)
     assert {item.name for item in again.scene} == {item.name for item in renderer.scene}
@@ -262,11 +262,11 @@ def test_a_copy_of_a_renderer_goes_on_by_itself():
     again.model.body("drawer").pos[0] += 0.3
     again.update_scene(mujoco_copy(again.model), "front")
     assert not np.array_equal(again.render(), before) and np.array_equal(renderer.render(), before)
-    # A scene by itself is one without flags.
+    # A pickled scene alone has no flags.
     assert type(pickle.loads(pickle.dumps(renderer.scene))) is wv.Scene
 
 
-def test_views_are_copied():
+def test_views_can_be_copied():
     views = wv.render(BATCH.scene, wv.Camera.from_fov(8, 6, hfov=1.0), (0, -2, 1, 0.7, 0, 0, 0.714))
     for again in (copy.deepcopy(views), pickle.loads(pickle.dumps(views))):
         assert type(again) is wv.Views and again.normals is None
@@ -276,7 +276,7 @@ def test_views_are_copied():
             assert np.array_equal(getattr(again, name).numpy(), image.numpy(), equal_nan=name == "points")
 
 
-def test_no_opengl_is_said(monkeypatch):
+def test_fallback_without_opengl_is_rejected(monkeypatch):
     def fail(*_, **__):
         raise mujoco.FatalError("an OpenGL platform library has not been loaded")
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A model is changed between `update_scene` and `update_scene`: images show it as it is then, and MuJoCo agrees."""
+"""Model changes between calls of `update_scene` appear in images as in MuJoCo."""
 
 import mujoco
 import numpy as np
@@ -76,7 +76,7 @@ CHANGES = {
     "lower field": lower_hills,
     "field of view": widen,
 }
-# What MuJoCo's renderer shows only after an upload.
+# Changes that MuJoCo's renderer shows only after an upload.
 UPLOADED = {"heights": raise_hills, "vertices": stretch_meshes}
 
 
@@ -86,9 +86,9 @@ def shown(renderer, model, data, camera="front"):
 
 
 def assert_as_new(renderer, model, data, camera="front"):
-    """A renderer that followed shows what a new one shows of the model as it is."""
+    """Compare the renderer's images with those of a new renderer of the changed model."""
     ours, new = shown(renderer, model, data, camera), shown(Renderer(model, 90, 120), model, data, camera)
-    assert (ours[1] == new[1]).all(axis=-1).mean() > 0.999  # fixed triangles are traced in other frames
+    assert (ours[1] == new[1]).all(axis=-1).mean() > 0.999  # static triangles are intersected in another frame
     same = (ours[1] == new[1]).all(axis=-1)
     assert np.abs(ours[0] - new[0])[same].max() < 1e-4
     return ours
@@ -96,19 +96,19 @@ def assert_as_new(renderer, model, data, camera="front"):
 
 @pytest.mark.gl
 @pytest.mark.parametrize("name", CHANGES)
-def test_a_changed_model_looks_as_in_mujoco(name, device):
+def test_changed_model_matches_mujoco(name, device):
     model, data = task()
     renderer = Renderer(model, 150, 200, tolerance=2e-4, device=device)
     before = shown(renderer, model, data)
     CHANGES[name](model)
     ours = shown(renderer, model, data)
-    assert (ours[0] != before[0]).mean() > 1e-3  # the change is to be seen at all
+    assert (ours[0] != before[0]).mean() > 1e-3  # the change is visible
     with mujoco.Renderer(model, 150, 200) as theirs:
         assert_same_images(ours, images(theirs, data, "front"), 2e-4)
 
 
 @pytest.mark.parametrize("name", CHANGES | UPLOADED)
-def test_a_changed_model_looks_as_in_a_new_renderer(name, device):
+def test_changed_model_matches_new_renderer(name, device):
     model, data = task()
     renderer = Renderer(model, 90, 120, device=device)
     before = shown(renderer, model, data)
@@ -117,8 +117,8 @@ def test_a_changed_model_looks_as_in_a_new_renderer(name, device):
     assert (after[0] != before[0]).any()
 
 
-def test_changes_after_changes(device):
-    """Every kind of change, in any order, seen from a camera that moves."""
+def test_repeated_changes_match_new_renderer(device):
+    """Apply all changes in random order, seen from a moving camera."""
     model, data = task()
     renderer, rng = Renderer(model, 90, 120, device=device), np.random.default_rng(3)
     changes = list((CHANGES | UPLOADED).values())
@@ -132,7 +132,7 @@ def test_changes_after_changes(device):
         assert_as_new(renderer, model, data, "front" if step % 2 else "wrist")
 
 
-def test_what_is_hidden_shows_again_as_it_was():
+def test_hidden_geoms_reappear():
     model, data = task()
     renderer = Renderer(model, 90, 120)
     before = shown(renderer, model, data)
@@ -140,7 +140,7 @@ def test_what_is_hidden_shows_again_as_it_was():
         model.geom(name).rgba[3] = 0
     hidden = shown(renderer, model, data)
     assert not np.isin(hidden[1][..., 0], [model.geom(name).id for name in ("case", "palm", "knob")]).any()
-    model.geom("case").size[:] *= 2  # while nobody looks
+    model.geom("case").size[:] *= 2  # while hidden
     model.mesh_vert[:] *= 1.2
     shown(renderer, model, data)
     model.geom("case").size[:] /= 2
@@ -156,7 +156,7 @@ def test_what_is_hidden_shows_again_as_it_was():
     assert_as_new(renderer, model, data)
 
 
-def test_moving_again_what_was_moved_builds_nothing():
+def test_repeated_moves_rebuild_nothing():
     model, data = task()
     renderer = Renderer(model, 90, 120)
     shown(renderer, model, data)
@@ -171,12 +171,12 @@ def test_moving_again_what_was_moved_builds_nothing():
     second = assert_as_new(renderer, model, data)
     assert renderer.scene.bvh() is trees
     assert not np.array_equal(first[0], second[0])
-    # The geoms of a body that was moved go on to share a pose.
+    # Geoms of a moved body continue to share a pose.
     case, handle = (renderer.scene[name] for name in ("case", "handle"))
     assert handle.parent is not None and renderer.scene.objects[handle.parent] is case
 
 
-def test_only_what_changed_is_built_again(monkeypatch):
+def test_only_changed_trees_are_rebuilt(monkeypatch):
     from warpvis.scene import _tree_cache
 
     model, data = task()
@@ -190,11 +190,11 @@ def test_only_what_changed_is_built_again(monkeypatch):
     model.geom("knob").size[0] = 0.05
     assert_as_new(renderer, model, data)
     ball = len(renderer.scene["knob"].faces)
-    assert built[0] == ball  # and the rest is the new renderer's
+    assert built[0] == ball  # the other builds belong to the new renderer
     assert built.count(ball) == 2
 
 
-def test_an_unchanged_model_keeps_its_scene():
+def test_unchanged_model_keeps_its_scene():
     model, data = task()
     renderer = Renderer(model, 90, 120)
     shown(renderer, model, data)
@@ -205,8 +205,8 @@ def test_an_unchanged_model_keeps_its_scene():
     assert not renderer.scene["table"].movable and not renderer.scene["handle"].movable
 
 
-def test_what_was_added_stays(device):
-    """Still, movable, and attached to a geom: whatever becomes of the geoms, and before and behind them."""
+def test_added_objects_survive_model_changes(device):
+    """Static, movable and attached objects, added between geoms that change."""
     model, data = task()
     renderer = Renderer(model, 90, 120, device=device)
     box = trimesh.creation.box((0.08, 0.08, 0.08))
@@ -234,7 +234,7 @@ def test_what_was_added_stays(device):
             assert (seen == scene.index(item)).sum() > 20, (name, item)
 
 
-def test_data_that_was_never_computed_is_named():
+def test_uncomputed_data_is_rejected():
     model, data = task()
     renderer = Renderer(model, 90, 120)
     with pytest.raises(wv.WarpvisError, match=r"poses must be computed, .*; call mujoco.mj_forward\(model, data\)"):
@@ -242,7 +242,7 @@ def test_data_that_was_never_computed_is_named():
     assert_as_new(renderer, model, data)
 
 
-def test_a_name_that_a_geom_needs_is_named():
+def test_name_conflict_with_visible_geom_is_rejected():
     model, data = task()
     renderer = Renderer(model, 90, 120)
     shown(renderer, model, data)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A camera inside its housing: MuJoCo cuts away what is nearer than its near plane, and sees what is behind."""
+"""A camera inside its housing: like MuJoCo, clip surfaces at the near plane."""
 
 import mujoco
 import numpy as np
@@ -11,8 +11,8 @@ from warpvis.mujoco import BatchRenderer, Renderer
 
 from support.mujoco_renderer import images
 
-# The near plane is at 2 cm; nothing but the walls of the housing is nearer. Its glass ends 1 cm before the lens, its
-# hood sticks out beyond the near plane.
+# The near plane is at 2 cm, and only walls of the housing are nearer. The glass ends 1 cm before the lens, and the hood
+# extends beyond the near plane.
 HOUSING = """<mujoco><statistic extent="2"/><visual><map znear=".01" zfar="20"/><quality offsamples="0"/></visual>
   <worldbody>
   <geom name="floor" type="plane" size="3 3 .1" pos="0 0 -.4"/>
@@ -41,7 +41,7 @@ def counts(model, ids):
 
 @pytest.mark.gl
 @pytest.mark.parametrize("tilt", [0.1, 0.6, 0.9])
-def test_what_is_nearer_than_the_near_plane_is_cut_away_as_in_mujoco(tilt, device):
+def test_near_plane_clipping_matches_mujoco(tilt, device):
     model, data = model_and_data(tilt)
     with mujoco.Renderer(model, 120, 160) as renderer:
         expected, expected_segmentation = images(renderer, data, "lens")
@@ -49,22 +49,22 @@ def test_what_is_nearer_than_the_near_plane_is_cut_away_as_in_mujoco(tilt, devic
     assert (np.abs(depth - expected) < 0.01).mean() >= 0.99
     assert (segmentation == expected_segmentation).all(axis=-1).mean() >= 0.99
     seen = counts(model, segmentation[..., 0])
-    assert seen["glass"] == seen["bulge"] == 0 < seen["hood"]  # what is left of the hood is behind the plane
+    assert seen["glass"] == seen["bulge"] == 0 < seen["hood"]  # the visible part of the hood is beyond the near plane
 
 
-def test_near_plane_occlude_shows_what_is_in_the_way(device):
+def test_near_plane_occlude_keeps_near_surfaces(device):
     model, data = model_and_data()
     depth, segmentation = images(Renderer(model, 120, 160, device=device, near_plane="occlude"), data, "lens")
     seen = counts(model, segmentation[..., 0])
     assert seen["glass"] > 10000
-    assert np.isfinite(depth).all()  # where it is, though nearer than the near plane
+    assert np.isfinite(depth).all()  # depths nearer than the near plane are reported
     glass = segmentation[..., 0] == model.geom("glass").id
     assert np.allclose(depth[glass], 0.01, atol=1e-5)
     cut, _ = images(Renderer(model, 120, 160, device=device), data, "lens")
     assert cut.min() >= 0.02 > depth.min()
 
 
-def test_a_batch_cuts_it_away_too(device):
+def test_near_plane_clipping_in_batch(device):
     model, data = model_and_data()
     given = {"height": 60, "width": 80, "outputs": ("depth", "segmentation"), "device": device}
     clips, occludes = BatchRenderer(model, **given), BatchRenderer(model, **given, near_plane="occlude")
@@ -80,6 +80,6 @@ def test_a_batch_cuts_it_away_too(device):
 
 
 @pytest.mark.parametrize("kind", [Renderer, BatchRenderer])
-def test_near_plane_is_one_of_two_words(kind):
+def test_invalid_near_plane_is_rejected(kind):
     with pytest.raises(ArrayError, match="near_plane must be"):
         kind(model_and_data()[0], near_plane="cut")

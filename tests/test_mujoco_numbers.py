@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers of MuJoCo's models and data that are invalid, or at the limit of what is valid."""
+"""Invalid values, and valid extreme values, in MuJoCo models and data."""
 
 import math
 
@@ -41,14 +41,14 @@ def computed(model):
 
 
 @pytest.mark.parametrize("cutoff", [180, 90, 45, 0])
-def test_spots_of_any_cutoff_are_read(cutoff):
-    """180 degrees in MuJoCo's single precision is more than pi in radians."""
+def test_spotlights_of_any_cutoff_are_read(cutoff):
+    """180 degrees in MuJoCo's single precision exceeds pi radians."""
     light = scene_from_mujoco(model_of(cutoff)).scene.lights[1]
     assert light.outer_angle == pytest.approx(math.radians(cutoff), abs=1e-9) and light.outer_angle <= math.pi
     assert BatchRenderer(model_of(cutoff), outputs=("color",), height=8, width=8).render(computed(model_of())).color
 
 
-def test_angles_of_lights_may_be_of_single_precision():
+def test_light_angles_accept_single_precision():
     assert wv.scene.lights.Light("spot", outer_angle=np.float32(np.pi)).outer_angle == math.pi
     light = wv.scene.lights.Light("spot", inner_angle=np.float32(np.pi / 4), outer_angle=np.pi / 4)
     assert light.inner_angle == light.outer_angle == np.pi / 4
@@ -76,7 +76,7 @@ FRESH = {
 
 @pytest.mark.parametrize("name", FRESH)
 @pytest.mark.parametrize("reset", [False, True])
-def test_data_that_was_never_computed_is_refused(name, reset):
+def test_uncomputed_data_is_rejected(name, reset):
     model = model_of()
     data = mujoco.MjData(model)
     if reset:
@@ -87,7 +87,7 @@ def test_data_that_was_never_computed_is_refused(name, reset):
         FRESH[name](model, data)
 
 
-def test_models_whose_geoms_all_move_need_computed_data_too():
+def test_uncomputed_data_of_fully_moving_model_is_rejected():
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
     )
@@ -96,7 +96,7 @@ def test_models_whose_geoms_all_move_need_computed_data_too():
 
 
 def test_cameras_need_more_than_kinematics():
-    """`mj_kinematics` computes geoms and sites alone."""
+    """`mj_kinematics` computes only geoms and sites."""
     model = model_of()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -108,7 +108,7 @@ def test_cameras_need_more_than_kinematics():
     BatchRenderer(model, height=8, width=8).render(data, cameras=-1)
 
 
-def test_only_the_worlds_that_are_rendered_must_be_computed():
+def test_only_rendered_worlds_must_be_computed():
     model = model_of()
     data, batch = computed(model), BatchRenderer(model, height=8, width=8)
     names = ("geom_xpos", "geom_xmat", "cam_xpos", "cam_xmat")
@@ -122,7 +122,7 @@ def test_only_the_worlds_that_are_rendered_must_be_computed():
 @pytest.mark.parametrize("kind", ["geom", "cam", "site"])
 @pytest.mark.parametrize("part", ["xpos", "xmat"])
 @pytest.mark.parametrize("value", [math.nan, -math.inf])
-def test_poses_that_are_not_finite_are_refused(kind, part, value):
+def test_non_finite_poses_are_rejected(kind, part, value):
     model = model_of()
     data, name = computed(model), f"{kind}_{part}"
     renderer = Renderer(model, 8, 8)
@@ -155,7 +155,7 @@ FIELD = """<mujoco><asset><hfield name="hills" nrow="3" ncol="3" size="1 1 1 .1"
     ("field", "said"),
     [("hfield_data", "heights of hfield 0 must be finite"), ("mesh_vert", "vertices of mesh 0 must be finite")],
 )
-def test_rangefinders_refuse_shapes_that_are_not_finite(field, said):
+def test_rangefinders_reject_non_finite_shapes(field, said):
     model = mujoco.MjModel.from_xml_string(FIELD)
     finders, data = Rangefinders(model), computed(model)
     finders.read(data)
@@ -177,7 +177,7 @@ SHAPES = {
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 @pytest.mark.parametrize("field", SHAPES)
-def test_shapes_that_are_not_finite_are_refused(field, value):
+def test_non_finite_shapes_and_colors_are_rejected(field, value):
     model = model_of()
     data = computed(model)
     renderer, finders = Renderer(model, 8, 8), Rangefinders(model)
@@ -186,7 +186,7 @@ def test_shapes_that_are_not_finite_are_refused(field, value):
     for make in makers:
         with pytest.raises(wv.WarpvisError, match=SHAPES[field]):
             make(model)
-    if field in ("geom_size", "geom_rgba", "mat_rgba", "site_rgba"):  # those that show in depth
+    if field in ("geom_size", "geom_rgba", "mat_rgba", "site_rgba"):  # fields that affect depth
         with pytest.raises(wv.WarpvisError, match=SHAPES[field]):
             renderer.update_scene(data)
     if field in ("geom_size", "geom_rgba", "mat_rgba"):
@@ -195,7 +195,7 @@ def test_shapes_that_are_not_finite_are_refused(field, value):
 
 
 @pytest.mark.parametrize("field", ["pos", "dir", "cutoff", "exponent", "attenuation", "ambient", "diffuse", "specular"])
-def test_lights_that_are_not_finite_are_refused(field):
+def test_non_finite_lights_are_rejected(field):
     model = model_of()
     getattr(model, f"light_{field}")[0] = math.nan
     with pytest.raises(wv.WarpvisError, match=f"light_{field} of light 'lamp' must be finite, got"):
@@ -207,7 +207,7 @@ def test_lights_that_are_not_finite_are_refused(field):
         scene_from_mujoco(model)
 
 
-def test_fields_of_view_that_are_not_finite_are_refused():
+def test_non_finite_fields_of_view_are_rejected():
     model = model_of()
     data, renderer = computed(model), Renderer(model, 8, 8)
     model.cam_fovy[0] = math.nan
@@ -224,7 +224,7 @@ def test_fields_of_view_that_are_not_finite_are_refused():
 
 
 @pytest.mark.parametrize("field", ["geom_rgba", "mat_rgba"])
-def test_colors_of_worlds_that_are_not_finite_are_refused(field):
+def test_non_finite_colors_of_worlds_are_rejected(field):
     model = model_of()
     batch, colors = BatchRenderer(model, height=8, width=8), getattr(model, field)[None].repeat(2, axis=0)
     colors[1, 0, 3] = math.nan
