@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""`Scene.load`: one scene of whatever a reader finds, and arguments that reach every reader or say that they cannot."""
+"""Tests of `Scene.load` for every kind of file: options, search paths, warnings and errors."""
 
 import warnings
 
@@ -17,7 +17,7 @@ BOX = "Solid { translation 0 0 3 name %s children [ Shape { geometry Box { size 
 
 @pytest.fixture
 def folder(tmp_path):
-    """A GLB file of two boxes and a line, a glTF file whose buffer is elsewhere, an STL file, and a Webots world."""
+    """Write a GLB file of two boxes and a line, a glTF file with an external buffer, an STL file, and Webots worlds."""
     whole = trimesh.Scene()
     for name, x in (("ball", 0.0), ("wall", 3.0)):
         where = trimesh.transformations.translation_matrix([x, 0, 0])
@@ -41,7 +41,7 @@ def load(path, **options):
         return Scene.load(path, **options)
 
 
-def test_a_worlds_scene_is_the_only_one(folder, monkeypatch):
+def test_load_creates_one_scene(folder, monkeypatch):
     made = []
     initialise = Scene.__init__
     monkeypatch.setattr(Scene, "__init__", lambda self, **given: (made.append(given), initialise(self, **given))[1])
@@ -60,7 +60,7 @@ def test_a_worlds_scene_is_the_only_one(folder, monkeypatch):
         ("old.wbt", "z", (1, 4, 2), (0, -3, 0)),
     ],
 )
-def test_a_world_is_turned_where_another_axis_is_asked_for(folder, name, up, size, middle):
+def test_world_is_rotated_to_the_requested_up_axis(folder, name, up, size, middle):
     scene = load(folder / name, up=up)
     assert scene.up == (up or {"box.wbt": "z", "old.wbt": "y"}[name])
     np.testing.assert_allclose(np.ptp(scene.bounds, axis=0), size, atol=1e-6)
@@ -79,7 +79,7 @@ def test_labels_and_movable_reach_every_reader(folder, name):
         np.testing.assert_array_equal(item.vertices, still[item.name].vertices)
 
 
-def test_some_are_movable_in_the_order_of_the_file(folder):
+def test_movable_selects_objects_by_name(folder):
     scene = load(folder / "boxes.gltf", movable=["wall"], search_path=[folder / "buffers"])
     assert [scene.objects[index].name for index in scene.movable] == ["wall"]
     pose = wv.look_at((-3, 0, 0), (1, 0, 0))
@@ -96,7 +96,7 @@ def test_buffers_are_found_on_the_search_path(folder):
     assert {item.name for item in scene} == {"ball", "wall"}
 
 
-def test_what_has_no_triangles_is_named_or_refused(folder):
+def test_geometry_without_triangles_warns_or_raises(folder):
     with pytest.warns(UserWarning, match="boxes.glb: left out 'laser', which hold lines or points") as caught:
         scene = Scene.load(folder / "boxes.glb")
     assert len(caught) == 1 and caught[0].filename == __file__
@@ -105,7 +105,7 @@ def test_what_has_no_triangles_is_named_or_refused(folder):
         load(folder / "boxes.glb", strict=True)
 
 
-def test_strict_reaches_worlds(folder):
+def test_strict_applies_to_worlds(folder):
     with pytest.warns(UserWarning, match="skipped UnheardOf") as caught:
         Scene.load(folder / "unknown.wbt")
     assert len(caught) == 1 and caught[0].filename == __file__
@@ -145,7 +145,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_sentence(folder, case):
+def test_invalid_input_raises_one_line_message(folder, case):
     name, options, kind, message = BAD[case]
     (folder / "box.docx").write_text("no mesh")
     (folder / "plain").write_text("no mesh")

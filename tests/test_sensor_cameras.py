@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Devices through cameras that are not their own: the range stays the device's, and a warning tells of other noise."""
+"""Tests of device models with other cameras: the range is the device's, and another focal length warns."""
 
 import dataclasses
 import warnings
@@ -32,7 +32,7 @@ def depth_of(sensor, camera, distance, **options):
 
 
 @pytest.mark.parametrize("name", PROFILES)
-def test_the_range_is_the_devices_through_any_camera(name):
+def test_range_is_the_devices_with_any_camera(name):
     sensor = PROFILES[name]
     native = sensor.camera()
     for camera in (dataclasses.replace(native, near=0.0, far=np.inf), dataclasses.replace(native, near=1e-3, far=99.0)):
@@ -40,20 +40,20 @@ def test_the_range_is_the_devices_through_any_camera(name):
             warnings.filterwarnings("error", message="the device")
             for distance in (1.2 * native.far, 0.9 * native.far, 0.9 * native.near):
                 depth, reasons = depth_of(sensor, camera, distance)
-                found = depth[np.isfinite(depth)]  # noise and wrapped phases may bring depth back into the range
+                found = depth[np.isfinite(depth)]  # noise and phase wrapping may return depth to the range
                 assert ((found >= native.near) & (found <= native.far)).all()
                 for image, its_own in zip((depth, reasons), depth_of(sensor, native, distance), strict=True):
                     np.testing.assert_array_equal(image, its_own)
 
 
-def test_the_range_stays_within_corruptions_and_randomized_sensors():
+def test_corruptions_and_randomized_sensors_keep_the_range():
     camera = dataclasses.replace(D435.camera(), near=0.0, far=np.inf)
     for other in (D435, wv.sensors.Corruptions(of=D435), wv.sensors.randomized(D435, baseline=(0.049, 0.051))):
         assert not np.isfinite(depth_of(other, camera, 11.5)[0]).any()
         assert np.isfinite(depth_of(other, camera, 3.0)[0]).any()
 
 
-def test_a_narrower_range_of_the_camera_counts():
+def test_narrower_camera_range_applies():
     camera = dataclasses.replace(D435.camera(), near=1.0, far=2.0)
     assert not np.isfinite(depth_of(D435, camera, 2.5)[0]).any()
     assert not np.isfinite(depth_of(D435, camera, 0.8)[0]).any()
@@ -61,8 +61,9 @@ def test_a_narrower_range_of_the_camera_counts():
         depth_of(D435, dataclasses.replace(camera, near=11.0, far=12.0), 11.5)
 
 
-def test_what_is_too_near_to_the_device_is_not_cut_away():
-    """A camera's near plane clips, as in MuJoCo; a surface beyond it hides what is behind, and is too near."""
+def test_surfaces_nearer_than_the_device_range_are_not_clipped():
+    """The camera's near plane clips, as in MuJoCo; a surface between it and the device's range occludes and is too
+    near."""
     sensor = dataclasses.replace(PROFILES["kinect_v1"], shadow=False)
     camera = dataclasses.replace(sensor.camera(), near=0.05, far=np.inf)
     depth, _ = depth_of(sensor, camera, 0.2, near_plane="clip")
@@ -70,7 +71,7 @@ def test_what_is_too_near_to_the_device_is_not_cut_away():
 
 
 @pytest.mark.parametrize("name", list(PROFILES)[:6])
-def test_another_focal_length_is_told(name):
+def test_other_focal_length_warns(name):
     sensor = PROFILES[name]
     fx = sensor.camera().fx
     for factor, is_told in ((1.04, False), (1.5, True), (0.7, True)):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers of a depth camera by its pictures of walls: those that the pictures were made with come back."""
+"""Tests of `fit`: parameters of a depth camera recovered from images of walls."""
 
 import json
 import math
@@ -21,11 +21,11 @@ from support.slow import parametrize
 
 CAMERA = wv.Camera.from_fov(320, 200, hfov=1.4, near=0.1, far=20.0)
 BASELINE = 0.05
-WALLS = ((0.6, 0), (1.0, 10), (1.5, 20), (2.0, 0), (3.0, 15), (4.0, 25))  # metres, degrees
+WALLS = ((0.6, 0), (1.0, 10), (1.5, 20), (2.0, 0), (3.0, 15), (4.0, 25))  # meters, degrees
 
 
 def wall(distance, angle):
-    """A wall that is so far away on the camera's axis, the y axis, and turned."""
+    """Return a wall at `distance` along the camera's axis (y), rotated by `angle` degrees about the vertical."""
     scene, half = wv.Scene(), math.radians(angle) / 2
     turned = (0.0, distance + 0.01, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
     scene.add(trimesh.creation.box((60, 0.02 * math.cos(2 * half), 60)), name="wall", pose=turned)
@@ -57,7 +57,7 @@ def millimetres(depth):
     ],
     ids=["white", "smooth", "coarse", "without steps"],
 )
-def test_what_pictures_were_made_with_is_found(numbers, rounded, given):
+def test_fit_recovers_sensor_parameters(numbers, rounded, given):
     sensor = StereoDepth(BASELINE, **numbers)
     if given.get("subpixel"):
         if not sensor.subpixel:
@@ -84,30 +84,30 @@ def test_what_pictures_were_made_with_is_found(numbers, rounded, given):
         assert report.subpixel_rms == pytest.approx(total, rel=0.1)
 
 
-def test_noise_below_a_step_is_found_too():
-    """A sixth of one: the mean square is that of rounding."""
+def test_fit_recovers_noise_below_a_step():
+    """A sixth of a step: the rounding error dominates the mean square."""
     images = pictures(StereoDepth(BASELINE, sigma=0.02, subpixel=8))
     found = fit(images, CAMERA, baseline=BASELINE)
     assert found.step == pytest.approx(0.125, rel=1e-3)
     assert found.sigma == pytest.approx(0.02, rel=0.05)
 
 
-def test_a_clean_wall_has_no_noise():
+def test_noise_free_wall_has_zero_sigma():
     found = fit(pictures(StereoDepth(BASELINE)), CAMERA, baseline=BASELINE)
     assert found.sigma < 1e-4 and found.step == 0 and found.dropout == 0
 
 
-def test_the_other_eye_on_the_left_and_things_before_the_wall():
+def test_left_eye_and_foreground_objects():
     sensor = StereoDepth(BASELINE, other_eye="left", sigma=0.05, subpixel=32)
     images = pictures(sensor)
-    images[:, 80:130, 140:180] *= 0.7  # somebody stands there
+    images[:, 80:130, 140:180] *= 0.7  # a foreground object
     found = fit(images, CAMERA)
     assert found.found_by == "band" and found.focal_baseline == pytest.approx(CAMERA.fx * BASELINE, rel=0.02)
     assert found.sigma == pytest.approx(0.05, rel=0.05)
     assert np.isnan(found.errors[0]).mean() > 0.03
 
 
-def test_correlations_are_those_of_the_model():
+def test_correlations_match_the_model():
     for spacing in (1, 2, 5, 9):
         expected = expected_correlation(spacing, 30)
         assert expected[0] == pytest.approx(1) and (expected[2 * spacing :] == 0).all()
@@ -117,7 +117,7 @@ def test_correlations_are_those_of_the_model():
     np.testing.assert_allclose(measured[:12], expected_correlation(5, 12), atol=0.06)
 
 
-def test_report_and_picture(tmp_path):
+def test_report_and_figure(tmp_path):
     found = fit(pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32)), CAMERA, subpixel=32)
     lines = found.report().splitlines()
     assert lines[0].startswith("6 walls; f b ") and lines[0].endswith("by the subpixel")
@@ -129,7 +129,7 @@ def test_report_and_picture(tmp_path):
 
 
 @parametrize("kind", ["png", "npy", "npy of millimetres"])
-def test_the_command_line_fits(tmp_path, monkeypatch, capsys, kind):
+def test_command_line_fits(tmp_path, monkeypatch, capsys, kind):
     images = pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32))
     folder = tmp_path / "walls"
     folder.mkdir()
@@ -153,7 +153,7 @@ def test_the_command_line_fits(tmp_path, monkeypatch, capsys, kind):
     assert (tmp_path / "fit.png").is_file()
 
 
-# ------------------------------------------------------------------------------------------------------------ wrong
+# ----------------------------------------------------------------------------------------------------------- errors
 
 
 NOISY = np.full((200, 320), 2.0, dtype=np.float32)
@@ -188,12 +188,12 @@ NOISY = np.full((200, 320), 2.0, dtype=np.float32)
         ),
     ],
 )
-def test_bad_input(images, options, message):
+def test_invalid_input_raises(images, options, message):
     with pytest.raises(ArrayError, match=message):
         fit(images, CAMERA, **options)
 
 
-def test_a_step_that_is_no_whole_part():
+def test_step_that_is_no_unit_fraction_raises():
     found = fit(pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32)), CAMERA, baseline=BASELINE * 20)
     with pytest.raises(
         ArrayError, match=r"step of disparity must be 1/n px, got .* px. Pass the correct baseline or subpixel."
@@ -201,7 +201,7 @@ def test_a_step_that_is_no_whole_part():
         found.sensor()
 
 
-def test_files_that_are_no_depth_images(tmp_path):
+def test_invalid_depth_files_raise(tmp_path):
     for name, message in (("none.png", "no such file"), ("none.npy", "no such file")):
         with pytest.raises(FileFormatError, match=message):
             wv.io.read_depth(tmp_path / name)
@@ -227,7 +227,7 @@ def test_files_that_are_no_depth_images(tmp_path):
         wv.io.find_depth_images(tmp_path / "empty")
 
 
-def test_files_are_read_as_they_were_written(tmp_path):
+def test_depth_files_round_trip(tmp_path):
     depth = np.array([[1.234, 0.0, 60.0], [0.001, np.inf, 2.5]])
     wv.io.save_depth_png(depth, tmp_path / "a.png")
     expected = np.array([[1.234, np.nan, 60.0], [0.001, np.nan, 2.5]], dtype=np.float32)

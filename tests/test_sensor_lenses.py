@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Models of sensors through lenses: those that look at depth alone, and what the others say."""
+"""Tests of sensor models with lens cameras: models of depth alone accept them, others raise."""
 
 import numpy as np
 import pytest
@@ -34,20 +34,20 @@ def render(camera, sensor, device="cpu", **options):
 
 
 @pytest.mark.parametrize("sensor", [KhoshelhamNoise(sigma=0.2), CORRUPTED], ids=["Khoshelham", "corruptions"])
-def test_a_lens_that_bends_nothing_is_a_pinhole(device, sensor):
+def test_lens_without_distortion_equals_pinhole(device, sensor):
     straight = LensCamera(OpenCVPinhole(*K, (0.0, 0.0, 0.0, 0.0)), 64, 48, **LIMITS)
     found, wanted = render(straight, sensor, device), render(PINHOLE, sensor, device)
     same = found["reasons"] == wanted["reasons"]
     assert same.mean() > 0.999 and {0, 1, 2} <= {*np.unique(found["reasons"])}
     for name in ("depth", "true_depth"):
         close = np.isclose(found[name], wanted[name], rtol=1e-5, equal_nan=True)
-        assert close[same].mean() > 0.998, name  # of steps, some are on the border between two
+        assert close[same].mean() > 0.998, name  # values on the border of two quantization steps may differ
 
 
 @pytest.mark.parametrize("camera", [BENT, FISHEYE], ids=["z", "range"])
 @pytest.mark.parametrize("near_plane", ["occlude", "clip"])
-def test_depth_through_a_lens_is_corrupted_as_any(device, camera, near_plane):
-    """Exact depth is what the lens sees, and errors are those of the pixel's numbers, whichever ray it has."""
+def test_corruptions_apply_through_a_lens(device, camera, near_plane):
+    """Exact depth is that of the lens, and errors depend on the pixel, not on its ray."""
     found = render(camera, CORRUPTED, device, near_plane=near_plane)
     near = {"near": camera.near} if near_plane == "clip" else {}
     endless = LensCamera(camera.lens, 64, 48, kind=camera.kind, **near)
@@ -63,7 +63,7 @@ def test_depth_through_a_lens_is_corrupted_as_any(device, camera, near_plane):
     np.testing.assert_array_equal(found["points"], points)
 
 
-def test_steps_are_those_of_the_paper(device):
+def test_depth_steps_match_khoshelham(device):
     found = render(BENT, KhoshelhamNoise(), device)
     seen = found["reasons"] == 0
     steps = 1 / found["depth"][seen].astype(np.float64) / 2.85e-3
@@ -71,7 +71,7 @@ def test_steps_are_those_of_the_paper(device):
     assert (found["depth"] != found["true_depth"])[seen].mean() > 0.9
 
 
-def test_a_dataset_through_a_lens(tmp_path):
+def test_dataset_round_trips_lens_and_sensor(tmp_path):
     options = {"outputs": ("depth", "reasons"), "sensor": randomized(CORRUPTED, multiplied=(0.0, 0.1)), "seed": 3}
     wv.render_batch(make_scene(), BENT, POSES, tmp_path / "out", **options)
     dataset = wv.open_dataset(tmp_path / "out")
@@ -99,6 +99,6 @@ SHUTTER = wv.sensors.RollingShutter(PINHOLE, 0.03)
         (randomized(StereoDepth(0.05), sigma=(0, 1)), BENT, "camera of StereoDepth must be"),
     ],
 )
-def test_what_is_refused(sensor, camera, message):
+def test_incompatible_cameras_raise(sensor, camera, message):
     with pytest.raises(wv.errors.CameraError, match=message):
         wv.Renderer(make_scene(), camera, sensor=sensor)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras' models on CPU cores take sixteen pixels at a time: every bit is what kernels of one pixel write."""
+"""Tests of depth-camera models on the CPU, vectorized over 16 pixels, against the single-pixel kernels of the GPU."""
 
 import dataclasses
 
@@ -12,7 +12,7 @@ from warpvis.kernels import corruptions, kinect_noise, sub_rays, time_of_flight
 from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, TimeOfFlight
 from warpvis.sensors.depth import _corruptions, _kinect_noise, _time_of_flight
 
-# As wide as neither registers nor the pixels that share random words, and with every kind of row's end.
+# The width is a multiple of neither the register width nor the number of pixels that share random words.
 CAMERA = wv.Camera.from_fov(149, 37, hfov=1.2, near=0.9, far=2.5)
 FLIGHT = TimeOfFlight((80e6, 60e6), signal=4000.0, background=20.0, offset=0.01, wiggle=0.02, least_signal=0.05)
 MODELS = {
@@ -28,7 +28,7 @@ MODELS = {
 
 
 def one_pixel_a_thread(monkeypatch):
-    """Have kernels that a GPU has model images on the CPU."""
+    """Run the GPU's kernels on the CPU."""
     monkeypatch.setattr(_kinect_noise, "_nguyen_kernel", lambda device: (kinect_noise.measure_nguyen, 1))
     monkeypatch.setattr(_kinect_noise, "_khoshelham_kernel", lambda device: (kinect_noise.measure_khoshelham, 1))
     monkeypatch.setattr(_corruptions, "_kernel", lambda device: (corruptions.corrupt_depth, 1))
@@ -43,7 +43,7 @@ def room():
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
-def test_rows_write_the_bits_of_pixels(room, model, monkeypatch):
+def test_row_kernels_equal_pixel_kernels(room, model, monkeypatch):
     scene, poses = room
 
     def render(threads):

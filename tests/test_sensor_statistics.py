@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Every model and profile of a depth camera, held to its own formulas at walls: one table, all of them alike."""
+"""Tests of the noise of all depth-camera models and profiles at walls against their formulas."""
 
 import dataclasses
 import math
@@ -35,10 +35,10 @@ sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
 
 CAMERA = wv.Camera(64, 48, 300.0, 300.0, 32.0, 24.0, near=0.05, far=100.0)
 OUTPUTS = ("depth", "reasons", "true_depth")
-# Dots so far apart that each is alone in its window.
+# Each window contains at most one dot.
 DOTS = np.zeros((48, 64), dtype=np.uint8)
-DOTS[5:43:10, 5:59:10] = 255  # without the edges, where none is found
-# Devices without their cameras: their laws hold through any camera and at any depth.
+DOTS[5:43:10, 5:59:10] = 255  # not at the edges, where no dot is found
+# Devices without their cameras: their noise formulas hold with any camera and at any depth.
 PROFILES = ("realsense_d415", "realsense_d435", "realsense_d455", "oak_d", "kinect_v1", "structure")
 STEREO = {name: dataclasses.replace(getattr(wv.sensors, name)(), native_camera=None) for name in PROFILES}
 MODELS = {
@@ -79,14 +79,14 @@ def look(model, distance, angle, device, frames=8, camera=CAMERA, threads=None):
 
 
 def assert_normal(found):
-    """Mean, deviation and distribution of independent numbers."""
+    """Assert that independent samples have the mean, deviation and distribution of a standard normal."""
     assert abs(found.mean()) < 4 / math.sqrt(found.size)
     assert abs(found.std() - 1) < 4 / math.sqrt(2 * found.size)
     assert stats.kstest(found, "norm").pvalue > 1e-4
 
 
 def independent(model, found):
-    """Those of pixels whose noise has nothing in common."""
+    """Return finite samples of pixels far enough apart to be independent."""
     apart = spacing_of(model)
     found = found[:, ::apart, ::apart]
     return found[np.isfinite(found)]
@@ -94,7 +94,7 @@ def independent(model, found):
 
 def frames_for(model):
     if isinstance(model, SimKinect):
-        return 60  # of which a few pixels count
+        return 60  # only a few pixels per frame count
     return 60 if spacing_of(model) > 1 else 10
 
 
@@ -108,8 +108,8 @@ QUICK = {(0.5, 0), (2.0, 40), (3.5, 80)}
     [sorted(QUICK), pytest.param([one for one in WALLS if one not in QUICK], marks=pytest.mark.slow)],
     ids=["some", "all others"],
 )
-def test_noise_at_walls(device, name, walls):
-    """The number that a pixel says has the distribution of the model's formula, at its own distance and angle."""
+def test_wall_noise_matches_the_formula(device, name, walls):
+    """Scores of the measured value follow the standard normal distribution at each distance and angle."""
     model, judged = MODELS[name], 0
     for distance, angle in walls:
         seen = look(model, distance, angle, device, frames_for(model))
@@ -117,15 +117,15 @@ def test_noise_at_walls(device, name, walls):
         if found.size > 200:
             assert_normal(found)
             judged += 1
-    # Devices lose walls that are too near, or seen too much from the side.
+    # Devices lose walls that are too near or at grazing angles.
     assert judged >= 0.6 * len(walls)
 
 
 @pytest.mark.parametrize("name", [name for name, model in MODELS.items() if steps_of(model, CAMERA)])
-def test_levels_at_a_wall(device, name):
-    """Disparities are whole, to a thousandth of a step, and every level between the ends is there."""
+def test_depths_lie_on_all_disparity_levels(device, name):
+    """Disparities are whole to a thousandth of a step, and every level between the extremes occurs."""
     model = MODELS[name]
-    if isinstance(model, SimKinect):  # whose 1/8 px are coarser than its steps below 44 px m, and fill gaps with noise
+    if isinstance(model, SimKinect):  # below 44 px m, 1/8 px exceeds its steps
         model = dataclasses.replace(model, focal_length=640.0, sigma=0.5)
     seen = look(model, 3.5, 40, device, 40)
     levels = steps_of(model, CAMERA) / seen["depth"][seen["reasons"] == Reason.VALID].astype(np.float64)
@@ -134,12 +134,12 @@ def test_levels_at_a_wall(device, name):
     common = taken[counts > 5]
     np.testing.assert_array_equal(common, np.arange(common[0], common[-1] + 1))
     assert len(common) > 8
-    assert len(np.unique(levels)) == len(taken)  # a level is one depth, to the last bit
+    assert len(np.unique(levels)) == len(taken)  # one exact depth per level
 
 
 @pytest.mark.parametrize("name", STEREO)
-def test_shadows_and_bands_of_profiles(device, name):
-    """f b (1 / z1 - 1 / z2) and f b / z px, to one, both on the left; a projector's image has no band."""
+def test_profile_shadow_and_band_widths(device, name):
+    """f b (1 / z1 - 1 / z2) and f b / z px, within 1 px, both on the left; a projector's image has no band."""
     sensor = getattr(wv.sensors, name)(320, 240)
     camera = dataclasses.replace(sensor.camera(), height=16, cy=8.0)
     near, far = 0.9, 2.8
@@ -156,8 +156,8 @@ def test_shadows_and_bands_of_profiles(device, name):
 
 
 @pytest.mark.parametrize("multiplier", [1.0, 2.5])
-def test_redwood_at_an_edge(device, multiplier):
-    """Over 2,000 draws a column shows the nearer side as often as a normal shift of 0.25 px puts it there."""
+def test_redwood_edge_jitter_is_normal(device, multiplier):
+    """Over 2,000 draws, a column is foreground as often as a normal shift of 0.25 px predicts."""
     scene = wall(4.0, 0.0, device)
     scene.add(trimesh.creation.box((18, 1e-4, 18)), name="plate", pose=(-9, 2.0, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(24, 20, hfov=0.05)
@@ -172,8 +172,8 @@ def test_redwood_at_an_edge(device, multiplier):
 
 
 @pytest.mark.parametrize("shift", [0.25, 0.5])
-def test_simkinects_lateral_deviation(device, shift):
-    """On a slope dots are found as often as normal shifts leave them within 0.1 px of their windows' means."""
+def test_simkinect_lateral_deviation(device, shift):
+    """On a slope, dots are found as often as normal shifts leave them within 0.1 px of their window's mean."""
     model = SimKinect(shift, focal_length=480.0, sigma=0.0, pattern=DOTS)
     rows, columns = np.nonzero(DOTS)
     for distance, angle in ((1.0, 61), (2.0, 75)):
@@ -186,16 +186,16 @@ def test_simkinects_lateral_deviation(device, shift):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_noise_of_neighbours_and_frames(device, name):
-    """White noise is of no neighbour, smooth noise correlated as its closed form has it; none is of another frame."""
+def test_noise_correlation_between_pixels_and_frames(device, name):
+    """White noise is uncorrelated, smooth noise follows its closed form; frames are uncorrelated."""
     model, frames = MODELS[name], 24
     if isinstance(model, StereoDepth):
-        model = dataclasses.replace(model, subpixel=0)  # whose part of the error is white
+        model = dataclasses.replace(model, subpixel=0)  # its rounding error is white
     if isinstance(model, SimKinect):
-        model = SimKinect(focal_length=480.0, sigma=1.0)  # so much that rounding leaves some
+        model = SimKinect(focal_length=480.0, sigma=1.0)  # large enough to survive rounding
     depth = look(model, 2.0, 0, device, frames)["depth"][:, 8:-8, 16:-8].astype(np.float64)
-    assert np.isfinite(depth).all()  # beside the band, and what simkinect leaves out
-    # Of a wall that is met straight, where range and angle differ little; white in 1 / z, or nearly.
+    assert np.isfinite(depth).all()  # without the band and pixels that simkinect omits
+    # A frontal wall, where range and angle vary little; white in 1 / z, approximately.
     noise = 1 / depth - (1 / depth).mean(axis=0)
     noise /= noise.std(axis=0)
     spacing = getattr(model, "noise_spacing", 1)
@@ -204,12 +204,12 @@ def test_noise_of_neighbours_and_frames(device, name):
         expected = noise_correlation(spacing, lag)
         assert abs((noise[:, :, lag:] * noise[:, :, :-lag]).mean() - expected) < 5 / math.sqrt(apart)
         assert abs((noise[:, lag:] * noise[:, :-lag]).mean() - expected) < 5 / math.sqrt(apart)
-    # The mean of all frames is taken off each.
+    # Subtracting the mean of all frames correlates them slightly.
     assert abs((noise[1:] * noise[:-1]).mean() + 1 / (frames - 1)) < 5 / math.sqrt(apart)
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_batches_threads_and_order_change_no_bit(device, name):
+def test_results_are_independent_of_batches_threads_and_order(device, name):
     options = {"outputs": OUTPUTS, "sensor": MODELS[name], "seed": 9}
     scene, camera = make_scene(device), dataclasses.replace(CAMERA, fx=60.0, fy=60.0, near=0.5, far=3.0)
     whole = wv.render(scene, camera, POSES, threads=1, frame=[4, 0, 2], **options)
@@ -224,8 +224,8 @@ def test_batches_threads_and_order_change_no_bit(device, name):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_a_gpu_says_the_same_bits(cuda, name):
-    """Of the same exact image: where that is the same about a pixel, as far as windows reach."""
+def test_gpu_results_equal_cpu_bits(cuda, name):
+    """Where the exact images are equal within the reach of a pixel's window."""
     on_cpu, on_gpu = (look(MODELS[name], 2.0, 20, device, 2) for device in ("cpu", cuda))
     same = ndimage.minimum_filter(on_cpu["true_depth"] == on_gpu["true_depth"], size=(1, 15, 15))
     assert same.mean() > 0.1
@@ -234,8 +234,8 @@ def test_a_gpu_says_the_same_bits(cuda, name):
 
 
 @pytest.mark.parametrize(("name", "bias"), [("khoshelham", 0.0), ("redwood", 0.0), ("simkinect", 0.5)])
-def test_disparities_are_right_in_the_mean(device, name, bias):
-    """Over walls within a step of each other; simkinect's are half a step too great, as its program's."""
+def test_mean_disparity_bias(device, name, bias):
+    """Over walls within one step; simkinect's disparities are half a step too large, as in its reference program."""
     model, errors = MODELS[name], []
     for distance in np.linspace(2.0, 2.02, 8):
         seen = look(model, float(distance), 0, device, 4)
@@ -246,8 +246,8 @@ def test_disparities_are_right_in_the_mean(device, name, bias):
 
 
 @pytest.mark.slow  # whole images of a room
-def test_errors_by_depth_beside_icl_nuims_formula():
-    """A Kinect's models err by as much at every depth; simkinect's program half a step of disparity too near."""
+def test_depth_errors_match_icl_nuim_formula():
+    """Kinect models have the formula's error at every depth; simkinect is biased by half a disparity step."""
     import depth_errors
 
     exact, errors = depth_errors.measure(16)

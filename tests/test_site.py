@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The documentation's site that `make docs` has built: all that is public is explained, and pages fit on a phone."""
+"""Tests of the documentation site built by `make docs`: coverage of the public interface, links, and page layout."""
 
 import re
 import sys
@@ -30,7 +30,7 @@ built = pytest.mark.site
 
 
 class Loads(HTMLParser):
-    """What a page loads when it is opened."""
+    """Collect the files that a page loads."""
 
     def __init__(self, page):
         super().__init__()
@@ -38,7 +38,7 @@ class Loads(HTMLParser):
         self.feed(page.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag, attributes):
-        """Note files of scripts, styles and pictures."""
+        """Note files of scripts, styles and images."""
         given = dict(attributes)
         if tag in ("script", "img", "iframe"):
             self.found.append(given.get("src"))
@@ -48,7 +48,7 @@ class Loads(HTMLParser):
 
 @pytest.fixture(scope="module")
 def reference():
-    """The extension that writes the reference's pages."""
+    """Return the extension that generates the API reference."""
     sys.path.insert(0, str(DOCS / "_site"))
     import reference
 
@@ -63,7 +63,7 @@ def browser():
 
 
 def cards():
-    """Of the gallery: pictures by their names, and the lines of what makes each."""
+    """Return the gallery's pictures by name, with the commands that create each."""
     text = (DOCS / "gallery.md").read_text()
     card = r":::\{grid-item-card\}.*?\{image\} pictures/(\S+)(.*?)^:::$"
     return {
@@ -72,13 +72,13 @@ def cards():
     }
 
 
-def test_the_gallery_has_a_command_for_each_picture():
-    """Of examples, those that write it; pictures of tutorials and of the viewer's page are explained there."""
+def test_gallery_has_a_command_for_each_picture():
+    """Pictures of tutorials and of the viewer's page are explained there instead."""
     shown = cards()
     elsewhere = [*DOCS.glob("tutorials/*"), *DOCS.glob("coming_from/*"), DOCS / "viewer.md", DOCS / "figures.md"]
     explained = "".join(page.read_text() for page in elsewhere if page.is_file() and page.suffix in (".md", ".ipynb"))
     missing = [path.name for path in DOCS.glob("pictures/*") if path.name not in shown and path.name not in explained]
-    assert missing == ["experiment_1.png"]  # which looks as the second does
+    assert missing == ["experiment_1.png"]  # looks like experiment_2.png
     for picture, (command,) in shown.items():
         kind, what, *_ = command.split()
         if kind == "python":
@@ -88,7 +88,7 @@ def test_the_gallery_has_a_command_for_each_picture():
 
 
 @built
-def test_every_public_name_is_in_the_reference(reference):
+def test_public_names_are_in_the_reference(reference):
     from sphinx.util.inventory import InventoryFile
 
     with (SITE / "objects.inv").open("rb") as file:
@@ -100,7 +100,7 @@ def test_every_public_name_is_in_the_reference(reference):
 
 
 @built
-def test_the_site_needs_no_network():
+def test_site_needs_no_network():
     pages = sorted(SITE.rglob("*.html"))
     assert len(pages) > 40
     away = {(page.name, file) for page in pages for file in Loads(page).found if file and re.match(r"(\w+:)?//", file)}
@@ -108,8 +108,8 @@ def test_the_site_needs_no_network():
 
 
 @built
-def test_every_link_of_a_page_leads_somewhere():
-    """To files of the site, and to places in them."""
+def test_page_links_resolve():
+    """Both files and anchors."""
     places = {page: set(re.findall(r'\bid="([^"]+)"', page.read_text())) for page in SITE.rglob("*.html")}
     broken = []
     for page in places:
@@ -127,8 +127,8 @@ def test_every_link_of_a_page_leads_somewhere():
 @pytest.mark.browser
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 @pytest.mark.parametrize("name", PAGES)
-def test_pages_fit(browser, name, size):
-    """All pictures are there, and nothing is wider than the window but what scrolls by itself."""
+def test_pages_fit_the_window(browser, name, size):
+    """All images load, and only scrollable elements are wider than the window."""
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     page.goto((SITE / f"{name}.html").as_uri())
     assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
@@ -141,8 +141,8 @@ def test_pages_fit(browser, name, size):
 @built
 @pytest.mark.browser
 @pytest.mark.parametrize("scene", ["experiment_2", "experiment_3", "experiment_4"])
-def test_the_gallerys_live_pages_open(browser, scene):
-    """From disk, asking for nothing else."""
+def test_gallery_live_pages_open_from_disk(browser, scene):
+    """Without network requests."""
     page_file = SITE / "_static" / "live" / f"{scene}.html"
     with opened(browser, page_file.as_uri()) as page:
         assert drawn_points(page) > 10_000

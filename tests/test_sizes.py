@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Movable objects of another size in every world: what is seen is what a scene shows that was built of those sizes."""
+"""Tests of `object_scales`: renders match scenes built with the scaled meshes."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from support.worlds import ALL, MESHES, SMALL, assert_bits_equal, assert_views_m
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_objects_of_other_sizes_are_as_if_built_so(device, caster, cull_backfaces):
+def test_scaled_objects_match_scene_built_at_scale(device, caster, cull_backfaces):
     rng, world = np.random.default_rng(0), np.array([1, 0, 2, 1])
     rows, scales = random_poses(rng, 3, len(SHAPES)), random_scales(rng, 3, len(SHAPES))
     renderer = wv.Renderer(build(device, rows[0]), SMALL, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
@@ -27,15 +27,15 @@ def test_objects_of_other_sizes_are_as_if_built_so(device, caster, cull_backface
     assert_views_match_twins(views, SMALL, eyes(4), twins, cull_backfaces=cull_backfaces)
 
 
-def test_factors_of_1_change_no_bit(device, caster):
+def test_scale_of_one_changes_no_bit(device, caster):
     rows = random_poses(np.random.default_rng(1), 2, len(SHAPES))
     renderer = wv.Renderer(build(device, rows[0]), SMALL, outputs=ALL, caster=caster)
     plain = renderer.render(eyes(2), object_poses=rows)
     assert_bits_equal(renderer.render(eyes(2), object_poses=rows, object_scales=np.ones((len(SHAPES), 3))), plain)
 
 
-def test_far_factors_and_far_places(device, caster):
-    """A cube of a millimetre made a wall, and a wall made a cube of a centimetre, a kilometre from the origin."""
+def test_extreme_scales_far_from_origin(device, caster):
+    """A cube of 1 mm scaled to a wall, and a wall scaled to a cube of 1 cm, 1 km from the origin."""
     scene, twin = wv.Scene(device=device), wv.Scene()
     scales = np.array([(50.0, 2000.0, 3000.0), (0.002, 0.004, 0.01)])
     poses = np.round([(1003, 1000, 2, 0, 0, 0, 1), (1001, 1000, 2, 0, 0, 0, 1)])
@@ -50,8 +50,8 @@ def test_far_factors_and_far_places(device, caster):
 
 @pytest.mark.parametrize("near_plane", ["occlude", "clip"])
 @pytest.mark.parametrize("kind", [0, 1, 3, 4])
-def test_from_inside_and_cut_open(device, caster, kind, near_plane):
-    """Where triangles stand for a solid, they are stretched as it is; a capsule's ends are then half ellipsoids."""
+def test_scaled_solids_from_inside_and_clipped(device, caster, kind, near_plane):
+    """The triangles of a solid are stretched with it; a capsule's ends become half ellipsoids."""
     shapes, row, scales = [SHAPES[kind]], [TURNED], [(1.5, 0.8, 1.2)]
     scene, twin = build(device, row, shapes=shapes), build(device, row, scales, shapes=shapes)
     camera = near_plane_scenes.CAMERA if near_plane == "clip" else SMALL
@@ -63,7 +63,7 @@ def test_from_inside_and_cut_open(device, caster, kind, near_plane):
 
 @pytest.mark.parametrize("near_plane", ["occlude", "clip"])
 @pytest.mark.parametrize(("kind", "factor", "x"), SURROUNDED)
-def test_from_inside_of_what_has_grown_or_shrunk(device, caster, kind, factor, x, near_plane):
+def test_inside_of_grown_or_shrunk_object(device, caster, kind, factor, x, near_plane):
     scales, pose = surrounded(factor, x)
     scene, twin = (build(device, [(0, 0, 2, 0, 0, 0, 1)], some, shapes=[SHAPES[kind]]) for some in (None, scales))
     options = {"outputs": ALL, "near_plane": near_plane, "caster": caster}
@@ -72,7 +72,7 @@ def test_from_inside_of_what_has_grown_or_shrunk(device, caster, kind, factor, x
     assert_alike(views, wv.render(twin, SMALL, pose, **options))
 
 
-def test_what_is_attached_is_stretched_with_it(device, caster):
+def test_attached_objects_scale_with_their_parent(device, caster):
     table, ball = random_poses(np.random.default_rng(2), 2)
     scene = attached_scenes.build(device, table, ball, attached=True)
     factors = np.array([(0.7, 1.4, 1.2), (1, 1, 1)])
@@ -88,7 +88,7 @@ def test_what_is_attached_is_stretched_with_it(device, caster):
     assert_matches_reference(views, twin, SMALL, eyes(2))
 
 
-def test_points_of_the_image(device, caster):
+def test_render_at_with_scales(device, caster):
     rng = np.random.default_rng(3)
     rows, scales = random_poses(rng, 2, len(SHAPES)), random_scales(rng, 2, len(SHAPES))
     pixels = rng.uniform(-2, [98, 74], (2, 2000, 2)).astype(np.float32)
@@ -102,10 +102,10 @@ def test_points_of_the_image(device, caster):
         assert (views.segmentation.numpy()[view][same] == expected.objects[same]).all()
         hit = same & np.isfinite(expected.depth)
         apart = np.abs(views.normals.numpy()[view][hit] - expected.normals[hit]).max(axis=-1) > 2e-4
-        assert apart.mean() <= 1e-2  # at edges between triangles, either normal is right
+        assert apart.mean() <= 1e-2  # at edges between triangles, either normal is valid
 
 
-def test_an_orthographic_camera_sees_sizes_too(device):
+def test_orthographic_camera_with_scales(device):
     row, scale = [(0, 0, 1, 0, 0, 0, 1)], [(2.0, 0.5, 1.5)]
     camera = wv.rendering.OrthographicCamera(40, 30, 10, 10, 20, 15, far=10.0)
     pose = wv.look_at((3, 1, 2), (0, 0, 1))[None]
@@ -115,8 +115,8 @@ def test_an_orthographic_camera_sees_sizes_too(device):
         np.testing.assert_allclose(views, wv.render(twin, camera, pose).depth.numpy(), atol=2e-6)
 
 
-def test_worlds_of_sizes_alone(device):
-    """Poses need not be given: objects stay where they were added. One world of sizes is for all."""
+def test_scales_without_object_poses(device):
+    """Without poses, objects stay where they were added. A single world of scales applies to all views."""
     rng = np.random.default_rng(4)
     rows, scales = random_poses(rng, len(SHAPES)), random_scales(rng, 3, len(SHAPES))
     renderer = wv.Renderer(build(device, rows), SMALL, outputs=ALL)
@@ -131,7 +131,7 @@ def test_worlds_of_sizes_alone(device):
         assert_bits_equal(small.render(eyes(3), object_scales=scales), views)
 
 
-def test_parts_of_a_call_have_their_sizes():
+def test_part_of_slices_scales():
     scene = build("cpu", random_poses(np.random.default_rng(5), len(SHAPES)))
     scales = random_scales(np.random.default_rng(6), 4, len(SHAPES))
     worlds = parse_worlds(scene, 4, None, None, None, scales)
@@ -141,7 +141,7 @@ def test_parts_of_a_call_have_their_sizes():
     assert part_of(shared, slice(1, 3)).object_sizes is shared.object_sizes
 
 
-def test_sizes_are_as_the_reference_has_them(device):
+def test_scale_kernel_matches_reference(device):
     from warpvis.kernels.sizes import scale_sizes
 
     rng = np.random.default_rng(7)
@@ -168,7 +168,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_scales_are_named(name):
+def test_invalid_scales_raise(name):
     options, scales, said = BAD[name]
     scene = wv.Scene()
     for item in "ab":

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is prepared once for calls of a renderer: nothing of an earlier call, scene, stream or thread is left in it."""
+"""Tests of cached preparation of `Renderer` calls: no state leaks between calls, scenes, streams or threads."""
 
 import copy
 import gc
@@ -48,7 +48,7 @@ def assert_identical(one, other):
 
 @pytest.fixture(params=["rows", "one row", "one wide row", "matrices", "one matrix", "warp", "device"])
 def given(request, device):
-    """Two sets of poses, in all ways in which they come."""
+    """Return two sets of poses in each accepted form."""
 
     def convert(rows):
         form = request.param
@@ -62,7 +62,7 @@ def given(request, device):
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_every_call_has_its_own_images_and_poses(device, caster, given):
+def test_calls_return_independent_images(device, caster, given):
     scene = build(device)
     renderer = wv.Renderer(scene, CAMERA, outputs=ALL, caster=caster)
     views = [renderer.render(poses) for poses in given]
@@ -73,7 +73,7 @@ def test_every_call_has_its_own_images_and_poses(device, caster, given):
     assert views[0].depth.numpy().tobytes() != views[1].depth.numpy().tobytes()
 
 
-def test_what_was_not_asked_for_is_not_written(device):
+def test_outputs_not_requested_are_not_written(device):
     scene = build(device)
     everything = wv.render(scene, CAMERA, eyes(1), outputs=ALL)
     renderer = wv.Renderer(scene, CAMERA, outputs=("depth",))
@@ -81,15 +81,15 @@ def test_what_was_not_asked_for_is_not_written(device):
     for seed in (1, 2):
         renderer.render(eyes(1, seed), out=everything)
     assert (everything.labels.numpy() == labels).all()
-    renderer.outputs = ("labels",)  # and so the same renderer of another kind of images
+    renderer.outputs = ("labels",)  # the same renderer with another kind of output
     depth = everything.depth.numpy().copy()
     renderer.render(eyes(1, 3), out=everything)
     assert (everything.depth.numpy() == depth).all()
     assert_identical(wv.Views(labels=everything.labels), wv.render(scene, CAMERA, eyes(1, 3), outputs=("labels",)))
 
 
-def test_images_that_were_checked_are_looked_at_again_when_they_are_others(device):
-    """`out` of the last call with another image in it, of another size, or of another device."""
+def test_changed_out_images_are_validated_again(device):
+    """Replace an image in `out` by one of another array, size, type or device."""
     scene = build(device)
     renderer = wv.Renderer(scene, CAMERA, outputs=("depth", "labels"))
     expected = renderer.render(eyes(2))
@@ -118,8 +118,8 @@ def test_images_that_were_checked_are_looked_at_again_when_they_are_others(devic
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_a_scene_that_changes_is_seen_as_it_is(device, caster):
-    """Objects come, go on, change their shape, and get poses of their own, all for one renderer."""
+def test_scene_changes_are_rendered(device, caster):
+    """Objects are added, excluded, deformed, scaled and moved between calls of one renderer."""
     scene = build(device, movable=True)
     renderer = wv.Renderer(scene, CAMERA, outputs=ALL, caster=caster)
     images = []
@@ -140,10 +140,10 @@ def test_a_scene_that_changes_is_seen_as_it_is(device, caster):
     scene.add(trimesh.creation.icosphere(1, 0.2), movable=True, pose=(0, 0, 1, 0, 0, 0, 1))
     check()
     different = {image.depth.numpy().tobytes() for image in images}
-    assert len(different) == len(images) - 1  # the one without worlds came twice
+    assert len(different) == len(images) - 1  # the calls without options on one scene are equal
 
 
-def test_what_the_caller_drops_is_let_go_of(device):
+def test_dropped_arrays_are_released(device):
     scene = build(device, movable=True)
     renderer = wv.Renderer(scene, CAMERA, outputs=ALL)
     poses = wp.array(eyes(2), dtype=wp.transform, device=device)
@@ -158,8 +158,8 @@ def test_what_the_caller_drops_is_let_go_of(device):
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_callers_on_several_threads_have_their_own_calls(device, caster):
-    """Of host poses, which are copied, too; of one view and of some."""
+def test_concurrent_callers_get_their_own_images(device, caster):
+    """With host poses, which are copied; one view and several."""
     scene = build(device, movable=True)
     renderer = wv.Renderer(scene, CAMERA, outputs=("depth", "segmentation"), caster=caster)
     calls = [(eyes(1 + seed % 2, seed), np.float32([[[0, 0, 0.1 * seed, 0, 0, 0, 1]]])) for seed in range(6)]
@@ -179,7 +179,7 @@ def test_callers_on_several_threads_have_their_own_calls(device, caster):
 
 @pytest.mark.parametrize("bad", ["nan", "inf", "length", "zero"])
 @pytest.mark.parametrize("form", ["row", "rows", "float64", "matrix", "warp", "many"])
-def test_bad_poses_after_good_ones_are_refused(device, form, bad):
+def test_invalid_poses_after_valid_ones_raise(device, form, bad):
     renderer = wv.Renderer(build(device), CAMERA, outputs=("depth",))
     count = 3 if form == "many" else 1
     rows = eyes(count)
@@ -204,8 +204,8 @@ def test_bad_poses_after_good_ones_are_refused(device, form, bad):
     np.testing.assert_array_equal(out.depth.numpy(), before)
 
 
-def test_single_poses_are_read_as_many_are():
-    """Rows and matrices, of all turns and sizes, to the last bit of single precision."""
+def test_single_poses_equal_batches():
+    """Rows and matrices of all rotations and magnitudes, to the last bit of single precision."""
     rng = np.random.default_rng(0)
     quaternions = np.concatenate([rng.normal(size=(300, 4)), rng.integers(-1, 2, (100, 4)) + [0, 0, 0, 1e-9]])
     quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
@@ -233,7 +233,7 @@ def test_single_poses_are_read_as_many_are():
     ],
     ids=["nan", "last", "row", "mirror", "scale", "shear", "zero"],
 )
-def test_matrices_that_are_no_poses_are_refused_alone_as_among_others(change):
+def test_invalid_matrices_raise_alone_and_in_batches(change):
     matrix = poses_to_matrices(eyes(1)[0])
     change(matrix)
     for given in (matrix, matrix.astype(np.float32)[None], np.stack([matrix, matrix])):
@@ -241,14 +241,14 @@ def test_matrices_that_are_no_poses_are_refused_alone_as_among_others(change):
             host_poses(given)
 
 
-def test_coordinates_beyond_single_precision_are_what_they_were():
-    """They are infinite there: Warp's casters see nothing from them."""
+def test_coordinates_beyond_single_precision_become_infinite():
+    """Warp's casters hit nothing from there."""
     row = np.array([1e300, 0, 0, 0, 0, 0, 1.0])
     with np.errstate(over="ignore"):
         assert host_poses(row)[0, 0] == np.inf
 
 
-def test_images_do_not_depend_on_how_many_threads_share_them(monkeypatch):
+def test_images_are_independent_of_thread_count(monkeypatch):
     scene = wv.scenes.PRESETS["room"].build()
     poses = wv.scenes.PRESETS["room"].poses(3)
     camera = wv.Camera.from_fov(150, 95, hfov=1.0)
@@ -262,7 +262,7 @@ def test_images_do_not_depend_on_how_many_threads_share_them(monkeypatch):
         assert_identical(renderer.render_at(poses, pixels), expected.render_at(poses, pixels))
 
 
-def test_little_work_is_one_threads():
+def test_small_work_uses_one_thread():
     costs = RayCosts(16)
     assert costs.threads_for(64) == 1
     costs.note(64 * 64, 1, 30_000)
@@ -273,15 +273,15 @@ def test_little_work_is_one_threads():
     assert RayCosts(2).threads_for(2**30) == 2
 
 
-def test_a_call_that_was_interrupted_once_wakes_nobody():
+def test_one_slow_call_does_not_add_threads():
     costs = RayCosts(4)
     for nanoseconds in (30_000, 30_000, 9_000_000, 30_000, 30_000):
         costs.note(4096, 1, nanoseconds)
         assert costs.threads_for(4096) == 1
 
 
-def test_work_that_is_shared_in_vain_is_not_shared_for_long():
-    """To wake threads takes longer than the work: one of a few calls is one thread's, and shows it."""
+def test_unprofitable_threads_are_dropped():
+    """Waking threads costs more than the work: probe calls with one thread reveal that."""
     costs = RayCosts(4)
     for _ in range(2):
         costs.note(4096, 1, 9_000_000)
@@ -294,8 +294,8 @@ def test_work_that_is_shared_in_vain_is_not_shared_for_long():
 
 
 @pytest.mark.parametrize(("shared", "least", "most"), [(250_000, 1, 4), (120_000, 35, 38)])
-def test_work_is_shared_if_that_is_quicker(shared, least, most):
-    """Which it is not where another process has the other core; one of some calls shows whether that has changed."""
+def test_threads_are_used_if_faster(shared, least, most):
+    """They are not if another process occupies the other core; regular probes detect a change."""
     costs = RayCosts(2)
     for _ in range(2):
         costs.note(4096, 1, 200_000)
@@ -306,7 +306,7 @@ def test_work_is_shared_if_that_is_quicker(shared, least, most):
     assert least <= chosen.count(2) <= most
 
 
-def test_arrays_that_are_copied_of_a_pattern_are_those_that_warp_makes():
+def test_arrays_from_template_equal_warp_arrays():
     for shape, dtype in (((2, 3, 4), wp.float32), ((1, 200, 300), wp.vec3), ((0, 5), wp.uint8), ((7,), wp.transform)):
         array = aligned_empty(shape, dtype)
         plain = wp.array(ptr=array.ptr, dtype=dtype, shape=shape, device="cpu")
@@ -319,22 +319,22 @@ def test_arrays_that_are_copied_of_a_pattern_are_those_that_warp_makes():
 
 
 @pytest.mark.parametrize("size", [8, 1 << 22])
-def test_memory_that_is_asked_to_be_zero_is(size):
-    for _ in range(3):  # also where others have been
+def test_aligned_zeros_are_zero(size):
+    for _ in range(3):  # also in reused memory
         array = aligned_zeros((size,), wp.int32)
         assert array.ptr % 64 == 0
         assert not array.numpy().any()
         array.fill_(7)
 
 
-def test_arrays_of_a_warp_that_keeps_more_of_them_are_made_by_it(monkeypatch):
+def test_arrays_of_unknown_warp_layout_fall_back_to_warp(monkeypatch):
     monkeypatch.setattr(arrays, "_pattern", lambda shape, dtype: (None, 24))
     array = aligned_empty((2, 3), wp.float32)
     array.fill_(3.0)
     assert array.numpy().tolist() == [[3.0] * 3] * 2
 
 
-def test_memory_of_an_array_lives_as_long_as_what_was_made_of_it():
+def test_array_memory_outlives_the_array():
     image = wv.render(build("cpu"), CAMERA, eyes(1), outputs=("depth",)).depth
     expected, view = image.numpy().copy(), image.numpy()
     del image
@@ -347,7 +347,7 @@ def test_memory_of_an_array_lives_as_long_as_what_was_made_of_it():
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
 @pytest.mark.parametrize("convert", [copy.deepcopy, lambda renderer: pickle.loads(pickle.dumps(renderer))])
-def test_copies_of_a_renderer_that_was_used_prepare_their_own(device, caster, convert):
+def test_copied_renderer_renders_alike(device, caster, convert):
     renderer = wv.Renderer(build(device), CAMERA, outputs=ALL, caster=caster)
     out = renderer.render(eyes(2))
     renderer.render(eyes(2), out=out)
@@ -356,8 +356,8 @@ def test_copies_of_a_renderer_that_was_used_prepare_their_own(device, caster, co
 
 @parametrize("caster", ["auto", "rays"])
 @pytest.mark.parametrize("convert", [copy.deepcopy, lambda renderer: pickle.loads(pickle.dumps(renderer))])
-def test_copies_of_a_renderer_of_rays_that_was_used(device, caster, convert):
-    """What a caster has made of rays for a device is no part of it: renderers that were used could not be copied."""
+def test_copied_ray_renderer_renders_alike(device, caster, convert):
+    """Device data prepared from rays is not copied with the renderer."""
     lens = wv.sensors.LensCamera(wv.sensors.lenses.OpenCVPinhole(30, 30, 20, 16, (-0.1, 0.02, 0, 0)), 40, 33)
     rays = wv.sensors.Rays(lens.directions, origins=0 * lens.directions + 0.01)
     for camera in (lens, rays):
@@ -366,7 +366,7 @@ def test_copies_of_a_renderer_of_rays_that_was_used(device, caster, convert):
         assert_identical(convert(renderer).render(eyes(2)), out)
 
 
-def test_kinds_that_did_not_come_last_are_forgotten():
+def test_free_list_forgets_least_recent_kinds():
     free = FreeList[str](2)
     for kind in (1, 2, 3):
         assert free.take(kind) is None
@@ -375,7 +375,7 @@ def test_kinds_that_did_not_come_last_are_forgotten():
     assert [free.take(kind) for kind in (1, 2, 3, 3, 3)] == [None, "first of 2", "second of 3", "first of 3", None]
 
 
-def test_strided_poses_of_a_device_are_gathered():
+def test_strided_device_poses_are_gathered():
     rows = wp.array(np.arange(42, dtype=np.float32).reshape(6, 7), dtype=wp.transform, device="cpu")
     matrices, poses = _as_poses(rows[::2], "poses")
     assert not matrices
@@ -384,8 +384,8 @@ def test_strided_poses_of_a_device_are_gathered():
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_a_graph_has_poses_of_its_own(cuda, caster):
-    """Calls that come after it, with other poses of the host, are nothing to it; nor is what it is launched after."""
+def test_captured_graph_keeps_its_poses(cuda, caster):
+    """Later calls with other host poses do not affect a captured graph."""
     scene = build(cuda)
     renderer = wv.Renderer(scene, CAMERA, outputs=("depth",), caster=caster)
     poses = wp.array(eyes(2), dtype=wp.transform, device=cuda)
@@ -401,7 +401,7 @@ def test_a_graph_has_poses_of_its_own(cuda, caster):
 
 
 def test_streams_do_not_share_poses(cuda):
-    """A call that is queued on one stream, behind much work, is not given those of a call on another."""
+    """A call queued behind much work on one stream keeps its poses when another stream renders."""
     scene = wv.scenes.PRESETS["blobs_77k"].build(cuda)
     camera = wv.Camera.from_fov(64, 64, hfov=1.0)
     renderer, rows = wv.Renderer(scene, camera, outputs=("depth",)), wv.scenes.PRESETS["blobs_77k"].poses(8)
@@ -420,7 +420,7 @@ def test_streams_do_not_share_poses(cuda):
         np.testing.assert_array_equal(image.depth.numpy(), right)
 
 
-def test_strided_poses_on_a_gpu(cuda):
+def test_strided_gpu_poses(cuda):
     scene = build(cuda)
     poses = wp.array(eyes(6), dtype=wp.transform, device=cuda)
     strided = wv.render(scene, CAMERA, poses[::2], outputs=("depth",))

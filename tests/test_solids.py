@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Round solids: where they move, rays meet the true surface, from all sides, near and far, in all casters alike."""
+"""Tests of solids of revolution: rays hit the exact surface of movable solids, near and far, with all casters."""
 
 import numpy as np
 import pytest
@@ -21,14 +21,14 @@ def render(scene, camera, cameras, caster, **options):
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_surfaces_are_the_true_ones(device, caster, name):
+def test_surfaces_match_reference(device, caster, name):
     rng = np.random.default_rng(len(name))
     scene = build(device, random_poses(rng, 1, spread=0.2), names=[name])
     cameras = np.array([wv.look_at(place, (0, 0, 0.6)) for place in rng.normal(size=(6, 3)) * 1.5 + [0, 0, 1]])
     assert_matches_reference(render(scene, SMALL, cameras, caster), scene, SMALL, cameras)
 
 
-def test_many_that_cut_into_each_other_and_into_meshes(device, caster):
+def test_intersecting_solids_and_meshes(device, caster):
     rng = np.random.default_rng(0)
     meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=2, radius=0.3)]
     scene, cameras = build(device, random_poses(rng, 10), extra=meshes), eyes(5)
@@ -39,8 +39,8 @@ def test_many_that_cut_into_each_other_and_into_meshes(device, caster):
 
 @pytest.mark.parametrize("gap", [1e-4, 1e-3, 0.05])
 @pytest.mark.parametrize("name", ["sphere", "capsule", "cylinder"])
-def test_from_close_by(device, caster, name, gap):
-    """Half a millimetre of tessellation is many along a ray here."""
+def test_solids_at_close_range(device, caster, name, gap):
+    """Half a millimeter of tessellation error would be much along these rays."""
     scene = build(device, [(0, 0, 2, 0, 0, 0, 1)], names=[name])
     reach = scene.objects[1].solid.extent
     places = [(reach[0] + gap, 0, 2), (0, -reach[1] - gap, 2.01), (0.01, 0.02, 2 + reach[2] + gap)]
@@ -51,7 +51,7 @@ def test_from_close_by(device, caster, name, gap):
 
 
 @pytest.mark.parametrize(("distance", "offset"), [(80.0, 0.0), (2.0, 1e4), (300.0, 1e5)])
-def test_from_far_away_and_far_from_the_origin(device, caster, distance, offset):
+def test_solids_far_away_and_far_from_origin(device, caster, distance, offset):
     place = np.array([offset, -offset, 1.0])
     scene = wv.Scene(device=device)
     for index, name in enumerate(SHAPES):
@@ -63,8 +63,8 @@ def test_from_far_away_and_far_from_the_origin(device, caster, distance, offset)
     assert_matches_reference(render(scene, camera, cameras, caster), scene, camera, cameras)
 
 
-def test_a_pixel_that_is_a_point_of_the_axis(device, caster):
-    """Through a pole, along the axis, past the side at a right angle."""
+def test_rays_through_symmetry_points_are_exact(device, caster):
+    """Through the pole along the axis, and perpendicular to the side."""
     scene = build(device, [(0, 0, 2, 0, 0, 0, 1)], names=["capsule"])
     camera = wv.Camera(33, 33, 60, 60, 16.5, 16.5, near=0.01, far=10.0)
     cameras = np.array([wv.look_at((0, 0, 4), (0, 0, 2), up="y"), wv.look_at((3, 0, 2), (0, 0, 2))])
@@ -73,7 +73,7 @@ def test_a_pixel_that_is_a_point_of_the_axis(device, caster):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_from_inside_the_triangles_are_seen(device, caster, cull_backfaces):
+def test_triangles_are_rendered_from_inside(device, caster, cull_backfaces):
     poses = np.array([[0, 0, 2, 0, 0, 0, 1]] * 4, dtype=np.float32)
     names = ["sphere", "ellipsoid", "capsule", "cylinder"]
     scene, twin = build(device, poses, names=names), build(device, poses, names=names)
@@ -84,7 +84,7 @@ def test_from_inside_the_triangles_are_seen(device, caster, cull_backfaces):
     assert_bits_equal(*(render(one, SMALL, cameras, caster, cull_backfaces=cull_backfaces) for one in (scene, twin)))
 
 
-def test_worlds_and_exclusion(device, caster):
+def test_object_poses_and_exclude(device, caster):
     rng = np.random.default_rng(3)
     poses = random_poses(rng, 4, len(SHAPES))
     scene, cameras = build(device, poses[0]), eyes(6)
@@ -104,7 +104,7 @@ def test_worlds_and_exclusion(device, caster):
         assert (same | wrong | (expected.gap <= 1e-5)).all()
 
 
-def test_depth_does_not_depend_on_what_else_is_asked_for(device, caster):
+def test_depth_is_independent_of_other_outputs(device, caster):
     rng = np.random.default_rng(4)
     scene, cameras = build(device, random_poses(rng, len(SHAPES))), eyes(3)
     everything = render(scene, SMALL, cameras, caster)
@@ -114,7 +114,7 @@ def test_depth_does_not_depend_on_what_else_is_asked_for(device, caster):
             assert getattr(some, name).numpy().tobytes() == getattr(everything, name).numpy().tobytes()
 
 
-def test_points_of_the_image(device, caster):
+def test_render_at_matches_reference(device, caster):
     rng = np.random.default_rng(5)
     scene, cameras = build(device, random_poses(rng, len(SHAPES))), eyes(2)
     pixels = rng.uniform(-2, [98, 74], (2, 3000, 2)).astype(np.float32)
@@ -129,7 +129,7 @@ def test_points_of_the_image(device, caster):
         np.testing.assert_allclose(views.normals.numpy()[view][hit], expected.normals[hit], atol=2e-4)
 
 
-def test_a_solid_that_stays_is_its_triangles(device, caster):
+def test_static_solid_equals_its_triangles(device, caster):
     scene, twin = wv.Scene(device=device), wv.Scene(device=device)
     shape = solids.capsule(0.2, 0.5)
     scene.add(shape, name="limb", pose=(0, 0, 1, 0, 0, 0, 1))
@@ -137,7 +137,7 @@ def test_a_solid_that_stays_is_its_triangles(device, caster):
     assert_bits_equal(*(render(one, SMALL, eyes(2), caster) for one in (scene, twin)))
 
 
-def test_a_deformed_solid_is_its_triangles(device, caster):
+def test_deformed_solid_becomes_triangles(device, caster):
     scene = build(device, [(0, 0, 1, 0, 0, 0, 1)], names=["sphere"])
     before = scene["sphere"].solid
     scene.update_vertices("sphere", before.vertices * [1.0, 1.0, 0.5])
@@ -145,7 +145,7 @@ def test_a_deformed_solid_is_its_triangles(device, caster):
     assert_matches_reference(render(scene, SMALL, eyes(2), caster), scene, SMALL, eyes(2))
 
 
-def test_another_device_keeps_solids(device):
+def test_solids_survive_moving_to_another_device(device):
     scene = build(device, [(0, 0, 1, 0, 0, 0, 1)], names=["sphere"])
     assert scene.to("cpu")["sphere"].solid.kind == solids.SolidKind.BALL
 
@@ -161,7 +161,7 @@ def test_another_device_keeps_solids(device):
         (lambda: solids.cylinder(1, 1, tolerance=0), "tolerance must be a positive number of meters, got 0"),
     ],
 )
-def test_bad_sizes(make, said):
+def test_invalid_sizes_raise(make, said):
     with pytest.raises(wv.errors.SceneError) as error:
         make()
     assert str(error.value) == said

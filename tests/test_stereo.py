@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth by triangulation, held to its twin in double precision, and to what plates and walls have to look like."""
+"""Tests of stereo depth against the float64 reference, and of shadows, bands and noise at plates and walls."""
 
 import dataclasses
 import re
@@ -21,7 +21,7 @@ from support.stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, box, images, mak
 
 
 def look(scene, sensor, camera, poses, clean):
-    """What the other eye sees where points are in its image, by the twin's places and single rays."""
+    """Return the depth of the other eye at the reference's projected points, cast ray by ray, and the eyes' axes."""
     side = sensor.baseline if sensor.other_eye == "right" else -sensor.baseline
     others, place, axes = reference_stereo.place_other_eyes(poses, side)
     other = dataclasses.replace(camera, near=0.0, far=np.inf)
@@ -35,10 +35,10 @@ def look(scene, sensor, camera, poses, clean):
 
 
 def twin(scene, sensor, camera, poses, seen, draws, seed):
-    """What the twin says of clean images."""
+    """Return the reference's measurement from clean images."""
     other_depth, axes = look(scene, sensor, camera, poses, seen["true_depth"])
     cosine = reference_stereo.measure_cosine(camera, axes, seen["normals"]) if sensor.full_signal else 1.0
-    shares = np.ones(len(scene.objects) + 1)  # of the sky, too
+    shares = np.ones(len(scene.objects) + 1)  # including the sky
     if isinstance(sensor.reflectivity, dict):
         for place, part in enumerate(scene.objects):
             shares[place] = sensor.reflectivity.get(part.name, 1.0)
@@ -57,8 +57,8 @@ def twin(scene, sensor, camera, poses, seen, draws, seed):
     ids=["full", "left", "no band", "focal length"],
 )
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_the_twin_agrees(device, sensor, caster):
-    """Reasons are equal but for decisions within rounding, and depth is, to rounding, where there is one."""
+def test_measurement_matches_reference(device, sensor, caster):
+    """Reasons may differ only for decisions within rounding; depth is equal to rounding."""
     scene = make_scene(device)
     frames, numbers = [3, 4, 0], [0, 7, 2]
     views = wv.render(
@@ -72,7 +72,7 @@ def test_the_twin_agrees(device, sensor, caster):
     np.testing.assert_array_equal(seen["reasons"][sure], reasons[sure])
     assert (seen["reasons"] != reasons).mean() < 1e-3
     same = sure & np.isfinite(depth)
-    # Normals are within 4e-5 of theirs, and below 5: 2e-5 px of disparities of 2 px and more.
+    # Normals are within 4e-5 of the reference's: 2e-5 px of disparities of 2 px and more.
     np.testing.assert_allclose(seen["depth"][same], depth[same], rtol=1e-5)
     np.testing.assert_array_equal(np.isnan(seen["depth"]), seen["reasons"] > Reason.RANGE)
     lost = sure & ~np.isfinite(depth)
@@ -81,8 +81,8 @@ def test_the_twin_agrees(device, sensor, caster):
         assert set(np.unique(seen["reasons"])) == {int(reason) for reason in Reason} - {Reason.SATURATED}
 
 
-def test_other_eyes_stand_where_the_twin_has_them(device):
-    """Also 10 km from the origin, where poses are rounded to a millimetre: what that moves an eye by is known."""
+def test_other_eyes_match_reference(device):
+    """Also 10 km from the origin, where poses are rounded to 1 mm: the eye's rounding is compensated."""
     rng = np.random.default_rng(0)
     poses = np.concatenate([rng.normal(size=(20, 3)) * [[1e4]], rng.normal(size=(20, 4))], axis=1)
     poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
@@ -98,9 +98,8 @@ def test_other_eyes_stand_where_the_twin_has_them(device):
     assert np.abs(place - [-0.07, 0, 0]).max() > 1e-4
 
 
-def test_shadows_far_from_the_origin(device):
-    """At 5 km poses are rounded to half a millimetre, as much as a twentieth of the baseline's disparities: no surface
-    is before itself."""
+def test_no_false_shadows_far_from_the_origin(device):
+    """At 5 km, poses are rounded to 0.5 mm, a twentieth of the baseline: no surface may occlude itself."""
     poses = np.stack([wv.look_at((5000.3 + x, -4000.1, 0), (5000.3 + 2 * x, -3999.1, 0.3)) for x in (0.0, 0.11, 0.37)])
     scene = wv.Scene(device=device)
     box(scene, "wall", (30, 0.5, 30), (5000, -3997, 0))
@@ -111,14 +110,14 @@ def test_shadows_far_from_the_origin(device):
 
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize(("near_depth", "far_depth", "baseline"), [(1.0, 2.0, 0.05), (0.6, 3.0, 0.05), (1.5, 3.5, 0.2)])
-def test_widths_of_shadow_and_band(device, side, near_depth, far_depth, baseline):
-    """f b (1 / z1 - 1 / z2) and f b / z pixels, to one pixel, on the side that is away from the other eye."""
+def test_shadow_and_band_widths(device, side, near_depth, far_depth, baseline):
+    """f b (1 / z1 - 1 / z2) and f b / z pixels, within 1 px, on the side opposite to the other eye."""
     scene = wall_scene((near_depth, -0.2, 0.2), (far_depth, -10, 10), device=device)
     sensor = StereoDepth(baseline, other_eye=side)
     camera = wv.Camera.from_fov(320, 24, hfov=1.2)
     reasons = wv.render(scene, camera, AHEAD, outputs=("reasons",), frame=0, sensor=sensor).reasons.numpy()[0]
     reasons = reasons if side == "right" else reasons[:, ::-1]
-    plate = camera.fx * 0.2 / near_depth  # from the middle to its edge
+    plate = camera.fx * 0.2 / near_depth  # from the center to its edge
     for row in reasons:
         band, shadow = (np.flatnonzero(row == reason) for reason in (Reason.BAND, Reason.SHADOW))
         assert abs(len(band) - camera.fx * baseline / far_depth) <= 1
@@ -129,13 +128,13 @@ def test_widths_of_shadow_and_band(device, side, near_depth, far_depth, baseline
         assert set(np.unique(row)) == {Reason.VALID, Reason.BAND, Reason.SHADOW}
 
 
-def test_eyes_that_are_one_have_neither(device):
+def test_tiny_baseline_has_no_shadow_or_band(device):
     scene = make_scene(device)
     reasons = wv.render(scene, CAMERA, POSES, outputs=("reasons",), frame=0, sensor=StereoDepth(1e-6)).reasons.numpy()
     assert set(np.unique(reasons)) == {Reason.VALID, Reason.EMPTY, Reason.RANGE}
 
 
-def test_a_projector_larger_than_the_image_has_no_band(device):
+def test_unbounded_projector_has_no_band(device):
     scene = wall_scene((2.0, -10, 10), (1.0, -2.0, -0.6), device=device)
     with_band, without = (
         wv.render(
@@ -147,15 +146,15 @@ def test_a_projector_larger_than_the_image_has_no_band(device):
     assert not (without == Reason.BAND).any()
     beside = with_band == Reason.BAND
     np.testing.assert_array_equal(without[~beside], with_band[~beside])
-    # The near plate's shadow falls on what is beside the image.
+    # The near plate's shadow falls outside of the image.
     wide = wv.Camera(480, CAMERA.height, CAMERA.fx, CAMERA.fy, 240, CAMERA.cy, CAMERA.near, CAMERA.far)
     whole = wv.render(scene, wide, AHEAD, outputs=("reasons",), frame=0, sensor=StereoDepth(0.1)).reasons.numpy()
     np.testing.assert_array_equal(without, whole[:, :, 160:320])
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_without_noise_the_image_is_clean(device, caster):
-    """Bit for bit where both eyes see, as the casters make it, with the camera's range."""
+def test_noise_free_image_equals_render(device, caster):
+    """Bit for bit where both eyes see, with the camera's range."""
     scene = make_scene(device)
     views = wv.render(
         scene, CAMERA, POSES, outputs=("depth", "reasons"), frame=0, sensor=StereoDepth(0.06), caster=caster
@@ -169,7 +168,7 @@ def test_without_noise_the_image_is_clean(device, caster):
     np.testing.assert_array_equal(all_of_it.depth.numpy(), clean)
 
 
-def test_splits_threads_and_order(device):
+def test_results_are_independent_of_batches_threads_and_order(device):
     scene = make_scene(device)
     options = {"outputs": OUTPUTS, "sensor": FULL, "seed": 4}
     whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options))
@@ -185,8 +184,8 @@ def test_splits_threads_and_order(device):
 
 
 @pytest.mark.parametrize("width", [1, 15, 64, 65, 160])
-def test_lanes_and_single_pixels_say_the_same(monkeypatch, width):
-    """Bit for bit, of rows of any length: what a GPU runs, run on the CPU, and sixteen pixels at a time."""
+def test_row_kernels_equal_pixel_kernels(monkeypatch, width):
+    """Bit for bit for rows of any length: the GPU's kernels, run on the CPU, and the kernels for 16 pixels."""
     camera = dataclasses.replace(CAMERA, width=width, cx=width / 2)
     options = {"outputs": OUTPUTS, "seed": 4, "frame": 0}
     for sensor in (FULL, dataclasses.replace(FULL, noise_spacing=1, other_eye="left", edge_window=9, subpixel=0)):
@@ -201,8 +200,8 @@ def test_lanes_and_single_pixels_say_the_same(monkeypatch, width):
             np.testing.assert_array_equal(rows[name], single[name], err_msg=name)
 
 
-def test_shadows_of_what_moves(device):
-    """The other eye sees each world as it is, without what is excluded."""
+def test_shadows_follow_object_poses(device):
+    """The other eye sees each world's object poses, without excluded objects."""
     scene = wall_scene((3.0, -10, 10), device=device)
     scene.add(trimesh.creation.box((0.4, 0.02, 8.0)), name="plate", pose=(0, 1.01, 0, 0, 0, 0, 1), movable=True)
     worlds = {"object_poses": [[[x, 1.01, 0, 0, 0, 0, 1]] for x in (-0.3, 0.3)]}
@@ -215,7 +214,7 @@ def test_shadows_of_what_moves(device):
     assert not (hidden.reasons.numpy() == Reason.SHADOW).any()
 
 
-def test_near_surfaces_that_are_cut_away_throw_no_shadow(device):
+def test_clipped_surfaces_cast_no_shadow(device):
     scene = wall_scene((0.3, -0.05, 0.05), (2.0, -10, 10), device=device)
     sensor = StereoDepth(0.05)
     clipped = wv.render(
@@ -226,7 +225,7 @@ def test_near_surfaces_that_are_cut_away_throw_no_shadow(device):
     assert set(np.unique(kept)) == {Reason.VALID, Reason.BAND, Reason.SHADOW, Reason.RANGE}
 
 
-def test_camera_of_a_device():
+def test_native_camera_is_returned_or_missing():
     with pytest.raises(wv.errors.CameraError, match="the sensor has no native_camera"):
         StereoDepth(0.1).camera()
     assert dataclasses.replace(FULL, native_camera=CAMERA).camera() is CAMERA
@@ -258,12 +257,12 @@ def test_camera_of_a_device():
         ({"native_camera": "kinect"}, "native_camera must be a warpvis.Camera"),
     ],
 )
-def test_what_is_refused(arguments, message):
+def test_invalid_arguments_raise(arguments, message):
     with pytest.raises(wv.errors.WarpvisError, match=message):
         StereoDepth(**{"baseline": 0.1, **arguments})
 
 
-def test_what_a_camera_or_a_scene_refuses():
+def test_incompatible_camera_or_scene_raises():
     scene, endless = make_scene(), wv.Camera.from_fov(160, 120, hfov=1.2)
     with pytest.raises(
         wv.errors.CameraError, match="near of the camera, or max_disparity, must limit disparities to 8192 px"
@@ -276,14 +275,14 @@ def test_what_a_camera_or_a_scene_refuses():
 
 
 @pytest.mark.slow
-def test_nothing_is_fused_for_a_gpu(tmp_path):
-    """What NVRTC makes of it: no instruction that multiplies and adds in one, none that is approximate."""
+def test_gpu_code_has_no_fused_multiply_add(tmp_path):
+    """The PTX code of NVRTC contains no fused multiply-add and no approximate instruction."""
     text = gpu_code("warpvis.kernels.stereo", tmp_path)
     assert len(re.findall(r"\bmul\.(?:rn\.)?f32", text)) > 10
     assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", text)
 
 
-def test_a_baseline_in_millimetres_is_said():
+def test_baseline_in_millimeters_warns():
     with pytest.warns(
         UserWarning,
         match=r"baseline is 55 m, longer than that of any depth camera. If it is in millimeters, pass 0.055\.",

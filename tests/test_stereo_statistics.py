@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What sensors that triangulate say of walls, held to the formulas: of disparities, as that is where noise is drawn."""
+"""Tests of the statistics of stereo sensors at walls, in disparities, where noise is drawn."""
 
 import dataclasses
 
@@ -26,7 +26,7 @@ AHEAD = wv.look_at((0, 0, 0), (0, 1, 0))
 
 
 def wall(distance, angle=0.0):
-    """A wall before a camera that looks along y, turned about the vertical by an angle [deg]."""
+    """Return a wall in front of a camera that looks along y, rotated about the vertical by `angle` [deg]."""
     turned = trimesh.creation.box((60, 0.02, 60))
     turned.apply_translation((0, 0.01, 0))
     turned.apply_transform(trimesh.transformations.rotation_matrix(np.radians(angle), (0, 0, 1)))
@@ -36,7 +36,7 @@ def wall(distance, angle=0.0):
 
 
 def measured(scene, sensor, camera=CAMERA, frames=1, seed=0):
-    """Disparities that are measured and true, where there are any, (frames, H, W) with NaN; and reasons."""
+    """Return measured and true disparities, (frames, H, W) with NaN where invalid, and reasons."""
     poses = np.tile(AHEAD, (frames, 1))
     views = wv.render(
         scene,
@@ -62,8 +62,8 @@ def only(values):
 
 @pytest.mark.parametrize("angle", [0, 40, 80])
 @pytest.mark.parametrize("distance", [0.5, 1.0, 2.0, 5.0])
-def test_noise_of_walls(distance, angle):
-    """Mean, deviation and distribution of disparities; at every angle, since noise is not of the surface."""
+def test_disparity_noise_is_normal_at_all_angles(distance, angle):
+    """Mean, deviation and distribution of disparities; noise is independent of the surface."""
     sensor = StereoDepth(BASELINE, sigma=0.08, shadow=False, band=False)
     found, exact, _ = measured(wall(distance, angle), sensor, seed=7)
     errors = only(found - exact)
@@ -71,12 +71,12 @@ def test_noise_of_walls(distance, angle):
     assert count > 30_000
     assert abs(errors.mean()) < 4 * 0.08 / np.sqrt(count)
     assert abs(errors.std() - 0.08) < 4 * 0.08 / np.sqrt(2 * count)
-    # Depth in single precision has 1e-7 of itself, much less than noise.
+    # The rounding of depth, 1e-7 relative, is negligible.
     assert stats.kstest(errors / 0.08, "norm").pvalue > 1e-4
 
 
-def test_depth_is_skewed_and_grows_with_its_square():
-    """z = f b / (d + n): deviation z^2 sigma / (f b), and the mean is farther by z^3 sigma^2 / (f b)^2."""
+def test_depth_noise_grows_quadratically_and_is_skewed():
+    """z = f b / (d + n): deviation z^2 sigma / (f b); the mean is farther by z^3 sigma^2 / (f b)^2."""
     for distance in (1.0, 2.0, 4.0):
         sensor = StereoDepth(BASELINE, sigma=0.1, shadow=False, band=False)
         found, _, _ = measured(wall(distance), sensor, frames=10)
@@ -88,8 +88,8 @@ def test_depth_is_skewed_and_grows_with_its_square():
 
 
 @pytest.mark.parametrize("subpixel", [1, 8, 32])
-def test_disparities_are_in_steps(subpixel):
-    """Whole parts of a pixel, every one between the ends, and none else; a level is one depth, to the last bit."""
+def test_disparities_are_quantized(subpixel):
+    """All multiples of the step between the extremes occur, no others; each has one exact depth."""
     sensor = StereoDepth(BASELINE, subpixel=subpixel, shadow=False, band=False)
     found, exact, _ = measured(wall(1.5, 60), sensor)
     assert np.abs(only(found - exact)).max() <= 0.5 / subpixel + 1e-4
@@ -110,13 +110,13 @@ def test_pixel_locking_has_a_period_of_one_pixel():
 
 
 @parametrize("spacing", [1, 2, 3, 8], keep=[1])
-def test_noise_is_as_smooth_as_it_says(spacing):
-    """Of the same deviation at every pixel, correlated by the closed form along x and y, and not between frames."""
+def test_noise_correlation_matches_spacing(spacing):
+    """Equal deviation at every pixel, correlation by the closed form along x and y, none between frames."""
     sensor = StereoDepth(BASELINE, sigma=0.08, noise_spacing=spacing, shadow=False, band=False)
     found, exact, _ = measured(wall(1.0), sensor, frames=60)
     noise = (found - exact) / 0.08
     frames, height, width = noise.shape
-    apart = frames * height * width / spacing**2  # as many numbers were drawn
+    apart = frames * height * width / spacing**2  # number of independent draws
     assert abs(noise.mean()) < 4 / np.sqrt(apart)
     assert abs(noise.var() - 1) < 4 * np.sqrt(2 / apart)
     of_places = (noise**2).mean(axis=0)
@@ -135,10 +135,10 @@ def test_noise_is_as_smooth_as_it_says(spacing):
 
 
 @pytest.mark.parametrize("angle", [0, 60, 70, 80])
-def test_pixels_are_lost_by_angle_and_reflectivity(angle):
-    """Their share is as the signal says, and the rest is kept; by the wall, the reason is the angle or the darkness."""
+def test_dropout_by_angle_and_reflectivity(angle):
+    """The lost share follows the signal; the reason is the angle or the reflectivity."""
     options = {"least_signal": 0.1, "full_signal": 0.6, "shadow": False, "band": False}
-    camera = wv.Camera.from_fov(320, 240, hfov=0.02)  # rays are parallel, nearly
+    camera = wv.Camera.from_fov(320, 240, hfov=0.02)  # rays are nearly parallel
     for reflectivity in (1.0, 0.4):
         sensor = StereoDepth(BASELINE, reflectivity={"wall": reflectivity}, dropout=0.1, **options)
         _, _, reasons = measured(wall(2.0, angle), sensor, camera, frames=5)
@@ -146,7 +146,7 @@ def test_pixels_are_lost_by_angle_and_reflectivity(angle):
         plain, dark = (np.clip((signal - 0.1) / 0.5, 0, 1) for signal in (cosine, cosine * reflectivity))
         expected = {Reason.VALID: 0.9 * dark, Reason.GRAZING: 1 - plain, Reason.DROPOUT: plain - 0.9 * dark}
         for reason, share in expected.items():
-            # The field of view's rays differ in cosine by up to 0.01.
+            # The cosine varies by up to 0.01 within the field of view.
             slack = 4 * np.sqrt(share * (1 - share) / reasons.size) + 0.002
             assert abs((reasons == reason).mean() - share) < slack, reason
 
@@ -164,11 +164,11 @@ def test_profiles_at_a_wall(profile):
         slice(camera.width // 10, -camera.width // 10),
     )
     errors = (found - exact)[middle]
-    assert (reasons[middle] == Reason.VALID).mean() > 0.95  # of a wall that is met at up to 36 degrees
+    assert (reasons[middle] == Reason.VALID).mean() > 0.95  # a wall at angles of up to 36 degrees
     errors = only(errors)
     scale = camera.fx * sensor.baseline
     step = 1 / sensor.subpixel
-    # What rounding adds is that of a level of the whole wall, up to half a step, and the random part.
+    # Rounding adds the offset of the wall's level, up to half a step, and a random part.
     offset = (scale / distance * sensor.subpixel + 0.5) % 1 - 0.5
     assert abs(errors.mean()) < step / 2 + 0.01
     expected = expected_rms(offset, sensor.sigma, step)
@@ -182,7 +182,7 @@ def test_profiles_at_a_wall(profile):
 
 
 def expected_rms(offset, sigma, step):
-    """Of disparities that are normal about `offset` steps from a level, rounded to levels."""
+    """Return the RMS of normal disparities about `offset` steps from a level, rounded to levels."""
     levels = np.arange(-60, 61)
     edges = (np.append(levels - 0.5, levels[-1] + 0.5) - offset) * step / sigma
     share = np.diff(stats.norm.cdf(edges))
@@ -190,7 +190,7 @@ def expected_rms(offset, sigma, step):
 
 
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.__name__)
-def test_profiles_have_their_least_depth_and_their_range(profile):
+def test_profiles_limit_depth_to_their_range(profile):
     sensor = profile()
     camera = sensor.camera()
     assert sensor.max_disparity == np.inf or camera.near == pytest.approx(
@@ -206,8 +206,8 @@ def test_profiles_have_their_least_depth_and_their_range(profile):
     assert smaller.fx == pytest.approx(camera.fx * 320 / camera.width)
 
 
-def test_a_kinect_is_as_published():
-    """Khoshelham and Elberink 2012: 1.425e-3 z^2 m, with steps of 2.85e-3 z^2 m; over walls of many distances."""
+def test_kinect_noise_matches_khoshelham():
+    """Khoshelham and Elberink 2012: 1.425e-3 z^2 m, with steps of 2.85e-3 z^2 m; averaged over several distances."""
     sensor = wv.sensors.kinect_v1(320, 240)
     whole = dataclasses.replace(sensor, focal_length=580.0)
     for distance in (1.0, 2.0, 3.0, 4.0):

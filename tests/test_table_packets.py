@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays of a table by packets: by the float64 reference, at the borders of faces, whatever their order."""
+"""Tests of ray bundles cast in packets: the float64 reference, borders of cube faces, independence of order."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def assert_matches_reference(scene, camera, poses, **options):
 
 
 @pytest.mark.parametrize("name", PATTERNS)
-def test_the_room_matches_the_reference(name, device):
+def test_room_matches_reference(name, device):
     scene = wv.scenes.PRESETS["room"].build(device)
     poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
     assert_matches_reference(scene, PATTERNS[name], poses)
@@ -42,14 +42,14 @@ def test_the_room_matches_the_reference(name, device):
         ("planar, wide", "occlude"),
     ],
 )
-def test_solids_meshes_and_their_range_match_the_reference(name, near_plane, device):
+def test_solids_meshes_and_range_match_reference(name, near_plane, device):
     rng = np.random.default_rng(0)
     meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=1, radius=0.3)]
     scene = build_solids(device, random_poses(rng, 10, spread=2.0), extra=meshes)
     camera = Table(PATTERNS[name].table, PATTERNS[name].kind, near=0.5, far=2.0)
     poses = random_poses(rng, 2, spread=0.3)
     if near_plane == "clip" and device != "cpu":
-        # There rays are cast one by one. Of a solid that is cut, they see the triangles where it is, packets all of it.
+        # On a GPU, rays are cast one by one: of a clipped solid they hit the triangles, packets the exact surface.
         views = wv.render(scene, camera, poses, outputs=ALL, near_plane="clip")
         twin = build_solids("cpu", random_poses(np.random.default_rng(0), 10, spread=2.0), extra=meshes)
         expected = wv.render(twin, camera, poses, outputs=ALL, near_plane="clip", caster="rays")
@@ -61,8 +61,8 @@ def test_solids_meshes_and_their_range_match_the_reference(name, near_plane, dev
     assert np.isneginf(views.depth.numpy()).any() == (near_plane == "occlude")
 
 
-def test_rays_on_the_borders_of_faces_are_cast_once(device):
-    """In a box all of them meet a wall, at a length that is known."""
+def test_rays_on_face_borders_are_cast_once(device):
+    """Inside a box, every ray hits a wall at a known distance."""
     half = np.array([2.0, 1.5, 2.5])
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box(2 * half), name="box")
@@ -76,7 +76,7 @@ def test_rays_on_the_borders_of_faces_are_cast_once(device):
 
 
 @pytest.mark.parametrize("name", PATTERNS)
-def test_every_ray_has_one_place(name):
+def test_each_ray_has_one_lane(name):
     rays = PATTERNS[name].rays
     known = np.isfinite(rays).all(axis=-1)
     struct = prepare_rays(rays).struct
@@ -84,7 +84,7 @@ def test_every_ray_has_one_place(name):
     np.testing.assert_array_equal(np.sort(place[place >= 0]), np.flatnonzero(known))
     np.testing.assert_array_equal(struct.without_ray.numpy(), np.flatnonzero(~known))
     focal, lanes = float(struct.focal), np.flatnonzero(place >= 0)
-    # What has been rounded is kept: places are the rays', in the pinhole of their bundle.
+    # Rounding errors are stored: the coordinates are those of the rays in the pinhole of their bundle.
     bundle = struct.bundle.numpy()
     which = np.searchsorted(bundle[:, 0], lanes // 4096, side="right") - 1
     shown = rays.reshape(-1, 3)[place[lanes]]
@@ -100,8 +100,8 @@ def test_every_ray_has_one_place(name):
 
 @pytest.mark.parametrize("side", [0, 16, 32])
 @pytest.mark.parametrize("name", PATTERNS)
-def test_every_ray_has_one_pixel_of_a_packet(name, side):
-    """On a GPU: near the pixel's centre, and exactly where the packet's image has it."""
+def test_each_ray_has_one_pixel_of_a_packet(name, side):
+    """On a GPU: near the pixel's center, with the exact position in the packet's image."""
     rays = PATTERNS[name].rays
     packets = prepare_all(rays, side, wp.get_device("cpu"))
     place, scale = packets.place.numpy(), packets.scale.numpy()
@@ -126,7 +126,7 @@ def test_every_ray_has_one_pixel_of_a_packet(name, side):
 
 
 def assert_anywhere_in_images(packets, there, places):
-    """In 32x32 pixels, which they fill along one axis at least, and in the bounds that are known of each block."""
+    """Assert that points lie in images of 32x32 pixels, fill one axis, and match the bounds of each block."""
     assert ((places >= 0) & (places < 31)).all()
     many = there.sum(axis=1) > 2
     size = np.where(there[..., None], places, -1).max(axis=1) - np.where(there[..., None], places, 99).min(axis=1)
@@ -141,7 +141,7 @@ def assert_anywhere_in_images(packets, there, places):
 
 
 def pixels_of(side):
-    """Where a z-buffer's pixels are: `Packet::index` of kernels/native/cuda/pixels.h, of blocks of 8 x 4."""
+    """Return the z-buffer's pixel positions: `Packet::index` of kernels/native/cuda/pixels.h, in blocks of 8 x 4."""
     at = np.zeros((side * side, 2))
     columns = side // 8
     for y, x in np.ndindex(side, side):
@@ -150,8 +150,8 @@ def pixels_of(side):
     return at
 
 
-def test_scans_are_in_rows_and_columns_though_their_beams_look_aside():
-    """Lidars' packets are squares of neighbours, near their pixels' centres."""
+def test_lidar_scans_use_grid_packets():
+    """Packets of lidars are squares of adjacent rays near their pixels' centers, though beams have azimuth offsets."""
     for lidar in (wv.sensors.lidars.ouster("OS1-128"), wv.sensors.lidars.vlp16()):
         prepared = prepare_packets(lidar.rays.reshape(lidar.height, lidar.width, 3), wp.get_device("cpu"))
         assert prepared.points is None
@@ -160,8 +160,8 @@ def test_scans_are_in_rows_and_columns_though_their_beams_look_aside():
     assert not scattered.packets and scattered.points.frame.shape[0] < 1.3 * 1500 / POINTS
 
 
-def test_large_packets_are_of_lenses(device):
-    """Most of a lens's rays are in packets of 32x32, and the rest in smaller ones: the image is as rays see it."""
+def test_large_lens_packets_match_single_rays(device):
+    """Most of a lens's rays are in packets of 32x32, the rest in smaller ones."""
     matrix = [[330, 0, 319.5], [0, 330, 239.5], [0, 0, 1]]
     camera = wv.Camera.from_opencv(matrix, [-0.28, 0.06, 0, 0], 640, 480, far=50.0)
     sides = [side for side, _ in prepare_packets(camera.rays, wp.get_device("cpu")).packets]
@@ -175,7 +175,7 @@ def test_large_packets_are_of_lenses(device):
 
 
 def lens_table():
-    """A lens of 70 x 50 pixels, of which neither side is tiles."""
+    """Return a lens of 70 x 50 pixels, neither of which is a multiple of the tile size."""
     K = [[60.0, 0, 34.5], [0, 60.0, 24.5], [0, 0, 1]]
     camera = wv.Camera.from_opencv(K, [-0.28, 0.09, 0.001, -0.0005, 0.01], 70, 50)
     return Table(camera.rays.reshape(50, 70, 3), kind="z")
@@ -185,13 +185,13 @@ FINE = {
     "lens": lens_table(),
     "lens with gaps": Table(with_gaps(lens_table().table), kind="z"),
     "lidar": Table(scan(24, 200, 0.4)),  # blocks of two rows
-    "few rows": Table(scan(4, 300, 0.3)),  # of one
+    "few rows": Table(scan(4, 300, 0.3)),  # blocks of one row
 }
 
 
 @pytest.mark.parametrize("name", FINE)
-def test_fits_say_where_rays_are(name):
-    """To within what they say; and the places in rows are the rays'."""
+def test_fits_bound_the_positions_of_rays(name):
+    """Within the fit's error bounds; rows hold the coordinates of the rays."""
     camera = FINE[name]
     struct = prepare_rays(camera.rays).struct
     fits = struct.fit.numpy().astype(np.float64)
@@ -210,16 +210,16 @@ def test_fits_say_where_rays_are(name):
         assert (np.abs(column_u * (u[tile] - u0) + column_v * (v[tile] - v0) - column) <= off_column)[there].all()
         assert (np.abs(row_u * (u[tile] - u0) + row_v * (v[tile] - v0) - row) <= off_row)[there].all()
         assert 0 < off_column < 1 and 0 < off_row < 1
-        # A step to the next column or row is that long along u or v, and no longer.
+        # The spacing is the longest step to the next column or row along u or v.
         steps = np.abs(np.linalg.inv([[column_u, column_v], [row_u, row_v]]))
         np.testing.assert_allclose(steps.max(), spacing, rtol=1e-4)
-        # They are rows and columns of the table.
+        # Fitted rows and columns are those of the table.
         y, x = np.divmod(place[tile][there], camera.width)
         assert len(np.unique(x - column[there])) == 1 and len(np.unique(y - row[there])) == 1
 
 
 def fine_scene():
-    """Triangles smaller than rays are apart, before and behind large ones."""
+    """Return a scene of triangles smaller than the ray spacing, in front of and behind large ones."""
     scene, rng = wv.Scene(), np.random.default_rng(5)
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.8)
     ball.vertices *= 1 + 0.1 * rng.random((len(ball.vertices), 1))
@@ -230,14 +230,14 @@ def fine_scene():
 
 
 @pytest.mark.parametrize("name", FINE)
-def test_triangles_smaller_than_rays_are_apart_match_the_reference(name):
+def test_triangles_smaller_than_ray_spacing_match_reference(name):
     views = assert_matches_reference(fine_scene(), FINE[name], STRAIGHT[None])
     assert len(np.unique(views.segmentation.numpy())) >= 2
 
 
 @pytest.mark.parametrize("name", FINE)
-def test_the_order_of_a_table_changes_nothing(name):
-    """Rays that are no neighbours in the table have no fits, and packets of their own."""
+def test_results_are_independent_of_ray_order(name):
+    """Rays that are not adjacent in the table have no fits, and separate packets."""
     scene, camera = fine_scene(), FINE[name]
     order = np.random.default_rng(4).permutation(camera.height * camera.width)
     mixed = Table(camera.rays.reshape(1, -1, 3)[:, order], camera.kind)
@@ -253,8 +253,8 @@ def test_the_order_of_a_table_changes_nothing(name):
             np.testing.assert_array_equal(here, there)
 
 
-def test_no_ray_slips_through_a_ball(device):
-    """Through all corners of its triangles, and the middles of their edges."""
+def test_no_ray_passes_through_a_closed_ball(device):
+    """Through all vertices and edge midpoints."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=2.0)
     middles = ball.vertices[ball.edges_unique].mean(axis=1)
     scene = wv.Scene(device=device)
@@ -267,8 +267,8 @@ def test_no_ray_slips_through_a_ball(device):
     assert rays.shape[1] > 10000
 
 
-def test_a_floor_at_grazing_angles(device):
-    """Lengths are the height over the sine, though 1 / z is a small difference."""
+def test_floor_at_grazing_angles(device):
+    """Distances are the height over the sine, though 1 / z is a small difference."""
     scene, height = wv.Scene(device=device), 0.7
     scene.add(trimesh.creation.box((8000, 8000, 0.1)), name="floor", pose=(0, 0, -0.05, 0, 0, 0, 1))
     down = np.radians(np.geomspace(0.02, 30, 64))
@@ -280,7 +280,7 @@ def test_a_floor_at_grazing_angles(device):
 
 
 @pytest.mark.parametrize("name", ["lidar", "no order", "planar"])
-def test_images_do_not_depend_on_threads_or_batches(name, device):
+def test_images_are_independent_of_threads_and_batches(name, device):
     scene, camera = wv.scenes.PRESETS["room"].build(device), PATTERNS[name]
     poses = random_poses(np.random.default_rng(3), 5, spread=0.4)
     together = wv.render(scene, camera, poses, outputs=ALL, threads=1)
@@ -293,12 +293,12 @@ def test_images_do_not_depend_on_threads_or_batches(name, device):
         alone = shared.render(pose)
         for output in ALL:
             np.testing.assert_array_equal(getattr(alone, output).numpy()[0], getattr(together, output).numpy()[view])
-    for output in ALL:  # nothing of what was not asked for changes what was
+    for output in ALL:  # one output does not depend on the others
         one = wv.render(scene, camera, poses, outputs=output)
         np.testing.assert_array_equal(getattr(one, output).numpy(), getattr(together, output).numpy())
 
 
-def test_worlds_sizes_instances_and_exclude_are_as_rays_see_them(device):
+def test_worlds_scales_instances_and_exclude_match_single_rays(device):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.icosphere(subdivisions=2, radius=0.4), name="ball", movable=True)
     scene.add(trimesh.creation.box((0.4, 0.5, 0.6)), name="cart", movable=True)
@@ -324,7 +324,7 @@ def test_worlds_sizes_instances_and_exclude_are_as_rays_see_them(device):
         assert (np.abs(depth[hit] - expected[hit]) > 1e-5 * np.maximum(1, expected[hit])).mean() < 1e-3
 
 
-def test_a_table_without_rays_is_empty(device):
+def test_table_without_rays_is_empty(device):
     scene = wv.scenes.PRESETS["room"].build(device)
     views = wv.render(scene, Table(np.full((3, 4, 3), np.nan)), STRAIGHT, outputs=ALL)
     assert np.isposinf(views.depth.numpy()).all() and (views.segmentation.numpy() == -1).all()
@@ -332,7 +332,7 @@ def test_a_table_without_rays_is_empty(device):
     assert none.depth.shape == (0, 20, 72)
 
 
-def test_casters_are_chosen(device):
+def test_caster_is_selected(device):
     scene = wv.scenes.PRESETS["room"].build(device)
     assert wv.Renderer(scene, PATTERNS["lidar"]).caster == "packets"
     assert wv.Renderer(scene, PATTERNS["lidar"], caster="rays").caster == "rays"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""CPU threads: pieces cover every pixel once, callers on several threads are safe, forked children work."""
+"""Tests of CPU threads: partition of images, concurrent callers, and forked processes."""
 
 import multiprocessing
 import os
@@ -29,15 +29,15 @@ def test_pieces_cover_every_row_once(shape, threads, split_views):
     assert (covered == 1).all()
 
 
-def test_a_large_single_view_is_shared():
+def test_single_large_view_is_split():
     assert len(_split((1, 480, 640), 2, True)) >= 4
 
 
-def test_the_pool_is_as_large_as_the_affinity():
+def test_core_count_equals_affinity():
     assert core_count() == len(os.sched_getaffinity(0))
 
 
-def test_callers_on_several_threads_are_safe():
+def test_concurrent_callers_get_correct_images():
     preset = scenes.PRESETS["room"]
     renderer = wv.Renderer(preset.build(), wv.Camera.from_fov(64, 48, hfov=1), outputs=("depth",))
     poses = preset.poses(8)
@@ -53,9 +53,9 @@ def _render_in_child(queue):
     queue.put(wv.render(preset.build(), wv.Camera.from_fov(64, 48, hfov=1), preset.poses(4)).labels.numpy().sum())
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Python 3.12 warns of forks beside threads: the case at hand
-def test_a_forked_child_renders():
-    """After a fork the pool's threads are gone; the child makes its own."""
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Python 3.12 warns of forks in multithreaded processes
+def test_forked_child_renders():
+    """The pool's threads do not survive a fork; the child creates new ones."""
     if wp.is_cuda_available():
         pytest.skip("CUDA does not survive a fork")
     preset = scenes.PRESETS["room"]
@@ -73,18 +73,18 @@ def pool_threads():
     return [thread for thread in threading.enumerate() if thread.name.startswith("warpvis")]
 
 
-def test_there_is_one_pool_as_large_as_the_most_that_was_asked_for():
-    """Not one for every number of threads."""
+def test_pool_grows_to_the_largest_request():
+    """There is one pool for all numbers of threads."""
     forget_pool()
     others = pool_threads()
     for threads in (2, 3, 4, 5, 6, 9, 3, 2):
         together = threading.Barrier(threads, timeout=20)
         run_each(lambda _, together=together: together.wait(), range(threads), threads)
-    assert len(pool_threads()) - len(others) == 8  # and the caller is the ninth
+    assert len(pool_threads()) - len(others) == 8  # the caller is the ninth thread
 
 
 class Counted:
-    """Work that takes a moment, and counts how many threads do it at a time, at most."""
+    """Short work that records the maximum number of concurrent threads."""
 
     def __init__(self):
         self.most, self.done = 0, []
@@ -101,8 +101,8 @@ class Counted:
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
-def test_no_more_threads_work_than_were_asked_for(threads):
-    """Whatever the pool holds by now."""
+def test_concurrency_is_limited_to_the_request(threads):
+    """Even if the pool is larger."""
     work = Counted()
     run_each(lambda _: time.sleep(0.01), range(8), 8)
     run_each(work, range(40), threads)
@@ -110,7 +110,7 @@ def test_no_more_threads_work_than_were_asked_for(threads):
 
 
 @pytest.mark.parametrize("threads", [1, 4])
-def test_an_error_comes_back_when_nobody_works_any_more(threads):
+def test_error_is_raised_after_all_workers_stop(threads):
     done, at_work = [], set()
 
     def work(part):
@@ -127,7 +127,7 @@ def test_an_error_comes_back_when_nobody_works_any_more(threads):
     assert len(done) < 100
 
 
-def test_a_crew_is_no_larger_for_several_callers():
+def test_crew_size_is_shared_by_callers():
     work = Counted()
     with Crew(3, "crew") as crew, ThreadPoolExecutor(4) as callers:
         for first in range(0, 80, 20):
@@ -136,7 +136,7 @@ def test_a_crew_is_no_larger_for_several_callers():
     assert 1 < work.most <= 3
 
 
-def test_a_crew_goes_on_after_an_error_of_one_caller():
+def test_crew_survives_an_error_of_one_caller():
     def work(part):
         if part == 3:
             raise ValueError("part 3")

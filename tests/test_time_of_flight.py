@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth by phase, held to its twin in double precision, to Lange's formula, and to closed forms of mixed pixels."""
+"""Tests of time-of-flight depth against the float64 reference, Lange's formula, and closed forms of mixed pixels."""
 
 import dataclasses
 import re
@@ -41,7 +41,7 @@ def box(scene, name, size, place):
 
 
 def make_scene(device="cpu"):
-    """A floor, a wall, a box and a ball before it, posts, one of them near; and sky."""
+    """Return a scene with a floor, a wall, a box and a ball in front of it, posts, one of them near; and sky."""
     scene = wv.Scene(device=device)
     box(scene, "floor", (8, 8, 0.1), (0, 2, -0.05))
     box(scene, "wall", (3.0, 0.1, 1.2), (-0.5, 3.5, 0.6))
@@ -56,7 +56,7 @@ POSES = np.stack([wv.look_at((x, 0, 0.7), (0.3 * x, 2, 0.5)) for x in (-0.4, 0.0
 
 
 def plates(*given, device="cpu"):
-    """Upright plates in front of a camera that looks along y: distance, left and right end."""
+    """Return upright plates in front of a camera that looks along y, given by distance, left and right end."""
     scene = wv.Scene(device=device)
     for number, (distance, left, right) in enumerate(given):
         box(scene, f"plate {number}", (right - left, 1e-6, 8.0), ((left + right) / 2, distance, 0))
@@ -68,7 +68,7 @@ def images(views, names=OUTPUTS):
 
 
 def shares_of(scene, sensor):
-    shares = np.ones(len(scene.objects) + 1)  # of the sky, too
+    shares = np.ones(len(scene.objects) + 1)  # including the sky
     if isinstance(sensor.reflectivity, dict):
         for place, part in enumerate(scene.objects):
             shares[place] = sensor.reflectivity.get(part.name, 1.0)
@@ -76,7 +76,7 @@ def shares_of(scene, sensor):
 
 
 def mix_by_twin(scene, sensor, camera, poses, seen):
-    """What comes back of all pixels, by the twin, with sub-rays cast one by one; and how near to others edges were."""
+    """Return the reference's mix of all pixels, with sub-rays cast one by one, and the margins of edge decisions."""
     shares, depth = shares_of(scene, sensor), seen["true_depth"]
     rays, normals = twin.pixel_rays(camera), twin.in_camera(poses, seen["normals"])
     whole = twin.mix_sub_rays(
@@ -119,8 +119,8 @@ def mix_by_twin(scene, sensor, camera, poses, seen):
     ids=["full", "one frequency", "three", "no mixing"],
 )
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_the_twin_agrees(device, sensor, caster):
-    """Reasons are equal but for decisions within rounding, and depth is, to rounding, where there is one."""
+def test_measurement_matches_reference(device, sensor, caster):
+    """Reasons may differ only for decisions within rounding; depth is equal to rounding."""
     scene = make_scene(device)
     frames, numbers = [3, 4, 0], [0, 7, 2]
     views = wv.render(
@@ -131,7 +131,7 @@ def test_the_twin_agrees(device, sensor, caster):
     depth, reasons, decided = twin.measure_time_of_flight(sensor, CAMERA, mix, np.stack([numbers, frames], axis=-1), 11)
     sure = (decided > 1e-3) & (margin > 1e-4)
     assert sure.mean() > 0.95
-    # A sub-ray that passes within rounding of an edge may meet the other surface.
+    # A sub-ray within rounding of an edge may hit the other surface.
     differ = sure & (seen["reasons"] != reasons)
     assert differ.mean() < 1e-4
     both = sure & np.isfinite(depth) & np.isfinite(seen["depth"])
@@ -147,8 +147,8 @@ def test_the_twin_agrees(device, sensor, caster):
 
 @pytest.mark.parametrize("angle", [0, 30, 60, 80])
 @pytest.mark.parametrize("distance", [0.5, 1.0, 2.0, 5.0])
-def test_walls_have_the_noise_of_the_formula(device, distance, angle):
-    """Mean, deviation, and Kolmogorov-Smirnov of ranges: sqrt(A + B) / A of every pixel's own A."""
+def test_wall_noise_matches_the_formula(device, distance, angle):
+    """Mean, deviation and Kolmogorov-Smirnov test of ranges: sqrt(A + B) / A with each pixel's A."""
     scene = wv.Scene(device=device)
     tilt = np.radians(angle)
     pose = (0, distance, 0, 0, 0, np.sin(tilt / 2), np.cos(tilt / 2))
@@ -182,8 +182,8 @@ def test_noise_is_white(device):
         assert abs(np.corrcoef(first.ravel(), other.ravel())[0, 1]) < most
 
 
-def test_without_noise_and_edges_the_image_is_clean(device):
-    """Bit for bit, by either caster."""
+def test_noise_free_image_without_edges_equals_render(device):
+    """Bit for bit."""
     scene = make_scene(device)
     clean = wv.render(scene, CAMERA, POSES, outputs=("depth",)).depth.numpy()
     plain = TimeOfFlight(20e6, mixing=False)
@@ -197,7 +197,7 @@ def test_without_noise_and_edges_the_image_is_clean(device):
     np.testing.assert_array_equal(views.depth.numpy()[away], clean[away])
 
 
-def test_splits_threads_and_order(device):
+def test_results_are_independent_of_batches_threads_and_order(device):
     scene = make_scene(device)
     options = {"outputs": OUTPUTS, "sensor": FULL, "seed": 4}
     whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options))
@@ -212,8 +212,8 @@ def test_splits_threads_and_order(device):
             np.testing.assert_array_equal(alone[name][0], whole[name][view], err_msg=name)
 
 
-def test_sub_rays_in_parts_are_the_same(device, monkeypatch):
-    """However many pixels' sub-rays have memory at once."""
+def test_sub_rays_in_parts_give_equal_images(device, monkeypatch):
+    """For any memory limit of sub-rays."""
     from warpvis.sensors.depth import _time_of_flight
 
     scene = make_scene(device)
@@ -224,8 +224,8 @@ def test_sub_rays_in_parts_are_the_same(device, monkeypatch):
         np.testing.assert_array_equal(parts[name], whole[name])
 
 
-def test_sub_rays_of_all_pixels_are_the_same(device, monkeypatch):
-    """As on a GPU, where pixels at edges are not counted: those of others see nothing."""
+def test_sub_rays_of_all_pixels_give_equal_images(device, monkeypatch):
+    """As on a GPU, which does not count edge pixels: sub-rays of other pixels hit nothing."""
     from warpvis.sensors.depth import _time_of_flight
 
     scene, in_parts = make_scene(device), _time_of_flight._pixels_in_parts
@@ -239,15 +239,15 @@ def test_sub_rays_of_all_pixels_are_the_same(device, monkeypatch):
             np.testing.assert_array_equal(again[name], whole[name])
 
 
-def test_noise_beyond_all_numbers_leaves_nothing(device):
+def test_noise_beyond_float_range_drops_out(device):
     sensor = TimeOfFlight(50e6, signal=1e-300)
     seen = images(wv.render(make_scene(device), CAMERA, POSES, outputs=OUTPUTS, frame=0, sensor=sensor))
     assert set(np.unique(seen["reasons"])) == {Reason.EMPTY, Reason.DROPOUT}
     np.testing.assert_array_equal(np.isnan(seen["depth"]), seen["reasons"] == Reason.DROPOUT)
 
 
-def test_pixels_at_edges_get_numbers_in_their_order(device):
-    """Of views with none, some and all of them."""
+def test_edge_pixels_are_numbered_in_order(device):
+    """Views with none, some and all pixels at edges."""
     places = np.arange(300)
     some = np.where(np.random.default_rng(0).random(300) < 0.1, places, -1)
     edges = np.stack([some, np.full(300, -1), places, some[::-1].copy()]).astype(np.int32)
@@ -258,8 +258,8 @@ def test_pixels_at_edges_get_numbers_in_their_order(device):
 
 
 @pytest.mark.parametrize("part", range(1, 16))
-def test_flying_pixels_of_a_step(device, part):
-    """A column of which so many sixteenths see the plate in front: the angle of the sum of two phasors."""
+def test_flying_pixels_at_a_step(device, part):
+    """`part` sixteenths of a column see the front plate: the phase is that of the sum of two phasors."""
     near, far = 1.0, 1.3
     camera = wv.Camera(32, 24, 200.0, 200.0, 16.0, 12.0)
     edge = (part / 16 - 16 + 10) * near / 200  # the plate ends within the eleventh column
@@ -281,8 +281,8 @@ def test_flying_pixels_of_a_step(device, part):
     assert column[10] * length == pytest.approx(expected, abs=2e-6)
 
 
-def test_a_half_covered_pixel_of_equal_light_is_in_the_middle(device):
-    """Where both surfaces return the same light, the angle of the sum is the mean of the angles."""
+def test_half_covered_pixel_measures_the_mean(device):
+    """If both surfaces return equal light, the angle of the sum is the mean of the angles."""
     near, far = 1.0, 1.3
     camera = wv.Camera(32, 24, 2000.0, 2000.0, 16.0, 12.0)
     scene = plates((near, -5, -5.5 * near / 2000), (far, -10, 10), device=device)
@@ -292,7 +292,7 @@ def test_a_half_covered_pixel_of_equal_light_is_in_the_middle(device):
 
 
 def test_mixed_pixels_are_lost_by_coherence(device):
-    """|sum| / sum of two phasors of the same light is the cosine of half the angle between them."""
+    """|sum| / sum for two phasors of equal light is the cosine of half the angle between them."""
     near, far, frequency = 1.0, 1.3, 60e6
     camera = wv.Camera(32, 24, 2000.0, 2000.0, 16.0, 12.0)
     scene = plates((near, -5, -5.5 * near / 2000), (far, -10, 10), device=device)
@@ -305,8 +305,8 @@ def test_mixed_pixels_are_lost_by_coherence(device):
         assert (np.delete(reasons, 10, axis=1) == Reason.VALID).all()
 
 
-def test_what_is_thinner_than_a_pixel_is_mixed_where_a_centre_meets_it(device):
-    """Between centres it is missed, as the documentation says."""
+def test_thin_objects_blend_at_pixel_centers(device):
+    """Objects between pixel centers are missed, as documented."""
     camera = wv.Camera(32, 24, 200.0, 200.0, 16.0, 12.0)
     for middle, found in ((10.5, True), (10.95, False)):
         at = (middle - 16) / 200
@@ -318,8 +318,8 @@ def test_what_is_thinner_than_a_pixel_is_mixed_where_a_centre_meets_it(device):
 
 
 @pytest.mark.parametrize("start", [0.0, 1.0])
-def test_wiggling(device, start):
-    """A sine of the given amplitude, with four periods in a turn of the phase: c / 8 f of range."""
+def test_wiggling_is_a_sine_of_range(device, start):
+    """The error has the given amplitude and four periods per revolution of the phase: c / 8 f of range."""
     frequency, amplitude = 50e6, 0.02
     sensor = TimeOfFlight(frequency, wiggle=amplitude, wiggle_phase=start, offset=0.003)
     camera = wv.Camera(4, 4, 1e5, 1e5, 2.0, 2.0)
@@ -336,7 +336,7 @@ def test_wiggling(device, start):
 
 
 @pytest.mark.parametrize(("frequencies", "wrap"), [(100e6, 1.499), ((120e6, 80e6), 3.747), ((100e6, 90e6), 14.99)])
-def test_depth_wraps_where_phases_repeat(device, frequencies, wrap):
+def test_depth_wraps_at_the_unambiguous_range(device, frequencies, wrap):
     sensor = TimeOfFlight(frequencies)
     assert sensor.unambiguous_range == pytest.approx(wrap, abs=1e-3)
     camera = wv.Camera(4, 4, 1e5, 1e5, 2.0, 2.0)
@@ -345,8 +345,8 @@ def test_depth_wraps_where_phases_repeat(device, frequencies, wrap):
         np.testing.assert_allclose(depth, distance % sensor.unambiguous_range, atol=1e-5)
 
 
-def test_edges_far_behind_each_other_are_unwrapped(device):
-    """One frequency's flying pixels wrap; by two, a pixel that is nearly all of one surface is of that surface."""
+def test_mixed_pixels_of_distant_surfaces_are_unwrapped(device):
+    """With one frequency, flying pixels wrap; with several, a pixel dominated by one surface measures that surface."""
     camera = wv.Camera(32, 24, 200.0, 200.0, 16.0, 12.0)
     scene = plates((1.0, -5, (-5.03125) / 200), (3.4, -10, 10), device=device)
     seen = wv.render(scene, camera, AHEAD, outputs=("depth",), frame=0, sensor=TimeOfFlight((100e6, 80e6, 20e6)))
@@ -354,8 +354,8 @@ def test_edges_far_behind_each_other_are_unwrapped(device):
     assert (np.abs(depth - 1.0) < 0.05).all()
 
 
-def test_light_and_reasons(device):
-    """Too much, too little, and too little because of the angle."""
+def test_reasons_by_amount_of_light(device):
+    """Too much light, too little, and too little because of the angle."""
     scene = wv.Scene(device=device)
     names = ("bright", "white", "black", "steep")
     for number, name in enumerate(names):
@@ -376,8 +376,8 @@ def test_light_and_reasons(device):
     assert np.isnan(seen["depth"][seen["reasons"] > Reason.RANGE]).all()
 
 
-def test_objects_that_move_and_that_are_left_out(device):
-    """Sub-rays see each world as it is."""
+def test_sub_rays_follow_object_poses_and_exclude(device):
+    """Sub-rays see each world's object poses."""
     scene = plates((3.0, -10, 10), device=device)
     scene.add(trimesh.creation.box((0.4, 0.02, 8.0)), name="plate", pose=(0, 2.81, 0, 0, 0, 0, 1), movable=True)
     worlds = {"object_poses": [[[x, 2.81, 0, 0, 0, 0, 1]] for x in (-0.3137, 0.3137)]}
@@ -392,10 +392,10 @@ def test_objects_that_move_and_that_are_left_out(device):
 
 @pytest.mark.parametrize("mode", ["nfov", "nfov_binned", "wfov", "wfov_binned"])
 def test_azure_kinect_has_the_specified_noise(device, mode):
-    """At most 17 mm of a surface of 15 % seen straight, anywhere in its range, and 11 mm + 0.1 % of systematic error
+    """At most 17 mm for a frontal surface of 15 % reflectivity within the range, and 11 mm + 0.1 % of systematic error
     (Tolgyessy 2021)."""
     whole = wv.sensors.azure_kinect(mode).camera()
-    # Without the range: noise reaches beyond it.
+    # Without the range: noise exceeds it.
     sensor = dataclasses.replace(wv.sensors.azure_kinect(mode), reflectivity=0.15, native_camera=None)
     camera = wv.Camera(60, 60, whole.fx * 10, whole.fy * 10, 30, 30)
     for distance in np.linspace(whole.near, whole.far, 5):
@@ -407,7 +407,7 @@ def test_azure_kinect_has_the_specified_noise(device, mode):
 
 
 @pytest.mark.parametrize("profile", ["azure_kinect", "kinect_v2", "pmd_flexx2"])
-def test_profiles_see_a_room(profile):
+def test_profiles_measure_a_room(profile):
     sensor = getattr(wv.sensors, profile)()
     camera = sensor.camera()
     assert sensor.unambiguous_range > camera.far
@@ -421,7 +421,7 @@ def test_profiles_see_a_room(profile):
     assert 0.001 < np.median(error) < 0.02
 
 
-def test_camera_of_a_device():
+def test_native_camera_is_returned_or_missing():
     with pytest.raises(wv.errors.CameraError, match="the sensor has no native_camera"):
         TimeOfFlight(1e8).camera()
     assert dataclasses.replace(FULL, native_camera=CAMERA).camera() is CAMERA
@@ -453,12 +453,12 @@ def test_camera_of_a_device():
         ({"native_camera": "azure"}, "native_camera must be a warpvis.Camera"),
     ],
 )
-def test_what_is_refused(arguments, message):
+def test_invalid_arguments_raise(arguments, message):
     with pytest.raises(wv.errors.WarpvisError, match=message):
         TimeOfFlight(**{"frequencies": 1e8, **arguments})
 
 
-def test_what_a_scene_and_a_mode_refuse():
+def test_invalid_reflectivity_and_mode_raise():
     with pytest.raises(wv.errors.SceneError, match="no object 'cup', given in reflectivity"):
         wv.Renderer(make_scene(), CAMERA, sensor=dataclasses.replace(FULL, reflectivity={"cup": 0.1}))
     with pytest.raises(wv.errors.ArrayError, match='mode must be "nfov", "nfov_binned", "wfov" or "wfov_binned"'):
@@ -467,8 +467,8 @@ def test_what_a_scene_and_a_mode_refuse():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("module", ["sub_rays", "time_of_flight"])
-def test_nothing_is_fused_for_a_gpu(module, tmp_path):
-    """What NVRTC makes of it: no instruction that multiplies and adds in one, none that is approximate."""
+def test_gpu_code_has_no_fused_multiply_add(module, tmp_path):
+    """The PTX code of NVRTC contains no fused multiply-add and no approximate instruction."""
     text = gpu_code(f"warpvis.kernels.{module}", tmp_path)
     body = text[text.index(".entry") :]
     assert re.search(r"\bmul\.(?:rn\.)?f64", body)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Warnings of poses with w first, of scenes in millimeters, and of cameras inside of things; none of what is meant."""
+"""Tests of warnings about likely mistakes: wxyz quaternions, scenes in millimeters, cameras inside of objects."""
 
 import warnings
 
@@ -33,7 +33,7 @@ def orbit(count, radius=2.0, height=1.0, target=(0, 0, 0.4)):
 
 
 def drive(count):
-    """Poses of a robot that goes anywhere and looks a little down."""
+    """Return random poses of a robot that looks slightly down."""
     rng = np.random.default_rng(1)
     eyes, angles = rng.uniform((-3, -3, 0.2), (3, 3, 2), (count, 3)), rng.uniform(0, 2 * np.pi, count)
     ahead = np.stack([np.cos(angles), np.sin(angles), np.full(count, -0.3)], axis=1)
@@ -41,7 +41,7 @@ def drive(count):
 
 
 def turned(poses, rotation):
-    """The same poses of a camera whose frame is turned."""
+    """Return the poses for a camera with a rotated frame."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation
     return poses_to_opencv(poses_to_matrices(poses) @ matrix, "opencv")
@@ -55,7 +55,7 @@ def boxes(size=0.5, at=(0, 0, 0.4)):
 
 
 def table(scale=1.0):
-    """A table in millimeters."""
+    """Return a table in millimeters."""
     parts = [trimesh.creation.box((1200, 800, 30), trimesh.transformations.translation_matrix((0, 0, 735)))]
     parts += [
         trimesh.creation.box((50, 50, 720), trimesh.transformations.translation_matrix((x, y, 360)))
@@ -76,7 +76,7 @@ def said(work):
 
 
 @pytest.mark.parametrize("poses", [orbit(3), orbit(12), orbit(60, height=0.4), drive(20)])
-def test_quaternions_with_w_first_are_noticed(call, poses):
+def test_wxyz_quaternions_warn(call, poses):
     scene = boxes()
     for work in (
         lambda: call(scene, ENDLESS, w_first(poses)),
@@ -89,14 +89,14 @@ def test_quaternions_with_w_first_are_noticed(call, poses):
     assert not said(lambda: wv.Frames.from_poses(w_first(poses), quaternion="wxyz"))
 
 
-def test_the_warning_names_the_callers_line():
+def test_warning_names_the_caller():
     with pytest.warns(UserWarning, match="upside down") as caught:
         wv.render(boxes(), ENDLESS, w_first(orbit(5)))
     assert caught[0].filename == __file__
 
 
 @pytest.mark.parametrize("convention", ["opencv", "opengl", "ros_body"])
-def test_quaternions_of_any_convention(convention):
+def test_wxyz_quaternions_warn_in_any_convention(convention):
     axes = {"opencv": np.eye(3), "opengl": np.diag([1, -1, -1]), "ros_body": [[0, -1, 0], [0, 0, -1], [1, 0, 0]]}
     poses = turned(drive(30), axes[convention])
     assert len(said(lambda: wv.Frames.from_poses(w_first(poses), convention=convention))) == 1
@@ -123,11 +123,11 @@ LEGITIMATE = {
 
 
 @pytest.mark.parametrize("name", LEGITIMATE)
-def test_poses_that_are_meant_do_not_warn(name):
+def test_valid_poses_do_not_warn(name):
     assert not said(lambda: wv.Frames.from_poses(LEGITIMATE[name]))
 
 
-def test_a_scene_in_millimeters_is_noticed(call):
+def test_scene_in_millimeters_warns(call):
     (message,) = said(lambda: call(table(), KINECT, orbit(4)))
     assert "the scene spans 1200 x 800 x 750 m, and the camera's far is 4.5 m" in message
     assert "scale=0.001" in message
@@ -135,7 +135,7 @@ def test_a_scene_in_millimeters_is_noticed(call):
 
 
 def terrain(side):
-    """Hills, open below."""
+    """Return hills, open below."""
     x, y = np.meshgrid(np.linspace(-side / 2, side / 2, 65), np.linspace(-side / 2, side / 2, 65), indexing="ij")
     places = np.stack([x, y, side / 50 * np.sin(9 * x / side) * np.cos(7 * y / side)], axis=-1).reshape(-1, 3)
     corner = (np.arange(64)[:, None] * 65 + np.arange(64)).reshape(-1, 1)
@@ -160,7 +160,7 @@ def large_scene(kind):
     if kind == "sky":
         scene.add(floor(8, 8), name="floor", label="ground")
         return scene, KINECT, np.stack([wv.look_at((0, 0, 1), (1, k, 3)) for k in range(4)])
-    scene.add(trimesh.creation.box((200, 100, 20)), name="hall")  # its faces look outwards
+    scene.add(trimesh.creation.box((200, 100, 20)), name="hall")  # its faces point outward
     return scene, KINECT, np.stack([wv.look_at((99.9, 0, -9), (101, 0, -9)), wv.look_at((90, 0, -9), (91, 0, -9.9))])
 
 
@@ -170,7 +170,7 @@ def test_scenes_of_other_sizes_do_not_warn(kind, call):
 
 
 @pytest.mark.parametrize("solid", ["box", "ball"])
-def test_a_camera_inside_of_a_thing_is_noticed(solid, call):
+def test_camera_inside_an_object_warns(solid, call):
     scene = boxes() if solid == "box" else wv.Scene()
     if solid == "ball":
         scene.add(floor(8, 8), name="floor", label="ground")
@@ -184,7 +184,7 @@ def test_a_camera_inside_of_a_thing_is_noticed(solid, call):
     assert not said(lambda: call(scene, KINECT, poses, exclude=[solid]))
 
 
-def test_a_camera_inside_of_the_floor_is_noticed(call):
+def test_camera_inside_the_floor_warns(call):
     scene = wv.Scene()
     scene.add(trimesh.creation.box((8, 8, 0.2)), name="floor", label="ground", pose=(0, 0, -0.1, 0, 0, 0, 1))
     scene.add(trimesh.creation.box(), name="box", pose=(2, 0, 0.5, 0, 0, 0, 1))
@@ -195,5 +195,5 @@ def test_a_camera_inside_of_the_floor_is_noticed(call):
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda item: item.name)
-def test_the_experiments_do_not_warn(experiment, call):
+def test_experiments_do_not_warn(experiment, call):
     assert not said(lambda: call(experiment.build(), experiment.camera, experiment.poses()))

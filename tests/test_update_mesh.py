@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""An object gets another mesh: it is seen from then on, and nothing else is another one."""
+"""Tests of `Scene.update_mesh`: the new mesh is rendered, and nothing else changes."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from support.worlds import assert_bits_equal
 
 BOX, CONE = trimesh.creation.box((0.5, 0.4, 0.3)), trimesh.creation.cone(radius=0.3, height=0.5)
 POSES = np.array([[-0.6, 0.1, 0.4, 0, 0, 0.6, 0.8], [0.7, -0.2, 0.5, 0.6, 0, 0, 0.8]])
-# Half of a ball: open, so that its inner side is seen.
+# Half a ball: open, so that its inner side is visible.
 SLICE = BALL.submesh([np.flatnonzero(BALL.triangles_center[:, 0] < 0.05)], append=True)
 HALF = (SLICE.vertices * 0.4, SLICE.faces)
 
 
 def build(device, first, second, movable=True):
-    """A floor and two objects; the meshes are pairs of vertices and faces, or what `Scene.add` takes."""
+    """Return a floor and two objects; the meshes are pairs of vertices and faces, or anything `Scene.add` accepts."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((4, 4, 0.1)), name="floor", label="ground", pose=(0, 0, -0.05, 0, 0, 0, 1))
     for name, mesh, pose in zip(("first", "second"), (first, second), POSES, strict=True):
@@ -39,7 +39,7 @@ def build(device, first, second, movable=True):
 
 
 def in_world(mesh, pose):
-    """A mesh's vertices where its object is."""
+    """Return a mesh's vertices in world coordinates."""
     scene = wv.Scene()
     scene.add(mesh, name="it", pose=pose)
     return scene["it"].vertices
@@ -53,8 +53,8 @@ def update(scene, name, mesh, **options):
 
 
 @pytest.mark.parametrize("movable", [True, False])
-def test_another_mesh_is_seen(movable, device, caster):
-    """Before the first rendering and after it, larger and smaller, closed and open, in turn."""
+def test_new_mesh_is_rendered(movable, device, caster):
+    """Before and after the first render; larger and smaller, closed and open meshes."""
     scene = build(device, BOX, BOX, movable)
     for first, second in [(CONE, BOX), (HALF, BOX), (HALF, BALL), (BOX, HALF), (BOX, BOX)]:
         update(scene, "first", first)
@@ -66,7 +66,7 @@ def test_another_mesh_is_seen(movable, device, caster):
 
 
 @pytest.mark.parametrize("movable", [True, False])
-def test_renderers_and_worlds_see_it_in_the_next_call(movable, device, caster):
+def test_next_call_of_a_renderer_uses_the_new_mesh(movable, device, caster):
     scene = build(device, BOX, BOX, movable)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
     before = renderer.render(eyes(2))
@@ -78,7 +78,7 @@ def test_renderers_and_worlds_see_it_in_the_next_call(movable, device, caster):
     assert_bits_equal(renderer.render(eyes(2), out=after), before)
 
 
-def test_objects_that_share_a_mesh_keep_it(device):
+def test_objects_sharing_the_mesh_keep_it(device):
     scene = wv.Scene(device=device)
     scene.add_instances(BOX, [*POSES, [0, 0.8, 0.4, 0, 0, 0, 1]], names="box")
     others = [scene[name].mesh_vertices for name in ("box_0", "box_2")]
@@ -92,8 +92,8 @@ def test_objects_that_share_a_mesh_keep_it(device):
     assert_seen(scene, twin, "packets")
 
 
-def test_only_what_changed_is_built_again(monkeypatch):
-    """And whether the others are closed is not asked again, nor of what changed."""
+def test_only_changed_trees_are_rebuilt(monkeypatch):
+    """Neither other objects nor the updated one are tested for closedness again."""
     built, asked = [], []
     build_bvh, provably_closed = _tree_cache.build_bvh, _tree_cache.provably_closed
     monkeypatch.setattr(_tree_cache, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build_bvh(*a, **k))
@@ -109,7 +109,7 @@ def test_only_what_changed_is_built_again(monkeypatch):
 
 
 def trees_of(built):
-    """Of each movable object, what its tree holds: corners and owners of its leaves, and boxes of its nodes."""
+    """Return for each movable object its tree's leaves with owners, and nodes."""
     struct, found = built.struct, []
     lanes = 16 if struct.leaves.device.is_cpu else 32
     children, owners = (getattr(struct, name).numpy().reshape(-1, lanes) for name in ("children", "owners"))
@@ -128,8 +128,8 @@ def trees_of(built):
     return found
 
 
-def test_an_update_after_rendering_builds_one_tree(device, monkeypatch):
-    """What casters read is then what it would be if all had been built: as much, and the same of each object."""
+def test_update_after_render_builds_one_tree(device, monkeypatch):
+    """The casters' data equals that of a scene built from scratch, in size and for each object."""
     scene = build(device, CONE, BALL)
     scene.add_instances(BOX, [*POSES], names="box")
     scene.bvh(), scene.triangles()
@@ -155,7 +155,7 @@ def test_an_update_after_rendering_builds_one_tree(device, monkeypatch):
     assert bvh.bytes_per_triangle == pytest.approx(fresh.bytes_per_triangle)
 
 
-def test_objects_that_deform_still_do(device, caster):
+def test_deforming_objects_still_deform(device, caster):
     scene = build(device, BOX, BOX)
     scene.update_vertices("second", BOX.vertices * 1.1)
     scene.bvh(), scene.triangles()
@@ -166,20 +166,20 @@ def test_objects_that_deform_still_do(device, caster):
 
 
 def on_device(mesh, device="cpu"):
-    """An object's mesh on a device, as `Scene.update_mesh` is given it."""
+    """Return a mesh as arrays on a device, as accepted by `Scene.update_mesh`."""
     vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "faces") else mesh
     return wp.array(np.float32(vertices), device=device), wp.array(np.int32(faces), device=device)
 
 
 def exchanged(monkeypatch, vertices, faces):
-    """The object that takes another's place, with Warp's arrays of the CPU taken for those of a GPU."""
+    """Return the updated object, treating Warp's CPU arrays as GPU arrays."""
     monkeypatch.setattr(_new_mesh, "on_gpu", lambda value: isinstance(value, wp.array))
     item = build("cpu", BOX, BOX)["first"]
     return _new_mesh.with_mesh(item, vertices, faces, wp.get_device("cpu"))
 
 
-def test_a_mesh_of_a_gpu_stays_there_until_it_is_asked_for(monkeypatch):
-    """It is a copy: what becomes of the arrays that were given changes nothing."""
+def test_gpu_mesh_is_copied_and_fetched_lazily(monkeypatch):
+    """Later changes of the given arrays have no effect."""
     given = on_device(HALF)
     item = exchanged(monkeypatch, *given)
     assert isinstance(item, _new_mesh.MeshOnDevice)
@@ -197,7 +197,7 @@ def test_a_mesh_of_a_gpu_stays_there_until_it_is_asked_for(monkeypatch):
 
 
 @pytest.mark.parametrize("closed", [False, True])
-def test_its_tree_is_built_there_and_takes_the_others_place(monkeypatch, closed):
+def test_gpu_mesh_tree_is_built_and_spliced(monkeypatch, closed):
     item = exchanged(monkeypatch, *on_device(BALL))
     scene = build("cpu", BOX, CONE)
     built = build_scene_bvh(scene.objects, scene.device, lanes=32)
@@ -226,13 +226,13 @@ BAD_ON_DEVICE = {
 
 
 @pytest.mark.parametrize("case", BAD_ON_DEVICE)
-def test_a_mesh_of_a_gpu_is_checked_there(monkeypatch, case):
+def test_invalid_gpu_mesh_raises(monkeypatch, case):
     vertices, faces, message = BAD_ON_DEVICE[case]
     with pytest.raises(SceneError, match=message):
         exchanged(monkeypatch, *on_device((vertices, faces)))
 
 
-def test_what_is_found_on_a_device_is_what_the_twin_finds(device):
+def test_check_kernel_matches_reference(device):
     rng = np.random.default_rng(0)
     vertices, faces = rng.normal(size=(5000, 3)), rng.integers(-4, 6000, (700, 3))
     vertices[rng.integers(0, 5000, 9), 1] = [np.nan, np.inf, -np.inf, 2, -2, 8, 9, 1e30, 3]
@@ -244,8 +244,8 @@ def test_what_is_found_on_a_device_is_what_the_twin_finds(device):
 
 
 @pytest.mark.parametrize("movable", [True, False])
-def test_back_faces_are_left_out_of_what_is_said_to_be_closed(movable, device):
-    """Nothing is seen differently; a half ball that is no closed mesh shows what was promised."""
+def test_closed_option_culls_back_faces(movable, device):
+    """Closed meshes look unchanged; for half a ball, only the flag is checked."""
     scene, flags = build(device, BALL, BOX, movable), []
     for mesh, closed in [(CONE, False), (CONE, True), (HALF, False), (HALF, True)]:
         update(scene, "first", mesh, closed=closed)
@@ -256,7 +256,7 @@ def test_back_faces_are_left_out_of_what_is_said_to_be_closed(movable, device):
     assert flags == [False, True, False, True]
 
 
-def test_vertices_alone_and_updates_in_turn(device, caster):
+def test_vertex_and_mesh_updates_alternate(device, caster):
     scene = build(device, BOX, BOX)
     scene.update_mesh("first", BOX.vertices * 1.3)
     assert_seen(scene, build("cpu", (BOX.vertices * 1.3, BOX.faces), BOX, movable=False), caster)
@@ -268,14 +268,14 @@ def test_vertices_alone_and_updates_in_turn(device, caster):
     assert_seen(scene, build("cpu", (CONE.vertices * 0.8, CONE.faces), BOX, movable=False), caster)
 
 
-def test_a_solid_becomes_the_mesh(device, caster):
+def test_solid_is_replaced_by_the_mesh(device, caster):
     scene = build(device, solids.sphere(0.4), BOX)
     update(scene, "first", HALF)
     assert scene["first"].solid is None
     assert_seen(scene, build("cpu", HALF, BOX, movable=False), caster)
 
 
-def test_copies_of_the_scene_have_it(device):
+def test_copies_of_the_scene_have_the_new_mesh(device):
     scene = build(device, BOX, BOX)
     update(scene, "second", HALF)
     expected = wv.render(scene, SMALL, eyes(1), outputs=ALL)
@@ -286,8 +286,8 @@ def test_copies_of_the_scene_have_it(device):
 
 
 @pytest.mark.parametrize("form", ["list", "double", "vec3", "floats", "torch"])
-def test_meshes_come_in_several_forms(form, device):
-    """Faces of any integers, here and on a GPU."""
+def test_mesh_arrays_accept_several_forms(form, device):
+    """Faces of any integer type, on the CPU and a GPU."""
     vertices, faces = np.float32(CONE.vertices), np.int32(CONE.faces)
     forms = {
         "list": lambda: (vertices.tolist(), faces.tolist()),
@@ -333,7 +333,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_meshes_change_nothing(case):
+def test_invalid_meshes_change_nothing(case):
     name, vertices, faces, message = BAD[case]
     scene = build("cpu", BOX, BOX)
     if case in ("attached", "parent"):

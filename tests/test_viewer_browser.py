@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page and its export in a real browser."""
+"""Tests of the live page and its export in a browser."""
 
 import importlib.resources
 from pathlib import Path
@@ -39,7 +39,7 @@ def viewer():
 
 
 def table_of(page):
-    """The table as lists of words, without the dots."""
+    """Return the table's cells as text, without the dots."""
     rows = page.locator("table.warpvis-table tbody tr")
     return [row.locator("td").all_inner_texts() for row in rows.all()]
 
@@ -53,7 +53,7 @@ def count_of(picture, color):
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_the_page_shows_experiment_3(browser, viewer, size):
+def test_page_shows_experiment_3(browser, viewer, size):
     with opened(browser, viewer.url, size) as page:
         wait_for_points(page, len(viewer.page.snapshot.points))
         assert "WebGL 2" in context_version(page)
@@ -68,7 +68,7 @@ def test_the_page_shows_experiment_3(browser, viewer, size):
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_the_page_shows_two_people_at_alohas_table(browser, size):
+def test_page_shows_two_agents_at_the_aloha_table(browser, size):
     file = importlib.resources.files("mujoco_warp") / "test_data" / "aloha_pot" / "scene.xml"
     state = View(file=Path(str(file)), robot="teleoperator_pov", human="collaborator_pov").load()
     with Viewer(state, port=PORT) as viewer, opened(browser, viewer.url, size) as page:
@@ -78,11 +78,11 @@ def test_the_page_shows_two_people_at_alohas_table(browser, size):
         assert page.problems == []
 
 
-def test_a_slider_changes_the_table(browser, viewer):
+def test_slider_changes_the_table(browser, viewer):
     with opened(browser, viewer.url) as page:
         wait_for_table(page, "out of view")
         before = table_of(page)[2][1]
-        slider = page.get_by_role("slider").first  # how high the robot's eyes are
+        slider = page.get_by_role("slider").first  # the height of the robot's eyes
         slider.focus()
         for _ in range(60):
             slider.press("ArrowLeft")
@@ -96,16 +96,16 @@ def test_a_slider_changes_the_table(browser, viewer):
         wait_for_table(page, before)
 
 
-def test_a_dragged_handle_changes_the_table(browser, viewer):
+def test_dragged_handle_changes_the_table(browser, viewer):
     with opened(browser, viewer.url) as page:
         wait_for_table(page, "100 %")
         gizmo = viewer.page.gizmos.objects["ball"]
         ball = np.array(gizmo.position)
         (client,) = viewer.server.get_clients().values()
-        # The green arrow, which leads the ball behind the high obstacle.
+        # The green arrow, which moves the ball behind the high obstacle.
         start, end = (project(client.camera, ball + (0, way, 0), DESKTOP) for way in (0.9 * gizmo.scale, 1.5))
         page.mouse.move(*start)
-        page.wait_for_timeout(1500)  # software WebGL takes its time to see what the mouse is over
+        page.wait_for_timeout(1500)  # software WebGL detects the hovered object slowly
         page.mouse.down()
         page.wait_for_timeout(500)
         for share in np.linspace(0.1, 1, 6):
@@ -120,7 +120,7 @@ def test_a_dragged_handle_changes_the_table(browser, viewer):
 
 
 def project(camera, point, size):
-    """Where the page shows a point of the world [px]."""
+    """Return where the page shows a world point [px]."""
     width, height = size
     inside = viser.transforms.SO3(np.asarray(camera.wxyz)).inverse() @ (np.asarray(point) - camera.position)
     focal = height / 2 / np.tan(camera.fov / 2)
@@ -128,7 +128,7 @@ def project(camera, point, size):
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_the_exported_file_opens_from_disk(browser, tmp_path, dark):
+def test_exported_file_opens_from_disk(browser, tmp_path, dark):
     path = tmp_path / "three.html"
     with serve(dark=dark) as viewer:
         viewer.save_html(path, title="Experiment 3")

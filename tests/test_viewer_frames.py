@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames that the live page plays, from pose files and datasets, and recordings of them for Rerun."""
+"""Tests of frames on the live page, from pose files and datasets, and of their recordings for Rerun."""
 
 import sys
 from collections import Counter
@@ -37,28 +37,28 @@ def state_of(frames):
     return ViewerState(room(), [wv.Agent.kinect("robot", WALK[0])], frames=frames, points=500)
 
 
-def test_a_frame_places_the_camera_and_what_moves():
+def test_frame_places_camera_and_movable_objects():
     frames = wv.Frames.from_poses(WALK, object_poses=moved())
     state = state_of(frames)
     for number in (2, 0, 1):
         state.show_frame(number)
         snapshot = state.snapshot()
         np.testing.assert_allclose(snapshot.agents[0].poses[0], WALK[number], atol=1e-9)
-        # The ball may be dragged, too, so that the box is not the only one that moves here.
+        # The ball may be dragged too, so the box is not the only movable object here.
         np.testing.assert_allclose(state.object_pose("box"), moved()[number, 0], atol=1e-6)
         seen = wv.object_visibility(room(), wv.Camera.kinect(), WALK[number], object_poses=moved()[number])
         row = next(row for row in snapshot.rows if row.name == "box")
         assert row.fractions[0] == pytest.approx(seen.fraction.numpy()[0, 1], abs=0.01)
 
 
-def test_worlds_by_index():
+def test_world_index_selects_object_poses():
     frames = wv.Frames.from_poses(WALK, object_poses=moved(2), world_index=[1, 0, 1])
     state = state_of(frames)
     state.show_frame(2)
     np.testing.assert_allclose(state.object_pose("box"), moved(2)[1, 0], atol=1e-6)
 
 
-def test_a_dataset_is_played_from_the_command_line(tmp_path):
+def test_dataset_plays_from_the_command_line(tmp_path):
     room().export(tmp_path / "room.glb")
     scene = wv.Scene.load(tmp_path / "room.glb")
     wv.render_batch(scene, wv.Camera.from_fov(16, 12, hfov=1.0), wv.Frames.from_poses(WALK), tmp_path / "set")
@@ -73,7 +73,7 @@ def test_a_dataset_is_played_from_the_command_line(tmp_path):
     assert len(spec.frames) == 5
 
 
-def test_a_recording_for_rerun_has_every_frame(tmp_path):
+def test_rerun_recording_has_every_frame(tmp_path):
     from rerun.chunk import RrdReader
 
     state = state_of(wv.Frames.from_poses(WALK, object_poses=moved()))
@@ -86,16 +86,16 @@ def test_a_recording_for_rerun_has_every_frame(tmp_path):
         rows[chunk.entity_path] += chunk.num_rows
     wanted = ("world/cloud", "world/agents/0", "images/robot", "table")
     assert [rows[f"/{entity}"] for entity in wanted] == [3, 3, 3, 3]
-    assert rows["/world/objects/1"] == 4  # its mesh once, and where it is
+    assert rows["/world/objects/1"] == 4  # its mesh once, and its pose per frame
 
 
-def test_the_command_writes_a_recording(tmp_path):
+def test_command_writes_a_recording(tmp_path):
     result = run_inside("view", "experiment_3", "--rerun", "three.rrd", cwd=tmp_path)
     assert result.returncode == 0 and result.stdout == "three.rrd\n", result.stderr
     assert (tmp_path / "three.rrd").read_bytes()[:4] in (b"RRF2", b"RRF3")
 
 
-def test_what_is_refused(tmp_path):
+def test_invalid_input_raises(tmp_path):
     frames = wv.Frames.from_poses(WALK)
     two = np.tile(moved(), (1, 2, 1))
     cases = [

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page's server, without a browser: handles that are dragged, sliders, and the command."""
+"""Tests of the live page's server without a browser: dragged handles, sliders, and the command."""
 
 import socket
 import sys
@@ -37,23 +37,23 @@ def page(viewer):
 
 
 def drag(page, gizmo, position):
-    """What viser does when a user drags a handle."""
+    """Simulate viser's callbacks when a user drags a handle."""
     gizmo.position = position
     for callback in gizmo._impl_aux.update_cb:
         callback(mock.Mock(target=gizmo, client_id=1))
     page.update(wait=True)
 
 
-def test_it_listens_on_this_machine_only(viewer):
+def test_page_listens_on_localhost_only(viewer):
     assert viewer.url == f"http://localhost:{viewer.server.get_port()}"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.connect(("192.0.2.1", 9))  # sends nothing: it says which of this machine's addresses leads out
+        probe.connect(("192.0.2.1", 9))  # sends nothing: finds the address of this machine's outgoing interface
         here = probe.getsockname()[0]
     with pytest.raises(OSError), socket.create_connection((here, viewer.server.get_port()), timeout=2):
         pass
 
 
-def test_a_dragged_ball_changes_the_table_and_the_cloud(page):
+def test_dragged_ball_updates_table_and_cloud(page):
     assert "hidden by" not in page.panel.table.content
     ball = page.state.cloud.objects == page.state.scene.index("ball")
     before = page.cloud.node.colors[ball].copy()
@@ -66,7 +66,7 @@ def test_a_dragged_ball_changes_the_table_and_the_cloud(page):
     np.testing.assert_allclose(page.server.scene.get_handle_by_name(f"/moving/{row}").position, (0.55, 1.0, 0.1))
 
 
-def test_a_dragged_robot_takes_its_body_and_its_frustum_along(page):
+def test_dragged_robot_moves_its_body_and_frustum(page):
     robot = page.gizmos.agents["robot"]
     body = page.state.object_pose("robot")
     before = page.marks["robot"].frame.wxyz.copy()
@@ -77,7 +77,7 @@ def test_a_dragged_robot_takes_its_body_and_its_frustum_along(page):
     np.testing.assert_allclose(page.state.object_pose("robot")[:3], body[:3] + (0.1, 0.2, 0), atol=1e-6)
 
 
-def test_putting_everything_back_moves_the_handles(page):
+def test_reset_moves_the_handles_back(page):
     ball = page.gizmos.objects["ball"]
     place = np.array(ball.position)
     drag(page, ball, (1, 1, 1))
@@ -85,7 +85,7 @@ def test_putting_everything_back_moves_the_handles(page):
     np.testing.assert_allclose(ball.position, place, atol=1e-6)
 
 
-def test_images_and_meshes_follow(page):
+def test_images_and_meshes_follow_drags(page):
     assert page.panel.images["robot"].image.shape == (240, 320, 3)
     index = page.state.scene.index("ball")
     assert tuple(page.meshes._meshes[index].color) == STATE_COLORS[State.BOTH]
@@ -93,7 +93,7 @@ def test_images_and_meshes_follow(page):
     assert tuple(page.meshes._meshes[index].color) != STATE_COLORS[State.BOTH]
 
 
-def test_what_the_program_moves_is_shown(viewer):
+def test_moves_by_the_program_are_shown(viewer):
     viewer.state.move_object("ball", (0.55, 1.0, 0.1, 0, 0, 0, 1))
     viewer.update()
     assert "hidden by high obstacle" in viewer.page.panel.table.content
@@ -102,7 +102,7 @@ def test_what_the_program_moves_is_shown(viewer):
     viewer.update()
 
 
-def test_moves_that_come_together_are_shown_together(page):
+def test_concurrent_updates_are_merged(page):
     shown = page.updates
     gate = threading.Event()
     snapshot = page.state.snapshot
@@ -122,13 +122,13 @@ def test_moves_that_come_together_are_shown_together(page):
     assert page.updates - shown <= 3
 
 
-def test_what_goes_wrong_is_said_on_the_page(page):
+def test_errors_are_shown_on_the_page(page):
     with mock.patch.object(page.state, "snapshot", side_effect=wv.WarpvisError("no such thing")):
         page.update(wait=True)
     assert "no such thing" in page.panel.message.content and page.panel.message.visible
 
 
-def test_the_command_reads_what_it_is_told(tmp_path):
+def test_command_parses_options(tmp_path):
     scene = EXPERIMENTS[0].build()
     scene.export(tmp_path / "room.glb")
     command = View(
@@ -147,7 +147,7 @@ def test_the_command_reads_what_it_is_told(tmp_path):
     assert all(row.fractions[0] > 0 for row in alone.snapshot().rows)
 
 
-def test_the_command_serves_the_page(tmp_path):
+def test_command_serves_the_page(tmp_path):
     def stop(viewer):
         assert viewer.page.snapshot is not None
         assert viewer.state.stage.handles == ("ball",)
@@ -170,7 +170,7 @@ def test_the_command_serves_the_page(tmp_path):
         (["nothing.glb"], "nothing.glb"),
     ],
 )
-def test_the_command_refuses(options, words, tmp_path):
+def test_command_rejects_invalid_options(options, words, tmp_path):
     EXPERIMENTS[0].build().export(tmp_path / "room.glb")
     with mock.patch.object(Viewer, "wait", lambda viewer: None):
         result = run_inside("view", *options, cwd=tmp_path)
@@ -178,7 +178,7 @@ def test_the_command_refuses(options, words, tmp_path):
     assert result.stderr.count("\n") == 1
 
 
-def test_without_viser_a_sentence_says_what_is_missing():
+def test_missing_viser_error_names_the_extra():
     experiment = EXPERIMENTS[0]
     with (
         mock.patch.dict(sys.modules, {"viser": None}),
@@ -187,13 +187,13 @@ def test_without_viser_a_sentence_says_what_is_missing():
         wv.view(experiment.build(), experiment.agents())
 
 
-def test_a_camera_of_an_agent_that_was_given_is_refused():
+def test_camera_with_agents_raises():
     experiment = EXPERIMENTS[0]
     with pytest.raises(wv.WarpvisError, match="camera must be None if agents are given"):
         wv.view(experiment.build(), experiment.agents(), wv.Camera.kinect())
 
 
-def test_buttons_propose_a_place_and_go_there():
+def test_proposed_view_can_be_applied():
     experiment = EXPERIMENTS[1]
     with Viewer(ViewerState(experiment.build(), experiment.agents(), points=1000), port=PORT) as viewer:
         page = viewer.page
@@ -208,7 +208,7 @@ def test_buttons_propose_a_place_and_go_there():
         assert page.propose() == ("robot sees every object that human sees.", False)
 
 
-def test_lines_of_sight_come_and_go(page):
+def test_lines_of_sight_are_toggled(page):
     assert page.server.scene.get_handle_by_name("/sight") is None
     drag(page, page.gizmos.objects["ball"], (0.55, 1.0, 0.1))
     assert page.server.scene.get_handle_by_name("/sight") is not None
@@ -225,7 +225,7 @@ MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 .1"/>
 </worldbody></mujoco>"""
 
 
-def test_a_model_comes_with_its_cameras_and_joints(tmp_path):
+def test_model_provides_cameras_and_joints(tmp_path):
     (tmp_path / "arm.xml").write_text(MODEL)
     state = View(file=tmp_path / "arm.xml", robot="head", human="side").load()
     assert [tuple(agent.poses[0, :3]) for agent in state.agents.values()] == [(-2, 0, 1), (0, -2, 1)]
@@ -244,7 +244,7 @@ def test_a_model_comes_with_its_cameras_and_joints(tmp_path):
         View(file=tmp_path / "bad.xml").load()
 
 
-def test_the_command_writes_one_file(tmp_path):
+def test_command_writes_one_html_file(tmp_path):
     result = run_inside("view", "experiment_3", "--html", "three.html", "--port", PORT + 20, cwd=tmp_path)
     assert result.returncode == 0 and result.stdout == "three.html\n"
     text = (tmp_path / "three.html").read_text()
