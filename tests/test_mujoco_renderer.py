@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""`warpvis.mujoco.Renderer` in `mujoco.Renderer`'s place, and many worlds at once."""
+"""`warpvis.mujoco.Renderer` as a replacement of `mujoco.Renderer`, and batches of worlds."""
 
 import subprocess
 import sys
@@ -64,7 +64,7 @@ CAMERAS |= {"id": 0, "default": -1, "free": free_camera(), "tracking": tracking_
 
 @pytest.mark.gl
 @parametrize("camera", CAMERAS, keep=2)
-def test_images_are_mujocos(camera, device):
+def test_images_match_mujoco(camera, device):
     model, data = shapes_model()
     with Renderer(model, 150, 200, tolerance=2e-4, device=device) as renderer:
         ours = images(renderer, data, CAMERAS[camera])
@@ -74,7 +74,7 @@ def test_images_are_mujocos(camera, device):
 
 
 @pytest.mark.gl
-def test_geom_groups_and_fixed_geoms_are_chosen_as_in_mujoco():
+def test_geom_groups_and_static_flag_match_mujoco():
     model, data = shapes_model()
     model.geom_group[::3] = 4
     renderer = Renderer(model, 120, 160, tolerance=2e-4)
@@ -84,12 +84,12 @@ def test_geom_groups_and_fixed_geoms_are_chosen_as_in_mujoco():
         option.flags[mujoco.mjtVisFlag.mjVIS_STATIC] = static
         ours = images(renderer, data, "front", option)
         assert_same_images(ours, mujoco_images(model, data, "front", 120, 160, option), 2e-4)
-    assert images(renderer, data, "front")[1].max() > 0  # and back to the default
+    assert images(renderer, data, "front")[1].max() > 0  # the default is restored
 
 
 @pytest.mark.gl
 @pytest.mark.parametrize("name", ROBOTS)
-def test_real_robots_look_as_in_mujoco(name):
+def test_real_robots_match_mujoco(name):
     model, data = robot_model(name)
     option, seen = geoms_only(), set()
     renderer = Renderer(model, 180, 240)
@@ -100,7 +100,7 @@ def test_real_robots_look_as_in_mujoco(name):
     assert len(seen) > 10
 
 
-def test_moving_what_moves_needs_no_new_geometry():
+def test_moving_bodies_follow_data():
     renderer = Renderer(MODEL, 48, 64)
     renderer.enable_depth_rendering()
     for x in (0.0, 0.5, -1.0):
@@ -116,7 +116,7 @@ def test_moving_what_moves_needs_no_new_geometry():
     assert renderer.render()[24, 32] == pytest.approx(2.4, abs=1e-5)
 
 
-def test_what_was_taken_over_stays_until_the_next_update():
+def test_images_keep_state_until_next_update():
     renderer, data = Renderer(MODEL, 48, 64), ball_data()
     renderer.update_scene(data, "eye")
     renderer.enable_depth_rendering()
@@ -128,7 +128,7 @@ def test_what_was_taken_over_stays_until_the_next_update():
     assert not np.array_equal(renderer.render(), first)
 
 
-def test_images_go_where_out_says():
+def test_images_are_written_to_out():
     renderer = Renderer(MODEL, 48, 64)
     depth, segmentation = images(renderer, ball_data(), "eye")
     renderer.enable_depth_rendering()
@@ -143,9 +143,9 @@ def test_images_go_where_out_says():
     assert {item.name for item in renderer.scene} == {"ball", "mark", "wall"}
 
 
-def test_what_is_nearer_than_the_near_plane_has_its_depth():
-    """MuJoCo cuts it away and shows what is behind: `test_mujoco_near_plane`."""
-    data = ball_data(x=-1.79)  # the ball's front is 1 cm before the camera, the near plane farther
+def test_near_plane_occlude_reports_near_depth():
+    """MuJoCo clips it and shows what is behind: see `test_mujoco_near_plane`."""
+    data = ball_data(x=-1.79)  # the ball is 1 cm in front of the camera, nearer than the near plane
     near = MODEL.vis.map.znear * MODEL.stat.extent
     assert near > 0.01
     depth, segmentation = images(Renderer(MODEL, 48, 64, near_plane="occlude"), data, "eye")
@@ -153,7 +153,7 @@ def test_what_is_nearer_than_the_near_plane_has_its_depth():
     assert segmentation[24, 32].tolist() == BALL_PIXEL
 
 
-def test_a_camera_sees_out_of_what_it_is_in():
+def test_camera_inside_geom_sees_through_back_faces():
     data = ball_data(x=-2.0)
     depth, segmentation = images(Renderer(MODEL, 48, 64), data, "eye")
     assert segmentation[24, 32].tolist() == WALL_PIXEL and depth[24, 32] == pytest.approx(3.9, abs=1e-5)
@@ -168,17 +168,17 @@ def test_importing_warpvis_does_not_import_mujoco():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-# Many worlds.
+# Batches.
 
 
 def worlds_of(count):
-    """Data of some worlds, the ball in another place in each."""
+    """Return data of `count` worlds, with the ball at a different position in each."""
     rng = np.random.default_rng(4)
     return [ball_data(*rng.uniform((-0.5, -0.8), (1.2, 0.8))) for _ in range(count)]
 
 
 def expected_views(batch, worlds, cameras):
-    """What `warpvis.Renderer` renders, a camera and a world at a time."""
+    """Return images of `warpvis.Renderer`, rendered one camera and one world at a time."""
     views = []
     for camera in cameras:
         renderer = wv.Renderer(
@@ -201,7 +201,7 @@ def batch_of(nworld=None, **options):
 
 
 @pytest.mark.parametrize("cameras", [None, "tele", ["eye", "twin"], ["twin", 1, 0], [2, 2]])
-def test_every_camera_in_every_world(cameras, device):
+def test_selected_cameras_in_all_worlds(cameras, device):
     batch, worlds = batch_of(6, device=device), worlds_of(6)
     ids = {None: [0, 1, 2], "tele": [1]}.get(cameras if not isinstance(cameras, list) else "", None)
     ids = ids or [MODEL.camera(camera).id for camera in cameras]
@@ -215,7 +215,7 @@ def test_every_camera_in_every_world(cameras, device):
     assert_views(again, expected)
 
 
-def test_any_worlds_of_many(device):
+def test_selected_worlds(device):
     batch, worlds = batch_of(8, device=device), worlds_of(8)
     chosen = [5, 2, 2, 7]
     expected = expected_views(batch, [worlds[k] for k in chosen], [0, 1])
@@ -224,14 +224,14 @@ def test_any_worlds_of_many(device):
     assert_views(batch.render(qpos, cameras=[0, 1], worlds=np.array(chosen)), expected)
 
 
-def test_poses_come_from_anywhere(device):
+def test_pose_sources_are_equivalent(device):
     batch, worlds = batch_of(4, device=device), worlds_of(4)
     expected = expected_views(batch, worlds, [0])
     stacked = WorldPoses.of(worlds)
     fields = ("geom_xpos", "geom_xmat", "cam_xpos", "cam_xmat")
     arrays = {name: np.asarray(getattr(stacked, name), dtype=np.float32) for name in fields}
     matrices = {name: a if a.shape[2] == 3 else a.reshape(4, -1, 3, 3) for name, a in arrays.items()}
-    # As MuJoCo Warp's data has them: on a GPU they stay there.
+    # Arrays like those of MuJoCo Warp's data: on a GPU they stay there.
     dtypes = {"geom_xpos": wp.vec3, "geom_xmat": wp.mat33, "cam_xpos": wp.vec3, "cam_xmat": wp.mat33}
     on_device = {name: wp.array(a, dtype=dtypes[name], device=device) for name, a in matrices.items()}
     qpos = np.stack([data.qpos for data in worlds])
@@ -240,7 +240,7 @@ def test_poses_come_from_anywhere(device):
     assert_views(batch_of(device=device).render(worlds[2], cameras=0), [image[2:3] for image in expected])
 
 
-def test_segmentation_of_a_batch(device):
+def test_batch_segmentation_matches_renderer(device):
     batch, worlds = batch_of(3, device=device), worlds_of(3)
     views = batch.render(worlds, cameras="eye")
     geoms = batch.geom_ids(views)
@@ -251,8 +251,8 @@ def test_segmentation_of_a_batch(device):
         assert np.array_equal(got, segmentation[..., 0])
 
 
-def test_objects_of_ones_own_are_rendered(device):
-    """Added before or after the first image, movable or not; geoms are still told apart from them."""
+def test_added_objects_are_rendered(device):
+    """Objects are added before or after the first image, movable or static, and are distinguished from geoms."""
     data, box = ball_data(), trimesh.creation.box((0.1, 0.1, 0.1))
     renderer, batch = Renderer(MODEL, 24, 32, device=device), batch_of(device=device)
     before, _ = images(renderer, data, "eye")
@@ -267,7 +267,7 @@ def test_objects_of_ones_own_are_rendered(device):
         views = batch.render([data, data], cameras="eye")
         assert np.array_equal(views.depth.numpy()[1], depth) and np.array_equal(*views.depth.numpy())
         assert np.array_equal(batch.geom_ids(views).numpy()[1], segmentation[..., 0])
-    # The geoms' poses go on to be MuJoCo's.
+    # Poses of geoms still follow MuJoCo.
     moved = ball_data(y=0.5)
     depth, segmentation = images(renderer, moved, "eye")
     views = batch.render([data, moved], cameras="eye")
@@ -275,7 +275,7 @@ def test_objects_of_ones_own_are_rendered(device):
     assert np.array_equal(batch.geom_ids(views).numpy()[1], segmentation[..., 0])
 
 
-def test_depth_of_a_batch_follows_rep_117():
+def test_batch_depth_follows_rep_117():
     batch = batch_of(near_plane="occlude")
     views = batch.render(ball_data(x=-1.79), cameras="eye")
     assert views.depth.numpy()[0, 12, 16] == -np.inf
@@ -284,13 +284,13 @@ def test_depth_of_a_batch_follows_rep_117():
 
 
 @pytest.mark.parametrize("threads", [1, 3])
-def test_kinematics_are_mujocos(threads):
+def test_kinematics_match_mujoco(threads):
     model, data = shapes_model()
     rng = np.random.default_rng(5)
     qpos, mocap_pos = rng.normal(size=(7, model.nq)), rng.normal(size=(7, model.nmocap, 3))
     mocap_quat = rng.normal(size=(7, model.nmocap, 4))
     kinematics = Kinematics(model, threads=threads)
-    for moved in (True, False):  # not to be left as another call had it
+    for moved in (True, False):  # the second call must not keep the mocap poses of the first
         mocap = {"mocap_pos": mocap_pos, "mocap_quat": mocap_quat} if moved else {}
         poses = kinematics.from_qpos(qpos, **mocap)
         for world in range(7):
@@ -303,7 +303,7 @@ def test_kinematics_are_mujocos(threads):
                 assert np.abs(getattr(poses, name)[world] - getattr(data, name)).max() < 1e-6
 
 
-def test_states_of_a_rollout():
+def test_rollout_states_are_rendered():
     data = [ball_data(), ball_data()]
     size, spec = mujoco.mj_stateSize(MODEL, mujoco.mjtState.mjSTATE_FULLPHYSICS), mujoco.mjtState.mjSTATE_FULLPHYSICS
     start = np.zeros((3, size))
@@ -325,7 +325,7 @@ def data_of(states):
         yield data
 
 
-def test_mujocos_own_batch_is_a_source_of_poses():
+def test_mujoco_batch_is_a_source_of_poses():
     module = pytest.importorskip("mujoco.batch", reason="MuJoCo before 4.0 has no mujoco.batch")
     simulations = module.Batch(MODEL, 3)
     simulations.bind("qpos")[:, 0] = 0.0, 0.5, 1.0
@@ -338,7 +338,7 @@ def test_mujocos_own_batch_is_a_source_of_poses():
 
 
 @pytest.mark.slow
-def test_mujoco_warps_data_is_a_source_of_poses(device):
+def test_mujoco_warp_data_is_a_source_of_poses(device):
     mjwarp = pytest.importorskip("mujoco_warp", reason="the package mujoco_warp is not installed")
     with wp.ScopedDevice(device):
         model, data = mjwarp.put_model(MODEL), mjwarp.put_data(MODEL, ball_data(), nworld=3)
@@ -459,7 +459,7 @@ def _enabled():
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_named(name):
+def test_invalid_arguments_are_rejected(name):
     call, message = BAD[name]
     with pytest.raises(wv.WarpvisError, match=message):
         call()

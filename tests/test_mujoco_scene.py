@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo's geoms as triangles: their error is bounded as stated, and MuJoCo's rays see the same."""
+"""Tessellation of MuJoCo's geoms: its error bound, and comparison with MuJoCo's rays."""
 
 import copy
 import math
@@ -41,7 +41,7 @@ def from_xml(body, head=""):
     return mujoco.MjModel.from_xml_string(f"<mujoco>{head}<worldbody>{body}</worldbody></mujoco>")
 
 
-# Distance of points from the true surface: positive outside.
+# Signed distances of points from the exact surface, positive outside.
 def sphere_distance(points, radius):
     return np.linalg.norm(points, axis=-1) - radius
 
@@ -58,7 +58,7 @@ def cylinder_distance(points, radius, half):
 
 
 def ellipsoid_distance(points, axes):
-    """The nearest point x of an ellipsoid is p a^2 / (a^2 + t) for the t that puts it there, by bisection."""
+    """The nearest point is p a^2 / (a^2 + t), where t, found by bisection, places it on the ellipsoid."""
     squares, points = np.square(axes), np.abs(points)
     low = np.full(points.shape[:-1], -np.min(squares) + 1e-9)
     high = np.linalg.norm(points * axes, axis=-1)
@@ -89,37 +89,37 @@ def triangles_of(solid):
 
 
 def points_on(vertices, faces, steps=5):
-    """A grid of points on every triangle, with its corners, edges and middle."""
+    """Return a grid of points on every triangle, including corners, edges and centers."""
     grid = [(a, b, steps - a - b) for a in range(steps + 1) for b in range(steps + 1 - a)]
     return np.einsum("gc,fcx->fgx", np.array(grid) / steps, vertices[faces]).reshape(-1, 3)
 
 
 @pytest.mark.parametrize("tolerance", [2e-3, 5e-4, 5e-5])
 @pytest.mark.parametrize("name", ROUND)
-def test_no_point_of_a_round_shape_is_farther_from_the_true_surface_than_the_tolerance(name, tolerance):
+def test_triangles_are_within_tolerance_of_exact_surface(name, tolerance):
     make, distance, radius = ROUND[name]
     vertices, faces = triangles_of(make(tolerance))
     most = solids.largest_error(tolerance, radius)
     assert most == max(tolerance, 1e-4 * radius)
     error = np.abs(distance(points_on(vertices, faces)))
     assert error.max() <= most * (1 + 1e-6)
-    if most < 0.02 * radius:  # the fewest triangles are for a coarser shape
+    if most < 0.02 * radius:  # the minimum number of triangles applies to coarser shapes
         assert error.max() >= 0.5 * most
 
 
 @pytest.mark.parametrize("name", ROUND)
-def test_no_point_of_a_true_round_surface_is_farther_from_the_triangles_than_the_tolerance(name):
+def test_exact_surface_is_within_tolerance_of_triangles(name):
     make, _, radius = ROUND[name]
     tolerance = 0.02 * radius
     vertices, faces = triangles_of(make(tolerance))
-    finer = make(1e-3 * radius)  # so near the true surface that it makes no difference
+    finer = make(1e-3 * radius)  # fine enough to stand for the exact surface
     true = points_on(finer.vertices, finer.faces, steps=2)[::7]
     found = trimesh.Trimesh(vertices, faces, process=False).ray.intersects_location
-    # Along rays from the middle the triangles are no nearer to each other than by the shortest way.
+    # Along rays from the center, the distance is at least that to the nearest point.
     hits, rays, _ = found(np.zeros_like(true), true / np.linalg.norm(true, axis=1, keepdims=True), multiple_hits=False)
     assert len(np.unique(rays)) == len(true)
     gap = np.abs(np.linalg.norm(hits, axis=1) - np.linalg.norm(true[rays], axis=1))
-    steepest = 6 if name == "capsule" else 4  # the surface is that much closer than it is along the ray
+    steepest = 6 if name == "capsule" else 4  # upper bound of the ratio of both distances
     assert gap.max() <= (tolerance + 1e-3 * radius) * steepest
 
 
@@ -139,7 +139,7 @@ VOLUMES = {
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_shapes_are_closed_and_wound_outwards(name):
+def test_shapes_are_watertight_and_oriented_outward(name):
     vertices, faces = SOLIDS[name]
     assert vertices.dtype == np.float64 and faces.dtype == np.int32
     mesh = trimesh.Trimesh(vertices, faces, process=False)
@@ -149,7 +149,7 @@ def test_shapes_are_closed_and_wound_outwards(name):
         assert mesh.volume == pytest.approx(VOLUMES[name], rel=0.03)
 
 
-def test_a_height_field_has_mujocos_heights():
+def test_height_field_matches_mujoco_heights():
     elevation = np.arange(12.0).reshape(3, 4) / 11
     vertices, _ = tessellation.height_field(elevation, np.array([0.6, 0.2, 0.5, 0.1]))
     assert vertices[0] == pytest.approx([-0.6, -0.2, 0])
@@ -158,7 +158,7 @@ def test_a_height_field_has_mujocos_heights():
     assert vertices[:, 2].min() == pytest.approx(-0.1)
 
 
-def test_every_geom_that_mujoco_draws_is_an_object():
+def test_visible_geoms_become_objects():
     model, _ = shapes_model()
     geoms = scene_from_mujoco(model)
     scene = geoms.scene
@@ -166,14 +166,14 @@ def test_every_geom_that_mujoco_draws_is_an_object():
     left_out = {"hidden", "hidden_by_material", "no_colour", "collision"}
     names = [model.geom(geom).name for geom in range(model.ngeom)]
     assert geoms.geom_ids.tolist() == [geom for geom, name in enumerate(names) if name not in left_out]
-    assert {int(model.geom_type[geom]) for geom in geoms.geom_ids} == set(range(9))  # every type there is
+    assert {int(model.geom_type[geom]) for geom in geoms.geom_ids} == set(range(9))  # all types of geoms
     for index, geom in enumerate(geoms.geom_ids):
         item = scene.objects[index]
         assert item.name == (names[geom] or item.name)
         assert item.label == (wv.Label.GROUND if names[geom] in ("the_floor", "shelf", "hills") else wv.Label.OBSTACLE)
 
 
-def test_objects_without_a_name_are_named_as_their_body():
+def test_unnamed_geoms_are_named_after_their_body():
     model = from_xml("""
       <geom size="1"/><geom size="1"/>
       <body name="cup"><geom size="1"/><geom name="cup_1" size="1"/><geom size="1"/></body>
@@ -182,14 +182,14 @@ def test_objects_without_a_name_are_named_as_their_body():
     assert names == ["world", "world_1", "cup", "cup_1", "cup_2", "body_2"]
 
 
-def test_groups_are_chosen():
+def test_geom_groups_select_geoms():
     model, _ = shapes_model()
     assert [item.name for item in scene_from_mujoco(model, geom_groups=(3,)).scene] == ["collision"]
     assert len(scene_from_mujoco(model, geom_groups=range(6)).scene) == len(scene_from_mujoco(model).scene) + 1
     assert len(scene_from_mujoco(model, geom_groups=()).scene) == 0
 
 
-def test_labels_and_what_is_left_out_go_by_name_of_geom_or_body():
+def test_labels_and_exclude_match_geom_or_body_names():
     model, _ = shapes_model()
     labels = {"*": "object", "hand": "robot", "the_*": "obstacle"}
     scene = scene_from_mujoco(model, labels=labels, exclude=["ball", "hil*"]).scene
@@ -199,22 +199,22 @@ def test_labels_and_what_is_left_out_go_by_name_of_geom_or_body():
     assert not {"ball", "ball_1", "ball_2", "hills"} & {item.name for item in scene}
 
 
-def test_what_moves():
+def test_movable_geoms():
     model, _ = shapes_model()
     geoms = scene_from_mujoco(model)
     scene = geoms.scene
     moving = {item.name for item in scene if item.movable}
     still = {"the_floor", "shelf", "hills", "fixed_box", "field"}
     assert moving == {item.name for item in scene} - still
-    assert "own_colour" in moving and scene["own_colour"].solid  # the true surface is seen of what has a pose
-    assert {"target", "under_target"} <= moving  # a mocap body and what hangs on it
+    assert "own_colour" in moving and scene["own_colour"].solid  # shapes with poses are exact surfaces
+    assert {"target", "under_target"} <= moving  # a mocap body and its child
     assert geoms.movable_geoms.tolist() == [geoms.geom_ids[index] for index in scene.movable]
     assert len(scene_from_mujoco(model, movable="all").movable_geoms) == len(scene)
     assert {item.name for item in scene_from_mujoco(model, static=False).scene} == moving - {"own_colour"}
 
 
-def test_what_moves_together_shares_a_pose():
-    """Of a body, and of bodies that are welded to it; round shapes have poses of their own."""
+def test_rigidly_attached_geoms_share_a_pose():
+    """Geoms of a body, and of bodies welded to it, share a pose; round shapes have separate poses."""
     model = from_xml(
         """<geom type="box" size="1 1 .1"/>
            <body name="a"><freejoint/><geom type="box" size=".1 .2 .3"/><geom size=".1" pos="1 0 0"/>
@@ -238,7 +238,7 @@ def test_what_moves_together_shares_a_pose():
     assert all(item.parent is None for item in scene_from_mujoco(model, movable="all").scene)
 
 
-def test_geoms_of_one_shape_share_their_mesh():
+def test_equal_geoms_have_equal_meshes():
     model = from_xml(
         """<body><freejoint/><geom type="mesh" mesh="tetra"/><geom type="mesh" mesh="tetra" pos="1 0 0"/>
            <geom size=".1 .2 .3" type="box"/><geom size=".1 .2 .3" type="box" pos="0 1 0"/><geom size=".2"/></body>""",
@@ -250,7 +250,7 @@ def test_geoms_of_one_shape_share_their_mesh():
     assert not np.array_equal(box[: len(first)], first[: len(box)]) and len(sphere) > len(box)
 
 
-def test_another_device_has_the_same_scene(device):
+def test_scene_is_copied_to_device(device):
     model, _ = shapes_model()
     geoms = scene_from_mujoco(model, exclude=["egg"], labels={"hand": "robot"}).to(device)
     scene = geoms.scene
@@ -267,7 +267,7 @@ sys.stdout.buffer.write(rendered(pickle.load(sys.stdin.buffer), shapes_model()[1
 """
 
 
-def test_another_process_renders_the_same_of_a_pickle():
+def test_pickle_renders_equal_images_in_another_process():
     model, data = shapes_model()
     geoms = scene_from_mujoco(model)
     geoms.scene.add(trimesh.creation.box((0.1, 0.2, 0.3)), name="crate", pose=(0, -1, 0.5, 0, 0, 0, 1), movable=True)
@@ -279,7 +279,7 @@ def test_another_process_renders_the_same_of_a_pickle():
 
 
 @pytest.mark.parametrize("make", [copy.copy, copy.deepcopy, lambda geoms: geoms.to("cpu")], ids=["copy", "deep", "to"])
-def test_a_copy_renders_the_same_and_is_extended_alone(make):
+def test_copies_render_equal_images_and_are_independent(make):
     model, data = shapes_model()
     geoms = scene_from_mujoco(model, labels={"hand": "robot"})
     expected = rendered(geoms, data)
@@ -290,7 +290,7 @@ def test_a_copy_renders_the_same_and_is_extended_alone(make):
     assert "crate" not in geoms.scene
 
 
-def test_objects_of_ones_own_stay_where_they_were_added_unless_moved(device):
+def test_added_objects_keep_their_initial_poses(device):
     model, data = shapes_model()
     geoms = scene_from_mujoco(model, device=device)
     crate = (0.5, -1, 0.25, 0, 0, 0.6, 0.8)
@@ -308,12 +308,12 @@ def test_objects_of_ones_own_stay_where_they_were_added_unless_moved(device):
 
 
 def place(data, rng):
-    """Random rotations and positions, all different."""
+    """Set random rotations and positions."""
     data.qpos[:] = rng.normal(size=len(data.qpos))
     data.mocap_quat[:] = rng.normal(size=data.mocap_quat.shape)
 
 
-def test_poses_are_mujocos():
+def test_poses_match_mujoco():
     model, data = shapes_model()
     scene = scene_from_mujoco(model)
     rng = np.random.default_rng(2)
@@ -329,7 +329,7 @@ def test_poses_are_mujocos():
         eyes = camera_poses(data, model, [0, 4])
         expected = reference.camera_transforms(data.cam_xpos[None], data.cam_xmat[None], [0, 4], [0])[:, 0]
         assert np.abs(poses_to_matrices(eyes) - expected).max() < 1e-6
-    # Many worlds at once, with rotations as rows of nine or as matrices.
+    # Several worlds, with rotations as rows of nine or as matrices.
     xpos = np.concatenate([world.geom_xpos for world in worlds])
     xmat = np.concatenate([world.geom_xmat for world in worlds])
     rows = geom_poses(WorldPoses(xpos, xmat), scene)
@@ -338,8 +338,8 @@ def test_poses_are_mujocos():
     assert np.array_equal(rows[3], geom_poses(worlds[3], scene)[0])
 
 
-def test_half_turns_keep_their_axes():
-    """Where a matrix's trace is least, a careless conversion loses all digits."""
+def test_half_revolutions_keep_their_axes():
+    """Near the minimum trace of a matrix, a naive conversion loses all digits."""
     model = from_xml('<body><freejoint/><geom size="1"/></body>')
     scene, data = scene_from_mujoco(model), mujoco.MjData(model)
     for quaternion in np.eye(4).tolist() + [[0, 1, 1, 0], [0, 0, 1, 1], [1e-4, 1, 0, 0], [0, 1, -1, 1]]:
@@ -348,7 +348,7 @@ def test_half_turns_keep_their_axes():
         assert np.abs(poses_to_matrices(geom_poses(data, scene))[0, :3, :3].ravel() - data.geom_xmat[0]).max() < 1e-6
 
 
-def test_kernels_agree_with_their_twins(device):
+def test_kernels_match_reference(device):
     rng = np.random.default_rng(3)
     rotations = poses_to_matrices(rng.normal(size=(4, 6, 7)))[..., :3, :3].astype(np.float32)
     positions = rng.normal(size=(4, 6, 3)).astype(np.float32)
@@ -370,12 +370,12 @@ def test_kernels_agree_with_their_twins(device):
 
 
 @pytest.mark.parametrize("camera", ["front", "side", "follower", "wrist", "lens"])
-def test_every_pixel_agrees_with_mj_ray(camera, device, caster, tolerance=2e-4):
+def test_pixels_match_mj_ray(camera, device, caster, tolerance=2e-4):
     model, data = shapes_model()
     for name in ("field", "hidden", "hidden_by_material", "own_colour", "no_colour"):
         model.geom(
             name
-        ).group = 4  # of signed distance fields rays meet another surface; of colours they think otherwise
+        ).group = 4  # rays hit another surface of signed distance fields, and colors are handled differently
     scene = scene_from_mujoco(model, tolerance=tolerance, device=device)
     eye = camera_from_mujoco(model, camera, 64, 48)
     pose = camera_poses(data, model, [model.camera(camera).id])[0]
@@ -398,7 +398,7 @@ def test_every_pixel_agrees_with_mj_ray(camera, device, caster, tolerance=2e-4):
     assert (geoms != hit_geoms).mean() <= 4e-3  # silhouettes move by the tolerance
     same = (geoms == hit_geoms) & np.isfinite(depth)
     assert same.mean() > 0.5 and len(np.unique(geoms)) >= 6
-    # The tolerance is across the surface: a ray that meets it at a slant goes farther, most of all by an edge.
+    # The tolerance is measured along the normal: oblique rays deviate more, most at silhouettes.
     slant = np.abs((normals * rays).sum(axis=-1))[same]
     allowed = tolerance / np.maximum(slant, 1e-3) / lengths[same] + 1e-5 * np.maximum(1, expected[same])
     error = np.abs(depth[same] - expected[same])
@@ -407,17 +407,17 @@ def test_every_pixel_agrees_with_mj_ray(camera, device, caster, tolerance=2e-4):
     assert error[flat].max() <= 1e-4
 
 
-def test_a_sensor_camera_with_a_resolution_needs_no_size():
+def test_camera_with_resolution_needs_no_size():
     model, _ = shapes_model()
     camera = camera_from_mujoco(model, "lens")
     assert (camera.width, camera.height) == (200, 120)
-    assert (camera.fx, camera.fy) == pytest.approx((150, 125))  # of the sensor: 3 and 2.5 of 4 and 2.4 mm
-    # The principal point, in the sensor's y up: the axis is left of the middle by x and above it by y.
+    assert (camera.fx, camera.fy) == pytest.approx((150, 125))  # focal lengths 3 and 2.5 mm of a sensor of 4 by 2.4 mm
+    # Principal point: the sensor's y points up, so the axis is left of the center by x and above it by y.
     assert (camera.cx, camera.cy) == pytest.approx((100 - 25, 60 + 15))
     assert (camera.near, camera.far) == pytest.approx((0.01, 40))
 
 
-def test_a_camera_by_field_of_view_has_square_pixels():
+def test_camera_from_field_of_view_has_square_pixels():
     model, _ = shapes_model()
     for camera in ("front", model.camera("front").id, np.int32(model.camera("front").id)):
         got = camera_from_mujoco(model, camera, 320, 200)
@@ -428,8 +428,8 @@ def test_a_camera_by_field_of_view_has_square_pixels():
     assert free.vfov == pytest.approx(math.radians(model.vis.global_.fovy))
 
 
-def test_a_frustum_is_numbers():
-    """The image's sides on the near plane: an axis off the middle, and pixels that are not square."""
+def test_camera_from_frustum():
+    """Image sides on the near plane define an off-center principal point and non-square pixels."""
     got = camera_of_frustum(Frustum(up=0.1, down=0.3, left=0.2, right=0.6, near=0.5, far=9), 80, 20)
     assert (got.width, got.height, got.near, got.far) == (80, 20, 0.5, 9)
     assert (got.fx, got.fy, got.cx, got.cy) == pytest.approx((50, 25, 20, 5))
@@ -478,7 +478,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_named(name):
+def test_invalid_arguments_are_rejected(name):
     call, message = BAD[name]
     with pytest.raises(wv.WarpvisError, match=message):
         call()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth cameras' models in MuJoCo's worlds: in one, and in batches."""
+"""Depth camera models in MuJoCo scenes: single renderers and batches."""
 
 import pickle
 
@@ -31,7 +31,7 @@ OUTPUTS = ("depth", "reasons", "true_depth", "segmentation", "points")
 NOISY = StereoDepth(0.06, sigma=0.2, noise_spacing=2, subpixel=16, dropout=0.05, band=False, max_disparity=200.0)
 
 
-def test_a_sensor_without_noise_sees_what_is_there(device):
+def test_noiseless_sensor_matches_clean_depth(device):
     sensor = StereoDepth(0.06, shadow=False, band=False)
     clean = BatchRenderer(MODEL, **SIZE, outputs=("depth", "segmentation"), device=device).render(QPOS)
     sensed = BatchRenderer(MODEL, **SIZE, outputs=OUTPUTS, sensor=sensor, device=device).render(QPOS)
@@ -40,8 +40,8 @@ def test_a_sensor_without_noise_sees_what_is_there(device):
     assert set(np.unique(sensed.reasons.numpy())) <= {Reason.VALID, Reason.EMPTY, Reason.RANGE}
 
 
-def test_a_camera_in_a_world_sees_the_same_whoever_else_is_rendered(device):
-    """Worlds that are chosen, one by one or by flags; two cameras of different fields of view; and a renderer alone."""
+def test_noise_is_independent_of_selected_worlds(device):
+    """Selected worlds, two cameras with different fields of view, and reused outputs."""
     batch = BatchRenderer(MODEL, **SIZE, outputs=OUTPUTS, sensor=NOISY, seed=3, device=device)
     views = batch.render(QPOS, frame=7)
     depth = views.by_world().depth.numpy()
@@ -53,7 +53,7 @@ def test_a_camera_in_a_world_sees_the_same_whoever_else_is_rendered(device):
     np.testing.assert_array_equal(again.depth.numpy(), views.depth.numpy())
 
 
-def test_frames_go_on_and_seeds_differ(device):
+def test_noise_depends_on_frame_and_seed(device):
     def batch(seed):
         return BatchRenderer(MODEL, **SIZE, sensor=NOISY, seed=seed, device=device)
 
@@ -65,7 +65,7 @@ def test_frames_go_on_and_seeds_differ(device):
     seen = np.isfinite(frames[0]) & np.isfinite(frames[1]) & np.isfinite(other.render(QPOS).depth.numpy())
     assert (frames[0] != frames[1])[seen].mean() > 0.5
     assert (frames[0] != other.render(QPOS, frame=0).depth.numpy())[seen].mean() > 0.5
-    # Neither two worlds nor two cameras have the same noise.
+    # Noise is independent between worlds and between cameras.
     true = BatchRenderer(MODEL, **SIZE, device=device).render(QPOS).depth.numpy()
     with np.errstate(invalid="ignore"):
         errors = 1 / frames[0] - 1 / true
@@ -74,7 +74,7 @@ def test_frames_go_on_and_seeds_differ(device):
     assert np.abs(alike[~np.eye(len(alike), dtype=bool)]).max() < 0.1
 
 
-def test_the_noise_is_that_of_the_model(device):
+def test_disparity_noise_matches_model(device):
     views = BatchRenderer(MODEL, **SIZE, outputs=OUTPUTS, sensor=NOISY, device=device).render(QPOS, cameras=["left"])
     depth, true = views.depth.numpy(), views.true_depth.numpy()
     camera = BatchRenderer(MODEL, **SIZE).camera("left")
@@ -84,7 +84,7 @@ def test_the_noise_is_that_of_the_model(device):
     assert np.isnan(views.points.numpy()[~seen]).all()
 
 
-def test_what_is_refused():
+def test_invalid_batch_arguments_are_rejected():
     with pytest.raises(wv.WarpvisError, match="outputs must not contain reasons without a sensor"):
         BatchRenderer(MODEL, **SIZE, outputs=("depth", "reasons"))
     with pytest.raises(wv.WarpvisError, match="frame and view_index require a sensor: pass sensor= to Batch"):
@@ -99,14 +99,14 @@ def test_what_is_refused():
         BatchRenderer(MODEL, **SIZE, sensor=NOISY).render(QPOS, view_index=np.arange(5))
 
 
-def test_views_have_numbers_and_frames_of_their_own(device):
-    """In the order of the images, through cameras of several fields of view."""
+def test_frame_and_view_index_per_view(device):
+    """Numbers follow the order of images, across cameras of different fields of view."""
     batch = BatchRenderer(MODEL, **SIZE, sensor=NOISY, seed=3, device=device)
     frames = [batch.render(QPOS, frame=frame).depth.numpy() for frame in (4, 5)]
     mixed = batch.render(QPOS, frame=[4, 5] * 5).depth.numpy()
     np.testing.assert_array_equal(mixed[::2], frames[0][::2])
     np.testing.assert_array_equal(mixed[1::2], frames[1][1::2])
-    numbers = (2 * np.arange(5) + np.arange(2)[:, None]).ravel()  # world by world, two cameras each
+    numbers = (2 * np.arange(5) + np.arange(2)[:, None]).ravel()  # ordered by world, two cameras each
     np.testing.assert_array_equal(batch.render(QPOS, frame=4, view_index=numbers).depth.numpy(), frames[0])
     apart = batch.render(QPOS[[0, 0]], frame=4, view_index=[0, 7, 1, 9]).depth.numpy()
     np.testing.assert_array_equal(apart[[0, 2]], frames[0][[0, 5]])
@@ -127,7 +127,7 @@ def depth_renderer(**options):
     return renderer
 
 
-def test_a_renderer_says_what_a_batch_of_one_world_does(device):
+def test_renderer_matches_batch_of_one_world(device):
     batch = BatchRenderer(OPEN, **SIZE, outputs=OUTPUTS, sensor=NOISY, seed=3, device=device)
     with depth_renderer(sensor=NOISY, seed=3, fill="inf", device=device) as renderer:
         for frame in range(2):
@@ -135,14 +135,14 @@ def test_a_renderer_says_what_a_batch_of_one_world_does(device):
             assert renderer.frame == frame + 1
             for found, name in ((depth, "depth"), (renderer.reasons, "reasons"), (renderer.true_depth, "true_depth")):
                 wanted = getattr(views, name).numpy()[0]
-                # Where the ball is comes to both by ways of their own, to the last digit but one.
+                # Rounding of the ball's pose differs in the last digits.
                 assert found.dtype == wanted.dtype
                 assert np.isclose(found, wanted, rtol=1e-5, equal_nan=True).mean() > 0.999, name
         assert np.isnan(depth).any() and (depth == np.inf).any() and set(np.unique(renderer.reasons)) == {0, 1, 3, 7}
 
 
-def test_a_renderers_lost_pixels_are_filled():
-    near = StereoDepth(0.06, max_disparity=1.5, dropout=0.1)  # nearer than some 1.8 m is too near
+def test_fill_replaces_invalid_pixels():
+    near = StereoDepth(0.06, max_disparity=1.5, dropout=0.1)  # distances below about 1.8 m are too near
     infinite, far, zero = (depth_renderer(sensor=near, fill=fill) for fill in ("inf", "far", 0.0))
     said = infinite.render()
     too_near, none = said == -np.inf, ~np.isfinite(said)
@@ -156,19 +156,19 @@ def test_a_renderers_lost_pixels_are_filled():
     assert (zero.render(out=np.ones((48, 64)))[none] == 0).all()
 
 
-def test_a_renderers_segmentation_stays_exact():
+def test_segmentation_has_no_noise():
     sensed, clean = depth_renderer(sensor=NOISY), depth_renderer()
     for renderer in (sensed, clean):
         renderer.enable_segmentation_rendering()
     np.testing.assert_array_equal(sensed.render(), clean.render())
-    assert sensed.frame == 0  # which counts images of depth
+    assert sensed.frame == 0  # only depth images are counted
     with pytest.raises(wv.WarpvisError, match="reasons requires depth of a sensor: render depth first"):
         sensed.reasons  # noqa: B018
     with pytest.raises(wv.WarpvisError, match="true_depth requires depth of a sensor: pass sensor= to Renderer"):
         clean.true_depth  # noqa: B018
 
 
-def test_a_copied_renderer_goes_on_with_its_frames():
+def test_copied_renderer_continues_frames():
     renderer = depth_renderer(sensor=NOISY, seed=2)
     first = renderer.render()
     copied = pickle.loads(pickle.dumps(renderer))
@@ -179,14 +179,14 @@ def test_a_copied_renderer_goes_on_with_its_frames():
     assert (first != second).mean() > 0.5
 
 
-def test_a_renderer_of_nothing():
+def test_empty_scene_reports_empty_pixels():
     renderer = depth_renderer(sensor=NOISY, exclude=["*"])
     depth = renderer.render()
     assert (depth == depth[0, 0]).all() and depth[0, 0] > 10
     assert (renderer.reasons == Reason.EMPTY).all() and (renderer.true_depth == np.inf).all() and renderer.frame == 1
 
 
-def test_what_a_renderer_refuses():
+def test_invalid_renderer_arguments_are_rejected():
     flat = XML.replace('fovy="60"', 'fovy="2" projection="orthographic"')
     model = mujoco.MjModel.from_xml_string(flat)
     renderer = Renderer(model, **SIZE, sensor=NOISY)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sizes of geoms that differ between the worlds of a batch: each world is as one whose own model has them."""
+"""Geom sizes that differ between the worlds of a batch: each world matches a batch of a model with its sizes."""
 
 import copy
 import pickle
@@ -23,7 +23,7 @@ from support.coinciding import FLUSH, TWICE, model_of, twice
 ALL = ("depth", "points", "normals", "labels", "segmentation")
 HEIGHT, WIDTH = 36, 48
 
-# All kinds of geoms, fixed and moving, several of them of one body, and some that keep their sizes.
+# All types of geoms, static and moving, several per body, some of them not resizable.
 BODIES = """
 <mujoco>
   <statistic extent="2"/><visual><map znear=".02" zfar="20"/></visual>
@@ -49,7 +49,7 @@ PRIMITIVES = ("wall", "post", "block", "limb", "ball", "egg", "can")
 
 
 def worlds_of(count, *, text=BODIES, names=PRIMITIVES, seed=0):
-    """Models of which some geoms are of other sizes, with data."""
+    """Return models with different sizes of the geoms `names`, and their data."""
     rng, worlds = np.random.default_rng(seed), []
     for _ in range(count):
         model, data = model_of(text)
@@ -74,13 +74,13 @@ def batch_of(model, **options):
 
 
 def images_of(batch, views):
-    """All images, of geoms for objects, ``(cameras, worlds, H, W)``."""
+    """Return all images, with geoms for objects, of shape ``(cameras, worlds, H, W)``."""
     images = {name: getattr(views, name).numpy() for name in ALL[:-1]} | {"geoms": batch.geom_ids(views).numpy()}
     return {name: image.reshape(-1, views.worlds, *image.shape[1:]) for name, image in images.items()}
 
 
 def assert_as_their_own(batch, views, worlds, **options):
-    """Every image as of a batch of that world's model alone."""
+    """Compare each image with one of a batch of that world's model alone."""
     images = images_of(batch, views)
     for world, (model, data) in enumerate(worlds):
         alone = batch_of(model, device=batch.scene.device, **options)
@@ -91,7 +91,7 @@ def assert_as_their_own(batch, views, worlds, **options):
 
 
 @pytest.mark.parametrize("options", [{}, {"cull_backfaces": False, "near_plane": "occlude"}])
-def test_every_world_is_as_one_of_its_own_model(options, device):
+def test_worlds_match_batches_of_their_models(options, device):
     worlds = worlds_of(3)
     batch = batch_of(model_of(BODIES)[0], resizable="all", device=device, **options)
     views = batch.render(poses_of(worlds), model=sizes_of(worlds))
@@ -104,7 +104,7 @@ def test_every_world_is_as_one_of_its_own_model(options, device):
     )
 
 
-def test_pixels_agree_with_mj_ray(device):
+def test_pixels_match_mj_ray(device):
     worlds = worlds_of(2, seed=1)
     batch = batch_of(model_of(BODIES)[0], resizable="all", cull_backfaces=False, device=device)
     views = batch.render(poses_of(worlds), cameras="eye", model=sizes_of(worlds))
@@ -125,7 +125,7 @@ def test_pixels_agree_with_mj_ray(device):
         assert same >= 0.998 * HEIGHT * WIDTH
 
 
-def test_the_models_own_sizes_change_no_bit(device):
+def test_model_sizes_do_not_change_images(device):
     model, data = model_of(BODIES)
     batch = batch_of(model, resizable="all", device=device)
     plain, given = batch.render(data), batch.render(data, model={"geom_size": model.geom_size[None]})
@@ -133,8 +133,8 @@ def test_the_models_own_sizes_change_no_bit(device):
         assert getattr(plain, name).numpy().tobytes() == getattr(given, name).numpy().tobytes()
 
 
-def test_some_geoms_by_name_and_pattern(device):
-    """Bodies fit too. What is not shown may be of any size; one row of sizes is for all worlds."""
+def test_resizable_selects_by_name_and_pattern(device):
+    """Patterns match bodies too. Invisible geoms may have any size, and one row of sizes applies to all worlds."""
     names = ("block", "limb", "ball")
     worlds = worlds_of(2, names=(*names, "hidden"), seed=2)
     batch = batch_of(model_of(BODIES)[0], resizable=["arm", "ba*l"], device=device)
@@ -145,8 +145,8 @@ def test_some_geoms_by_name_and_pattern(device):
     assert_as_their_own(batch, views, alike)
 
 
-def test_with_other_fields_and_joint_positions(device):
-    """Fixed boxes are resized where they are in each world; what is added to the scene keeps its size."""
+def test_sizes_combine_with_other_fields(device):
+    """Static boxes are resized at their poses in each world; objects added to the scene keep their size."""
     worlds = worlds_of(3, seed=3)
     for k, (model, data) in enumerate(worlds):
         model.geom("wall").pos[1] += 0.1 * k
@@ -168,8 +168,8 @@ def test_with_other_fields_and_joint_positions(device):
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_the_reference_agrees(caster, device):
-    """In double precision, by a scene of the world's model."""
+def test_resized_geoms_match_reference(caster, device):
+    """The reference is a double-precision scene of the world's model."""
     from compare import assert_matches_reference
 
     ((model, data),) = worlds_of(1, seed=4)
@@ -189,8 +189,8 @@ def test_the_reference_agrees(caster, device):
 
 
 @pytest.mark.parametrize("kind", [kind for kind in TWICE if kind not in ("mesh", "plane")])
-def test_of_equal_geoms_the_later_one_shows_whatever_their_size(kind, device):
-    """Two that are equal in the model, and in one world; and two that are equal in one world only."""
+def test_later_of_equal_geoms_is_visible_at_any_size(kind, device):
+    """The geoms are equal in the model and in one world, or in one world only."""
     model, data = twice(kind, moving=True)
     batch = batch_of(model, resizable=["collision", "visual"], device=device)
     collision, visual = (model.geom(name).id for name in ("collision", "visual"))
@@ -209,8 +209,8 @@ def test_of_equal_geoms_the_later_one_shows_whatever_their_size(kind, device):
     assert not (shown == collision).any() and (shown == visual).any(axis=(1, 2)).all()
 
 
-def test_flush_surfaces_are_as_the_reference_has_them(device):
-    """Of the model's own sizes, of smaller ones, and of a box that was made flush with another one."""
+def test_flush_surfaces_match_reference(device):
+    """With the model's sizes, other sizes, and a box that becomes flush with another."""
     names = ("table", "mat", "spot", "spot2", "brick", "paper", "block", "plate", "rod", "knob", "tube")
     plain, _ = model_of(FLUSH)
     for factors in ({}, {"mat": 0.8, "spot2": 1.2, "knob": 0.9, "tube": 1.1, "plate": (1, 0.9, 1)}, {"brick": 1.5}):
@@ -229,7 +229,7 @@ def test_flush_surfaces_are_as_the_reference_has_them(device):
         assert (views.segmentation.numpy()[0] != images[0]).sum() > 30
 
 
-def test_mujoco_warps_model_says_how_large(device):
+def test_mujoco_warp_model_provides_sizes(device):
     mjwarp = pytest.importorskip("mujoco_warp", reason="the package mujoco_warp is not installed")
     worlds, (plain, data) = worlds_of(3, seed=5), model_of(BODIES)
     for _, each in worlds:
@@ -249,7 +249,7 @@ def test_mujoco_warps_model_says_how_large(device):
             batch_of(plain, device=device).render(warp_data, model=warp_model)
 
 
-def test_sizes_are_as_the_reference_has_them(device):
+def test_size_kernel_matches_reference(device):
     assert (kernels.SPHERE, kernels.CAPSULE, kernels.ELLIPSOID, kernels.CYLINDER) == tuple(
         int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")) for name in ("SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER")
     )
@@ -269,7 +269,7 @@ def test_sizes_are_as_the_reference_has_them(device):
     np.testing.assert_allclose(out.numpy(), reference.geom_sizes(*values.values()), rtol=1e-6)
 
 
-def test_copies_render_the_same():
+def test_copies_render_equal_images():
     worlds = worlds_of(2, seed=7)
     batch = batch_of(model_of(BODIES)[0], resizable="all")
     views = batch.render(poses_of(worlds), model=sizes_of(worlds)).depth.numpy()
@@ -312,7 +312,7 @@ BAD_SIZES = {
 
 
 @pytest.mark.parametrize("name", BAD_SIZES)
-def test_bad_sizes_are_named(name):
+def test_invalid_sizes_are_rejected(name):
     given, said = BAD_SIZES[name]
     batch = batch_of(MODEL, resizable=["block"])
     for model in ({"geom_size": given}, SimpleNamespace(geom_size=given)):
@@ -334,14 +334,14 @@ def test_bad_sizes_are_named(name):
         (None, "resizable must be"),
     ],
 )
-def test_what_cannot_be_resized_is_named(resizable, said):
+def test_invalid_resizable_is_rejected(resizable, said):
     with pytest.raises(wv.errors.SceneError) as error:
         batch_of(MODEL, resizable=resizable)
     assert said in str(error.value)
 
 
-def test_numbers_that_mean_nothing_are_not_looked_at(device):
-    """A sphere has one, a capsule two."""
+def test_unused_size_components_are_ignored(device):
+    """A sphere has one size, a capsule two."""
     sizes = np.stack([OWN, OWN])
     sizes[:, MODEL.geom("ball").id, 1:] = np.nan
     sizes[:, MODEL.geom("limb").id, 2] = -1
@@ -350,8 +350,8 @@ def test_numbers_that_mean_nothing_are_not_looked_at(device):
     np.testing.assert_allclose(views.depth.numpy(), plain.depth.numpy(), atol=1e-6)
 
 
-def test_what_no_size_makes_visible_is_not_there(device):
-    """Sizes on a GPU are not looked at: those that are none there show something or nothing, and end nothing."""
+def test_invalid_sizes_do_not_affect_other_worlds(device):
+    """Sizes on a GPU are not validated: invalid ones may render anything, but do not affect other worlds."""
     batch = batch_of(MODEL, resizable="all", device=device)
     batch._resizable._checked = lambda given: True
     for value in (0.0, -1.0, np.nan, np.inf, 1e-30, 1e30):

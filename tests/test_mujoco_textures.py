@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Textures lie on a scene's triangles as MuJoCo's renderer draws them."""
+"""Textures on a scene's triangles match MuJoCo's pictures."""
 
 import mujoco
 import numpy as np
@@ -34,7 +34,7 @@ GEOMS = {
 
 
 def model(kind, image, more, names):
-    """A model whose geoms stand in a row."""
+    """Return a model of geoms in a row."""
     rows = enumerate(names)
     geoms = "".join(f'<geom name="{name}" pos="{2 * place} 0 0" {GEOMS[name]}/>' for place, name in rows)
     made = mujoco.MjModel.from_xml_string(SHAPES.format(kind=kind, more=more, geoms=geoms))
@@ -43,7 +43,7 @@ def model(kind, image, more, names):
 
 
 def drawn(item, rays, eye):
-    """What a scene says of an object's colours on rays, and where that is: away from seams of the texture."""
+    """Return the rays that hit an object, its colors there, and a mask of hits away from texture seams."""
     mesh = trimesh.Trimesh(item.vertices, item.faces, process=False)
     hits, which, faces = mesh.ray.intersects_location(np.tile(eye, (len(rays), 1)), rays, multiple_hits=False)
     look = item.appearance
@@ -61,33 +61,33 @@ def drawn(item, rays, eye):
 @pytest.mark.gl
 @parametrize("more", ['texrepeat="1.5 2.5"', 'texrepeat="1.5 2.5" texuniform="true"'])
 @pytest.mark.parametrize("forward", [(0.4, 1, -0.7), (-0.5, -1, 0.6)])
-def test_2d_textures_lie_where_mujoco_draws_them(more, forward):
+def test_2d_textures_match_mujoco(more, forward):
     image = np.zeros((64, 64, 3), dtype=np.uint8)
     image[..., 0], image[..., 1] = np.arange(64) * 4, np.arange(64)[:, None] * 4
-    image[..., 2] = 200  # what is drawn
+    image[..., 2] = 200  # marks drawn pixels
     made = model("2d", image, more, GEOMS)
     scene = wv.mujoco.scene_from_mujoco(made).scene
     for place, name in enumerate(GEOMS):
-        if name == "plane" and forward[2] > 0:  # from below it is nearly transparent
+        if name == "plane" and forward[2] > 0:  # from below, MuJoCo's plane is nearly transparent
             continue
         eye = np.array([2.0 * place, 0, 0.05]) - 4 * np.array(forward) / np.linalg.norm(forward)
         shown, rays = picture(made, eye, forward, (0, 0, 1), 0.2)
         which, colors, clear = drawn(scene[name], rays.reshape(-1, 3), eye)
         seen = shown.reshape(-1, 3)[which]
-        clear &= seen[:, 2] > 0.5  # at the outline, where MuJoCo's shapes end within
+        clear &= seen[:, 2] > 0.5  # at silhouettes, MuJoCo's coarser shapes are smaller
         error = np.abs(colors - seen).max(axis=1)[clear]
         assert len(error) > 200, name
-        assert np.median(error) < 8 / 255, name  # its shapes have fewer corners
+        assert np.median(error) < 8 / 255, name  # its shapes have fewer vertices
         assert np.quantile(error, 0.9) < 20 / 255, name
 
 
 @pytest.mark.gl
 @pytest.mark.parametrize("forward", [(0.4, 1, -0.7), (-0.5, -1, 0.6)])
-def test_cube_textures_lie_on_boxes_where_mujoco_draws_them(forward):
+def test_cube_textures_on_boxes_match_mujoco(forward):
     image = np.random.default_rng(2).integers(60, 255, (12, 2, 3), dtype=np.uint8).repeat(32, 0).repeat(32, 1)
     made = model("cube", image, "", ["box"])
     eye = -4 * np.array(forward) / np.linalg.norm(forward)
     shown, rays = picture(made, eye, forward, (0, 0, 1), 0.2)
     which, colors, _ = drawn(wv.mujoco.scene_from_mujoco(made).scene["box"], rays.reshape(-1, 3), eye)
     error = np.abs(colors - shown.reshape(-1, 3)[which]).max(axis=1)
-    assert np.mean(error < 2 / 255) > 0.7  # its quarters are a dozen pixels wide, and mixed at their edges
+    assert np.mean(error < 2 / 255) > 0.7  # a quarter is about a dozen pixels wide, and interpolated at its edges

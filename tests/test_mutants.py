@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mutants of `scripts/mutate.py`: what is changed and what is not, and those that are known to change nothing."""
+"""Mutants of `scripts/mutate.py`: which code is mutated, and known equivalents."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def changes(path: str, text: str, number: int) -> set[str]:
     return {mutant.after.strip() for mutant in mutants_of(path, text) if mutant.number == number}
 
 
-def test_every_kind_of_mistake_is_made_in_cpp():
+def test_cpp_code_is_mutated():
     loop = changes("x.h", CPP, 4)
     assert "for (int i = 0; i <= count; ++i) sum += -rows[i] * 0.25f;" in loop
     assert "for (int i = 1; i < count; ++i) sum += -rows[i] * 0.25f;" in loop
@@ -54,13 +54,13 @@ def test_every_kind_of_mistake_is_made_in_cpp():
     assert ";" in branch
 
 
-def test_no_mistake_is_made_outside_of_code():
+def test_comments_strings_and_declarations_are_not_mutated():
     assert not any(changes("x.h", CPP, number) for number in (1, 2, 3))
     assert changes("x.h", CPP, 6) == {'Points& at = all | mask ? none : "a + b";'}
     assert not any(changes("x.py", PYTHON, number) for number in (1, 2, 3, 4))
 
 
-def test_mistakes_in_python():
+def test_python_code_is_mutated():
     assert changes("x.py", PYTHON, 5) == {
         "if x is None and x < max(2, 3):",
         "if x is not None or x < max(2, 3):",
@@ -105,13 +105,13 @@ def test_tests_are_those_of_a_file(path, first):
     assert f"no:cacheprovider tests/test_{first}.py" in command
 
 
-def test_a_seed_chooses_the_same_mutants():
+def test_selection_depends_only_on_seed():
     mutants = mutants_of("x.h", CPP)
     assert choose(mutants, 5, 7) == choose(mutants, 5, 7) != choose(mutants, 5, 8)
     assert len(choose(mutants, 1000, 0)) == len(set(mutants))
 
 
-def test_a_mutant_changes_one_line():
+def test_mutant_changes_one_line():
     mutant = mutants_of("x.h", CPP)[0]
     before, after = CPP.split("\n"), mutant.apply(CPP).split("\n")
     assert [number for number in range(len(before)) if before[number] != after[number]] == [mutant.number - 1]
@@ -119,13 +119,13 @@ def test_a_mutant_changes_one_line():
 
 @pytest.fixture(scope="module")
 def all_mutants() -> list[Mutant]:
-    """Every mutant that there is."""
+    """Return all mutants."""
     return mutate.collect(list(mutate.FILES), [])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("known", mutate.known_equivalents(), ids=lambda known: known.becomes)
-def test_known_equivalents_are_mutants_of_lines_that_are_there(known, all_mutants):
+def test_known_equivalents_match_existing_mutants(known, all_mutants):
     assert known.reason
     times = sum(known.excuses(mutant) for mutant in all_mutants)
     assert times, "the line is gone: take the entry away, or say what the line is now"
@@ -133,7 +133,7 @@ def test_known_equivalents_are_mutants_of_lines_that_are_there(known, all_mutant
 
 
 class Tree:
-    """A tree of one file, whose test is a program that reads it."""
+    """A tree of one file, and a test command that reads it."""
 
     def __init__(self, folder: Path) -> None:
         self.free = mutate.queue.SimpleQueue()
@@ -147,7 +147,7 @@ class Tree:
 
 
 @pytest.mark.parametrize(("command", "outcome"), [("'<=' not in text", "killed"), ("'value' in text", "survived")])
-def test_a_mutant_is_judged_by_a_command_and_taken_back(tmp_path, command, outcome):
+def test_mutant_is_judged_and_reverted(tmp_path, command, outcome):
     tree = Tree(tmp_path)
     mutant = Mutant("x.py", 1, "relation", "value = 1 < 2", "value = 1 <= 2")
     verdict = mutate.judge(mutant, tree, [command], {command: 1.0})
@@ -156,6 +156,6 @@ def test_a_mutant_is_judged_by_a_command_and_taken_back(tmp_path, command, outco
     assert tree.free.get_nowait() == tmp_path
 
 
-def test_what_does_not_compile_is_no_mutant(tmp_path):
+def test_mutant_that_does_not_compile_is_stillborn(tmp_path):
     mutant = Mutant("x.py", 1, "sign", "value = 1 < 2", "value = 1 <")
     assert mutate.judge(mutant, Tree(tmp_path), ["True"], {"True": 1.0}).outcome == "stillborn"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that C++ and Python share are written once, in C++; Python's are made of them."""
+"""Constants shared by C++ and Python are defined in C++, and Python's are generated from them."""
 
 import importlib.util
 import re
@@ -24,14 +24,14 @@ def load_script():
     return module
 
 
-def test_the_module_is_fresh():
-    """`python scripts/generate_constants.py` makes it."""
+def test_generated_module_is_up_to_date():
+    """Run `python scripts/generate_constants.py` to update it."""
     made = load_script().generate(HEADER.read_text(encoding="utf-8"))
     assert made == (ROOT / "kernels" / "constants.py").read_text(encoding="utf-8")
 
 
-def test_every_number_of_the_header_is_there():
-    """Whatever the generator's patterns leave out: every name with a value."""
+def test_all_constants_of_the_header_are_generated():
+    """This finds all names with values, independently of the generator's patterns."""
     values = dict(re.findall(r"^(?:constexpr float |    )(\w+) = ([^,;]+)[,;]", HEADER.read_text(), re.MULTILINE))
     assert len(values) > 50
     for name, value in values.items():
@@ -39,13 +39,13 @@ def test_every_number_of_the_header_is_there():
 
 
 @pytest.mark.parametrize("line", ["    WRONG,\n", "    WRONG = SOLID_NONE + 1,\n", "    WRONG = 1, OTHER = 2,\n"])
-def test_what_the_generator_cannot_read_is_an_error(line):
+def test_unsupported_header_lines_raise(line):
     header = HEADER.read_text().replace("    SOLID_BALL = 1,\n", line)
     with pytest.raises(ValueError, match="WRONG"):
         load_script().generate(header)
 
 
-def test_public_enums_are_as_in_cpp():
+def test_public_enums_match_cpp():
     def of(name):
         body = re.search(rf"enum {name} \{{\n(.*?)\}};", HEADER.read_text(), re.DOTALL)[1]
         return {member: int(value) for member, value in re.findall(r"    [A-Z]+?_(\w+) = (\d+),", body)}

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The C++ for CPUs, compiled by Clang with sanitizers and compared with double precision over random scenes.
+"""C++ for CPUs, compiled by Clang with sanitizers and compared with double precision on random scenes.
 
-`tests/native` holds the programs. Each prints the seeds of scenes that it finds a fault in; `check_images SEED 1` runs
-one of them again.
+`tests/native` contains the programs. Each prints the seeds of failing scenes; `check_images SEED 1` runs one scene
+again.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ pytestmark = [pytest.mark.clang, pytest.mark.slow]
 
 @pytest.fixture(scope="session")
 def programs() -> Path:
-    """The folder of the checks' programs, which are kept from one session to the next."""
+    """Return the folder of the check programs, which is cached between sessions."""
     return build(cache_folder())
 
 
 @pytest.mark.parametrize("check", SCENES)
-def test_random_scenes(programs, check):
+def test_random_scenes_have_no_faults(programs, check):
     fault = run_check(programs, check, SCENES[check])
     assert not fault, fault
 
 
-def test_the_checks_have_the_headers_that_warp_compiles():
+def test_checks_include_the_headers_compiled_by_warp():
     text = (ROOT / "tests" / "native" / "headers.h").read_text(encoding="utf-8")
     casting = text.split("namespace casting {")[1].split("}")[0]
     included = re.findall(r'#include "([^"]+)"', casting)
@@ -39,7 +39,7 @@ def test_the_checks_have_the_headers_that_warp_compiles():
     assert included == [*guarded, "cpu/point_bins.h", "cpu/points.h", "cpu/silhouettes.h"]
 
 
-def test_the_guarded_arena_has_the_face_of_the_real_one():
+def test_guarded_arena_has_the_interface_of_the_arena():
     face = re.compile(r"inline [^(]+\([^)]*\)|^    char\* base;|^    long long used;", re.MULTILINE)
     places = ("kernels/native/cpu/arena.h", "tests/native/guarded_arena.h")
     real, guarded = (face.findall((ROOT / place).read_text(encoding="utf-8")) for place in places)

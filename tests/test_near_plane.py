@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A near plane that cuts surfaces away, as OpenGL's does, beside one that lets them hide what is behind."""
+"""Near planes that clip surfaces, as in OpenGL, or let near surfaces occlude."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from support.worlds import ALL
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("outputs", [("depth",), ("depth", "points", "labels", "segmentation"), ALL])
-def test_what_is_too_near_is_not_there(device, caster, outputs, cull_backfaces):
+def test_clipped_surfaces_are_invisible(device, caster, outputs, cull_backfaces):
     options = {"outputs": outputs, "caster": caster, "cull_backfaces": cull_backfaces}
     made = scene(device)
     views = wv.Renderer(made, CAMERA, near_plane="clip", **options).render(poses())
@@ -24,15 +24,15 @@ def test_what_is_too_near_is_not_there(device, caster, outputs, cull_backfaces):
     assert (np.isfinite(views.depth.numpy()) & np.isneginf(hidden)).any(axis=(1, 2))[:2].all()
 
 
-def test_a_camera_in_its_housing_sees_past_it(device, caster):
-    """The first surface behind the plane, not the housing."""
+def test_camera_sees_past_clipped_housing(device, caster):
+    """The first surface beyond the near plane is visible instead of the housing."""
     made = scene(device)
     views = wv.Renderer(made, CAMERA, near_plane="clip", caster=caster, outputs=("segmentation",)).render(poses()[:1])
     seen = {made.objects[index].name for index in np.unique(views.segmentation.numpy()) if index >= 0}
     assert {"ball", "wall"} <= seen and not {"housing", "sheet"} & seen
 
 
-def test_where_nothing_is_near_nothing_changes(device, caster):
+def test_modes_match_without_near_surfaces(device, caster):
     made, far_off = scene(device), np.array([wv.look_at((-3, 1, 1.5), (2, 0, 0))], dtype=np.float32)
     for cull_backfaces in (False, True):
         options = {"outputs": ALL, "caster": caster, "cull_backfaces": cull_backfaces}
@@ -43,7 +43,7 @@ def test_where_nothing_is_near_nothing_changes(device, caster):
             np.testing.assert_array_equal(getattr(hides, name).numpy(), getattr(cuts, name).numpy(), err_msg=name)
 
 
-def test_no_near_plane_cuts_nothing(device, caster):
+def test_modes_match_without_near_plane(device, caster):
     camera = wv.Camera.from_fov(48, 36, hfov=1.2)
     made = scene(device)
     hides, cuts = (
@@ -54,7 +54,7 @@ def test_no_near_plane_cuts_nothing(device, caster):
 
 
 @pytest.mark.parametrize("kind", SOLIDS)
-def test_a_solid_that_is_cut_is_seen_by_its_triangles(kind, device, caster):
+def test_clipped_solids_match_their_triangles(kind, device, caster):
     def render(made, pose, cull_backfaces):
         options = {"near_plane": "clip", "cull_backfaces": cull_backfaces, "caster": caster, "outputs": ALL}
         return wv.Renderer(made, CAMERA, **options).render(pose)
@@ -62,7 +62,7 @@ def test_a_solid_that_is_cut_is_seen_by_its_triangles(kind, device, caster):
     assert_solid_is_cut(kind, device, render)
 
 
-def test_through_points_of_the_image(device, caster):
+def test_clipping_in_render_at(device, caster):
     made = scene(device)
     renderer = wv.Renderer(made, CAMERA, near_plane="clip", outputs=("depth",), caster=caster)
     y, x = np.mgrid[:36, :48]
@@ -71,6 +71,6 @@ def test_through_points_of_the_image(device, caster):
     assert wrong_depth(at_points, renderer.render(poses()).depth.numpy().astype(np.float64)).mean() < 1e-3
 
 
-def test_bad_input(device):
+def test_invalid_near_plane_is_rejected(device):
     with pytest.raises(wv.WarpvisError, match='near_plane must be "occlude" or "clip"'):
         wv.Renderer(scene(device), CAMERA, near_plane="cut")
