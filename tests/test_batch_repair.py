@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is damaged is made again, to the same bytes; what only has another name is gone on with."""
+"""Damaged shards are rendered again to the same bytes; renamed inputs of equal content are resumed."""
 
 import os
 import shutil
@@ -29,7 +29,7 @@ def flip(path):
 
 
 def damage(out, name):
-    """Flip bytes, lose files and cut them short: of shards, of a record, of the poses, of the index."""
+    """Flip bytes, delete and truncate files of shards, and damage a record, the poses and the index."""
     if name == "npz":
         flip(out / "shard-000001.npz")
         (out / "shard-000003.npz").unlink()
@@ -47,7 +47,7 @@ DAMAGED = {f"shards/00000{shard}.json" for shard in (1, 3, 4, 5)}
 
 
 @pytest.mark.parametrize("name", ["npz", "bop"])
-def test_what_is_damaged_is_made_again(wholes, tmp_path, name):
+def test_damaged_shards_are_rendered_again(wholes, tmp_path, name):
     for at_once in (False, True):
         out = tmp_path / f"out_{at_once}"
         shutil.copytree(wholes / name, out)
@@ -61,14 +61,14 @@ def test_what_is_damaged_is_made_again(wholes, tmp_path, name):
         assert tree(out) == tree(wholes / name) and verify(out).ok
 
 
-def test_without_repair_sizes_are_trusted(wholes, tmp_path):
+def test_without_repair_only_sizes_are_checked(wholes, tmp_path):
     shutil.copytree(wholes / "npz", tmp_path / "out")
     flip(tmp_path / "out" / "shard-000001.npz")
     assert run(tmp_path / "out", resume=True).rendered_frames == 0
     assert verify(tmp_path / "out").damaged == ("shards/000001.json",)
 
 
-def test_what_is_sound_is_left_alone(wholes, tmp_path):
+def test_intact_dataset_is_unchanged(wholes, tmp_path):
     shutil.copytree(wholes / "npz", tmp_path / "out")
     assert verify(tmp_path / "out", repair=True).ok
     assert run(tmp_path / "out", resume=True, repair=True).rendered_frames == 0
@@ -76,7 +76,7 @@ def test_what_is_sound_is_left_alone(wholes, tmp_path):
     assert tree(tmp_path / "out") == tree(tmp_path / "new") == tree(wholes / "npz")
 
 
-def test_what_another_process_writes_is_not_repaired(wholes, tmp_path):
+def test_locked_dataset_is_not_repaired(wholes, tmp_path):
     fcntl = pytest.importorskip("fcntl")
     shutil.copytree(wholes / "npz", tmp_path / "out")
     flip(tmp_path / "out" / "shard-000001.npz")
@@ -95,7 +95,7 @@ def test_what_another_process_writes_is_not_repaired(wholes, tmp_path):
     assert tree(tmp_path / "out") == before and not (tmp_path / "nowhere").exists()
 
 
-def test_an_url_is_repaired():
+def test_url_is_repaired():
     fsspec = pytest.importorskip("fsspec")
     memory = fsspec.filesystem("memory")
     run("memory://repair/job")
@@ -107,7 +107,7 @@ def test_an_url_is_repaired():
     assert verify("memory://repair/job").ok
 
 
-def test_the_command_says_what_to_do(wholes, tmp_path, capsys):
+def test_command_prints_how_to_continue(wholes, tmp_path, capsys):
     shutil.copytree(wholes / "npz", tmp_path / "out")
     flip(tmp_path / "out" / "shard-000001.npz")
     with pytest.raises(SystemExit) as ended:
@@ -118,7 +118,7 @@ def test_the_command_says_what_to_do(wholes, tmp_path, capsys):
 
 
 def test_renamed_files_of_the_same_content_are_resumed(wholes, tmp_path):
-    """Of the scene, the poses and the worlds."""
+    """Applies to the scene, the poses and the worlds."""
     make_scene().export(tmp_path / "room.glb")
     poses = make_frames().camera_to_world
     np.save(tmp_path / "walk.npy", poses)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A batch job that was interrupted, however it was, gives the bytes of one that was not."""
+"""An interrupted batch job writes the same bytes after resuming as an uninterrupted one."""
 
 import errno
 import json
@@ -26,14 +26,14 @@ TESTS = Path(__file__).parent
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A dataset that nothing interrupted."""
+    """Return an uninterrupted dataset."""
     out = tmp_path_factory.mktemp("whole") / "data"
     run(out)
     return out
 
 
 def die_at(call, out):
-    """A child that ends at once, as by SIGKILL, when it moves a file for the `call`-th time; whether it did."""
+    """Run a job in a child that exits at its `call`-th file move, as by SIGKILL; return whether it did."""
     child = os.fork()
     if child == 0:
         replace, calls = os.replace, 0
@@ -92,7 +92,7 @@ def test_killed_at_any_moment(tmp_path):
     assert tree(out) == tree(tmp_path / "whole")
 
 
-def test_what_is_damaged_is_rendered_again(tmp_path, whole):
+def test_damaged_shards_are_rendered_again(tmp_path, whole):
     out = tmp_path / "out"
     shutil.copytree(whole, out)
     (out / "shards" / "000001.json").unlink()
@@ -126,7 +126,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("case", CHANGES)
-def test_resuming_something_else_is_refused(whole, case):
+def test_resuming_with_other_input_raises(whole, case):
     change, message = CHANGES[case]
     if case == "format":
         pytest.importorskip("zarr")
@@ -137,7 +137,7 @@ def test_resuming_something_else_is_refused(whole, case):
 
 
 @pytest.mark.parametrize("objects", [[], {"floor": 1}])
-def test_resuming_from_a_manifest_whose_objects_are_none_is_refused(tmp_path, whole, objects):
+def test_resuming_with_invalid_objects_in_the_manifest_raises(tmp_path, whole, objects):
     shutil.copytree(whole, tmp_path / "out")
     manifest = json.loads((whole / "manifest.json").read_text())
     manifest["scene"]["objects"] = objects
@@ -146,7 +146,7 @@ def test_resuming_from_a_manifest_whose_objects_are_none_is_refused(tmp_path, wh
         run(tmp_path / "out", resume=True)
 
 
-def test_folders_that_are_taken(tmp_path, whole):
+def test_non_empty_folders_raise(tmp_path, whole):
     with pytest.raises(wv.errors.FileFormatError, match=r"contains a complete dataset\. Pass a new or an empty folder"):
         run(whole)
     (tmp_path / "thesis.tex").write_text("mine")
@@ -165,7 +165,7 @@ def test_folders_that_are_taken(tmp_path, whole):
         run(begun)
 
 
-def test_two_at_once_are_refused(tmp_path):
+def test_second_writer_raises(tmp_path):
     fcntl = pytest.importorskip("fcntl")
     (tmp_path / "out").mkdir()
     holder = os.open(tmp_path / "out", os.O_RDONLY)
@@ -176,7 +176,7 @@ def test_two_at_once_are_refused(tmp_path):
     assert os.listdir(tmp_path / "out") == []
 
 
-def test_a_full_disk(tmp_path, monkeypatch, whole):
+def test_full_disk(tmp_path, monkeypatch, whole):
     room = 70_000
     write = os.write
 
@@ -211,7 +211,7 @@ def test_missing_permission(tmp_path):
         run(place)
 
 
-def test_an_interrupt_leaves_what_is_whole(tmp_path, monkeypatch, whole):
+def test_interrupt_keeps_complete_shards(tmp_path, monkeypatch, whole):
     rendered = []
     render = FrameRenderer.render
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""ROS 2 bags, read back by rosbags: every field, infinities, times, and the way back to points in the world."""
+"""ROS 2 bags, read back by rosbags: all fields, infinities, times, and back-projection to world points."""
 
 import builtins
 import dataclasses
@@ -43,7 +43,7 @@ def plan_of(*, outputs=("depth", "points"), shard_frames=3, times=TIMES, **optio
 
 
 def write(folder, plan):
-    """The job's images, and the folder of bags made of them."""
+    """Write the bags of a job; return its depth images."""
     depth = wv.render(scene(), CAMERA, plan.frames.camera_to_world, outputs=("depth",)).depth.numpy()
     layout, files = Ros2(plan), ShardFiles(folder)
     units = []
@@ -54,7 +54,7 @@ def write(folder, plan):
 
 
 def read(folder):
-    """Messages of a bag by topic, in its order, with the time at which they were recorded."""
+    """Return messages of a bag by topic, in order, with their recording times."""
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     messages = {}
     with rosbag2.Reader(folder) as bag:
@@ -78,7 +78,7 @@ def image_of(message):
     return np.frombuffer(message.data, dtype="<f4").reshape(message.height, message.width)
 
 
-def test_a_bag_is_a_folder_with_an_mcap_file(bags):
+def test_bag_is_a_folder_with_an_mcap_file(bags):
     folder, _, messages = bags
     for name in ("bag_000000", "bag_000001"):
         assert sorted(path.name for path in (folder / name).iterdir()) == [f"{name}.mcap", "metadata.yaml"]
@@ -93,8 +93,8 @@ def test_a_bag_is_a_folder_with_an_mcap_file(bags):
     }
 
 
-def test_images_hold_the_depth_with_its_infinities(bags):
-    """REP 117: +inf for nothing, -inf for too near."""
+def test_images_contain_depth_with_infinities(bags):
+    """REP 117: +inf for no hit, -inf for too near."""
     _, depth, messages = bags
     assert np.isposinf(depth).any() and np.isneginf(depth).any() and np.isfinite(depth).any()
     for (_, message), expected in zip(messages[f"{TOPIC}/image_rect"], depth, strict=True):
@@ -127,7 +127,7 @@ def test_nanoseconds(seconds, expected):
     assert nanoseconds(seconds) == expected
 
 
-def test_intrinsics_count_centres_as_whole_numbers(bags):
+def test_intrinsics_have_pixel_centers_at_whole_numbers(bags):
     _, _, messages = bags
     for _, info in messages[f"{TOPIC}/camera_info"]:
         assert info.k.tolist() == [38.0, 0, 18.8, 0, 37.0, 15.1, 0, 0, 1]
@@ -138,15 +138,17 @@ def test_intrinsics_count_centres_as_whole_numbers(bags):
 
 
 def world_of(transform, points):
-    """Points of the child frame in the parent's, by a quaternion's rotation of vectors."""
+    """Return points of the child frame in the parent's, rotated by the quaternion formula."""
     t, q = transform.transform.translation, transform.transform.rotation
     u = np.array([q.x, q.y, q.z])
     turned = points + 2 * np.cross(u, np.cross(u, points) + q.w * points)
     return turned + [t.x, t.y, t.z]
 
 
-def test_depth_and_tf_lead_back_to_the_world(bags):
-    """As `image_geometry` does it, centres at whole numbers; with half a pixel more it is off by millimetres."""
+def test_depth_and_tf_back_project_to_the_world(bags):
+    """As in `image_geometry`, pixel centers are at whole numbers; an offset of half a pixel shifts points by
+    millimeters.
+    """
     _, depth, messages = bags
     truth = wv.render(scene(), CAMERA, poses(), outputs=("points",)).points.numpy()
     x, y = np.meshgrid(np.arange(40), np.arange(30))
@@ -163,7 +165,7 @@ def test_depth_and_tf_lead_back_to_the_world(bags):
             assert error.min() > 1e-3 if off else error.max() < 1e-5
 
 
-def test_clouds_have_the_rows_and_columns_of_the_image(bags):
+def test_clouds_have_the_shape_of_the_image(bags):
     _, depth, messages = bags
     truth = wv.render(scene(), CAMERA, poses(), outputs=("points",)).points.numpy()
     for view, (_, cloud) in enumerate(messages[f"{TOPIC}/points"]):
@@ -181,7 +183,7 @@ def test_clouds_have_the_rows_and_columns_of_the_image(bags):
         assert np.abs(world_of(transform, points[seen].astype(np.float64)) - truth[view][seen]).max() < 1e-5
 
 
-def test_without_points_there_are_no_clouds(tmp_path):
+def test_no_clouds_without_points(tmp_path):
     write(
         tmp_path,
         plan_of(outputs=("depth",), frame_id="eye", parent_frame_id="map", topic="head/depth/", shard_frames=9),
@@ -196,7 +198,7 @@ def test_without_points_there_are_no_clouds(tmp_path):
     )
 
 
-def test_bytes_are_the_same_every_time(bags, tmp_path):
+def test_bytes_are_reproducible(bags, tmp_path):
     folder, _, _ = bags
     write(tmp_path, plan_of())
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
@@ -205,7 +207,7 @@ def test_bytes_are_the_same_every_time(bags, tmp_path):
         assert (folder / name).read_bytes() == (tmp_path / name).read_bytes(), name
 
 
-def test_a_job_writes_the_same(bags, tmp_path):
+def test_render_batch_writes_the_same_files(bags, tmp_path):
     folder, _, _ = bags
     outputs = ("depth", "points")
     render_batch(scene(), CAMERA, plan_of().frames, tmp_path / "out", format="ros2", outputs=outputs, shard_frames=3)
@@ -213,7 +215,7 @@ def test_a_job_writes_the_same(bags, tmp_path):
         assert (folder / name).read_bytes() == (tmp_path / "out" / name).read_bytes(), name
 
 
-def test_our_own_reader_gives_the_poses_back(bags):
+def test_read_frames_returns_the_poses(bags):
     from warpvis.io import read_frames
 
     folder, _, _ = bags
@@ -236,12 +238,12 @@ def test_our_own_reader_gives_the_poses_back(bags):
         ({"times": [0, 1, 2, 3, 3e9]}, "got 3000000000.0 in frame 4"),
     ],
 )
-def test_bad_plans(changes, message):
+def test_invalid_plans_raise(changes, message):
     with pytest.raises(wv.WarpvisError, match=message):
         Ros2(plan_of(**changes))
 
 
-def test_without_rosbags_one_sentence_says_what_to_install(monkeypatch):
+def test_missing_rosbags_raises_with_install_command(monkeypatch):
     def import_module(name, *arguments, real=builtins.__import__, **options):
         if name.startswith("rosbags"):
             raise ModuleNotFoundError("No module named 'rosbags'")
@@ -254,8 +256,8 @@ def test_without_rosbags_one_sentence_says_what_to_install(monkeypatch):
         Ros2(plan_of())
 
 
-def test_a_plan_may_be_cut_in_any_way(tmp_path):
-    """A shard's frames are the plan's, from wherever it begins."""
+def test_shard_size_does_not_change_frames(tmp_path):
+    """A shard contains the plan's frames from its start on."""
     write(tmp_path, dataclasses.replace(plan_of(), shard_frames=1))
     stamps = [read(tmp_path / f"bag_{k:06d}")["/tf"][0][0] for k in range(len(TIMES))]
     assert stamps == [nanoseconds(time) for time in TIMES]

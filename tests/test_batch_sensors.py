@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Datasets of what a depth camera says: files follow from the seed and the frames' numbers, whoever made them."""
+"""Datasets of depth-camera models: files depend only on the seed and the frame numbers."""
 
 import dataclasses
 import json
@@ -37,8 +37,8 @@ def read(out, name):
 
 
 @pytest.mark.parametrize("sensor", [STEREO, FLIGHT], ids=["stereo", "time of flight"])
-def test_a_frames_noise_is_that_of_its_number(tmp_path, sensor, device):
-    """And of no shard: each frame alone, and any number of them together, have the same images."""
+def test_noise_depends_on_the_frame_number(tmp_path, sensor, device):
+    """Noise does not depend on the shard: a single frame and any group of frames have the same images."""
     run(tmp_path / "a", outputs=OUTPUTS, sensor=sensor, seed=5, shard_frames=3, device=device)
     run(tmp_path / "b", outputs=OUTPUTS, sensor=sensor, seed=5, shard_frames=20, device=device)
     renderer = wv.Renderer(make_scene().to(device), CAMERA, outputs=OUTPUTS, sensor=sensor, seed=5)
@@ -53,14 +53,14 @@ def test_a_frames_noise_is_that_of_its_number(tmp_path, sensor, device):
     assert np.isnan(depth).any() and (depth != true)[np.isfinite(depth)].mean() > 0.5
 
 
-def test_two_frames_of_a_pose_have_noise_of_their_own(tmp_path):
+def test_frames_of_equal_pose_have_different_noise(tmp_path):
     run(tmp_path / "out", frames=Frames.from_poses(make_poses(1).repeat(2, axis=0)), sensor=STEREO)
     first, second = read(tmp_path / "out", "depth")
     seen = np.isfinite(first) & np.isfinite(second)
     assert (first != second)[seen].mean() > 0.5
 
 
-def test_what_was_resumed_is_the_same(tmp_path, whole):
+def test_resumed_dataset_is_the_same(tmp_path, whole):
     out = tmp_path / "out"
     shutil.copytree(whole, out)
     for shard in (1, 4):
@@ -71,15 +71,15 @@ def test_what_was_resumed_is_the_same(tmp_path, whole):
 
 
 @pytest.mark.slow  # it starts two processes
-def test_processes_make_the_same(tmp_path, whole, monkeypatch):
-    """As several GPUs would: each process has the shards that it takes."""
+def test_several_processes_write_the_same(tmp_path, whole, monkeypatch):
+    """Simulates several GPUs: each process renders the shards that it takes."""
     monkeypatch.setattr(_render_batch, "parse_devices", lambda device: ["cpu", "cpu"])
     run(tmp_path / "out", **SENSED)
     assert tree(tmp_path / "out") == tree(whole)
 
 
-def test_workers_that_share_shards_out_make_the_same(whole):
-    """Each has a renderer of its own, and its shards in an order of its own."""
+def test_shards_do_not_depend_on_the_worker(whole):
+    """Each worker has its renderer and renders its shards in any order."""
     scene = make_scene()
     plan = make_plan(scene, CAMERA, make_frames(), find_format("npz"), shard_frames=3, **SENSED)
     for shards in ([6, 0, 4], [5, 3, 2, 1]):
@@ -91,7 +91,7 @@ def test_workers_that_share_shards_out_make_the_same(whole):
                     np.testing.assert_array_equal(found[name], kept[name])
 
 
-def test_another_sensor_or_seed_is_another_job(tmp_path, whole):
+def test_resuming_with_another_sensor_or_seed_raises(tmp_path, whole):
     shutil.copytree(whole, tmp_path / "out")
     (tmp_path / "out/shards/000001.json").unlink()
     for change, said in (
@@ -102,7 +102,7 @@ def test_another_sensor_or_seed_is_another_job(tmp_path, whole):
             run(tmp_path / "out", resume=True, **{**SENSED, **change})
 
 
-def test_a_dataset_says_its_sensor(whole):
+def test_dataset_stores_its_sensor(whole):
     dataset = wv.open_dataset(whole)
     assert dataset.sensor == STEREO
     assert dataset.outputs == OUTPUTS
@@ -112,7 +112,7 @@ def test_a_dataset_says_its_sensor(whole):
     assert json.loads(str(np.load(whole / "shard-000000.npz")["sensor"])) == manifest["sensor"]
 
 
-def test_a_damaged_manifests_sensor_is_a_sentence(tmp_path, whole):
+def test_invalid_sensor_in_the_manifest_raises(tmp_path, whole):
     for wrong in (7, {"model": "StereoDepth", "baseline": "wide"}, {"model": 3}, {"model": "StereoDepth", "lens": 1}):
         shutil.rmtree(tmp_path / "out", ignore_errors=True)
         shutil.copytree(whole, tmp_path / "out")
@@ -124,16 +124,16 @@ def test_a_damaged_manifests_sensor_is_a_sentence(tmp_path, whole):
 
 
 @pytest.mark.parametrize("name", ["d435@64x48", "kinect-v1", "azure-kinect-wide", "flexx2"])
-def test_sensors_survive_as_fields(name):
+def test_sensors_round_trip_through_fields(name):
     sensor = sensor_by_name(name)
     for model in (sensor, wv.sensors.Corruptions(dropout=0.1, rectangles=(1, 2), of=sensor)):
         assert sensor_from_fields(json.loads(json.dumps(sensor_to_fields(model), allow_nan=False))) == model
     theirs = {"model": "theirs.Sensor", "sigma": 1.0}
     assert sensor_from_fields(theirs) is None
-    assert sensor_from_fields({"model": "Corruptions", "dropout": 0.1, "of": theirs}) is None  # and no exact depth
+    assert sensor_from_fields({"model": "Corruptions", "dropout": 0.1, "of": theirs}) is None  # no exact depth either
 
 
-def test_zarr_and_png_hold_reasons(tmp_path, whole):
+def test_zarr_and_png_contain_reasons(tmp_path, whole):
     zarr = pytest.importorskip("zarr")
     npz = wv.open_dataset(whole)
     run(tmp_path / "zarr", format="zarr", **SENSED)
@@ -158,8 +158,8 @@ def test_zarr_and_png_hold_reasons(tmp_path, whole):
 
 
 @pytest.mark.parametrize("format", ["tum", "bop", "nerfstudio", "colmap"])
-def test_what_is_lost_is_what_each_format_says(tmp_path, whole, format):
-    """0 in their files, which reads back as +inf; nothing is counted as what does not fit."""
+def test_lost_pixels_in_each_format(tmp_path, whole, format):
+    """Lost pixels are 0 in the files and +inf when read back; none is counted as out of range."""
     kept = wv.open_dataset(whole)["depth"][:]
     usual = {"bop": ("depth", "visibility")}.get(format, ("depth",))
     summary = run(tmp_path / "out", format=format, sensor=STEREO, seed=5, outputs=usual)
@@ -171,13 +171,13 @@ def test_what_is_lost_is_what_each_format_says(tmp_path, whole, format):
         run(tmp_path / "other", format=format, sensor=STEREO, outputs=(*usual, "reasons"))
 
 
-def test_ros_has_rep_117(tmp_path, whole):
+def test_ros_depth_follows_rep_117(tmp_path, whole):
     pytest.importorskip("rosbags")
     run(tmp_path / "out", format="ros2", sensor=STEREO, seed=5, outputs=("depth",))
     np.testing.assert_array_equal(wv.open_dataset(tmp_path / "out")["depth"][:], wv.open_dataset(whole)["depth"][:])
 
 
-def test_batches_say_their_frames(device):
+def test_batches_require_frame_numbers(device):
     renderer = FrameRenderer(make_scene().to(device), CAMERA, outputs=OUTPUTS, sensor=STEREO, seed=5)
     poses = make_poses(6)
     together = renderer({"camera_to_world": poses, "frame": np.arange(6)})
@@ -187,7 +187,7 @@ def test_batches_say_their_frames(device):
         renderer({"camera_to_world": poses})
 
 
-def test_the_device_brings_its_camera(tmp_path):
+def test_named_sensor_provides_its_camera(tmp_path):
     sensor = sensor_by_name("d435@64x48")
     assert sensor == wv.sensors.realsense_d435(64, 48)
     run(tmp_path / "out", camera=None, sensor=sensor, outputs=("reasons",))
@@ -206,12 +206,12 @@ def test_the_device_brings_its_camera(tmp_path):
         ("kinect-v2@64x48", "kinect-v2 has a fixed size"),
     ],
 )
-def test_unknown_sensors_are_named(name, said):
+def test_unknown_sensor_names_raise_with_suggestions(name, said):
     with pytest.raises(CameraError, match=said):
         sensor_by_name(name)
 
 
-def test_what_is_refused(tmp_path):
+def test_invalid_arguments_raise(tmp_path):
     lens = wv.Camera.from_opencv(np.array([[300.0, 0, 16], [0, 300, 12], [0, 0, 1]]), (-0.2, 0.05, 0, 0), 32, 24)
     for change, said in (
         ({"outputs": ("depth", "reasons")}, "outputs must not contain reasons without a sensor"),
@@ -225,7 +225,7 @@ def test_what_is_refused(tmp_path):
         assert not (tmp_path / "out").exists()
 
 
-def test_the_command_line(tmp_path):
+def test_command_line(tmp_path):
     import trimesh
 
     trimesh.creation.box((0.5, 1.0, 0.5)).export(tmp_path / "box.stl")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is counted is on the disk: after a power failure at any moment, no record names what was lost."""
+"""Recorded files are on disk: after a power failure at any time, no record refers to lost data."""
 
 import errno
 import json
@@ -20,12 +20,12 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="need
 
 
 def entry(path):
-    """What a folder says of a file: folders are known by their numbers, since they are renamed."""
+    """Return a folder entry; folders are identified by inode because they are renamed."""
     return os.stat(path.parent).st_ino, path.name, os.stat(path).st_ino
 
 
 class Disk:
-    """What of a folder a power failure would leave: contents that were synced, and names whose folder was, since."""
+    """Tracks what would survive a power failure: synced contents, and names in folders synced since."""
 
     def __init__(self, root, monkeypatch):
         self.root, self.lock = Path(root), threading.Lock()
@@ -38,7 +38,7 @@ class Disk:
         path = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
         names = set()
         for place in path.iterdir() if path.is_dir() else ():
-            with suppress(FileNotFoundError):  # another shard's temporary folder, which is gone by now
+            with suppress(FileNotFoundError):  # another shard's temporary folder, already removed
                 names.add(entry(place))
         self._fsync(descriptor)
         with self.lock:
@@ -57,7 +57,7 @@ class Disk:
         self._replace(source, target)
 
     def keeps(self, path):
-        """Whether a file and all folders that lead to it are on the disk."""
+        """Return whether a file and all its parent folders are on disk."""
         there = path.is_file() and os.stat(path).st_ino in self.contents
         while there and path != self.root.parent:
             there = entry(path) in self.names
@@ -66,7 +66,7 @@ class Disk:
 
 
 @pytest.mark.parametrize("name", ["npz", "png", "zarr"])
-def test_a_record_is_written_when_what_it_names_is_on_the_disk(tmp_path, monkeypatch, name):
+def test_record_is_written_after_its_files_are_synced(tmp_path, monkeypatch, name):
     if name == "zarr":
         pytest.importorskip("zarr")
     out, add, counted = tmp_path / "new" / "out", Dataset.add, []
@@ -85,7 +85,7 @@ def test_a_record_is_written_when_what_it_names_is_on_the_disk(tmp_path, monkeyp
     assert all(disk.keeps(out / file) for file in tree(out))
 
 
-def test_a_disk_that_cannot_keep_it_is_said(tmp_path, monkeypatch):
+def test_sync_failure_raises(tmp_path, monkeypatch):
     calls = []
 
     def fsync(descriptor):
@@ -98,7 +98,7 @@ def test_a_disk_that_cannot_keep_it_is_said(tmp_path, monkeypatch):
         run(tmp_path / "out")
 
 
-def test_a_file_system_that_syncs_nothing_is_written(tmp_path, monkeypatch):
+def test_file_system_without_fsync_is_supported(tmp_path, monkeypatch):
     def fsync(descriptor):
         raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""`verify` and `--resume` believe nothing that a dataset says of itself: each case ends at once, with a sentence."""
+"""`verify` and `--resume` trust no field of a dataset: malformed input is reported or raises one sentence at once."""
 
 import json
 import os
@@ -44,27 +44,27 @@ def change(path, **fields):
         ({"format": None}, "does not define the contents"),
     ],
 )
-def test_a_manifest_of_nonsense(copy, fields, said):
+def test_manifest_with_invalid_fields_raises(copy, fields, said):
     change(copy / "manifest.json", **fields)
     with pytest.raises(wv.WarpvisError, match=said):
         verify(copy)
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "1" * 10_000, "[1]", "null", "\x00", '{"warpvis_dataset": 1}'])
-def test_a_manifest_that_is_none(copy, text):
+def test_malformed_manifest_raises(copy, text):
     (copy / "manifest.json").write_text(text)
     with pytest.raises(wv.WarpvisError, match=r"is not a dataset: its? "):
         verify(copy)
 
 
-def test_a_manifest_of_more_frames_than_there_can_be(copy):
+def test_manifest_with_a_huge_frame_count(copy):
     change(copy / "manifest.json", frames=10**12)
     report = verify(copy)
     assert report.problems[:2] == (
         "poses.npz: must have the 1000000000000 frames of the manifest, got 20",
         "333333333327 of 333333333334 shards are missing: 7-333333333333",
     )
-    assert report.shards == 333333333334 and report.whole_shards == 6  # the seventh has fewer frames than then
+    assert report.shards == 333333333334 and report.whole_shards == 6  # the seventh is shorter than required
 
 
 def test_missing_shards_are_counted(copy):
@@ -81,7 +81,7 @@ def test_missing_shards_are_counted(copy):
 @pytest.mark.parametrize(
     "name", ["/dev/zero", "../../../dev/zero", "shards/../../secret", "./x", "a//b", "..\\x", "x\0y", ""]
 )
-def test_a_record_that_names_what_is_elsewhere(copy, name):
+def test_record_with_paths_outside_the_dataset_is_invalid(copy, name):
     (copy.parent / "secret").write_bytes(b"")
     record = copy / "shards" / "000001.json"
     content = json.loads(record.read_text())
@@ -96,7 +96,7 @@ def test_a_record_that_names_what_is_elsewhere(copy, name):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 @pytest.mark.parametrize("name", ["manifest.json", "poses.npz", "shards/000001.json", "shard-000001.npz"])
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
-def test_what_is_no_file(copy, name, kind):
+def test_pipes_devices_and_folders_instead_of_files(copy, name, kind):
     path = copy / name
     path.unlink()
     {"pipe": os.mkfifo, "device": lambda path: path.symlink_to("/dev/zero"), "folder": os.mkdir}[kind](path)
@@ -118,12 +118,12 @@ def test_what_is_no_file(copy, name, kind):
         {"empty": "none"},
     ],
 )
-def test_a_record_of_nonsense(copy, record):
+def test_record_with_invalid_fields_is_reported(copy, record):
     change(copy / "shards" / "000001.json", **record)
     assert "shards/000001.json: is not a valid record" in verify(copy).problems
 
 
-def test_poses_that_would_unpack_to_much_more(copy):
+def test_compressed_poses_of_excessive_size_are_reported(copy):
     with (
         zipfile.ZipFile(copy / "poses.npz", "w", zipfile.ZIP_DEFLATED) as archive,
         archive.open("camera_to_world.npy", "w") as stream,
@@ -132,7 +132,7 @@ def test_poses_that_would_unpack_to_much_more(copy):
     assert verify(copy).problems[0] == "poses.npz: is missing or cannot be read"
 
 
-def test_mutated_datasets_are_a_report_or_a_sentence(copy):
+def test_mutated_datasets_are_reported_or_raise(copy):
     rng, names = random.Random(3), ["manifest.json", "index.json", "shards/000001.json", "poses.npz"]
     kept = {name: (copy / name).read_bytes() for name in names}
     for _ in range(150):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels compiled ahead."""
+"""Ahead-of-time kernel compilation."""
 
 import pytest
 

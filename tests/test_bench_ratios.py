@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The guard against lost speed: ratios of made-up times against a table."""
+"""The performance regression guard: ratios of simulated times against a table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ratios import Contest, Figure, Guard, Workload, measure, read_table, write_
 
 
 class Told:
-    """A timer of calls that return their own time."""
+    """A timer of calls that return their own duration."""
 
     def device_seconds(self, run, calls):
         return run()
@@ -47,7 +47,7 @@ def workload(name, ours=1.0, **peers):
 
 @pytest.fixture(autouse=True)
 def no_collection(monkeypatch):
-    """Collect no garbage between calls: in a large process of tests a collection takes a second."""
+    """Disable garbage collection between calls, which takes a second in a large test process."""
     monkeypatch.setattr(gc, "collect", lambda: 0)
 
 
@@ -62,19 +62,19 @@ def guard(table, **options):
     return Guard("card", table, commit="def5678", **options)
 
 
-def test_the_fastest_way_to_use_a_peer_counts():
+def test_fastest_variant_of_a_peer_counts():
     ways = [constant(9.0), constant(3.0), constant(3.3)]
     figure = measure(contest(constant(1.5), bare=ways, rays=[constant(6.0)]), 3)
     assert figure.ms == 1500
     assert figure.ratios == {"bare": pytest.approx(2.0), "rays": pytest.approx(4.0)}
 
 
-def test_a_ratio_is_the_median_of_rounds_so_that_a_disturbed_round_does_not_count():
+def test_ratio_is_the_median_of_rounds():
     times = iter([1.0, 1.0, 1.0, 50.0, 1.0, 1.0, 1.0])
     assert measure(contest(lambda: next(times), bare=[constant(2.0)]), 5).ratios == {"bare": pytest.approx(2.0)}
 
 
-def test_other_values_are_not_measured():
+def test_disagreeing_values_raise():
     with pytest.raises(RuntimeError, match=r"both sides must agree on 95% of values, got 80\.00%"):
         measure(contest(constant(1.0), same=0.8, bare=[constant(2.0)]), 3)
     with pytest.raises(RuntimeError, match="got nan"):
@@ -89,7 +89,7 @@ def test_more_than_5_percent_lower_is_reported(table, capsys, bare, status):
     assert (f"room: bare {bare:g}, {1 - bare / 3.5:.0%} below 3.5 of abc1234 (2026-01-01)" in said) == bool(status)
 
 
-def test_what_is_low_at_first_is_measured_again(table, capsys):
+def test_low_ratio_is_measured_again(table, capsys):
     disturbed = iter([2.0] * 11)
     slow_at_first = Workload("room", lambda: contest(lambda: next(disturbed, 1.0), bare=[constant(3.5)]))
     assert guard(table).run([slow_at_first]) == 0
@@ -97,7 +97,7 @@ def test_what_is_low_at_first_is_measured_again(table, capsys):
     assert "measured again" in said and "bare 3.5 (3.5)" in said
 
 
-def test_a_failure_is_a_line_and_the_others_are_measured(table, capsys):
+def test_failing_workload_does_not_stop_the_others(table, capsys):
     def missing():
         raise ModuleNotFoundError("No module named 'newton'", name="newton")
 
@@ -114,7 +114,7 @@ def test_a_failure_is_a_line_and_the_others_are_measured(table, capsys):
     assert "room: device lost; the table has it" in capsys.readouterr().out
 
 
-def test_figures_are_written_as_they_come(table, tmp_path):
+def test_figures_are_written_incrementally(table, tmp_path):
     out, before = tmp_path / "new" / "out.json", table.read_text()
 
     def cut_off():
@@ -127,7 +127,7 @@ def test_figures_are_written_as_they_come(table, tmp_path):
     assert table.read_text() == before
 
 
-def test_update_writes_what_was_measured_and_keeps_the_rest(table):
+def test_update_keeps_figures_that_were_not_measured(table):
     one = guard(table, update=True)
     assert one.run([workload("new", bare=2.0)]) == 0
     rows = read_table(table)
@@ -135,17 +135,17 @@ def test_update_writes_what_was_measured_and_keeps_the_rest(table):
     assert json.loads(table.read_text())["machine"] == "card"
 
 
-def test_after_the_limit_no_workload_begins(table, capsys):
+def test_no_workload_starts_after_the_time_limit(table, capsys):
     assert guard(table, limit=-1.0).run([workload("room", bare=0.1)]) == 0
     assert "room: -1 s have passed" in capsys.readouterr().out
 
 
-def test_a_peer_that_is_gone_is_reported(table, capsys):
+def test_missing_peer_is_reported(table, capsys):
     guard(table).run([workload("room", bare=3.5)])
     assert "room: rays, which the table has" in capsys.readouterr().out
 
 
-def test_figures_of_another_machine_are_compared_and_written(tmp_path, monkeypatch, capsys):
+def test_figures_from_another_machine(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(gpu_all, "TABLES", tmp_path / "tables")
     path, out = gpu_all.table_path("NVIDIA H100 80GB HBM3"), tmp_path / "out.json"
     assert path == tmp_path / "tables" / "NVIDIA_H100_80GB_HBM3.json"
@@ -160,7 +160,7 @@ def test_figures_of_another_machine_are_compared_and_written(tmp_path, monkeypat
 
 
 @pytest.mark.slow
-def test_workloads_have_names_of_their_own_and_one_runs_on_a_cpu(tmp_path, capsys):
+def test_workload_names_are_unique_and_one_runs_on_a_cpu(tmp_path, capsys):
     assert gpu_all.main(["--device", "cpu", "--list"]) == 0
     names = capsys.readouterr().out.splitlines()
     assert len(names) == len(set(names)) > 90
@@ -172,7 +172,7 @@ def test_workloads_have_names_of_their_own_and_one_runs_on_a_cpu(tmp_path, capsy
 
 
 @pytest.mark.slow
-def test_workloads_of_a_cpu_core_run(tmp_path, monkeypatch, capsys):
+def test_single_core_cpu_workloads_run(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(os, "sched_setaffinity", lambda process, cores: None, raising=False)
     out = tmp_path / "out.json"
     options = ["--table", str(tmp_path / "none.json"), "--rounds", "3", "--out", str(out)]

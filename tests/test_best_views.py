@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Candidate poses and the best of them: what they see, ties by the way, room, and a robot that moves to see a ball."""
+"""Candidate poses and their ranking: visibility, path length, clearance, and a robot that moves to see a ball."""
 
 import math
 
@@ -17,11 +17,11 @@ from warpvis.visibility import Agent, object_visibility, perspective
 
 CAMERA = wv.Camera.from_fov(160, 120, hfov=1.0, near=0.3, far=4.5)
 NOWHERE = np.array([0.0, 0, 50, 0, 0, 0, 1])
-"""A pose that sees nothing."""
+"""A pose that sees no object."""
 
 
 def walled_scene(device="cpu"):
-    """A ball on either side of a wall."""
+    """Return a scene with a ball on either side of a wall."""
     scene = wv.Scene(device=device)
     scene.add(floor(8, 8), name="floor", label="ground")
     scene.add(standing_box((0.1, 1.6, 0.8), 0, 0), name="wall")
@@ -30,10 +30,10 @@ def walled_scene(device="cpu"):
     return scene
 
 
-# Grids of poses.
+# Pose grids
 
 
-def test_a_grid_over_a_disc():
+def test_grid_over_a_disc():
     poses = pose_grid((1, 2, 9), radius=0.5, step=0.2, height=0.6, headings=3, pitch=-0.3)
     places = np.unique(poses[:, :3], axis=0)
     offsets = [(0.2 * i, 0.2 * j) for i in range(-2, 3) for j in range(-2, 3) if math.hypot(0.2 * i, 0.2 * j) <= 0.5]
@@ -45,20 +45,20 @@ def test_a_grid_over_a_disc():
         np.tile([0, 120, 240], (21, 1)), abs=1e-6
     )
     assert np.arcsin(axes[..., 2]) == pytest.approx(np.full((21, 3), -0.3))
-    assert (poses_to_matrices(poses)[:, 2, 1] < 0).all()  # the image's down is the world's
+    assert (poses_to_matrices(poses)[:, 2, 1] < 0).all()  # the image's down axis points down in the world
 
 
-def test_a_grid_that_looks_at_a_point():
+def test_grid_that_looks_at_a_point():
     target = (0.4, 0.0, 0.2)
     poses = pose_grid((0, 0, 0), radius=1, step=0.2, height=0.6, look_at=target)
     count = sum(math.hypot(i, j) <= 5 for i in range(-5, 6) for j in range(-5, 6))
-    assert len(poses) == count - 1  # not from straight above
+    assert len(poses) == count - 1  # none from directly above
     for pose in poses:
         expected = wv.look_at(pose[:3], target)
         assert min(np.abs(pose - expected).max(), np.abs(pose - [*expected[:3], *-expected[3:]]).max()) < 1e-9
 
 
-def test_a_grid_where_y_is_up():
+def test_grid_with_y_up():
     poses = pose_grid((1, 7, 2), radius=0.1, step=0.5, height=0.6, headings=4, up="y")
     assert poses[:, :3] == pytest.approx(np.tile([1, 0.6, 2], (4, 1)))
     axes = poses_to_matrices(poses)[:, :3, 2]
@@ -68,10 +68,10 @@ def test_a_grid_where_y_is_up():
     assert poses_to_matrices(looking)[0, :3, 2] == pytest.approx([1, 0, 0], abs=1e-9)
 
 
-# What is seen from where.
+# Best views
 
 
-def test_the_robot_moves_to_see_what_the_person_sees(device):
+def test_robot_moves_to_see_what_the_person_sees(device):
     scene = walled_scene(device)
     scene.add(robot(0.5, -2, 0), name="robot body", label="robot")
     start = wv.look_at((-2, 0, 0.5), (0.3, 0.2, 0.1))
@@ -92,7 +92,7 @@ def test_the_robot_moves_to_see_what_the_person_sees(device):
     best = views.pose()
     assert (wv.render(scene, CAMERA, best, **options).segmentation.numpy() == target).any()
     assert views.scores[views.order[0]] == 1
-    # No shorter way leads to as good a view.
+    # No shorter path leads to a view with a full score.
     nearer = views.path_lengths < views.path_lengths[views.order[0]] - 1e-9
     assert (views.scores[nearer] < 1).all()
     there = perspective(scene, [Agent("robot", CAMERA, best, body=("robot body",)), agents[1]])
@@ -100,7 +100,7 @@ def test_the_robot_moves_to_see_what_the_person_sees(device):
 
 
 @pytest.mark.parametrize("measure", ["fraction", "pixels"])
-def test_scores_are_weighted_means_of_what_is_seen(measure, device, monkeypatch):
+def test_scores_are_weighted_means(measure, device, monkeypatch):
     scene, grid = walled_scene(device), pose_grid((0, 0, 0), radius=2, step=1, height=0.5)
     options = {"objects": ["other", "ball"], "weights": [3, 1], "measure": measure, "delta": 0.01}
     views = best_views(scene, CAMERA, grid, **options)
@@ -112,20 +112,20 @@ def test_scores_are_weighted_means_of_what_is_seen(measure, device, monkeypatch)
     assert views.path_lengths is None
     assert (np.diff(views.scores[views.order]) <= 0).all()
     assert views.scores.dtype == views.values.dtype == np.float32
-    monkeypatch.setattr(module, "_AT_A_TIME", 10)  # five candidates at a time
+    monkeypatch.setattr(module, "_AT_A_TIME", 10)  # five candidates per chunk
     parts = best_views(scene, CAMERA, grid, **options)
     assert (parts.values == views.values).all()
     assert (parts.order == views.order).all()
 
 
 def seen_by(fractions):
-    """A scene and poses that see about these fractions of a ball, by cards that stand before it."""
+    """Return a scene with a ball and poses that see about these fractions of it past occluding cards."""
     scene, poses = wv.Scene(), []
     scene.add(trimesh.creation.icosphere(subdivisions=4, radius=0.1), name="ball")
     for k, fraction in enumerate(fractions):
         angle = 2 * math.pi * k / len(fractions)
         turn = (0, 0, math.sin(angle / 2), math.cos(angle / 2))
-        # 1 m before the ball; the part of it above the card's edge is seen.
+        # 1 m in front of the ball; only the part above the card's edge is visible
         edge = 0.0875 - 0.15 * fraction if fraction < 1 else -1
         card = trimesh.creation.box((0.001, 0.2, 0.5))
         card.apply_translation((1.0, 0, edge / 2 - 0.25))
@@ -134,7 +134,7 @@ def seen_by(fractions):
     return scene, np.array(poses)
 
 
-def test_ties_are_broken_by_the_way():
+def test_ties_are_broken_by_path_length():
     scene, poses = seen_by([1, 0.5, 1, 1, 1])
     poses = np.concatenate([poses, NOWHERE[None]])  # the last one is above the ball
 
@@ -153,10 +153,10 @@ def test_ties_are_broken_by_the_way():
     for start in (poses[3], poses[3, :3], poses_to_matrices(poses[3])):
         nearest = best_views(scene, CAMERA, poses, objects=["ball"], start=start)
         assert nearest.order.tolist() == [3, 2, 4, 0, 1, 5]
-        assert nearest.path_lengths[[3, 5]] == pytest.approx([0, 2], abs=1e-6)  # on the floor, whatever the height
+        assert nearest.path_lengths[[3, 5]] == pytest.approx([0, 2], abs=1e-6)  # horizontal distance
 
 
-def test_ties_are_levels_of_scores():
+def test_ties_are_score_intervals():
     scene, poses = seen_by([1, 0.9, 0.6, 0.4, 0.2])
     scores = best_views(scene, CAMERA, poses, objects=["ball"]).scores
     lengths = [5, 4, 3, 2, 1]
@@ -167,17 +167,17 @@ def test_ties_are_levels_of_scores():
     assert best_views(scene, CAMERA, poses, objects=["ball"], tie=0, path_lengths=lengths).order.tolist() == [*range(5)]
 
 
-def test_without_ways_the_score_decides_within_a_tie():
+def test_without_paths_the_score_decides_within_a_tie():
     scene, poses = seen_by([0.2, 0.4, 0.6, 0.9, 1])
     assert best_views(scene, CAMERA, poses, objects=["ball"], tie=2.0).order.tolist() == [4, 3, 2, 1, 0]
 
 
-def test_places_without_room_are_left_out(device):
+def test_candidates_without_clearance_are_excluded(device):
     scene = walled_scene(device)
     grid = pose_grid((0, 0, 0), radius=1, step=0.5, height=0.5, look_at=(0.3, 0.2, 0.1))
     views = best_views(scene, CAMERA, grid, objects=["ball"], radius=0.25)
     room = np.isfinite(views.scores)
-    # The wall is 0.1 m thick and 1.6 m long; a ball at (0.3, 0.2) and one at (-0.5, 0.2) are 0.2 m across.
+    # The wall is 0.1 m thick and 1.6 m long; balls at (0.3, 0.2) and (-0.5, 0.2) have a diameter of 0.2 m.
     x, y = grid[:, 0], grid[:, 1]
     in_wall = np.hypot(np.maximum(np.abs(x) - 0.05, 0), np.maximum(np.abs(y) - 0.8, 0)) < 0.25
     at_balls = (np.hypot(x - 0.3, y - 0.2) < 0.35) | (np.hypot(x + 0.5, y - 0.2) < 0.35)
@@ -191,7 +191,7 @@ def test_places_without_room_are_left_out(device):
     assert np.isfinite(through.scores).all()
 
 
-def test_movable_objects_of_one_world(device):
+def test_movable_objects_in_one_world(device):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.icosphere(radius=0.1), name="ball", movable=True)
     grid = pose_grid((0, 0, 0), radius=0, step=1, height=0, headings=4)
@@ -201,14 +201,14 @@ def test_movable_objects_of_one_world(device):
             assert best_views(scene, CAMERA, grid, objects="ball", object_poses=poses, count=1).order == [angle]
 
 
-def test_candidates_in_every_form_are_the_same(device):
+def test_candidate_formats_are_equivalent(device):
     scene, grid = walled_scene(device), pose_grid((0, 0, 0), radius=2, step=1, height=0.5)
     ros = np.concatenate([grid[:, :3], quaternion_product(grid[:, 3:], np.array([0.5, -0.5, 0.5, 0.5]))], axis=1)
     expected = best_views(scene, CAMERA, grid, objects=["ball"])
     on_device = wp.array(grid, dtype=wp.transform, device=device)
     for given, convention in ((on_device, "opencv"), (poses_to_matrices(grid), "opencv"), (ros, "ros_body")):
         views = best_views(scene, CAMERA, given, objects=["ball"], convention=convention)
-        assert views.values == pytest.approx(expected.values, abs=0.02)  # rounding moves a pixel at an edge
+        assert views.values == pytest.approx(expected.values, abs=0.02)  # rounding may move a pixel at an edge
         assert np.allclose(poses_to_matrices(views.candidates), poses_to_matrices(grid), atol=1e-5)
 
 
@@ -250,7 +250,7 @@ GRID = pose_grid((0, 0, 0), radius=1, step=1, height=0.5, headings=1)
         ({"object_poses": np.zeros((2, 1, 7))}, "object_poses were given, but no object of the scene is movable"),
     ],
 )
-def test_bad_input(change, said):
+def test_invalid_arguments_raise(change, said):
     given = {"scene": walled_scene(), "camera": CAMERA, "candidates": GRID, "objects": ["ball"], **change}
     with pytest.raises(wv.WarpvisError) as error:
         best_views(given.pop("scene"), given.pop("camera"), given.pop("candidates"), **given)
@@ -258,7 +258,7 @@ def test_bad_input(change, said):
     assert "\n" not in str(error.value)
 
 
-def test_objects_of_several_worlds_are_refused():
+def test_object_poses_of_several_worlds_raise():
     scene = wv.Scene()
     scene.add(trimesh.creation.icosphere(radius=0.1), name="ball", movable=True)
     worlds = np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1, 1))
@@ -291,7 +291,7 @@ def test_objects_of_several_worlds_are_refused():
         ({"up": "x"}, 'up must be "z" or "y", got \'x\''),
     ],
 )
-def test_grids_that_are_none(change, said):
+def test_invalid_grids_raise(change, said):
     given = {"center": (0, 0, 0), "radius": 1, "step": 0.5, "height": 0.5, **change}
     with pytest.raises(wv.WarpvisError) as error:
         pose_grid(given.pop("center"), **given)

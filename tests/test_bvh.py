@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The BVH holds every triangle once, its bounds hold what is below, and it is the same for any threads.
+"""The BVH contains every triangle once, its bounds enclose their subtrees, and it does not depend on threads.
 
-And it is as shallow as asked, whatever the triangles.
+Its depth never exceeds the limit, for any triangles.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ LANES = (16, 32)
 
 
 def least_levels(count, lanes):
-    """Levels of a full tree of so many triangles."""
+    """Return the number of levels of a full tree of `count` triangles."""
     return next(levels for levels in range(1, 32) if count <= lanes ** (levels + 1))
 
 
@@ -51,11 +51,11 @@ def case(request):
     return given, given.build(lanes=lanes)
 
 
-def test_every_triangle_is_there_once_and_unchanged(case):
+def test_tree_contains_every_triangle_once(case):
     assert_every_triangle_is_there_once(*case)
 
 
-def test_boxes_and_cones_hold_what_is_below(case):
+def test_boxes_and_cones_bound_their_subtrees(case):
     assert_boxes_and_cones_hold(*case)
 
 
@@ -73,7 +73,7 @@ def test_culled_children_face_away(lanes):
                 culled += len(triangles)
                 a, b, c = given.vertices[given.faces[triangles]].astype(np.float64).swapaxes(0, 1)
                 assert (((a - camera) * np.cross(b - a, c - a)).sum(axis=1) > 0).all()
-    # Wider cones of more triangles hold less often.
+    # Wider cones of more triangles cull less often.
     assert culled > len(given.faces) / {16: 2, 32: 3}[lanes]
 
 
@@ -98,14 +98,14 @@ def test_leaves_are_filled_and_the_tree_is_small(case):
 
 @pytest.mark.parametrize("options", [{"lanes": 16}, {"lanes": 32}, {"lanes": 32, "max_levels": 3}], ids=str)
 @pytest.mark.parametrize("name", ["blobs_77k", "identical", "soup"])
-def test_the_tree_is_the_same_for_any_number_of_threads(name, options):
+def test_tree_does_not_depend_on_threads(name, options):
     given = CASES[name]()
     first = given.build(threads=1, **options)
     for threads in (2, 5):
         assert_equal(first, given.build(threads=threads, **options))
 
 
-def test_no_triangles_make_a_tree_deeper_than_asked(case):
+def test_tree_depth_does_not_exceed_max_levels(case):
     given, unlimited = case
     for max_levels in range(least_levels(len(given.faces), unlimited.lanes), unlimited.depth):
         tree = given.build(lanes=unlimited.lanes, max_levels=max_levels)
@@ -116,20 +116,20 @@ def test_no_triangles_make_a_tree_deeper_than_asked(case):
 
 @pytest.mark.parametrize("lanes", LANES)
 @pytest.mark.parametrize("name", ["room", "doubling"])
-def test_bounds_of_shallow_trees_hold_what_is_below(name, lanes):
+def test_bounds_of_shallow_trees_enclose_their_subtrees(name, lanes):
     given = CASES[name]()
     tree = given.build(lanes=lanes, max_levels=least_levels(len(given.faces), lanes))
     assert tree.depth < given.build(lanes=lanes).depth
     assert_boxes_and_cones_hold(given, tree)
 
 
-def test_some_triangles_make_a_deep_tree():
+def test_doubling_triangles_build_a_deep_tree():
     assert CASES["doubling"]().build(lanes=32).depth > 12
 
 
 @pytest.mark.parametrize("lanes", LANES)
 @pytest.mark.parametrize("levels", [1, 2])
-def test_a_full_tree_is_the_most_that_levels_hold(lanes, levels):
+def test_full_tree_is_the_maximum_for_its_levels(lanes, levels):
     count = lanes ** (levels + 1)
     tree = soup(random_triangles(count)).build(lanes=lanes, max_levels=levels)
     assert (tree.depth, tree.leaf_count) == (levels, count // lanes)
@@ -139,26 +139,26 @@ def test_a_full_tree_is_the_most_that_levels_hold(lanes, levels):
         soup(random_triangles(count + 1)).build(lanes=lanes, max_levels=levels)
 
 
-def test_a_tree_has_levels_and_16_or_32_lanes():
+def test_invalid_levels_and_lanes_raise():
     with pytest.raises(SceneError, match=r"at most 0 levels holds 0 triangles, got 1$"):
         soup(random_triangles(1)).build(max_levels=0)
     with pytest.raises(ArrayError, match=r"^lanes must be 16 or 32, got 8$"):
         soup(random_triangles(1)).build(lanes=8)
 
 
-def test_trees_of_a_hundred_million_triangles_have_room():
-    """What their making works with has more numbers than an axis of an array; what is not written takes no memory."""
+def test_tree_of_100_million_triangles_can_be_collapsed():
+    """Scratch arrays exceed the maximum length of an array axis; memory that is not written is never committed."""
     from warpvis.kernels import bvh
     from warpvis.kernels.constants import SPLIT_WORDS
 
-    splits = np.zeros(100_000_000 * SPLIT_WORDS, dtype=np.int32)  # which say that all are one leaf
+    splits = np.zeros(100_000_000 * SPLIT_WORDS, dtype=np.int32)  # zeros: all items form one leaf
     made = _bvh._collapse(bvh.collapse_tree, wp.array(splits, device="cpu", copy=False), 32, evenly=False)
     assert made[2:] == (1, 1, 1)
     np.testing.assert_array_equal(made.leaf_ranges.numpy()[0], [0, 100_000_000])
 
 
-def test_more_triangles_than_arrays_hold_are_refused(monkeypatch):
-    """Before a tree is built, when leaves turn out to be too many, and of all trees together."""
+def test_too_many_triangles_raise(monkeypatch):
+    """Before a tree is built, if there are too many leaves, and for all trees together."""
     with pytest.raises(SceneError, match="at most 238609294 triangles, got 238609295"):
         _bvh.check_size(238_609_295, 16, None)
     _bvh.check_size(238_609_294, 16, None)
@@ -175,13 +175,13 @@ def test_more_triangles_than_arrays_hold_are_refused(monkeypatch):
 
 
 def split_natively(given: Input, max_splits: int, lanes: int):
-    """The items' boxes in their new order, and the splits."""
+    """Return the items before splitting, their boxes in the new order, and the splits."""
     from warpvis.kernels import bvh
     from warpvis.kernels.constants import ITEM_WORDS, SPLIT_WORDS
 
     count = len(given.faces)
     vertices, faces = wp.array(given.vertices.ravel(), device="cpu"), wp.array(given.faces.ravel(), device="cpu")
-    # As bvh.py wants it: at a multiple of 32 bytes.
+    # bvh.py requires alignment to 32 bytes.
     memory = np.zeros(count * ITEM_WORDS + 16, dtype=np.float32)
     start = -memory.ctypes.data % 64 // 4
     items = wp.array(memory[start : start + count * ITEM_WORDS], copy=False, device="cpu")
@@ -205,7 +205,7 @@ def test_items_are_boxes_and_indices():
 
 
 @pytest.mark.parametrize(("lanes", "count"), [(16, 17), (16, 40), (16, 64), (32, 33), (32, 80), (32, 128)])
-def test_small_ranges_are_split_at_the_best_place(lanes, count):
+def test_small_ranges_are_split_optimally(lanes, count):
     given = soup(random_triangles(count, seed=count))
     _, boxes, splits = split_natively(given, 1, lanes)
     at = splits[0, 0]
@@ -214,8 +214,8 @@ def test_small_ranges_are_split_at_the_best_place(lanes, count):
 
 
 @pytest.mark.parametrize("lanes", LANES)
-def test_large_ranges_are_split_well(lanes):
-    """16 bins an axis come within a few per cent of the best of all places."""
+def test_large_ranges_are_split_near_the_optimum(lanes):
+    """16 bins per axis come within 10 % of the best split."""
     given = soup(random_triangles(500))
     _, boxes, splits = split_natively(given, 1, lanes)
     best = reference.split_range(reference.load_items(given.vertices, given.faces), lanes)
@@ -223,7 +223,7 @@ def test_large_ranges_are_split_well(lanes):
 
 
 @pytest.mark.parametrize("lanes", LANES)
-def test_nodes_have_the_least_area(lanes):
+def test_nodes_have_the_smallest_total_area(lanes):
     given = soup(random_triangles(1500))
     _, _, splits = split_natively(given, -1, lanes)
     areas = splits[:, 2:].view(np.float32)
@@ -307,12 +307,12 @@ def test_closed_star_shaped_meshes_are_found(name):
 
 
 @pytest.mark.parametrize("name", MESHES)
-def test_closed_meshes_are_found_a_few_faces_at_a_time(name, monkeypatch):
+def test_closed_meshes_are_found_in_chunks_of_faces(name, monkeypatch):
     monkeypatch.setattr("warpvis.scene.closed._FACES_AT_A_TIME", 7)
     test_closed_star_shaped_meshes_are_found(name)
 
 
-def test_minus_zero_is_zero():
+def test_negative_zero_equals_zero():
     vertices = unmerged(BOX).vertices.astype(np.float32) + np.float32([0.1, 0.3, 0.25])
     vertices[np.abs(vertices) < 1e-6] = 0.0
     zeros = np.argwhere(vertices == 0)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The BVH that a GPU builds: what holds of the host's tree holds of it, and every kernel does what its twin does.
+"""The BVH built on a GPU has the properties of the host's tree, and every kernel matches its reference.
 
 Warp runs the same kernels on a CPU.
 """
@@ -33,7 +33,7 @@ def build(given, device="cpu", max_levels=MAX_LEVELS) -> Bvh:
 
 
 def areas(tree: Bvh) -> tuple[float, float]:
-    """Of the boxes of all leaves, and of all nodes but the root, together."""
+    """Return the total areas of the boxes of all leaves and of all nodes but the root."""
     nodes = tree.nodes.numpy().reshape(-1, 10, tree.lanes).astype(np.float64).swapaxes(1, 2)
     children = tree.children.numpy().reshape(-1, tree.lanes)
     area = reference.half_area(nodes[..., :3], nodes[..., 3:6])
@@ -41,7 +41,7 @@ def areas(tree: Bvh) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_tree_holds_all_triangles_and_its_bounds_hold_what_is_below(name, device):
+def test_tree_contains_all_triangles_and_bounds_them(name, device):
     given = CASES[name]()
     tree = build(given, device)
     bvh_checks.assert_every_triangle_is_there_once(given, tree)
@@ -53,21 +53,21 @@ def test_the_tree_holds_all_triangles_and_its_bounds_hold_what_is_below(name, de
 
 
 @pytest.mark.parametrize("name", ["soup", "room", "blobs_77k", "slivers", "row", "huge"])
-def test_the_tree_is_as_good_as_the_hosts(name, device):
-    """What a random ray visits, which is in proportion to area, is at most 3 % more."""
+def test_tree_is_as_good_as_the_hosts_tree(name, device):
+    """The expected number of visited boxes, proportional to their area, is at most 3 % higher."""
     given = CASES[name]()
     for ours, theirs in zip(areas(build(given, device)), areas(given.build(lanes=32)), strict=True):
         assert ours <= 1.03 * theirs
 
 
-def test_the_tree_is_the_same_in_every_run(device):
+def test_tree_is_reproducible(device):
     given = CASES["blobs_77k"]()
     first, other = build(given, device), build(given, device)
     for name in bvh_checks.ARRAYS:
         assert getattr(first, name).numpy().tobytes() == getattr(other, name).numpy().tobytes()
 
 
-def test_a_tree_that_would_be_too_deep_is_parted_evenly(monkeypatch):
+def test_too_deep_tree_is_split_evenly(monkeypatch):
     parted = []
     collapse = _bvh_cuda._collapse
     monkeypatch.setattr(_bvh_cuda, "_collapse", lambda *a, **k: parted.append(k) or collapse(*a, **k))
@@ -75,8 +75,8 @@ def test_a_tree_that_would_be_too_deep_is_parted_evenly(monkeypatch):
     assert parted == [{"evenly": False}, {"evenly": True}]
 
 
-def test_the_binary_tree_has_room_for_leaves_that_are_all_but_empty(monkeypatch):
-    """It grows, whatever its size was at first."""
+def test_binary_tree_storage_grows(monkeypatch):
+    """The binary tree grows from any initial size."""
     given = CASES["soup"]()
     expected = build(given)
     room = _bvh_cuda._Splitter._new_binary
@@ -87,8 +87,8 @@ def test_the_binary_tree_has_room_for_leaves_that_are_all_but_empty(monkeypatch)
     bvh_checks.assert_equal(build(given), expected)
 
 
-def test_the_host_asks_for_levels_only_where_they_may_be_the_last(monkeypatch):
-    """Each time it waits for the GPU: of 16 levels of ranges and of four levels of nodes, for few."""
+def test_host_reads_level_counts_rarely(monkeypatch):
+    """Each query waits for the GPU: at most one per 16 levels of ranges and four levels of nodes."""
     given, asked = CASES["blobs_77k"](), []
     numpy = wp.array.numpy
     monkeypatch.setattr(wp.array, "numpy", lambda self: asked.append(self.shape[0]) or numpy(self))
@@ -98,7 +98,7 @@ def test_the_host_asks_for_levels_only_where_they_may_be_the_last(monkeypatch):
     assert max(asked) <= bvh_cuda_ranges.MAX_DEPTH + 2
 
 
-def test_more_triangles_than_a_tree_holds_are_refused():
+def test_too_many_triangles_raise():
     mesh = _bvh_cuda.DeviceMesh(*(SimpleNamespace(device=None, __len__=None) for _ in range(4)))
     with pytest.raises(SceneError, match=r"at most 1 levels holds 1024 triangles, got 3000$"):
         arrays = CASES["soup"]()
@@ -107,7 +107,7 @@ def test_more_triangles_than_a_tree_holds_are_refused():
 
 
 def exponents():
-    """Triangles of all sizes that single precision has: their binary tree would be deeper than any may be."""
+    """Return triangles of all magnitudes of single precision, whose binary tree would exceed the maximum depth."""
     return bvh_checks.soup(
         2.0 ** np.linspace(-60, 59, 3000)[:, None, None] * [[1, -0.1, -0.1], [1, 0.1, -0.1], [1, 0, 0.1]]
     )
@@ -123,7 +123,7 @@ def exponents():
     ],
     ids=["one leaf", "soup", "identical", "exponents"],
 )
-def test_every_kernel_does_what_its_twin_does(monkeypatch, make, halves):
+def test_every_kernel_matches_its_reference(monkeypatch, make, halves):
     given, checks = make(), Checks()
     monkeypatch.setattr(_bvh_cuda, "launch", checks(_bvh_cuda.launch))
     build(given)
@@ -134,8 +134,8 @@ def test_every_kernel_does_what_its_twin_does(monkeypatch, make, halves):
 
 @pytest.mark.parametrize("share", [False, True])
 @pytest.mark.parametrize("names", [["room"], ["soup", "room", "one", "slivers"]], ids=str)
-def test_trees_are_joined_on_a_device_as_on_the_host(names, share, device):
-    """And by their twins; those that may not give their arrays keep what they hold."""
+def test_trees_are_joined_equally_on_device_and_host(names, share, device):
+    """The result matches the reference; trees that must not share their arrays are unchanged."""
     inputs = [CASES[name]() for name in names]
     closed = [np.arange(given.owner.max() + 1) % 2 == 0 for given in inputs]
     trees = [build(given, device) for given in inputs]
@@ -155,7 +155,7 @@ def test_trees_are_joined_on_a_device_as_on_the_host(names, share, device):
         assert all((tree.owners.numpy() == part).all() for tree, part in zip(trees, before, strict=True))
 
 
-def test_children_are_moved_as_by_the_twin(device):
+def test_moved_children_match_the_reference(device):
     children = build(CASES["room"]()).children.numpy()
     for made in (wp.array(children, device=device), wp.array(children, device="cpu")):
         if made.device.is_cpu:

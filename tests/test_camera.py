@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Intrinsics: the conventions of fields of view and pixel centres, and projection against back-projection."""
+"""Intrinsics: conventions of fields of view and pixel centers, and projection against back-projection."""
 
 import dataclasses
 import math
@@ -17,7 +17,7 @@ fields = st.floats(0.05, 3.0)
 sizes = st.integers(1, 4000)
 
 
-def test_the_kinect_is_the_papers():
+def test_kinect_preset_matches_the_paper():
     camera = Camera.kinect()
     assert (camera.width, camera.height, camera.near, camera.far) == (320, 240, 0.3, 4.5)
     assert camera.hfov == pytest.approx(0.994837, abs=1e-12)
@@ -25,8 +25,8 @@ def test_the_kinect_is_the_papers():
     assert camera.fx == camera.fy == pytest.approx(160 / math.tan(0.994837 / 2))
 
 
-def test_the_papers_linear_vertical_field_of_view():
-    """ay = ax Iv/Iu spreads the same height over 4 % more of the image than square pixels do, for its camera."""
+def test_linear_vertical_field_of_view_of_the_paper():
+    """For the paper's camera, ay = ax Iv/Iu stretches the image vertically by 4 % relative to square pixels."""
     square, linear = Camera.kinect(), Camera.kinect(vertical="linear")
     assert linear.fx == square.fx
     assert linear.vfov == pytest.approx(0.994837 * 240 / 320, abs=1e-12)
@@ -34,7 +34,7 @@ def test_the_papers_linear_vertical_field_of_view():
     assert linear.fy / square.fy == pytest.approx(1.04, abs=0.005)
 
 
-def test_the_papers_equations():
+def test_back_projection_matches_the_papers_equations():
     """(3) xc = 2 d (u - cu) tan(ax/2) / Iu, (4) yc = 2 d (v - cv) tan(ay/2) / Iv, (5) zc = d."""
     camera, u, v, d = Camera.kinect(vertical="linear"), 40.5, 200.5, 2.5
     ax, ay = 0.994837, 0.994837 * 240 / 320
@@ -43,7 +43,7 @@ def test_the_papers_equations():
 
 
 @given(sizes, sizes, fields)
-def test_fields_of_view_come_back(width, height, fov):
+def test_fields_of_view_round_trip(width, height, fov):
     assert Camera.from_fov(width, height, hfov=fov).hfov == pytest.approx(fov)
     assert Camera.from_fov(width, height, vfov=fov).vfov == pytest.approx(fov)
 
@@ -52,15 +52,15 @@ def test_fields_of_view_come_back(width, height, fov):
 @given(
     st.sampled_from([0.0, 0.5]), st.floats(1, 5000), st.floats(1, 5000), st.floats(-100, 4000), st.floats(-100, 4000)
 )
-def test_intrinsic_matrices_come_back(pixel_center, fx, fy, cx, cy):
-    assume(max(abs(cx), abs(cy)) > 1.5 or fx > 32)  # else they are normalized ones
+def test_intrinsic_matrices_round_trip(pixel_center, fx, fy, cx, cy):
+    assume(max(abs(cx), abs(cy)) > 1.5 or fx > 32)  # smaller values are taken for normalized intrinsics
     matrix = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
     camera = Camera.from_K(matrix, 640, 480, pixel_center=pixel_center)
     np.testing.assert_allclose(camera.to_K(pixel_center=pixel_center), matrix, rtol=0, atol=1e-9)
 
 
-def test_pixel_centres_of_the_two_camps():
-    """OpenCV's middle of 640 pixels is 319.5, which is 320 where pixel centres are at +0.5."""
+def test_pixel_center_conventions():
+    """OpenCV's center of 640 pixels is 319.5, which equals 320 with pixel centers at +0.5."""
     camera = Camera.from_K([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1]], 640, 480, pixel_center=0.0)
     assert (camera.cx, camera.cy) == (320, 240)
     assert camera.to_K(pixel_center=0.0)[0, 2] == 319.5
@@ -68,14 +68,14 @@ def test_pixel_centres_of_the_two_camps():
 
 
 @given(fields, st.floats(0.01, 100), st.floats(-1000, 1000), st.floats(-1000, 1000))
-def test_projection_undoes_back_projection(fov, depth, x, y):
+def test_projection_inverts_back_projection(fov, depth, x, y):
     camera = Camera.from_fov(640, 480, hfov=fov)
     point = camera.back_project((x, y), depth)
     assert point[2] == depth
     np.testing.assert_allclose(camera.project(point), (x, y), atol=1e-8)
 
 
-def test_points_behind_the_camera_have_no_image():
+def test_points_behind_the_camera_project_to_nan():
     assert np.isnan(Camera.kinect().project([[0, 0, -1.0], [0.1, 0.2, 0]])).all()
 
 
@@ -87,7 +87,7 @@ def test_points_behind_the_camera_have_no_image():
         ((525, 525, 320, -0.25), r"the principal point \(320, -0.25\)"),
     ],
 )
-def test_intrinsics_that_are_rarely_meant_warn_once(intrinsics, said):
+def test_suspicious_intrinsics_warn_once(intrinsics, said):
     with pytest.warns(wv.errors.IntrinsicsWarning, match=said) as caught:
         camera = Camera(640, 480, *intrinsics)
     assert len(caught) == 1 and caught[0].filename == __file__
@@ -110,16 +110,16 @@ NORMALIZED = ("normalized", [[0.8, 0, 0.5], [0, 1.1, 0.5], [0, 0, 1]]), ("identi
         lambda k: Camera.from_opencv(k, [0.1, 0, 0, 0], 640, 480, model="fisheye"),
     ],
 )
-def test_normalized_intrinsics_are_refused(make, k):
+def test_normalized_intrinsics_raise(make, k):
     with pytest.raises(wv.errors.CameraError, match="multiply fx and cx by 640, fy and cy by 480"):
         make(k)
 
 
-def test_intrinsics_of_small_and_of_cropped_images_are_not_normalized():
+def test_intrinsics_of_small_and_cropped_images_are_accepted():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Camera(2, 2, 1.0, 1.0, 1.0, 1.0)  # 90 degrees
-        Camera.from_K([[600, 0, 0], [0, 600, 0], [0, 0, 1]], 640, 480)  # a quarter of a larger image
+        Camera.from_K([[600, 0, 0], [0, 600, 0], [0, 0, 1]], 640, 480)  # the quarter of a larger image
         Camera.from_K([[40, 0, 0.5], [0, 40, 0.5], [0, 0, 1]], 640, 480)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras of other systems' files, alone and with the poses that they belong to."""
+"""Camera files of other systems, alone and with poses."""
 
 import json
 import math
@@ -43,7 +43,7 @@ def same(camera, other=CAMERA):
 
 
 def test_cameras_of_other_systems(tmp_path):
-    """Each with its own convention of where a pixel's centre is."""
+    """Each system has its pixel-center convention."""
     same(load_camera(put(tmp_path / "transforms.json", {**NERF, "frames": []})))
     fields = {"fx": FX, "fy": FY, "cx": CX, "cy": CY, "width": 64, "height": 48, "depth_scale": 0.1}
     same(load_camera(put(tmp_path / "camera.json", fields)))
@@ -56,7 +56,7 @@ def test_cameras_of_other_systems(tmp_path):
     same(load_camera(put(tmp_path / "chain.yml", KALIBR)))
 
 
-def test_ros_calibrations_are_of_the_rectified_image(tmp_path):
+def test_ros_calibration_describes_the_rectified_image(tmp_path):
     pytest.importorskip("ruamel.yaml")
     text = ROS_YAML.replace("[0, 0, 0, 0, 0]", "[0.1, 0, 0, 0, 0]")
     with pytest.raises(FileFormatError, match=r"eye\.yaml: .*distortion"):
@@ -65,7 +65,7 @@ def test_ros_calibrations_are_of_the_rectified_image(tmp_path):
     same(load_camera(put(tmp_path / "eye.yaml", text)), wv.Camera(64, 48, 50, 51, 30.5, 20.5))
 
 
-def test_several_cameras_are_chosen_by_name(tmp_path):
+def test_cameras_are_selected_by_name(tmp_path):
     pytest.importorskip("ruamel.yaml")
     path = put(tmp_path / "chain.yaml", KALIBR + KALIBR.replace("cam0", "cam1").replace("64", "32"))
     with pytest.raises(FileFormatError, match=r"chain\.yaml: has the cameras cam0, cam1; choose one as .*:cam0"):
@@ -76,12 +76,12 @@ def test_several_cameras_are_chosen_by_name(tmp_path):
 
 
 @pytest.mark.parametrize("lens", [{"k1": 0.1}, {"p2": -0.01}])
-def test_distortion_is_said(tmp_path, lens):
+def test_ignored_distortion_warns(tmp_path, lens):
     with pytest.warns(IntrinsicsWarning, match=r"transforms\.json: the lens has distortion, which is not rendered"):
         same(load_camera(put(tmp_path / "transforms.json", {**NERF, **lens})))
 
 
-def test_poses_bring_their_camera(tmp_path):
+def test_pose_files_provide_their_camera(tmp_path):
     frames = read_frames(put(tmp_path / "transforms.json", nerfstudio() | NERF))
     assert_same_poses(frames)
     same(frames.camera)
@@ -92,7 +92,7 @@ def test_poses_bring_their_camera(tmp_path):
     assert read_frames(put(tmp_path / "none.json", nerfstudio())).camera is None
 
 
-def test_blenders_files_have_an_angle_and_pictures(tmp_path):
+def test_blender_files_take_the_size_from_images(tmp_path):
     data = {"camera_angle_x": 2 * math.atan(0.5), "frames": nerfstudio()["frames"]}
     data["frames"] = [frame | {"file_path": "./train/r_0"} for frame in data["frames"]]
     path = put(tmp_path / "transforms_train.json", data)
@@ -103,7 +103,7 @@ def test_blenders_files_have_an_angle_and_pictures(tmp_path):
     same(read_frames(path).camera, wv.Camera(64, 48, 64, 64, 32, 24))
 
 
-def test_bop_says_its_camera(tmp_path):
+def test_bop_camera(tmp_path):
     images = {key: entry | {"cam_K": INTEGER.ravel().tolist()} for key, entry in bop().items()}
     path = put(tmp_path / "lm" / "test" / "000001" / "scene_camera.json", images)
     assert read_frames(path).camera is None
@@ -146,7 +146,7 @@ def test_colmap_with_lenses_and_several_cameras(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["nerfstudio", "text", "binary"])
-def test_poses_of_a_lens_that_is_no_pinhole_are_read_without_it(kind, tmp_path):
+def test_poses_of_unsupported_lenses_are_read_without_camera(kind, tmp_path):
     make, name, message = {
         "nerfstudio": (
             lambda: put(tmp_path / "transforms.json", nerfstudio() | NERF | {"camera_model": "OPENCV_FISHEYE"}),
@@ -173,7 +173,7 @@ def test_poses_of_a_lens_that_is_no_pinhole_are_read_without_it(kind, tmp_path):
         load_camera(tmp_path / name)
 
 
-def test_bags_bring_their_camera(tmp_path):
+def test_bags_provide_their_camera(tmp_path):
     pytest.importorskip("rosbags")
     scene = wv.scenes.PRESETS["room"].build()
     wv.render_batch(scene, CAMERA, ROWS, tmp_path / "set", format="ros2")
@@ -182,7 +182,7 @@ def test_bags_bring_their_camera(tmp_path):
     assert len(frames) == len(ROWS)
 
 
-def test_the_given_camera_must_be_the_poses_own(tmp_path):
+def test_camera_must_match_the_camera_of_the_poses(tmp_path):
     scene, frames = wv.scenes.PRESETS["room"].build(), wv.Frames.from_poses(ROWS, camera=CAMERA)
     wv.render_batch(scene, None, frames, tmp_path / "own")
     assert wv.open_dataset(tmp_path / "own").camera == CAMERA
@@ -199,7 +199,7 @@ def test_the_given_camera_must_be_the_poses_own(tmp_path):
     assert len(wv.open_dataset(tmp_path / "arrays")) == len(ROWS)
 
 
-def test_the_command_line_takes_the_poses_camera(tmp_path, monkeypatch, capsys):
+def test_command_line_uses_the_camera_of_the_poses(tmp_path, monkeypatch, capsys):
     poses = put(tmp_path / "transforms.json", nerfstudio() | NERF)
 
     def run(out, *options):
@@ -236,7 +236,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_what_is_no_camera_is_said(name, tmp_path):
+def test_invalid_camera_files_raise(name, tmp_path):
     make, message = BAD[name]
     path = make(tmp_path)
     if path.suffix == ".yaml":
@@ -248,8 +248,8 @@ def test_what_is_no_camera_is_said(name, tmp_path):
         load_camera(path)
 
 
-def test_any_bytes_are_read_or_refused(tmp_path):
-    """Mutations of every kind of file: a camera, or one sentence."""
+def test_mutated_files_are_read_or_raise(tmp_path):
+    """Mutations of every kind of file: reading returns a camera or raises one sentence."""
     rng, said = np.random.default_rng(0), 0
     colmap_text(tmp_path), colmap_binary(tmp_path)
     put(tmp_path / "transforms.json", nerfstudio() | NERF)
@@ -286,7 +286,7 @@ def test_folders_of_models_are_read(tmp_path, inside, make):
 
 
 @pytest.mark.parametrize("name", ["camera.json", "intrinsics.yaml", "cameras.txt"])
-def test_normalized_intrinsics_of_a_file_are_refused(name, tmp_path):
+def test_normalized_intrinsics_in_files_raise(name, tmp_path):
     k = [0.8, 0, 0.5, 0, 1.1, 0.5, 0, 0, 1]
     text = {
         "camera.json": json.dumps({"width": 640, "height": 480, "K": np.reshape(k, (3, 3)).tolist()}),
@@ -300,7 +300,7 @@ def test_normalized_intrinsics_of_a_file_are_refused(name, tmp_path):
         load_camera(tmp_path / name)
 
 
-# As instant-ngp's colmap2nerf.py writes a COLMAP camera of the model OPENCV_FISHEYE.
+# As written by instant-ngp's colmap2nerf.py for a COLMAP camera of the model OPENCV_FISHEYE.
 NGP_FISHEYE = {
     "camera_angle_x": 2 * math.atan(32 / 52), "camera_angle_y": 2 * math.atan(24 / 50), "fl_x": 52.0, "fl_y": 50.0,
     "k1": 0.05, "k2": -0.01, "k3": 0.004, "k4": -0.001, "p1": 0.0, "p2": 0.0, "is_fisheye": True,
@@ -309,7 +309,7 @@ NGP_FISHEYE = {
 
 
 def fisheye_pixel(point, of):
-    """The fisheye of OpenCV and instant-ngp, ``opencv_fisheye_lens_distortion_delta`` there."""
+    """Project a point by the fisheye model of OpenCV and instant-ngp (``opencv_fisheye_lens_distortion_delta``)."""
     x, y, z = point
     radius = math.hypot(x, y) / z
     angle = math.atan(radius)
@@ -318,7 +318,7 @@ def fisheye_pixel(point, of):
 
 
 @pytest.mark.parametrize("place", ["file", "frames"])
-def test_instant_ngps_fisheye(tmp_path, place):
+def test_instant_ngp_fisheye(tmp_path, place):
     data = {"frames": nerfstudio()["frames"]} | NGP_FISHEYE
     if place == "frames":
         lens = {name: data.pop(name) for name in ("k1", "k2", "k3", "k4", "is_fisheye")}
@@ -334,8 +334,8 @@ def test_instant_ngps_fisheye(tmp_path, place):
         assert read_frames(path).camera is None
 
 
-def test_instant_ngps_other_lenses(tmp_path):
-    """``latlong_to_dir`` and ``f_theta_undistortion`` of instant-ngp: the ray of a pixel."""
+def test_other_instant_ngp_lenses(tmp_path):
+    """The rays of pixels match ``latlong_to_dir`` and ``f_theta_undistortion`` of instant-ngp."""
     panorama = load_camera(put(tmp_path / "transforms.json", NERF | {"latlong": True}), distortion=True)
     theta, phi = (10.5 / 48 - 0.5) * math.pi, (40.5 / 64 - 0.5) * 2 * math.pi
     ray = (math.sin(phi) * math.cos(theta), math.sin(theta), math.cos(phi) * math.cos(theta))
@@ -349,8 +349,8 @@ def test_instant_ngps_other_lenses(tmp_path):
     np.testing.assert_allclose(bent.project([ray])[0], (40.5, 10.5), atol=1e-6)
 
 
-def test_nerfstudios_distortion_params(tmp_path):
-    """k1 k2 k3 k4 p1 p2 in one list, which counts before the single keys."""
+def test_nerfstudio_distortion_params(tmp_path):
+    """One list of k1 k2 k3 k4 p1 p2, which overrides the single keys."""
     given = {"distortion_params": [0.05, -0.01, 0.004, 0.0, 0.001, -0.002], "k1": 9.0}
     path = put(tmp_path / "transforms.json", NERF | given)
     each = dict(zip(("k1", "k2", "k3", "k4", "p1", "p2"), given["distortion_params"], strict=True))
@@ -359,8 +359,8 @@ def test_nerfstudios_distortion_params(tmp_path):
         same(load_camera(path))
 
 
-def test_fields_of_view_of_instant_ngp(tmp_path):
-    """``read_focal_length``: x_fov in degrees, then fl_x, then camera_angle_x in radians, and y alike."""
+def test_instant_ngp_fields_of_view(tmp_path):
+    """As in ``read_focal_length``: x_fov in degrees, then fl_x, then camera_angle_x in radians, and likewise for y."""
     sides = {"w": 64, "h": 48, "frames": nerfstudio()["frames"]}
     for angles, focal in (
         ({"x_fov": 90.0, "fl_x": 7.0}, (32, 32)),
@@ -388,13 +388,13 @@ def test_fields_of_view_of_instant_ngp(tmp_path):
         ({"x_fov": 180.0}, "x_fov must be between 0 and 180 degrees, got 180.0"),
     ],
 )
-def test_what_no_lens_of_transforms_is(tmp_path, fields, message):
+def test_invalid_lenses_in_transforms_raise(tmp_path, fields, message):
     path = put(tmp_path / "transforms.json", NERF | fields)
     with pytest.raises(FileFormatError, match=message):
         load_camera(path, distortion=True)
 
 
-def test_rolling_shutters_of_instant_ngp_are_told(tmp_path):
+def test_instant_ngp_rolling_shutter_warns(tmp_path):
     path = put(tmp_path / "transforms.json", nerfstudio() | NERF | {"rolling_shutter": [0.0, 0.0, 1.0]})
     with pytest.warns(UserWarning, match="rolling_shutter is not read"):
         read_frames(path)

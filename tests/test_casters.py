@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Both casters against the float64 reference: exactness, ranges, and no leak through edges or vertices."""
+"""Both casters against the float64 reference: accuracy, ranges, and no leaks through edges or vertices."""
 
 import gc
 import weakref
@@ -28,7 +28,7 @@ def test_experiments_match_the_reference(name, device, caster):
     assert_matches_reference(views, scene, camera, preset.poses())
 
 
-def test_the_room_matches_the_reference_from_many_sides(device, caster):
+def test_room_matches_the_reference_from_several_views(device, caster):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
     views = wv.render(scene, SMALL, preset.poses(3), outputs=ALL, caster=caster)
@@ -54,8 +54,8 @@ def test_odd_image_sizes(size, device, caster):
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1e-3, 0.0), (1.0, 0.0), (1e3, 0.0), (1.0, 1e4), (1e3, 1e4)])
-def test_scales_and_places_match_the_reference(scale, offset, device, caster):
-    """A ball of a millimetre to a kilometre, at the origin and 10 km from it."""
+def test_scales_and_positions_match_the_reference(scale, offset, device, caster):
+    """A ball with a radius of 1 mm to 1 km, at the origin and 10 km away."""
     ball = trimesh.creation.icosphere(subdivisions=3, radius=scale)
     place = offset * np.array([1.0, -0.7, 0.4])
     scene = wv.Scene(device=device)
@@ -67,8 +67,8 @@ def test_scales_and_places_match_the_reference(scale, offset, device, caster):
     assert_matches_reference(views, scene, camera, pose)
 
 
-def test_a_floor_seen_at_a_grazing_angle(device, caster):
-    """An eye 2 cm above a floor of 200 m: single precision alone loses millimetres here."""
+def test_floor_at_a_grazing_angle(device, caster):
+    """The camera is 2 cm above a floor of 200 m: naive single precision loses millimeters here."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((200, 200, 1)), name="floor", pose=(0, 0, -0.5, 0, 0, 0, 1))
     pose = wv.look_at((0, 0, 0.02), (1, 0.1, 0.0199))[None].astype(np.float32)
@@ -76,8 +76,8 @@ def test_a_floor_seen_at_a_grazing_angle(device, caster):
     assert_matches_reference(views, scene, SMALL, pose)
 
 
-def test_a_wall_has_one_planar_depth(device, caster):
-    """Depth is z, not the length of the ray."""
+def test_wall_has_constant_planar_depth(device, caster):
+    """Depth is z, not the ray's length."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 20, 20)), pose=(3.5, 0, 0, 0, 0, 0, 1))
     depth = wv.render(scene, SMALL, wv.look_at((0, 0, 0), (1, 0, 0)), caster=caster).depth.numpy()
@@ -85,7 +85,7 @@ def test_a_wall_has_one_planar_depth(device, caster):
 
 
 def test_ranges_follow_rep_117(device, caster):
-    """Beyond far is +inf; nearer than near is -inf and still hides what is behind; both are empty, of no object."""
+    """Beyond far is +inf; closer than near is -inf and still occludes; both have no object."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.1, 6, 6)), name="wall", pose=(5.05, 0, 0, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.1, 0.02, 4)), name="pole", pose=(0.25, 0, 0, 0, 0, 0, 1))
@@ -93,7 +93,7 @@ def test_ranges_follow_rep_117(device, caster):
     seen = wv.render(scene, wv.Camera.from_fov(64, 48, hfov=0.9, near=0.3, far=5.0), pose, outputs=ALL, caster=caster)
     depth = seen.depth.numpy()[0]
     assert depth[24, 32] == -np.inf
-    assert depth[24, 2] == 5.0  # exactly at far is in range
+    assert depth[24, 2] == 5.0  # far itself is in range
     hidden = ~np.isfinite(depth)
     assert (seen.labels.numpy()[0][hidden] == wv.Label.EMPTY).all()
     assert (seen.segmentation.numpy()[0][hidden] == -1).all()
@@ -106,7 +106,7 @@ def test_ranges_follow_rep_117(device, caster):
 
 
 def test_no_ray_leaves_a_closed_mesh(device, caster):
-    """From inside closed meshes every ray hits, in all directions, near the origin and 10 km from it."""
+    """From inside closed meshes every ray hits, in all directions, near the origin and 10 km away."""
     camera = wv.Camera.from_fov(256, 256, hfov=np.pi / 2)
     directions = np.concatenate([np.eye(3), -np.eye(3), [[1, 1, 1], [-1, 1, 0.3]]]) + [1e-3, 0, 1e-3]
     for mesh in (trimesh.creation.icosphere(subdivisions=4), trimesh.creation.box((2, 2, 2))):
@@ -119,7 +119,7 @@ def test_no_ray_leaves_a_closed_mesh(device, caster):
 
 
 def test_rays_through_vertices_and_edges_hit(device, caster):
-    """A fan of triangles whose vertices lie exactly on pixel centres, seen along an axis."""
+    """A grid of triangles with vertices exactly on pixel centers, viewed along an axis."""
     n = 33
     camera = wv.Camera(n, n, 32.0, 32.0, n / 2, n / 2)
     y, x = np.mgrid[:n, :n]
@@ -135,19 +135,19 @@ def test_rays_through_vertices_and_edges_hit(device, caster):
 
 
 def test_axis_aligned_rays_on_box_faces_and_slabs(device, caster):
-    """The middle ray of an odd image runs along an axis; the origin lies in the plane of other boxes' faces."""
+    """The center ray runs along an axis; faces of other boxes lie in planes through the origin."""
     camera = wv.Camera(5, 5, 100.0, 100.0, 2.5, 2.5)
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 1)), pose=(5, 0, 0, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((1, 1, 1)), pose=(0, 3, 0, 0, 0, 0, 1))
-    scene.add(trimesh.creation.box((0.5, 0.5, 0.5)), pose=(2, 0.25, 0.25, 0, 0, 0, 1))  # two faces through the axis
+    scene.add(trimesh.creation.box((0.5, 0.5, 0.5)), pose=(2, 0.25, 0.25, 0, 0, 0, 1))  # two faces contain the axis
     depth = wv.render(scene, camera, wv.look_at((0, 0, 0), (1, 0, 0)), caster=caster).depth.numpy()[0]
     assert depth[2, 2] == pytest.approx(1.75, abs=1e-6)
     assert np.isfinite(depth).all()
 
 
-def test_back_faces_are_seen(device, caster):
-    """Surfaces are two-sided, and normals point to the camera on either side."""
+def test_back_faces_are_rendered(device, caster):
+    """Surfaces are two-sided, and normals point towards the camera."""
     triangle = (np.array([[2.0, -1, -1], [2, 1, -1], [2, 0, 1]]), np.array([[0, 1, 2]]))
     scene = wv.Scene(device=device)
     scene.add(triangle)
@@ -159,8 +159,8 @@ def test_back_faces_are_seen(device, caster):
 
 
 @pytest.mark.parametrize("movable", [False, True])
-def test_a_camera_on_a_surface_sees_through_it(movable, device, caster):
-    """A wall without thickness, and the camera in it: seen edge-on, it covers nothing."""
+def test_edge_on_surface_is_invisible(movable, device, caster):
+    """The camera lies in the plane of a thin wall, which is edge-on and covers no pixel."""
     scene = wv.Scene(device=device)
     wall = ([(0, -1, 0), (0, 1, 0), (0, 1, 9), (0, -1, 9)], [(0, 1, 2), (0, 2, 3)])
     scene.add(trimesh.creation.box((4, 2, 0.02)), name="floor", pose=(0, 0, -0.01, 0, 0, 0, 1))
@@ -174,7 +174,7 @@ def test_a_camera_on_a_surface_sees_through_it(movable, device, caster):
     assert seen.silhouette_pixels.numpy()[0, 1] == 0
 
 
-def test_degenerate_triangles_change_nothing(device, caster):
+def test_degenerate_triangles_are_ignored(device, caster):
     preset = scenes.PRESETS["room"]
     plain, spoiled = preset.build(device), preset.build(device)
     points = np.array([[0.0, 0, 0.5], [1, 0, 0.5], [2, 0, 0.5], [0, 0, 0.5]])
@@ -187,7 +187,7 @@ def test_degenerate_triangles_change_nothing(device, caster):
         np.testing.assert_array_equal(one, other)
 
 
-def test_runs_are_bit_identical_whatever_the_threads(device, caster):
+def test_results_are_bit_identical_for_any_threads(device, caster):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
     first = wv.render(scene, SMALL, preset.poses(5), outputs=ALL, threads=1, caster=caster)
@@ -197,7 +197,7 @@ def test_runs_are_bit_identical_whatever_the_threads(device, caster):
             assert getattr(again, name).numpy().tobytes() == getattr(first, name).numpy().tobytes()
 
 
-def test_only_what_is_asked_for_is_made(device, caster):
+def test_only_requested_outputs_are_rendered(device, caster):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
     views = wv.render(scene, SMALL, preset.poses(1), outputs=("labels",), caster=caster)
@@ -219,12 +219,12 @@ def test_out_is_written_in_place(device, caster):
     np.testing.assert_array_equal(views.depth.numpy(), expected)
 
 
-def test_no_views_give_empty_images(device, caster):
+def test_zero_views_return_empty_images(device, caster):
     views = wv.render(scenes.PRESETS["room"].build(device), SMALL, np.zeros((0, 7)), caster=caster)
     assert views.depth.shape == (0, 90, 120)
 
 
-def test_objects_added_later_are_seen(device, caster):
+def test_objects_added_later_are_rendered(device, caster):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 1)), name="far", pose=(5, 0, 0, 0, 0, 0, 1))
     renderer = wv.Renderer(scene, SMALL, outputs=("segmentation",), caster=caster)
@@ -235,8 +235,8 @@ def test_objects_added_later_are_seen(device, caster):
 
 
 @pytest.mark.parametrize("at_points", [False, True])
-def test_a_renderer_lets_go_of_what_the_caller_drops(at_points, device, caster):
-    """Its packed launch keeps neither the last images alive, nor the worlds and pixels they were made of."""
+def test_renderer_keeps_no_references_to_caller_arrays(at_points, device, caster):
+    """The recorded launch keeps no reference to the last images, object poses or pixels."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 1)), name="box", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Back-projection and the paper's cases against their twins, on rendered and on spoiled depth images."""
+"""Back-projection and the paper's classes against references, on rendered and damaged depth images."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ CAMERA = EXPERIMENT.camera
 
 @pytest.fixture(scope="module")
 def depth():
-    """A depth image as a sensor gives it: noisy, with holes in every way sensors say "nothing"."""
+    """Return a sensor-like depth image: noisy, with holes in every encoding of missing depth."""
     rng = np.random.default_rng(0)
     image = wv.render(EXPERIMENT.build(), CAMERA, EXPERIMENT.poses()).depth.numpy().copy()
     image += np.where(np.isfinite(image), rng.normal(0, 0.005, image.shape), 0).astype(np.float32)
@@ -27,7 +27,7 @@ def depth():
     return image
 
 
-def test_back_projection_matches_its_twin(depth, device):
+def test_back_projection_matches_its_reference(depth, device):
     points = wv.back_project(depth, CAMERA, EXPERIMENT.poses(), device=device).numpy()[0]
     expected = reference.back_project(CAMERA, EXPERIMENT.poses()[0], depth[0])
     assert (np.isnan(points) == np.isnan(expected)).all()
@@ -35,7 +35,7 @@ def test_back_projection_matches_its_twin(depth, device):
     np.testing.assert_allclose(points[hit], expected[hit], rtol=2e-7, atol=2e-7)
 
 
-def test_back_projection_of_a_rendered_image_gives_its_points(device):
+def test_back_projected_depth_equals_rendered_points(device):
     views = wv.render(EXPERIMENT.build(device), CAMERA, EXPERIMENT.poses())
     points = wv.back_project(views.depth, CAMERA, EXPERIMENT.poses())
     np.testing.assert_allclose(points.numpy(), views.points.numpy(), atol=1e-6)
@@ -43,8 +43,8 @@ def test_back_projection_of_a_rendered_image_gives_its_points(device):
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.3])
 @pytest.mark.parametrize("max_range", [None, 2.5])
-def test_classes_match_their_twin(depth, sigma, max_range, device):
-    spheres = (*EXPERIMENT.spheres, Sphere((1.3, 0.35, 1.0), 0.9, Label.ROBOT))  # spheres that overlap
+def test_classes_match_their_reference(depth, sigma, max_range, device):
+    spheres = (*EXPERIMENT.spheres, Sphere((1.3, 0.35, 1.0), 0.9, Label.ROBOT))  # overlapping spheres
     owner = wp.empty(depth.shape, dtype=wp.int32, device=device)
     labels = wv.classify(
         depth, CAMERA, EXPERIMENT.poses(), spheres=spheres, ground_tolerance=sigma, max_range=max_range, device=device,
@@ -61,7 +61,7 @@ def test_classes_match_their_twin(depth, sigma, max_range, device):
     assert labels.dtype == wp.uint8
 
 
-def test_every_way_to_say_nothing_is_empty(device):
+def test_every_encoding_of_missing_depth_is_empty(device):
     camera = wv.Camera(7, 1, 10, 10, 3.5, 0.5, near=0.3, far=4.5)
     depth = np.array([[[np.nan, np.inf, -np.inf, 0.0, -1.0, 4.51, 4.5]]], dtype=np.float32)
     pose = wv.look_at((0, 0, 1), (1, 0, 1))
@@ -69,8 +69,8 @@ def test_every_way_to_say_nothing_is_empty(device):
     assert labels.tolist() == [Label.EMPTY] * 6 + [Label.OBSTACLE]
 
 
-def test_ground_is_below_sigma_over_the_floor(device):
-    """An eye 1 m above the floor looks down through pixels whose depth puts points at chosen heights."""
+def test_ground_is_within_the_tolerance_of_the_floor(device):
+    """A camera 1 m above the floor looks down at points of given heights."""
     camera = wv.Camera(4, 1, 1e6, 1e6, 2, 0.5)
     down = wv.look_at((0, 0, 1), (0, 0, 0), up=(1, 0, 0))
     depth = np.array([[1.2, 0.995, 0.985, 0.2]], dtype=np.float32)
@@ -87,7 +87,7 @@ def test_ground_is_below_sigma_over_the_floor(device):
     assert higher.tolist() == [ground] * 3 + [obstacle]
 
 
-def test_up_may_be_y(device):
+def test_y_up(device):
     camera = wv.Camera(1, 1, 1e6, 1e6, 0.5, 0.5)
     down = wv.look_at((0, 1, 0), (0, 0, 0), up=(1, 0, 0))
     depth = np.array([[1.0]], dtype=np.float32)
@@ -98,7 +98,7 @@ def test_up_may_be_y(device):
     assert wv.classify(low, camera, down, up="z", device=device).numpy().item() == Label.GROUND
 
 
-def test_spheres_are_rows_or_objects():
+def test_spheres_from_rows_or_objects():
     depth = wv.render(EXPERIMENT.build(), CAMERA, EXPERIMENT.poses()).depth
     ball = EXPERIMENT.spheres[0]
     one = wv.classify(depth, CAMERA, EXPERIMENT.poses(), spheres=[ball]).numpy()
@@ -107,7 +107,7 @@ def test_spheres_are_rows_or_objects():
     assert (one == Label.OBJECT).any()
 
 
-def test_rendered_images_are_labelled_by_their_objects(device):
+def test_rendered_images_are_labeled_by_their_objects(device):
     scene = EXPERIMENT.build(device)
     views = wv.render(scene, CAMERA, EXPERIMENT.poses())
     labels = wv.maps.classify_rendered(views.depth, views.segmentation, scene)
@@ -120,8 +120,8 @@ def test_rendered_images_are_labelled_by_their_objects(device):
     assert (near != labels.numpy()[0]).any()
 
 
-def test_the_spheres_agree_with_the_exact_objects():
-    """The paper's test, on the depth image alone, finds ball and person where the renderer knows them to be."""
+def test_spheres_agree_with_exact_objects():
+    """Spheres fitted to the depth image alone label ball and person where the renderer sees them."""
     for experiment in scenes.EXPERIMENTS:
         scene = experiment.build()
         views = wv.render(scene, CAMERA, experiment.poses())
@@ -130,7 +130,7 @@ def test_the_spheres_agree_with_the_exact_objects():
         for label in (Label.OBJECT, Label.HUMAN):
             found, there = labels == label, exact == label
             assert found.any() == there.any()
-            # Feet and the ball's lowest millimetres are below sigma; everything else agrees.
+            # Feet and the bottom of the ball are below sigma; the rest agrees.
             assert (found & there).sum() >= 0.95 * there.sum()
             assert (found & ~there).sum() <= 0.02 * max(there.sum(), 1)
 
@@ -146,8 +146,8 @@ def test_out_arrays_are_used(device):
 
 @pytest.mark.parametrize("width", [1, 15, 16, 37])
 @pytest.mark.parametrize("up", ["z", "y"])
-def test_rows_of_any_width_match_the_twin(width, up, device):
-    """On the CPU, sixteen pixels of a row are computed at a time, and the rest of the row with others unused."""
+def test_rows_of_any_width_match_the_reference(width, up, device):
+    """On the CPU, sixteen pixels of a row are computed at once; the last group is partly unused."""
     rng = np.random.default_rng(width)
     camera = wv.Camera(width, 9, 30.0, 34.0, width / 3, 5.0, near=0.4, far=3.5)
     poses = np.stack([wv.look_at((0, 0.2, 1), (1, 0.3, 0.4)), wv.look_at((0.5, 0, 0.8), (-1, 0.4, 0.2))])
@@ -173,8 +173,8 @@ def test_rows_of_any_width_match_the_twin(width, up, device):
             )
 
 
-def test_rows_on_the_cpu_do_what_single_pixels_do_on_a_gpu(depth):
-    """The kernels of CUDA, run on the CPU, give the same labels, and the same points but for the last digit."""
+def test_cpu_row_kernels_match_cuda_pixel_kernels(depth):
+    """CUDA kernels run on the CPU return the same labels, and the same points up to rounding."""
     from warpvis.kernels import classify as kernels
     from warpvis.kernels.pinhole import Window
     from warpvis.maps._classification import _device_spheres

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Distances from surfaces, and room to stand: closed forms, and every triangle by itself."""
+"""Distances from surfaces and standing room, against closed forms and brute force over triangles."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ ROBOT = 0.2  # radius
 
 
 def at(*places):
-    """Camera poses without a turn."""
+    """Return camera poses without rotation."""
     return np.array([[*place, 0, 0, 0, 1] for place in places], dtype=float)
 
 
@@ -32,7 +32,7 @@ def soup(rng, count, size):
 
 
 def furnished(device="cpu", **options):
-    """A floor, a table of 0.7 m height, a pillar of 0.1 m radius at x = 3, and a low sill."""
+    """Return a scene with a floor, a table 0.7 m high, a pillar with radius 0.1 m at x = 3, and a low sill."""
     scene = wv.Scene(device=device, **options)
     add_box(scene, (-5, -5, -0.5), (5, 5, 0), name="floor", label="ground")
     add_box(scene, (-0.5, -0.5, 0.7), (0.5, 0.5, 0.75), name="table")
@@ -42,7 +42,7 @@ def furnished(device="cpu", **options):
     return scene
 
 
-def test_distances_from_a_box_and_a_ball(device):
+def test_distances_to_a_box_and_a_ball(device):
     scene = wv.Scene(device=device)
     add_box(scene, (-1, -1, -1), (1, 1, 1), name="box")
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.5)
@@ -59,7 +59,7 @@ def test_distances_from_a_box_and_a_ball(device):
     assert clearance(scene, np.zeros((0, 3))).shape == (0,)
 
 
-def test_distances_match_every_triangle(device):
+def test_distances_match_brute_force(device):
     rng = np.random.default_rng(1)
     corners = soup(rng, 100, 0.3)
     scene = wv.Scene(device=device)
@@ -73,10 +73,10 @@ def test_distances_match_every_triangle(device):
     np.testing.assert_allclose(near[sure], reference.nearest_surface(corners, points, 0.5)[sure], atol=1e-6)
 
 
-def test_movable_objects_are_where_the_world_has_them(device):
+def test_movable_objects_use_their_world_poses(device):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 1)), name="crate", pose=(5, 0, 0.5, 0, 0, 0, 1), movable=True)
-    turned = [[2, 0, 0.5, 0, 0, np.sin(np.pi / 8), np.cos(np.pi / 8)]]  # by 45 degrees: a corner is nearest
+    turned = [[2, 0, 0.5, 0, 0, np.sin(np.pi / 8), np.cos(np.pi / 8)]]  # rotated by 45 degrees: a corner is nearest
     assert clearance(scene, [(0, 0, 0.5)]).numpy()[0] == pytest.approx(4.5)
     assert clearance(scene, [(0, 0, 0.5)], object_poses=turned).numpy()[0] == pytest.approx(2 - np.sqrt(0.5), abs=1e-6)
     for distance, room in ((0.01, True), (-0.01, False)):
@@ -89,17 +89,17 @@ def test_movable_objects_are_where_the_world_has_them(device):
 
 
 @pytest.mark.parametrize("up", ["z", "y"])
-def test_room_beside_and_under_furniture(up, device):
+def test_standing_room_near_and_under_furniture(up, device):
     scene = furnished(device)
     cameras = at(
-        (0.5 + ROBOT + 0.001, 0, 1.0),  # beside the table
+        (0.5 + ROBOT + 0.001, 0, 1.0),  # next to the table
         (0.5 + ROBOT - 0.001, 0, 1.0),
         (0, 0, 0.69),  # under it
         (0, 0, 0.71),
-        (0, 0, 0.8),  # through it
-        (3, 0.1 + ROBOT + 0.001, 0.5),  # beside the pillar
+        (0, 0, 0.8),  # intersects it
+        (3, 0.1 + ROBOT + 0.001, 0.5),  # next to the pillar
         (3, 0.1 + ROBOT - 0.001, 0.5),
-        (3, 0, 0.5),  # in it
+        (3, 0, 0.5),  # inside it
         (0, -3, 0.5),  # on the sill
         (4, 4, 3.0),
         (0, 0, 0.005),  # no higher than a step
@@ -120,7 +120,7 @@ def test_room_beside_and_under_furniture(up, device):
     assert standing_room(scene, cameras, radius=ROBOT, floor=0.76)[[3, 4]].tolist() == [False, True]  # on the table
 
 
-def test_room_inside_of_closed_objects(device):
+def test_standing_room_inside_closed_objects(device):
     cameras = at((0, 0, 0.5), (9, 0, 0.5))
     solid = trimesh.creation.box((4, 4, 4))
     # A solid, a room seen from inside, and a solid with a hole
@@ -133,7 +133,7 @@ def test_room_inside_of_closed_objects(device):
     scene.add(solid, label="ground")
     assert standing_room(scene, cameras, radius=ROBOT).tolist() == [True, True]
     assert standing_room(scene, np.zeros((0, 7)), radius=ROBOT).shape == (0,)
-    hollow = wv.Scene(device=device)  # a building: walls of 1 m around a room, and a statue that fills a part of it
+    hollow = wv.Scene(device=device)  # walls of 1 m around a room, and a statue in a part of it
     outer, inner = trimesh.creation.box((6, 6, 6)), trimesh.creation.box((4, 4, 4))
     inner.invert()
     hollow.add(trimesh.util.concatenate([outer, inner]), name="building")
@@ -142,7 +142,7 @@ def test_room_inside_of_closed_objects(device):
     assert standing_room(hollow, places, radius=0.1).tolist() == [True, False, False]
 
 
-def test_room_matches_every_triangle_by_itself(device):
+def test_standing_room_matches_brute_force(device):
     rng = np.random.default_rng(2)
     corners = soup(rng, 25, 0.25)
     shapes = [trimesh.creation.icosphere(subdivisions=1, radius=0.4), trimesh.creation.box((0.6, 0.7, 0.8))]
@@ -162,7 +162,7 @@ def test_room_matches_every_triangle_by_itself(device):
         assert 0.1 < one.mean() < 0.9
 
 
-def test_room_is_where_no_point_of_a_surface_is(device):
+def test_standing_room_matches_sampled_surfaces(device):
     preset = scenes.PRESETS["room"]
     scene, rng = preset.build(device), np.random.default_rng(3)
     cameras = at(*rng.uniform([-2, -2, 0.3], [2, 2, 1.2], (500, 3)))
@@ -190,7 +190,7 @@ def test_room_is_where_no_point_of_a_surface_is(device):
         ({"exclude": [7]}, "exclude must be indices of objects from 0 to 3, got 7"),
     ],
 )
-def test_bad_input(change, said):
+def test_invalid_clearance_arguments_raise(change, said):
     given = {"scene": furnished(), "points": np.zeros((2, 3)), **change}
     with pytest.raises(wv.WarpvisError) as error:
         clearance(given.pop("scene"), given.pop("points"), **given)
@@ -210,7 +210,7 @@ def test_bad_input(change, said):
         ({"exclude": ["me"]}, "the scene has no object 'me'; it has 'floor', 'table', 'pillar', 'sill'"),
     ],
 )
-def test_bad_input_of_room(change, said):
+def test_invalid_standing_room_arguments_raise(change, said):
     given = {"scene": furnished(), "camera_to_world": at((0, 0, 1)), "radius": 0.2, **change}
     with pytest.raises(wv.WarpvisError) as error:
         standing_room(given.pop("scene"), given.pop("camera_to_world"), **given)

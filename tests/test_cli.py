@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command line, as a user runs it, and the demo's files."""
+"""The command line as used from a shell, and the demo's files."""
 
 import json
 import subprocess
@@ -36,7 +36,7 @@ def demo(tmp_path_factory):
     return folder, run_cli("demo", "--out", folder / "new" / "demo", cwd=folder).stdout
 
 
-def test_the_demo_writes_its_pictures(demo):
+def test_demo_writes_its_images(demo):
     folder = demo[0] / "new" / "demo"
     names = sorted(path.name for path in folder.iterdir())
     pictures = [f"experiment_{i}{kind}.png" for i in (1, 2, 3, 4) for kind in ("", "_perspective")]
@@ -49,7 +49,7 @@ def test_the_demo_writes_its_pictures(demo):
         assert path.stat().st_size < 400_000
 
 
-def test_the_demo_prints_the_tables(demo):
+def test_demo_prints_the_tables(demo):
     assert "experiment  object  visible  pixels  2D answer" in demo[1]
     results = [run_experiment(number) for number in (1, 2, 3, 4)]
     assert format_table([sighting for result in results for sighting in result.sightings]) in demo[1]
@@ -57,7 +57,7 @@ def test_the_demo_prints_the_tables(demo):
     assert "frames per second" in demo[1]
 
 
-def test_the_summary_says_the_same(demo):
+def test_summary_matches_the_tables(demo):
     summary = json.loads((demo[0] / "new" / "demo" / "summary.json").read_text())
     assert summary["frames_per_second"] > 0
     differing = [(s["experiment"], s["object"]) for s in summary["sightings"] if s["plan_differs"]]
@@ -73,7 +73,7 @@ def test_the_summary_says_the_same(demo):
     assert [s["human_pixels"] > 100 for s in summary["perspectives"]] == [True, True, False, False]
 
 
-def test_render_writes_metres_and_millimetres(tmp_path):
+def test_render_writes_meters_and_millimeters(tmp_path):
     trimesh.creation.box().export(tmp_path / "box.stl")
     eyes = [(-3, 0, 0), (0, -2, 0.3), (40, 1, 0), (70, 1, 0)]
     poses = np.array([wv.look_at(eye, (0, 0, 0)) for eye in eyes])
@@ -102,7 +102,7 @@ def test_render_writes_metres_and_millimetres(tmp_path):
 
 
 def test_conventions_reach_the_renderer(tmp_path):
-    """An OpenGL camera looks along -z: the same numbers see the box from the other side."""
+    """An OpenGL camera looks along -z: the same pose views the box from the other side."""
     trimesh.creation.box((2, 2, 2)).export(tmp_path / "box.stl")
     (tmp_path / "poses.txt").write_text("0 0 0 4 0 0 0 1\n")
     for convention, nearest in (("opencv", np.inf), ("opengl", 3.0)):
@@ -115,7 +115,7 @@ def test_conventions_reach_the_renderer(tmp_path):
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
-    """Experiment 2 as a file, two poses (the robot's, and one that sees the ball), and five points."""
+    """Return experiment 2 as a file, two poses (the robot's, and one that sees the ball), and five points."""
     folder = tmp_path_factory.mktemp("lab")
     EXPERIMENTS[1].build().export(folder / "lab.glb")
     poses = np.stack([EXPERIMENTS[1].poses()[0], wv.look_at((-0.9, -0.9, 0.7), (0.5, 0.6, 0.1))])
@@ -131,7 +131,7 @@ BODIES = ("--robot-body", "robot", "--human-body", "person")
 
 
 def test_perspective_of_a_file(lab, tmp_path):
-    """As a user runs it: numbers that begin with a minus, names with spaces, a new folder."""
+    """With negative numbers, names with spaces, and a new folder."""
     out = tmp_path / "new" / "out"
     result = run_cli("perspective", "lab.glb", "--robot", ROBOT, "--human", HUMAN, *BODIES, "--out", out, cwd=lab)
     assert "hidden by high obstacle" in result.stdout
@@ -156,7 +156,7 @@ def test_perspective_of_a_file(lab, tmp_path):
 
 
 def test_perspective_of_an_experiment(tmp_path, monkeypatch, capsys):
-    """It has its own agents; nothing is written that was not asked for."""
+    """Experiments define their agents; only requested files are written."""
     for number, word in ((1, "The robot sees all of them."), (4, "The person sees no objects")):
         code, out, _ = run_here(monkeypatch, capsys, tmp_path, "perspective", f"experiment_{number}")
         assert code == 0 and word in out
@@ -165,13 +165,13 @@ def test_perspective_of_an_experiment(tmp_path, monkeypatch, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_comes_before_an_experiment(lab, tmp_path, monkeypatch, capsys):
+def test_files_take_precedence_over_experiments(lab, tmp_path, monkeypatch, capsys):
     (tmp_path / "experiment_1").write_text("no mesh")
     code, _, error = run_here(monkeypatch, capsys, tmp_path, "perspective", "experiment_1")
     assert code == 2 and error.startswith("warpvis: --robot must be given as")
 
 
-def test_labels_say_what_the_person_may_mean(lab, monkeypatch, capsys):
+def test_labels_select_the_candidate_objects(lab, monkeypatch, capsys):
     given = ("perspective", "lab.glb", "--robot", ROBOT, "--human", HUMAN, *BODIES, "--labels")
     code, out, _ = run_here(monkeypatch, capsys, lab, *given, "ball=obstacle", "*obstacle=object")
     assert code == 0
@@ -184,11 +184,11 @@ def test_labels_say_what_the_person_may_mean(lab, monkeypatch, capsys):
         "ball",
         "high obstacle",
         "low obstacle",
-    }  # nothing is labelled object
+    }  # no object has the label object
     assert "The robot must move to see ball." in out
 
 
-def test_poses_of_seven_numbers_of_other_axes_and_of_files(lab, tmp_path, monkeypatch, capsys):
+def test_pose_arguments_in_every_format(lab, tmp_path, monkeypatch, capsys):
     row = wv.core.poses.look_at((-1.77, 0, 0.7), (0, 0, 0.39))
     opengl = [*row[:3], *wv.core.poses.quaternion_product(row[3:], np.array([1.0, 0, 0, 0]))]
     np.save(tmp_path / "pose.npy", [opengl])
@@ -210,7 +210,7 @@ def test_poses_of_seven_numbers_of_other_axes_and_of_files(lab, tmp_path, monkey
         assert run_here(monkeypatch, capsys, lab, *given) == (2, "", f"warpvis: {said}\n")
 
 
-def test_where_the_robot_may_go(lab, monkeypatch, capsys):
+def test_limits_of_the_proposed_robot_pose(lab, monkeypatch, capsys):
     given = ("perspective", "lab.glb", "--robot", ROBOT, "--human", HUMAN, *BODIES)
     for more in (("--max-distance", "0.3"), ("--robot-radius", "5"), ("--floor", "-1")):
         code, out, _ = run_here(monkeypatch, capsys, lab, *given, *more)
@@ -245,7 +245,7 @@ def test_check_objects(lab, tmp_path, monkeypatch, capsys):
     assert count_colors(picture) > 200
 
 
-def test_check_some_objects(lab, monkeypatch, capsys):
+def test_check_selected_objects(lab, monkeypatch, capsys):
     before = sorted(lab.iterdir())
     given = ("check", "lab.glb", "--poses", "poses.txt", "--objects", "person", "high obstacle")
     code, printed, _ = run_here(monkeypatch, capsys, lab, *given)
@@ -254,7 +254,7 @@ def test_check_some_objects(lab, monkeypatch, capsys):
     assert sorted(lab.iterdir()) == before
 
 
-def test_long_tables_are_cut(lab, tmp_path, monkeypatch, capsys):
+def test_long_tables_are_truncated(lab, tmp_path, monkeypatch, capsys):
     np.savetxt(tmp_path / "many.txt", np.repeat(np.loadtxt(lab / "poses.txt"), 30, axis=0))
     given = ("check", "lab.glb", "--poses", tmp_path / "many.txt", "--objects", "ball")
     _, printed, _ = run_here(monkeypatch, capsys, lab, *given)
@@ -380,7 +380,7 @@ POSES = ("--poses", "poses.txt")
         (("check", "lab.glb", *POSES, "--device", "tpu", "--out", "x.json"), "device"),
     ],
 )
-def test_bad_input_is_one_sentence_and_nothing_is_written(lab, monkeypatch, capsys, command, said):
+def test_invalid_input_prints_one_sentence_and_writes_nothing(lab, monkeypatch, capsys, command, said):
     before = sorted(lab.iterdir())
     code, out, error = run_here(monkeypatch, capsys, lab, *command)
     assert code == 2 and out == ""
@@ -396,8 +396,8 @@ def test_info_names_versions_devices_and_cores(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["", "demo", "render", "check", "perspective", "info"])
-def test_help_needs_nothing_heavy(tmp_path, command):
-    """That is what keeps it under 0.3 s; a test of the time itself would fail on a busy machine."""
+def test_help_imports_no_heavy_packages(tmp_path, command):
+    """This keeps it below 0.3 s; a test of the time itself would fail on a busy machine."""
     code = f"""
 import sys
 sys.argv = ["warpvis", *{command.split()!r}, "--help"]
@@ -414,6 +414,6 @@ assert not heavy, heavy
     assert "show this help message" in result.stdout
 
 
-def test_import_loads_nothing_heavy(tmp_path):
+def test_import_loads_no_heavy_packages(tmp_path):
     code = "import sys, warpvis; assert not {'numpy', 'warp', 'trimesh', 'mujoco', 'matplotlib'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)

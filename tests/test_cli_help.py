@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The help of commands, lists of options in one syntax, and messages that name options."""
+"""Command help, the common syntax of lists, and messages that name options."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,7 @@ ORBIT = "orbit target=0.5,0,0.5 radius=3 height=1 count=2"
 
 
 def help_of(command, tmp_path):
-    """A command's help as running text, without the frame around it and the lines' ends."""
+    """Return a command's help as continuous text without the frame, and the raw output."""
     result = run_inside(*command.split(), "--help", cwd=tmp_path)
     assert result.returncode == 0
     return " ".join(line.strip("│╭╮╰╯─ ") for line in result.stdout.splitlines()), result.stdout
@@ -45,17 +45,17 @@ def render(folder, out, *arguments, command="render"):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_has_no_default_where_there_is_none(command, tmp_path):
+def test_help_shows_no_empty_defaults(command, tmp_path):
     words, printed = help_of(command, tmp_path)
     assert "None" not in words and "(default: )" not in words and "STR|" not in words
     for line, following in zip(printed.splitlines(), printed.splitlines()[1:], strict=False):
-        if line.startswith("│ ") and following.startswith("│   "):  # no line ends where the next one's first word fits
+        if line.startswith("│ ") and following.startswith("│   "):  # no line ends where the next word would still fit
             text, first = line[2:-2].rstrip(), following.strip("│ ").split(" ")[0]
             starts_option = text.lstrip().startswith("-") or not first or not text
             assert starts_option or len(text) + 1 + len(first) > len(line) - 4 or text.endswith((".", ":")), line
 
 
-def test_help_keeps_true_defaults_and_choices(tmp_path):
+def test_help_shows_defaults_and_choices(tmp_path):
     words, _ = help_of("render", tmp_path)
     for part in ("(default: 1.0)", "(default: npz png)", "--up {z,y}", "--camera kinect|FILE", "--threads INT"):
         assert part in words
@@ -90,8 +90,8 @@ def test_version(tmp_path):
         ("--sensor-vary", [["sigma=0.05:0.15,dropout=0:0.05"], ["sigma=0.05:0.15", "dropout=0:0.05"]]),
     ],
 )
-def test_lists_take_commas_or_spaces(option, forms, tmp_path, monkeypatch):
-    """Every list of every command: the same whether commas, spaces or both are between its items."""
+def test_lists_accept_commas_or_spaces(option, forms, tmp_path, monkeypatch):
+    """Every list option accepts commas, spaces or both."""
     import tyro
 
     from warpvis.cli._datasets import Batch, _parse_options, _parse_ranges
@@ -111,7 +111,7 @@ def test_lists_take_commas_or_spaces(option, forms, tmp_path, monkeypatch):
     assert results[0] != read(Batch(file=Path("a.obj"), out="o"))
 
 
-def test_a_folder_with_a_comma_is_one(tmp_path, monkeypatch):
+def test_existing_folder_with_a_comma_is_not_split(tmp_path, monkeypatch):
     from warpvis.cli._info import Info
 
     monkeypatch.chdir(tmp_path)
@@ -141,7 +141,7 @@ def test_messages_name_options(case, folder, tmp_path):
     assert result.returncode == 2 and message in result.stderr
 
 
-def test_poses_of_a_lidar_are_a_file(folder, tmp_path):
+def test_lidar_poses_must_be_a_file(folder, tmp_path):
     result = run_inside("render", "two.glb", "--poses", ORBIT, "--lidar", "vlp16", "--out", tmp_path / "o", cwd=folder)
     assert "--poses with --lidar must be a file of the lidar's poses" in result.stderr and ORBIT in result.stderr
 
@@ -155,7 +155,7 @@ def test_warnings_name_options(folder, tmp_path):
         assert ("If they have, pass --quaternion wxyz" in result.stderr) == warned
 
 
-def test_messages_of_files_keep_their_keys():
+def test_messages_about_files_keep_their_keys():
     from warpvis.cli._info import Info
 
     message = "rules.json: label_names must be a mapping"
@@ -164,7 +164,7 @@ def test_messages_of_files_keep_their_keys():
 
 
 @pytest.mark.parametrize("layout", ["npz", "zarr"])
-def test_datasets_hold_colors(layout, folder, tmp_path):
+def test_datasets_contain_colors(layout, folder, tmp_path):
     result = render(folder, tmp_path / "out", "--outputs", "color,albedo,depth", "--format", layout, "--no-pictures")
     assert (result.returncode, result.stderr) == (0, "")
     dataset = wv.open_dataset(tmp_path / "out" / layout)
