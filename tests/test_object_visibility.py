@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""How much of each object is seen: BOP's definition in float64 NumPy, worlds, reasons, masks, and bad input."""
+"""Visible fractions of objects: BOP's definition in float64 NumPy, worlds, reasons, masks, and invalid input."""
 
 import numpy as np
 import pytest
@@ -32,8 +32,8 @@ def target():
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
 @pytest.mark.parametrize("delta", [0.0, BOP_DELTA])
-def test_fractions_are_those_of_bop(device, caster, delta):
-    """Object alone on a canvas of 3 W x 3 H, distance images, delta 15 mm: within one pixel per object."""
+def test_fractions_match_bop_reference(device, caster, delta):
+    """The object alone on a canvas of 3 W x 3 H, range images, delta 15 mm: counts agree within one pixel."""
     scene, poses = desk(device), cameras()
     camera = wv.Camera.from_fov(40, 30, hfov=1.0, near=0.6, far=3.2)
     result = object_visibility(scene, camera, poses, delta=delta, caster=caster, masks=True)
@@ -57,8 +57,8 @@ def test_fractions_are_those_of_bop(device, caster, delta):
     assert len(several) >= 3
 
 
-def test_delta_lets_what_is_just_behind_count(device):
-    """A sheet 9 mm before a wall hides it, unless a delta of 15 mm says that this is noise."""
+def test_delta_tolerates_surfaces_just_in_front(device):
+    """A sheet 9 mm in front of a wall hides it, unless a delta of 15 mm treats the difference as noise."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 0.01)), name="wall", pose=(0, 0, 2, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((2, 2, 0.001)), name="sheet", pose=(0, 0, 1.986, 0, 0, 0, 1))
@@ -78,12 +78,12 @@ def test_delta_lets_what_is_just_behind_count(device):
         ((0, 0, 0.3), (9, 9, -9), wv.Visibility.TOO_NEAR, -1),
         ((0, 0, 6), (9, 9, -9), wv.Visibility.TOO_FAR, -1),
         ((0, 0, 2), (0, 0, 1), wv.Visibility.OCCLUDED, 1),
-        ((0, 0, 2), (0, 0, 0.2), wv.Visibility.OCCLUDED, 1),  # what is too near to be measured hides all the same
+        ((0, 0, 2), (0, 0, 0.2), wv.Visibility.OCCLUDED, 1),  # surfaces nearer than `near` occlude too
         ((0, 0, 4), (0, 0, 0.2), wv.Visibility.OCCLUDED, 1),
         ((0, 0, 0.3), (0, 0, 0.1), wv.Visibility.TOO_NEAR, 1),
     ],
 )
-def test_every_reason(target, cube, screen, status, occluder):
+def test_status_covers_every_reason(target, cube, screen, status, occluder):
     camera = wv.Camera.from_fov(64, 48, hfov=1.0, near=0.5, far=4.5)
     poses = np.array([[*cube, 0, 0, 0, 1], [*screen, 0, 0, 0, 1]], dtype=np.float32)
     result = object_visibility(target, camera, (0, 0, 0, 0, 0, 0, 1), objects=["cube"], object_poses=poses)
@@ -93,8 +93,8 @@ def test_every_reason(target, cube, screen, status, occluder):
     assert (result.visible_pixels.numpy()[0, 0] > 0) == (status == wv.Visibility.VISIBLE)
 
 
-def test_what_the_image_cuts_off_counts_as_unseen(target):
-    """Half of a cube is beyond the image's border: BOP's canvas knows the rest, one without a border does not."""
+def test_truncated_part_counts_as_unseen(target):
+    """Half of a cube is outside the image; BOP's canvas includes that half, a canvas without border does not."""
     poses = np.array([[[0, 0, 2, 0, 0, 0, 1], [9, 9, -9, 0, 0, 0, 1]]], dtype=np.float32)
     cut = wv.Camera(64, 48, 100, 100, 0.0, 24.0)
     wide = object_visibility(target, cut, (0, 0, 0, 0, 0, 0, 1), objects=["cube"], object_poses=poses)
@@ -106,8 +106,8 @@ def test_what_the_image_cuts_off_counts_as_unseen(target):
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_silhouettes_around_and_behind_the_camera(device, caster):
-    """From inside of an object its silhouette is the whole canvas; a floor reaches behind the camera."""
+def test_silhouettes_that_surround_the_camera(device, caster):
+    """Inside an object, its silhouette fills the canvas; a floor extends behind the camera."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((4, 4, 4)), name="room")
     scene.add(trimesh.creation.box((50, 50, 0.1)), name="floor", pose=(0, 0, -1, 0, 0, 0, 1))
@@ -120,8 +120,8 @@ def test_silhouettes_around_and_behind_the_camera(device, caster):
     assert abs(result.silhouette_pixels.numpy()[0, 1] - expected["silhouette_pixels"]) <= 1
 
 
-def test_a_ball_has_the_silhouette_that_geometry_says():
-    """An ellipse's area, of a ball off the axis: pi f^2 r^2 z / (z^2 - r^2)^1.5 for (x, 0, z) with z along the axis."""
+def test_ball_silhouette_matches_closed_form():
+    """An off-axis ball at (x, 0, z) projects to an ellipse of area pi f^2 r^2 z / (z^2 - r^2)^1.5, z along the axis."""
     scene = wv.Scene()
     scene.add(wv.scene.solids.sphere(0.5), name="ball", movable=True, pose=(0, 0, 3, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(640, 480, hfov=1.0)
@@ -138,7 +138,7 @@ def worlds_of(scene, count, seed=3):
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_worlds_and_exclusion_are_those_of_single_calls(device, caster):
+def test_worlds_and_exclusion_match_single_calls(device, caster):
     scene, poses = desk(device), cameras()
     worlds, which = worlds_of(scene, 3), np.array([2, 0, 2, 1], dtype=np.int32)
     flags = np.zeros((4, len(scene)), dtype=np.uint8)
@@ -158,12 +158,12 @@ def test_worlds_and_exclusion_are_those_of_single_calls(device, caster):
     assert together.silhouette_pixels.numpy()[3, scene.index("mast")] > 0
 
 
-def test_both_casters_agree_and_threads_change_nothing(monkeypatch):
+def test_casters_threads_and_chunks_agree(monkeypatch):
     scene, rng = desk(), np.random.default_rng(5)
     eyes = rng.uniform([-3, -3, 0.2], [3, 3, 2], (40, 3))
     poses = np.array([wv.look_at(eye, rng.uniform(-0.5, 1, 3)) for eye in eyes], dtype=np.float32)
     results = [object_visibility(scene, SMALL, poses, delta=0.01, threads=n, masks=True) for n in (1, 2, 3)]
-    monkeypatch.setattr(module, "_CPU_BYTES", 200_000)  # in several parts, of unequal size
+    monkeypatch.setattr(module, "_CPU_BYTES", 200_000)  # several chunks of unequal size
     results.append(object_visibility(scene, SMALL, poses, delta=0.01, masks=True))
     for field in (*FIELDS, "masks"):
         for other in results[1:]:
@@ -174,7 +174,7 @@ def test_both_casters_agree_and_threads_change_nothing(monkeypatch):
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_unseen_objects_may_be_skipped(device, caster):
+def test_skip_unseen_omits_silhouettes(device, caster):
     scene, poses = desk(device), cameras()
     every = object_visibility(scene, SMALL, poses, caster=caster)
     some = object_visibility(scene, SMALL, poses, caster=caster, skip_unseen=True)
@@ -188,7 +188,7 @@ def test_unseen_objects_may_be_skipped(device, caster):
             assert (got[~seen] == wanted.numpy()[~seen]).all(), field
 
 
-def test_chosen_objects_in_their_order():
+def test_objects_selects_in_given_order():
     scene, poses = desk(), cameras()
     every = object_visibility(scene, SMALL, poses)
     some = object_visibility(scene, SMALL, poses, objects=["mast", 0, "ball"])
@@ -197,7 +197,7 @@ def test_chosen_objects_in_their_order():
         assert (getattr(some, field).numpy() == getattr(every, field).numpy()[:, [5, 0, 2]]).all(), field
 
 
-def test_few_pixels_do_not_count():
+def test_min_pixels_threshold():
     scene = wv.Scene()
     scene.add(trimesh.creation.icosphere(radius=0.03), name="pea", pose=(0, 0, 1, 0, 0, 0, 1))
     pose = (0, 0, 0, 0, 0, 0, 1)
@@ -208,7 +208,7 @@ def test_few_pixels_do_not_count():
     assert many.visible_pixels.numpy()[0, 0] == one.visible_pixels.numpy()[0, 0]
 
 
-def test_a_deformed_object_has_its_new_silhouette(device):
+def test_silhouette_follows_updated_vertices(device):
     scene = wv.Scene(device=device)
     cube = trimesh.creation.box((0.2, 0.2, 0.2))
     scene.add(cube, name="cube", movable=True, pose=(0, 0, 2, 0, 0, 0, 1))
@@ -222,7 +222,7 @@ def test_a_deformed_object_has_its_new_silhouette(device):
     assert object_visibility(scene, SMALL, pose).silhouette_pixels.shape == (1, 2)
 
 
-def test_no_views():
+def test_zero_views():
     result = object_visibility(desk(), SMALL, np.zeros((0, 7)), masks=True)
     assert result.fraction.shape == (0, 8) and result.masks.shape == (0, 8, 48, 64)
 
@@ -248,12 +248,12 @@ def test_no_views():
         ({"world_index": [7]}, "world_index must be from 0 to 0"),
     ],
 )
-def test_bad_input(arguments, message):
+def test_invalid_arguments_are_rejected(arguments, message):
     with pytest.raises(wv.WarpvisError, match=message):
         object_visibility(desk(), SMALL, cameras()[0], **arguments)
 
 
-def test_bad_scene_and_camera():
+def test_invalid_scene_and_camera_are_rejected():
     with pytest.raises(wv.errors.SceneError, match=r"scene must be a warpvis\.Scene, got list"):
         object_visibility([], SMALL, cameras())
     with pytest.raises(wv.errors.CameraError, match=r"camera must be a warpvis\.Camera or a .*LensCamera, got int"):
@@ -262,7 +262,7 @@ def test_bad_scene_and_camera():
         object_visibility(wv.Scene(), SMALL, cameras())
 
 
-def test_poses_are_spread():
+def test_spread_poses_matches_reference():
     from warpvis.kernels.silhouettes import spread_poses
 
     rows, columns = np.random.default_rng(0).normal(size=(2, 3, 7)).astype(np.float32), np.array([2, -1, 0, 0])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Datasets are read back as they were rendered, in any order, by other processes too, and in part."""
+"""Datasets are read as they were rendered: in any order, in other processes, and partially."""
 
 import importlib
 import json
@@ -36,7 +36,7 @@ def make_scene():
 
 
 def make_frames():
-    """Cameras around the scene, in two worlds; the last one sees the sky and little else."""
+    """Return frames around the scene in two worlds; the last one sees mainly the sky."""
     angles = np.arange(FRAMES) / 2
     poses = [wv.look_at((2.6 * np.cos(a), 2.6 * np.sin(a), 0.6), (0, 0, 0.4)) for a in angles[:-1]]
     poses.append(wv.look_at((3.5, 0.0, 0.4), (0, 0.3, 2.5)))
@@ -47,7 +47,7 @@ def make_frames():
 
 @pytest.fixture(scope="module")
 def rendered():
-    """Images of all frames, and what is seen of the objects."""
+    """Return images of all frames, and object visibility."""
     frames = make_frames()
     worlds = {"object_poses": frames.object_poses, "world_index": frames.world_index}
     views = wv.render(make_scene(), CAMERA, frames.camera_to_world, outputs=IMAGES, **worlds)
@@ -56,7 +56,7 @@ def rendered():
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """A function that writes a dataset of a format with all its outputs, once, and says where."""
+    """Return a function that writes a dataset with all outputs once, and returns its path."""
     root, scene, frames = tmp_path_factory.mktemp("datasets"), make_scene(), make_frames()
 
     def write(kind, **options):
@@ -73,7 +73,7 @@ def written(tmp_path_factory):
 
 
 def assert_as_rendered(frame, rendered, index):
-    """Depth in whole millimetres, or as it was; all else as it was."""
+    """Depth agrees within whole millimeters, or exactly; everything else agrees exactly."""
     no_depth = ~np.isfinite(rendered["depth"][index])
     for name in set(frame) & set(IMAGES):
         got, expected = frame[name], rendered[name][index]
@@ -108,7 +108,7 @@ def test_frames_are_read_back(kind, written, rendered):
 
 
 @pytest.mark.parametrize("kind", ["npz", "zarr"])
-def test_raw_arrays_are_the_same_bits(kind, written, rendered):
+def test_raw_arrays_are_bit_identical(kind, written, rendered):
     dataset = wv.open_dataset(written(kind))
     assert set(dataset.outputs) == {*IMAGES, *VISIBILITY_ARRAYS}
     for name in IMAGES:
@@ -119,7 +119,7 @@ def test_raw_arrays_are_the_same_bits(kind, written, rendered):
     assert np.array_equal(*both)
 
 
-def test_what_bop_says_of_objects(written):
+def test_bop_object_visibility(written):
     dataset, raw = wv.open_dataset(written("bop")), wv.open_dataset(written("npz"))
     column = raw.visibility_objects.index("ball")
     assert dataset.visibility_objects == ("ball",)
@@ -131,14 +131,14 @@ def test_what_bop_says_of_objects(written):
     assert dataset["visible_pixels"][:].max() > 10
 
 
-def test_compressed_chunks(written, rendered):
+def test_compressed_zarr_is_read(written, rendered):
     dataset = wv.open_dataset(written("zarr", compression="zstd"))
     assert dataset["depth"][:].tobytes() == rendered["depth"].tobytes()
     assert np.array_equal(dataset[[5, 1]]["labels"], rendered["labels"][[5, 1]])
 
 
 @pytest.mark.parametrize("kind", ["npz", "png"])
-def test_slices_numbers_and_names(kind, written, rendered):
+def test_indexing_by_slices_numbers_and_names(kind, written, rendered):
     dataset, frames = wv.open_dataset(written(kind), outputs=["depth", "labels"]), make_frames()
     assert dataset.outputs == ("depth", "labels")
     part = dataset[1:6:2]
@@ -169,7 +169,7 @@ def test_slices_numbers_and_names(kind, written, rendered):
     assert dataset.frames.camera_to_world.shape == (FRAMES, 7)
 
 
-def test_a_url_is_read_as_a_folder_is(rendered):
+def test_urls_are_read_like_folders(rendered):
     pytest.importorskip("fsspec")
     for kind in ("npz", "png"):
         out = f"memory://read/{kind}"
@@ -181,7 +181,7 @@ def test_a_url_is_read_as_a_folder_is(rendered):
 
 
 @pytest.mark.parametrize("kind", ["npz", "zarr", "png", "bop"])
-def test_what_is_not_finished_is_read_as_far_as_it_is_there(kind, written, rendered, tmp_path):
+def test_unfinished_datasets_are_read_partially(kind, written, rendered, tmp_path):
     out = tmp_path / "part"
     shutil.copytree(written(kind), out)
     (out / "index.json").unlink()
@@ -197,8 +197,8 @@ def test_what_is_not_finished_is_read_as_far_as_it_is_there(kind, written, rende
         dataset[4]
 
 
-def test_zarr_opens_what_is_not_finished(written, tmp_path, monkeypatch):
-    """By zarr-python: its metadata is there from the beginning, with the camera and the conventions."""
+def test_unfinished_zarr_can_be_opened(written, tmp_path, monkeypatch):
+    """zarr-python can open it: the metadata, with camera and conventions, is written first."""
     zarr = pytest.importorskip("zarr")
     monkeypatch.setattr("warpvis.batch.formats._zarr.Zarr.write_shard", _stop)
     out = tmp_path / "begun"
@@ -229,11 +229,11 @@ def _labels_of(given):
 
 
 @parametrize("method", ["fork", "spawn"])
-def test_other_processes_read(method, written, rendered):
+def test_datasets_are_read_in_other_processes(method, written, rendered):
     if method not in multiprocessing.get_all_start_methods():
         pytest.skip(f"no {method} here")
     dataset = wv.open_dataset(written("npz"))
-    dataset[0]  # a file is open
+    dataset[0]  # keep a file open
     with multiprocessing.get_context(method).Pool(2) as pool:
         read = pool.map(_labels_of, [(dataset, index) for index in range(FRAMES)])
     assert np.array_equal(read, rendered["labels"])
@@ -242,7 +242,7 @@ def test_other_processes_read(method, written, rendered):
 
 
 @pytest.mark.parametrize("method", ["fork", "spawn"])
-def test_torch_loads_it_as_it_is(method, written, rendered):
+def test_torch_data_loader_reads_datasets(method, written, rendered):
     torch = pytest.importorskip("torch")
     loader = torch.utils.data.DataLoader(
         wv.open_dataset(written("npz")), batch_size=2, shuffle=True, num_workers=2, multiprocessing_context=method
@@ -257,7 +257,7 @@ def test_torch_loads_it_as_it_is(method, written, rendered):
 
 
 def damage(kind, out):
-    """Files that hold a frame's depth."""
+    """Return a file that contains a frame's depth."""
     return {
         "npz": out / "shard-000000.npz",
         "zarr": out / "data.zarr" / "depth" / "c.0.0.0",
@@ -269,8 +269,8 @@ def damage(kind, out):
 
 
 @pytest.mark.parametrize("kind", ["npz", "zarr", "png", "colmap", "bop", "ros2"])
-def test_what_is_damaged_is_said(kind, written, tmp_path):
-    """Cut off, overwritten, empty or missing: a sentence that names the file, or other numbers, and nothing else."""
+def test_damaged_files_are_reported(kind, written, tmp_path):
+    """Truncated, overwritten, empty or missing files: an error that names the file, or different values."""
     out, rng = tmp_path / "set", np.random.default_rng(0)
     shutil.copytree(written(kind), out)
     path = damage(kind, out)
@@ -312,7 +312,7 @@ MANIFESTS = {
 
 
 @pytest.mark.parametrize("name", MANIFESTS)
-def test_manifests_are_not_believed(name, written, tmp_path):
+def test_invalid_manifests_are_rejected(name, written, tmp_path):
     out = tmp_path / "set"
     shutil.copytree(written("npz"), out)
     manifest = json.loads((out / "manifest.json").read_text())
@@ -321,7 +321,7 @@ def test_manifests_are_not_believed(name, written, tmp_path):
         wv.open_dataset(out)
 
 
-def test_what_is_wrong_is_said(written, tmp_path):
+def test_invalid_arguments_and_paths_are_rejected(written, tmp_path):
     dataset = wv.open_dataset(written("npz"))
     with pytest.raises(wv.WarpvisError, match="there is no array 'rgb'; there are albedo, color, depth"):
         dataset["rgb"]
@@ -347,8 +347,8 @@ def test_what_is_wrong_is_said(written, tmp_path):
         wv.open_dataset(written("ply"))
 
 
-def test_files_stay_open_only_so_long(written, monkeypatch):
-    """No more than so many, of a dataset of many shards."""
+def test_number_of_open_files_is_limited(written, monkeypatch):
+    """The number of open files of a dataset with many shards is limited."""
     frames = importlib.import_module("warpvis.batch.reading._files")
     monkeypatch.setattr(frames, "_MAX_MAPPED", 1)
     dataset = wv.open_dataset(written("npz"))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The package without the packages of its extras `cli` and `viz`."""
+"""The package without the dependencies of its extras `cli` and `viz`."""
 
 import sys
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Orthographic images: the float64 reference, known places, MuJoCo's pictures, and what is refused."""
+"""Orthographic images, compared with a float64 reference, closed forms and MuJoCo's pictures, and invalid input."""
 
 import pickle
 
@@ -30,7 +30,7 @@ PLAN = OrthographicCamera(16, 11, fx=8.0, fy=6.0, cx=7.3, cy=5.1, near=0.8, far=
 
 
 def assert_matches_reference(views, scene, camera, poses, **options):
-    """Save where a ray 1e-5 px beside sees something else."""
+    """Compare with the reference, except where a ray 1e-5 px away hits another surface."""
     for view, pose in enumerate(poses):
         expected = reference.cast_parallel_rays(scene, camera, pose, **options)
 
@@ -42,8 +42,8 @@ def assert_matches_reference(views, scene, camera, poses, **options):
 
 
 @parametrize(("near_plane", "cull_backfaces"), [("occlude", True), ("clip", False), ("clip", True)])
-def test_solids_and_moved_meshes_match_the_reference(near_plane, cull_backfaces, device):
-    """Among them, so that the camera's plane goes through them."""
+def test_solids_and_moved_meshes_match_reference(near_plane, cull_backfaces, device):
+    """The camera is among the objects, so that they intersect its plane."""
     rng = np.random.default_rng(1)
     meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=1, radius=0.3)]
     scene = build_solids(device, random_poses(rng, 10, spread=1.0), extra=meshes)
@@ -58,8 +58,8 @@ def test_solids_and_moved_meshes_match_the_reference(near_plane, cull_backfaces,
     assert_matches_reference(views, scene, PLAN, poses, **options)
 
 
-def test_a_ball_and_its_floor_from_above(device):
-    """All is as large as it is, however far away: a ball's circle, its depth, and the floor's."""
+def test_ball_and_floor_from_above_match_closed_form(device):
+    """Size does not depend on distance: compare depths of a ball and of the floor."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((4, 4, 0.2)), name="floor", label="ground", pose=(0, 0, -0.1, 0, 0, 0, 1))
     scene.add(trimesh.creation.icosphere(subdivisions=5, radius=0.5), name="ball", pose=(0.3, 0.2, 0.5, 0, 0, 0, 1))
@@ -75,7 +75,7 @@ def test_a_ball_and_its_floor_from_above(device):
     np.testing.assert_allclose(depth, heights[:, None, None] - top, atol=1e-3)
 
 
-def test_points_of_the_image_are_its_pixels(device):
+def test_render_at_pixel_centers_matches_image(device):
     scene, camera = wv.scenes.PRESETS["room"].build(device), OrthographicCamera.from_extent(32, 24, across=3.0)
     pose = np.array([wv.look_at((0.1, 0.2, 1.9), (0.5, 0.4, 0.3))])
     renderer = wv.Renderer(scene, camera, outputs=ALL, caster="rays")
@@ -90,7 +90,7 @@ def test_points_of_the_image_are_its_pixels(device):
         assert not np.isfinite(points.depth.numpy()[:, -3:]).any()
 
 
-def test_flush_geoms_are_as_the_reference_has_them(device):
+def test_flush_geoms_match_reference(device):
     model, data = model_of(FLUSH)
     geoms, camera = scene_from_mujoco(model, device=device), OrthographicCamera.from_extent(160, 120, across=1.6)
     coinciding = CoincidingGeoms(model, geoms.scene, geoms.geom_ids)
@@ -111,10 +111,10 @@ def test_flush_geoms_are_as_the_reference_has_them(device):
 
 @pytest.mark.gl
 @pytest.mark.parametrize("camera", ["flat", -1, "free"])
-def test_mujocos_orthographic_cameras_see_what_they_see_there(camera):
+def test_orthographic_cameras_match_mujoco(camera):
     model, data = shapes_model()
     model.vis.global_.orthographic, model.vis.global_.fovy = 1, 2.4
-    if camera == "free":  # which says itself whether it is one
+    if camera == "free":  # the camera itself specifies its projection
         camera = free_camera()
         camera.orthographic = 1
     with mujoco.Renderer(model, HEIGHT, WIDTH) as theirs, Renderer(model, HEIGHT, WIDTH) as renderer:
@@ -132,7 +132,7 @@ def test_mujocos_orthographic_cameras_see_what_they_see_there(camera):
 
 
 @pytest.mark.gl
-def test_a_camera_of_the_scene_becomes_orthographic():
+def test_scene_camera_set_to_orthographic_matches_mujoco():
     model, data = task()
     mujoco.mj_forward(model, data)
     pictures = []
@@ -149,7 +149,7 @@ def test_a_camera_of_the_scene_becomes_orthographic():
     assert_same_images(*pictures, 1e-3)
 
 
-def test_a_batch_has_them_too(device):
+def test_batches_support_orthographic_cameras(device):
     model, data = shapes_model()
     batch = BatchRenderer(model, height=HEIGHT, width=WIDTH, outputs=("depth", "segmentation"), device=device)
     views = batch.render(data, cameras=["front", "flat"])
@@ -203,7 +203,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_named(name):
+def test_invalid_arguments_are_rejected(name):
     call, message = BAD[name]
     with pytest.raises(wv.WarpvisError, match=message):
         call()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The wheel holds the whole package and works from another folder; names, versions and lists agree."""
+"""The wheel contains the whole package and works outside the checkout; names, versions and lists agree."""
 
 import ast
 import importlib
@@ -36,7 +36,7 @@ print(views.depth.shape)
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
-    """A wheel built from a copy, with this environment's setuptools: no network, and nothing left in the checkout."""
+    """Return a wheel built from a copy with this environment's setuptools: no network, and no files in the checkout."""
     copy = tmp_path_factory.mktemp("source")
     for name in ("warpvis", "kernels", "scenes", "pyproject.toml", "README.md", "LICENSE"):
         subprocess.run(["cp", "-r", str(ROOT / name), str(copy)], check=True)
@@ -47,7 +47,7 @@ def wheel(tmp_path_factory):
     return next(out.glob("warpvis-*.whl"))
 
 
-def test_the_wheel_holds_every_module(wheel):
+def test_wheel_contains_every_module(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     for folder, package in PROJECT["tool"]["setuptools"]["package-dir"].items():
         for path in (ROOT / package).rglob("*.py"):
@@ -57,7 +57,7 @@ def test_the_wheel_holds_every_module(wheel):
     assert not [name for name in names if name.startswith(("tests/", "bench/", "kernels/", "scenes/"))]
 
 
-def test_the_wheel_works_from_another_folder(wheel, tmp_path):
+def test_wheel_works_from_another_folder(wheel, tmp_path):
     target = tmp_path / "site"
     zipfile.ZipFile(wheel).extractall(target)
     environment = {**os.environ, "PYTHONPATH": str(target)}
@@ -67,7 +67,7 @@ def test_the_wheel_works_from_another_folder(wheel, tmp_path):
     assert "(1, 24, 32)" in result.stdout
 
 
-def test_every_subpackage_is_listed():
+def test_all_subpackages_are_listed():
     listed = set(PROJECT["tool"]["setuptools"]["packages"])
     folders = {"warpvis", "warpvis.kernels", "warpvis.scenes"}
     for folder in (ROOT / "warpvis").rglob("__init__.py"):
@@ -76,7 +76,7 @@ def test_every_subpackage_is_listed():
 
 
 def modules():
-    """Names of all modules of the package, from their files."""
+    """Return the names of all modules of the package, derived from its files."""
     for folder, package in PROJECT["tool"]["setuptools"]["package-dir"].items():
         for path in sorted((ROOT / package).rglob("*.py")):
             parts = path.relative_to(ROOT / package).with_suffix("").parts
@@ -89,7 +89,7 @@ def test_every_module_imports():
         importlib.import_module(name)
 
 
-def test_every_public_name_is_there():
+def test_public_names_exist():
     for name in warpvis.__all__:
         assert getattr(warpvis, name) is not None
     assert callable(warpvis.render) and callable(warpvis.classify)
@@ -97,8 +97,8 @@ def test_every_public_name_is_there():
         _ = warpvis.nothing
 
 
-def test_a_name_has_one_import_path():
-    """What stands at the top stands in no package's list, and no two packages list the same thing."""
+def test_public_names_have_one_import_path():
+    """Public names of the package are in no subpackage's list, and no two subpackages list the same object."""
     homes = {}
     for package in warpvis.__all__:
         module = getattr(warpvis, package)
@@ -110,15 +110,15 @@ def test_a_name_has_one_import_path():
     assert [paths for paths in homes.values() if len(paths) > 1] == []
 
 
-def test_the_top_is_small():
+def test_top_level_package_is_small():
     names = [name for name in warpvis.__all__ if not isinstance(getattr(warpvis, name), types.ModuleType)]
     assert len(names) <= 31
     entries = [path.name for path in (ROOT / "warpvis").iterdir() if path.name != "__pycache__"]
     assert len(entries) <= 20
 
 
-def test_private_modules_stay_in_their_package():
-    """A module whose name begins with _ is imported inside its own package only, by functions, too."""
+def test_private_modules_are_not_imported_across_packages():
+    """Modules whose names begin with _ are imported only within their package, also inside functions."""
     found = []
     for path in (ROOT / "warpvis").rglob("*.py"):
         own = path.relative_to(ROOT / "warpvis").parts[0]
@@ -137,7 +137,7 @@ def test_versions_agree():
     assert f"## {warpvis.__version__}" in (ROOT / "CHANGELOG.md").read_text()
 
 
-def test_constraints_hold_names_and_versions_only():
+def test_constraints_contain_only_pinned_versions():
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pins = {}
     for line in lines:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The packet caster where it differs in kind: trees, strips, back faces, sparse points, memory, instruction sets."""
+"""Features of the packet caster: trees, strips, back faces, sparse points, memory, and instruction sets."""
 
 import os
 import subprocess
@@ -28,14 +28,14 @@ LEVEL = (0, 0, 0, 0.5, -0.5, 0.5, -0.5)  # at the origin, looking along -x
 
 
 def assert_same(one, other):
-    """Two renderings agree within the bounds that each of them has against the reference."""
+    """Compare two renderings within the bounds that each has against the reference."""
     assert wrong_depth(one.depth.numpy(), other.depth.numpy().astype(np.float64)).mean() <= 1e-5
     if one.segmentation is not None:
         assert (one.segmentation.numpy() != other.segmentation.numpy()).mean() <= 1e-5
 
 
 @pytest.mark.parametrize("name", ["blobs_77k", "blobs_1m"])
-def test_large_scenes_agree_with_rays(name, device):
+def test_large_scenes_match_ray_caster(name, device):
     preset = scenes.PRESETS[name]
     scene = preset.build(device)
     packets, rays = (wv.render(scene, preset.camera, preset.poses(3), caster=caster) for caster in ("packets", "rays"))
@@ -43,8 +43,8 @@ def test_large_scenes_agree_with_rays(name, device):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_triangles_all_around_the_camera(seed, device):
-    """A soup through which the camera looks: triangles before it, behind it, and through its plane."""
+def test_triangles_around_the_camera_match_reference(seed, device):
+    """Triangles are in front of the camera, behind it, and intersect its plane."""
     rng = np.random.default_rng(seed)
     size = 10.0 ** rng.uniform(-1.5, 0.7, (300, 1, 1))
     corners = rng.normal(0, 2, (300, 1, 3)) + size * rng.normal(0, 1, (300, 3, 3))
@@ -58,7 +58,7 @@ def test_triangles_all_around_the_camera(seed, device):
 
 
 def leaf_by_leaf(vertices, faces, camera, poses, device):
-    """Depth of a mesh without any box: a tree of one leaf has none."""
+    """Return the depth of a mesh rendered in parts whose trees have one leaf, and so no boxes."""
     nearest = np.full((len(poses), camera.height, camera.width), np.inf, dtype=np.float32)
     for some in np.array_split(faces, -(-len(faces) // 16)):
         alone = wv.Scene(device=device)
@@ -69,8 +69,8 @@ def leaf_by_leaf(vertices, faces, camera, poses, device):
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_boxes_hide_no_triangle(seed, device):
-    """Bit for bit what leaves show without boxes: of triangles smaller than a pixel most boxes lie between centres."""
+def test_boxes_do_not_hide_triangles(seed, device):
+    """Depth is bit-identical without boxes; boxes of triangles smaller than a pixel often miss pixel centers."""
     rng = np.random.default_rng(seed)
     vertices, faces = terrain.ground(31)
     vertices = vertices @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.normal(size=3) * 10.0 ** rng.uniform(0, 4)
@@ -87,11 +87,11 @@ def test_boxes_hide_no_triangle(seed, device):
 
 
 @pytest.mark.parametrize("turn", [(0, 0, 0, 1), (1, 0, 0, 0), (0.5, -0.5, 0.5, -0.5), (0.5, 0.5, 0.5, 0.5)])
-def test_boxes_that_end_at_pixel_centres_hide_no_triangle(turn, device):
-    """A wall of which every pixel's centre is at a corner of triangles, and so at the edges of boxes."""
+def test_boxes_ending_at_pixel_centers_do_not_hide_triangles(turn, device):
+    """Every pixel center coincides with a vertex, and so with edges of boxes."""
     rng = np.random.default_rng(int(10 * sum(turn)))
     scale = 10.0 ** rng.uniform(-1, 1)
-    x = np.arange(-12.0, 12.25, 0.5) * scale  # a pixel is a metre at 100 m, times the scale
+    x = np.arange(-12.0, 12.25, 0.5) * scale  # a pixel is 1 m at 100 m, times the scale
     corners = np.stack([*np.meshgrid(x, x, indexing="ij"), np.full((len(x), len(x)), 100.0 * scale)], -1)
     camera = wv.Camera(20, 20, 100.0, 100.0, 10.5, 10.5)
     pose = np.r_[rng.normal(size=3) * 10.0 ** rng.uniform(0, 2), turn].astype(np.float32)[None]
@@ -105,8 +105,8 @@ def test_boxes_that_end_at_pixel_centres_hide_no_triangle(turn, device):
     np.testing.assert_allclose(depth, 100.0 * scale, rtol=1e-4)
 
 
-def test_culling_sees_through_back_faces(device, caster):
-    """A camera inside a ball, with another ball beyond: culled, the first one is not there."""
+def test_culled_back_faces_are_transparent(device, caster):
+    """A camera is inside a ball, and another ball is outside: culling makes the first one invisible."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.icosphere(radius=1.0), name="around")
     scene.add(trimesh.creation.icosphere(radius=0.5), name="beyond", pose=(3, 0, 0, 0, 0, 0, 1))
@@ -118,8 +118,8 @@ def test_culling_sees_through_back_faces(device, caster):
     assert_matches_reference(culled, scene, SMALL, pose, cull_backfaces=True)
 
 
-def test_leaving_out_back_faces_changes_nothing(monkeypatch, device):
-    """Bit for bit: from outside of closed meshes, from inside, from inside their boxes, and through each other."""
+def test_skipping_back_faces_of_closed_meshes_is_exact(monkeypatch, device):
+    """Images are bit-identical from outside and inside closed meshes, inside their boxes, and for intersecting ones."""
 
     def build():
         scene = scenes.PRESETS["room"].build(device)
@@ -134,7 +134,7 @@ def test_leaving_out_back_faces_changes_nothing(monkeypatch, device):
     eyes = [(0.9, 0.1, 0.4), (0.9 + 0.29, 0.1 + 0.29, 0.4 + 0.29), (1.5, 0.5, 1.0)]
     poses[8:] = [wv.look_at(eye, (0, 0, 0.3)) for eye in eyes]
     scene = build()
-    assert scene.bvh().struct.closed_count == 6  # all but the open box
+    assert scene.bvh().struct.closed_count == 6  # all except the open box
     lean = wv.render(scene, SMALL, poses, outputs=ALL)
     monkeypatch.setattr("warpvis.scene._tree_cache.provably_closed", lambda vertices, faces: False)
     scene = build()
@@ -144,8 +144,8 @@ def test_leaving_out_back_faces_changes_nothing(monkeypatch, device):
         np.testing.assert_array_equal(getattr(lean, name).numpy(), getattr(whole, name).numpy())
 
 
-def test_a_million_triangles_in_one_pixel(device):
-    """A finely meshed ball that is far smaller than a pixel, and right on its centre."""
+def test_million_triangles_in_one_pixel(device):
+    """A finely meshed ball, much smaller than a pixel, is exactly at the pixel center."""
     ball = trimesh.creation.icosphere(subdivisions=8, radius=0.1)
     assert len(ball.faces) > 1_000_000
     scene = wv.Scene(device=device)
@@ -157,8 +157,8 @@ def test_a_million_triangles_in_one_pixel(device):
 
 
 @pytest.mark.slow
-def test_a_large_image_of_large_triangles(device):
-    """4096 x 4096 pixels of the room agree with rays."""
+def test_large_image_matches_ray_caster(device):
+    """4096 x 4096 pixels of the room are compared with the ray caster."""
     preset = scenes.PRESETS["room"]
     camera = wv.Camera.from_fov(4096, 4096, hfov=0.994837, near=0.05, far=100.0)
     packets, rays = (
@@ -168,7 +168,7 @@ def test_a_large_image_of_large_triangles(device):
     assert_same(packets, rays)
 
 
-def test_one_triangle_over_the_whole_image(device):
+def test_triangle_that_covers_the_image(device):
     scene = wv.Scene(device=device)
     scene.add((np.array([[5, -1e4, -1e4], [5, 1e4, -1e4], [5, 0, 1e4]]), np.array([[0, 1, 2]])))
     depth = wv.render(scene, wv.Camera.from_fov(333, 217, hfov=1.0), wv.look_at((0, 0, 0), (1, 0, 0))).depth.numpy()
@@ -176,7 +176,7 @@ def test_one_triangle_over_the_whole_image(device):
 
 
 def test_deep_trees_do_not_overflow(device):
-    """Triangles whose size and distance double: their tree is as deep as it can be."""
+    """Size and distance of triangles double, which yields a tree of maximum depth."""
     size = 2.0 ** np.linspace(-30, 30, 20_000)[:, None, None]
     corners = size * np.array([[[1, -0.1, -0.1], [1, 0.1, -0.1], [1, 0, 0.1]]])
     scene = wv.Scene(device=device)
@@ -211,13 +211,13 @@ def test_strips_cover_the_image(shape, threads):
     assert views * (len(rows) - 1) >= min(threads, -(-height // 16))
 
 
-def test_strips_are_shares_of_the_rows_that_are_left():
-    """A quarter of them each, for two threads, in whole tiles: so that threads end at about the same time."""
+def test_strips_shrink_with_remaining_rows():
+    """For two threads, each strip is a quarter of the remaining rows, in whole tiles, so threads finish together."""
     assert split_rows(1, 480, 2).tolist() == [0, 128, 224, 288, 336, 384, 416, 432, 448, 464, 480]
 
 
-def test_memory_of_the_caller_may_start_anywhere():
-    """Images at odd addresses, of odd widths: what is asked for is written, and nothing beside it."""
+def test_output_arrays_may_be_unaligned():
+    """Images at unaligned addresses and of odd widths are written completely, and nothing outside of them."""
     preset = scenes.PRESETS["room"]
     scene = preset.build()
     for width in (77, 80):
@@ -242,14 +242,14 @@ def test_memory_of_the_caller_may_start_anywhere():
 
 @pytest.mark.parametrize("name", ["experiment_3", "room"])
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_points_of_the_image_match_their_twin(name, cull_backfaces, device, caster):
+def test_image_points_match_reference(name, cull_backfaces, device, caster):
     preset = scenes.PRESETS[name]
     scene = preset.build(device)
     camera = wv.Camera.from_fov(160, 120, hfov=0.994837, near=0.3, far=4.5)
     rng = np.random.default_rng(0)
     pixels = rng.uniform((-4, -4), (164, 124), (2, 3000, 2)).astype(np.float32)
     pixels[:, 0] = np.nan
-    pixels[:, 1:500] = pixels[:, 500:501]  # many at one place
+    pixels[:, 1:500] = pixels[:, 500:501]  # many points at one position
     renderer = wv.Renderer(scene, camera, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
     views = renderer.render_at(preset.poses(2), pixels)
     assert views.depth.shape == (2, 3000)
@@ -265,7 +265,7 @@ def test_points_of_the_image_match_their_twin(name, cull_backfaces, device, cast
         assert apart.mean() < 1e-2
 
 
-def test_points_at_pixel_centres_see_what_the_pixels_see(device):
+def test_image_points_at_pixel_centers_match_image(device):
     preset = scenes.PRESETS["blobs_77k"]
     renderer = wv.Renderer(preset.build(device), SMALL, outputs=("depth", "segmentation"))
     y, x = np.mgrid[:90, :120] + 0.5
@@ -275,7 +275,7 @@ def test_points_at_pixel_centres_see_what_the_pixels_see(device):
     assert (points.segmentation.numpy() != image.segmentation.numpy().reshape(2, -1)).mean() <= 1e-4
 
 
-def test_points_do_not_depend_on_threads_or_order():
+def test_image_points_do_not_depend_on_threads_or_order():
     preset = scenes.PRESETS["room"]
     pixels = np.random.default_rng(1).uniform((0, 0), (120, 90), (1, 5000, 2)).astype(np.float32)
     order = np.random.default_rng(2).permutation(5000)
@@ -287,7 +287,7 @@ def test_points_do_not_depend_on_threads_or_order():
         assert again.segmentation.numpy().tobytes() == first.segmentation.numpy()[:, order].tobytes()
 
 
-def test_auto_takes_packets(device):
+def test_auto_selects_packets(device):
     assert wv.Renderer(scenes.PRESETS["room"].build(device), SMALL).caster == "packets"
 
 
@@ -310,8 +310,8 @@ np.savez(sys.argv[2], **images)
 
 @pytest.mark.skipif(os.uname().machine != "x86_64", reason="names x86-64's instruction sets")
 @parametrize("flags", ["-target-cpu haswell", ""], ids=["AVX2", "generic"])
-def test_narrower_lanes_make_the_same_images(flags, tmp_path):
-    """For AVX2 alone, and for Warp's generic x86-64, which has AVX; `make test-lanes` runs all casters' tests so."""
+def test_narrower_instruction_sets_match_ray_caster(flags, tmp_path):
+    """AVX2, and Warp's generic x86-64, which has AVX; `make test-lanes` runs the tests of all casters with both."""
     path = tmp_path / "images.npz"
     subprocess.run([sys.executable, "-c", _ELSEWHERE, flags, str(path)], check=True, capture_output=True)
     stored = np.load(path)
@@ -324,8 +324,8 @@ def test_narrower_lanes_make_the_same_images(flags, tmp_path):
 
 @parametrize("thickness", [1e-4, 1e-3, 0.02])
 @pytest.mark.parametrize("behind", [False, True])
-def test_slivers(device, caster, thickness, behind):
-    """Long triangles between pixels' centres, upright, lying and slanted; some reach behind the camera."""
+def test_slivers_match_reference(device, caster, thickness, behind):
+    """Long triangles between pixel centers, vertical, horizontal and oblique; some extend behind the camera."""
     rng = np.random.default_rng(7)
     count = 300
     start = rng.uniform([-2, -2, -1], [2, 2, 3], (count, 3))

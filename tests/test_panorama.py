@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cylindrical and spherical images: the float64 reference all around, the pinhole's lengths, and known places."""
+"""Cylindrical and spherical images, compared with a float64 reference, a pinhole camera, and known positions."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def projection(request):
 
 
 def assert_matches_reference(views, scene, poses, rays, **options):
-    """Save where a ray 1e-6 rad beside sees something else."""
+    """Compare with the reference, except where a ray 1e-6 rad away hits another surface."""
     for view, pose in enumerate(poses):
         expected = reference.cast_ray_table(scene, rays, pose, **options)
 
@@ -39,7 +39,7 @@ def assert_matches_reference(views, scene, poses, rays, **options):
 
 
 @pytest.mark.parametrize("hfov", [0.8, 3.0, AROUND])
-def test_the_room_matches_the_reference(projection, hfov, device):
+def test_room_matches_reference(projection, hfov, device):
     preset = scenes.PRESETS["room"]
     scene, size = preset.build(device), SIZES[projection]
     poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
@@ -49,8 +49,8 @@ def test_the_room_matches_the_reference(projection, hfov, device):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_solids_and_moved_meshes_match_the_reference(projection, cull_backfaces, device):
-    """Among them, so that they are in front, beside and behind."""
+def test_solids_and_moved_meshes_match_reference(projection, cull_backfaces, device):
+    """The camera is among the objects, which are in front, beside and behind."""
     rng = np.random.default_rng(0)
     meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=1, radius=0.3)]
     rows = random_poses(rng, 10, spread=2.0)
@@ -64,7 +64,7 @@ def test_solids_and_moved_meshes_match_the_reference(projection, cull_backfaces,
     assert_matches_reference(views, scene, poses, wide_rays(*size, AROUND, projection), **options)
 
 
-def test_a_floor_seen_at_a_grazing_angle(projection, device):
+def test_floor_at_grazing_angle_matches_reference(projection, device):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((200, 200, 1)), name="floor", pose=(0, 0, -0.5, 0, 0, 0, 1))
     poses = wv.look_at((0, 0, 0.02), (1, 0.1, 0.0199))[None].astype(np.float32)
@@ -72,7 +72,7 @@ def test_a_floor_seen_at_a_grazing_angle(projection, device):
     assert_matches_reference(views, scene, poses, wide_rays(96, 96, 0.1, projection))
 
 
-def test_no_more_than_once_around(device):
+def test_hfov_is_at_most_two_pi(device):
     scene, poses = wv.scenes.PRESETS["room"].build(device), wv.scenes.PRESETS["room"].poses(1)
     assert render_wide(scene, 8, 4, 6.2832, poses).depth.shape == (1, 4, 8)
     with pytest.raises(wv.WarpvisError, match="radians"):
@@ -80,8 +80,8 @@ def test_no_more_than_once_around(device):
 
 
 @pytest.mark.parametrize("hfov", [1.5, AROUND])
-def test_lengths_are_the_pinholes(projection, hfov, device):
-    """Planar depth through the same direction, times the length of the ray of depth 1."""
+def test_ranges_match_pinhole(projection, hfov, device):
+    """Ranges equal planar depths in the same directions times the lengths of rays of depth 1."""
     preset = scenes.PRESETS["room"]
     scene, poses, size = preset.build(device), preset.poses(2), SIZES[projection]
     length = render_wide(scene, *size, hfov, poses, projection=projection).depth.numpy()
@@ -98,7 +98,7 @@ def test_lengths_are_the_pinholes(projection, hfov, device):
     assert close.mean() > 0.995
 
 
-def test_inside_a_ball_all_lengths_are_its_radius(projection, device):
+def test_ranges_inside_ball_equal_its_radius(projection, device):
     ball = trimesh.creation.icosphere(subdivisions=5, radius=2.0)
     scene = wv.Scene(device=device)
     scene.add(ball, pose=(1, 2, 3, 0, 0, 0, 1))
@@ -112,7 +112,7 @@ def test_inside_a_ball_all_lengths_are_its_radius(projection, device):
 
 
 def test_columns_are_azimuths_and_rows_elevations(device):
-    """Boxes in six directions, the camera at the origin looking along z, y down; 90 degrees are 16 of 65 columns."""
+    """Boxes in six directions, the camera at the origin looking along z, y down: 90 degrees are 16 of 65 columns."""
     scene, size = wv.Scene(device=device), 0.8
     places = {"ahead": (0, 0, 1), "right": (2, 0, 0), "behind": (0, 0, -3), "left": (-4, 0, 0)}
     places |= {"below": (0, 5, 0), "above": (0, -6, 0)}
@@ -127,7 +127,7 @@ def test_columns_are_azimuths_and_rows_elevations(device):
     assert (objects[0] == scene.index("above")).all() == (objects[32] == scene.index("below")).all()
 
 
-def test_a_fisheyes_distance_from_the_middle_is_the_angle_from_the_axis(device):
+def test_spherical_image_is_equidistant(device):
     scene = wv.Scene(device=device)
     angles = {"middle": (0.0, 0.0), "right": (1.2, 0.0), "below": (1.2, np.pi / 2), "slanted": (2.0, np.pi / 4)}
     for name, (away, roll) in angles.items():
@@ -142,7 +142,7 @@ def test_a_fisheyes_distance_from_the_middle_is_the_angle_from_the_axis(device):
             assert objects[y, x] == scene.index(name)
 
 
-def test_worlds_and_exclusion(projection, device):
+def test_worlds_and_exclusion_match_reference(projection, device):
     rows, size = random_poses(np.random.default_rng(1), 2, 5), SIZES[projection]
     scene, rays = build(device, rows[0], movable=True), wide_rays(*size, AROUND, projection)
     arguments = {"projection": projection, "outputs": ALL}
@@ -155,8 +155,8 @@ def test_worlds_and_exclusion(projection, device):
     assert_matches_reference(hidden, build("cpu", far_away(rows[0], 1, 3), movable=False), poses, rays)
 
 
-def test_a_camera_inside_its_own_housing(projection, device):
-    """It sees through it by exclusion, or, as Webots does, because back faces are culled."""
+def test_camera_sees_through_excluded_or_culled_housing(projection, device):
+    """The housing is transparent if excluded or, as in Webots, if back faces are culled."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.icosphere(radius=0.05), name="housing")
     scene.add(_room(), name="room")
@@ -174,12 +174,12 @@ def _room():
     return room
 
 
-def test_ranges_are_of_the_length(projection, device):
-    """A wall 1 m ahead is at 1 m in the middle only; 60 degrees to the side it is at 2 m, whatever its planar depth."""
+def test_near_and_far_limit_range_along_ray(projection, device):
+    """A wall 1 m ahead has range 1 m only in the center; at 60 degrees it has 2 m, irrespective of planar depth."""
     scene = wv.Scene(device=device)
     scene.add(([(-9, -9, 1), (9, -9, 1), (9, 9, 1), (-9, 9, 1)], [(0, 1, 2), (0, 2, 3)]))
     arguments = {"projection": projection, "outputs": ALL}
-    hfov = 2 * np.pi / 3 * 101 / 100  # the last pixel's centre is 60 degrees to the side
+    hfov = 2 * np.pi / 3 * 101 / 100  # the last pixel's center is 60 degrees off the axis
     views = render_wide(scene, 101, 1, hfov, STRAIGHT, **arguments)
     np.testing.assert_allclose(views.depth.numpy()[0, 0, [0, 50, 100]], [2, 1, 2], rtol=1e-6)
     views = render_wide(scene, 101, 1, hfov, STRAIGHT, near=1.001, far=1.9, **arguments)
@@ -190,7 +190,7 @@ def test_ranges_are_of_the_length(projection, device):
     assert np.isnan(views.points.numpy()[0, 0, empty]).all()
 
 
-def test_only_what_is_asked_for_is_made(device):
+def test_only_requested_outputs_are_rendered(device):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
     views = render_wide(scene, 16, 8, 3.0, preset.poses(1))
@@ -202,7 +202,7 @@ def test_only_what_is_asked_for_is_made(device):
     assert render_wide(scene, 16, 8, 3.0, np.zeros((0, 7))).depth.shape == (0, 8, 16)
 
 
-def test_conventions_of_poses(projection, device):
+def test_pose_conventions_are_equivalent(projection, device):
     preset = scenes.PRESETS["room"]
     scene, pose = preset.build(device), preset.poses(1)
     turned = wv.core.poses.quaternion_product(pose[:, 3:], np.array([1.0, 0, 0, 0]))
@@ -212,7 +212,7 @@ def test_conventions_of_poses(projection, device):
     np.testing.assert_allclose(other, one, rtol=1e-4)
 
 
-def test_runs_are_bit_identical_whatever_the_threads(projection, device):
+def test_images_are_bit_identical_for_all_thread_counts(projection, device):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
     arguments = {"projection": projection, "outputs": ALL}
@@ -222,8 +222,8 @@ def test_runs_are_bit_identical_whatever_the_threads(projection, device):
 
 
 @pytest.mark.parametrize("caster", ["auto", "rays"])
-def test_a_camera_is_rendered_as_any_other(projection, caster, device):
-    """Its images, and points of them, are what the reference and `render_wide` say."""
+def test_wide_camera_matches_render_wide(projection, caster, device):
+    """Images and image points match the reference and `render_wide`."""
     preset, size = scenes.PRESETS["room"], SIZES[projection]
     scene, poses = preset.build(device), preset.poses(2)
     camera = WideCamera(*size, AROUND, projection, near=0.5, far=3.0)
@@ -242,7 +242,7 @@ def test_a_camera_is_rendered_as_any_other(projection, caster, device):
     assert (shown[:, 3:] == views.segmentation.numpy().reshape(2, -1)[:, 3:]).mean() > 0.999
 
 
-def test_images_of_more_than_the_scene_keeps_are_the_same(monkeypatch, projection, device):
+def test_images_too_large_for_the_ray_cache_are_equal(monkeypatch, projection, device):
     scene, poses, size = scenes.PRESETS["room"].build(device), scenes.PRESETS["room"].poses(1), SIZES[projection]
     kept = render_wide(scene, *size, AROUND, poses, projection=projection, outputs=ALL)
     monkeypatch.setattr(_panorama, "_MAX_CACHED_RAYS", size[0] * size[1] - 1)
@@ -253,7 +253,7 @@ def test_images_of_more_than_the_scene_keeps_are_the_same(monkeypatch, projectio
     np.testing.assert_allclose(alone.depth.numpy(), kept.depth.numpy(), rtol=1e-5)
 
 
-def test_a_panorama_of_the_whole_sphere_is_a_lens_too():
+def test_full_panorama_matches_equirectangular_lens():
     camera = wv.sensors.LensCamera(wv.sensors.lenses.Equirectangular(64, 32), 64, 32)
     np.testing.assert_allclose(WideCamera(64, 32, AROUND).rays, camera.rays, atol=1e-15)
 
@@ -285,7 +285,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_bad_input(name):
+def test_invalid_arguments_are_rejected(name):
     changed, said = CASES[name]
     scene = wv.Scene()
     scene.add(trimesh.creation.box((1, 1, 1)), name="box")

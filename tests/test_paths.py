@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever takes a path takes text and any `os.PathLike`, which need not be a `pathlib.Path`."""
+"""Path arguments accept strings and any `os.PathLike`, not only `pathlib.Path`."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from warpvis.batch import FrameRenderer, verify
 
 
 class Place:
-    """A path that is nothing but one."""
+    """A minimal `os.PathLike`."""
 
     def __init__(self, path):
         self.path = str(path)
@@ -30,7 +30,7 @@ POSE = np.array([[0.0, 0, 0, 0, 0, 0, 1]])
 
 @pytest.fixture(params=FORMS)
 def at(request, tmp_path):
-    """Names of files in a folder, in one of the forms."""
+    """Return a function from file names in a folder to paths of one type."""
     return lambda name: FORMS[request.param](tmp_path / name)
 
 
@@ -40,14 +40,14 @@ def box_file(tmp_path):
     return "box.ply"
 
 
-def test_scenes(at, box_file):
+def test_scene_paths(at, box_file):
     scene = wv.Scene.load(at(box_file))
     assert len(scene) == 1
     scene.export(at("box.glb"))
     assert wv.Scene.load(at("box.glb")).triangle_count == 12
 
 
-def test_frame_renderers_and_batches(at, box_file, tmp_path):
+def test_frame_renderer_and_batch_paths(at, box_file, tmp_path):
     seen = FrameRenderer(at(box_file), CAMERA)({"camera_to_world": POSE})
     assert seen["depth"][0, 3, 4] == 2.5
     wv.render_batch(at(box_file), CAMERA, wv.Frames.from_poses(POSE), at("set"), threads=1)
@@ -55,7 +55,7 @@ def test_frame_renderers_and_batches(at, box_file, tmp_path):
     assert json.loads((tmp_path / "set" / "manifest.json").read_text())["scene"]["file"] == "box.ply"
 
 
-def test_poses_cameras_and_points(at, tmp_path):
+def test_pose_camera_and_point_paths(at, tmp_path):
     (tmp_path / "walk.txt").write_text("0 0 0 0 0 0 0 1\n")
     (tmp_path / "camera.json").write_text('{"width": 8, "height": 6, "hfov": 1.0}')
     (tmp_path / "points.txt").write_text("1 2 3\n")
@@ -65,12 +65,12 @@ def test_poses_cameras_and_points(at, tmp_path):
     assert wv.io.load_camera(at("camera.json")) == CAMERA
 
 
-def test_depth_files(at, tmp_path):
+def test_depth_paths(at, tmp_path):
     wv.io.save_depth_png(np.ones((6, 8)), at("one.png"))
     assert "one.png" in os.listdir(tmp_path)
 
 
-def test_maps_and_pictures(at, tmp_path):
+def test_map_and_picture_paths(at, tmp_path):
     scene = wv.Scene()
     scene.add(trimesh.creation.box(), pose=(0, 0, 3, 0, 0, 0, 1), label="object")
     views = wv.render(scene, CAMERA, POSE)
@@ -81,7 +81,7 @@ def test_maps_and_pictures(at, tmp_path):
     assert {"voxels.npz", "map.png", "depth.png"} <= set(os.listdir(tmp_path))
 
 
-def test_webots_worlds(at, tmp_path):
+def test_webots_paths(at, tmp_path):
     (tmp_path / "protos").mkdir()
     (tmp_path / "lab.wbt").write_text(
         '#VRML_SIM R2023b utf8\nSolid { name "box" children [ Shape { geometry Box { } } ] }\n'
@@ -91,8 +91,8 @@ def test_webots_worlds(at, tmp_path):
 
 
 @pytest.mark.parametrize("path", [None, 0, 1, True, 2.5, b"a", "", "a\0b", [], object()])
-def test_what_is_no_path_is_refused(path):
-    """A number above all: Python takes it for a file that is open, such as the standard output."""
+def test_invalid_paths_are_rejected(path):
+    """Integers are rejected too: Python treats them as open file descriptors, such as standard output."""
     depth = np.ones((6, 8), dtype=np.float32)
     space = wv.voxel_map(depth, CAMERA, POSE, bounds=[[-1, -1, 0.5], [1, 1, 1.5]])
     takers = [
@@ -121,6 +121,6 @@ FLAG.add(([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]))
 @pytest.mark.parametrize(
     "read", [wv.io.load_camera, wv.read_frames, wv.Scene.load, wv.open_dataset], ids=lambda f: f.__name__
 )
-def test_names_too_long_for_a_file_are_said(read):
+def test_too_long_file_names_are_rejected(read):
     with pytest.raises(wv.WarpvisError, match="is too long for the name of a file: 'aaaa"):
         read("a" * 5000)
