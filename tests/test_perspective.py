@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Who sees what: the four cases, reasons, wide fields, attention, bodies, worlds, and what a person may mean."""
+"""Perspectives of agents: states, reasons, wide fields of view, attention, bodies, worlds, and candidates."""
 
 import json
 import math
@@ -21,7 +21,7 @@ HUMAN_EYES = wv.look_at((2, 0, 1.5), (0, 0.2, 0))
 
 
 def low_wall_scene(device="cpu"):
-    """A robot and a person on two sides of a low wall, a ball at either side, one at its end, and one in a chest."""
+    """Return a scene with agents on both sides of a low wall, and balls near each, beside the wall and in a chest."""
     scene = wv.Scene(device=device)
     scene.add(floor(8, 8), name="floor", label="ground")
     scene.add(standing_box((0.1, 1.6, 0.8), 0, 0), name="wall")
@@ -55,7 +55,7 @@ def camera_agent(camera, pose, **options):
     return Agent("camera", camera, pose, **options)
 
 
-def test_the_four_cases(device):
+def test_states_cover_the_four_cases(device):
     seen = perspective(low_wall_scene(device), robot_and_human())
     states = dict(zip(seen.objects, seen.states("robot", "human")[0], strict=True))
     assert states["near robot"] == State.FIRST
@@ -73,7 +73,7 @@ def test_the_four_cases(device):
     assert of(seen, "robot", "near robot", "fraction") == 1
 
 
-def test_every_reason(device):
+def test_status_covers_every_reason(device):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.2, 1, 1)), name="wall", pose=(2, 0, 0, 0, 0, 0, 1))
     spots = {"close": (0.2, 0, 0.07), "far": (7, 2, 1), "hidden": (3, 0, 0), "behind": (-1, 0, 0), "seen": (2, 0.7, 0)}
@@ -88,19 +88,19 @@ def test_every_reason(device):
     assert cells == ["too near", "too far", "hidden by wall", "out of view", "1.00"]
 
 
-def test_thresholds():
+def test_min_fraction_and_min_pixels():
     seen = perspective(low_wall_scene(), robot_and_human(), min_fraction=0.9)
     partly = (seen.fraction > 0) & (seen.fraction < 0.9)
     assert partly.any()
     assert not seen.visible[partly].any()
     assert of(seen, "robot", "near robot") == Visibility.VISIBLE
     few = perspective(low_wall_scene(), robot_and_human(), min_pixels=5000)
-    assert of(few, "robot", "near robot") == Visibility.TOO_FAR  # all of it is seen, by too few pixels
+    assert of(few, "robot", "near robot") == Visibility.TOO_FAR  # fully visible, but with too few pixels
     assert of(few, "robot", "floor") == Visibility.VISIBLE
 
 
 @pytest.mark.parametrize("camera", [wv.Camera.kinect(), wv.Camera.from_fov(100, 140, hfov=1.6)])
-def test_a_camera_sees_what_object_visibility_says(camera, device):
+def test_camera_agent_matches_object_visibility(camera, device):
     scene = low_wall_scene(device)
     poses = np.stack([ROBOT_EYES, HUMAN_EYES, wv.look_at((0, -3, 2), (0, 0, 0))])
     agent = camera_agent(camera, poses, body=("robot body",))
@@ -111,7 +111,7 @@ def test_a_camera_sees_what_object_visibility_says(camera, device):
         assert (getattr(seen, name)[0] == getattr(expected, name).numpy()).all(), name
 
 
-def test_the_faces_of_a_field_count_nothing_twice():
+def test_faces_of_field_of_view_count_pixels_once():
     scene = wv.Scene()
     scene.add(trimesh.creation.box((4, 6, 3)), name="room")
     human = Agent.human("human", wv.look_at((1, 1, 0.2), (0, 0, 0)))
@@ -121,7 +121,7 @@ def test_the_faces_of_a_field_count_nothing_twice():
     assert seen.silhouette_pixels.item() == 5 * camera.width * 3 * camera.height
 
 
-def test_an_object_across_a_border_of_faces():
+def test_object_across_face_border_is_counted_once():
     field = FieldOfView(140 * DEGREE, 0.2, 0.2, resolution=800)
     camera = wv.Camera.from_fov(4400, 320, hfov=140 * DEGREE)
     assert len(field.faces()) == 2
@@ -142,17 +142,17 @@ def test_an_object_across_a_border_of_faces():
         object_visibility(scene, face.camera, camera_agent(field, pose).face_poses(face), canvas=face.canvas)
         for face in field.faces()
     ]
-    assert all((face.image_pixels.numpy()[0, 0] > 0) for face in faces)  # both faces take part
+    assert all((face.image_pixels.numpy()[0, 0] > 0) for face in faces)  # both faces contribute
     assert wide.visible_pixels.item() == sum(face.visible_pixels.numpy()[0, 0] for face in faces)
 
 
 def around(degrees, radius=3.0, height=0.0):
-    """A place so many degrees to the right of the x axis."""
+    """Return a pose on a circle, `degrees` to the right of the x axis."""
     return (radius * math.cos(degrees * DEGREE), -radius * math.sin(degrees * DEGREE), height, 0, 0, 0, 1)
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_the_corner_of_a_persons_eye(side, device):
+def test_human_field_of_view_and_attention(side, device):
     scene, angles = wv.Scene(device=device), (0, 25, 35, 95, 110, 180)
     for degrees in angles:
         scene.add(trimesh.creation.icosphere(radius=0.1), name=str(degrees), pose=around(side * degrees))
@@ -166,12 +166,12 @@ def test_the_corner_of_a_persons_eye(side, device):
     assert of(seen, "human", "110") == Visibility.OUT_OF_VIEW
 
 
-def test_without_a_field_of_attention_all_that_is_seen_is_attended(low_wall):
+def test_attention_defaults_to_visibility(low_wall):
     assert (low_wall.attended[0] == low_wall.visible[0]).all()
     assert (low_wall.attended <= low_wall.visible).all()
 
 
-def test_a_body_is_seen_by_others_only(device):
+def test_body_is_visible_only_to_other_agents(device):
     scene = low_wall_scene(device)
     with_bodies = perspective(scene, robot_and_human())
     assert of(with_bodies, "human", "robot body") == Visibility.VISIBLE
@@ -181,13 +181,13 @@ def test_a_body_is_seen_by_others_only(device):
         assert of(with_bodies, agent, body, "silhouette_pixels") == 0
         assert with_bodies.body[with_bodies.agents.index(agent), with_bodies.objects.index(body)]
     assert with_bodies.body.sum() == 2
-    # The person's eyes are inside their head.
+    # The person's eyes are inside the head.
     blind = perspective(scene, Agent.human("human", HUMAN_EYES))
     assert not of(blind, "human", "near human", "visible")
     assert of(blind, "human", "near human", "occluder") == blind.scene_objects.index("human body")
 
 
-def test_many_situations_equal_single_ones():
+def test_batched_views_match_single_calls():
     scene = low_wall_scene()
     path = np.stack([wv.look_at((-2 + 0.8 * k, -1.2, 0.5), (0, 0.2, 0.2)) for k in range(4)])
     still, moving = robot_and_human()[1], Agent.kinect("robot", path, body="robot body")
@@ -209,7 +209,7 @@ def moving_scene(device="cpu"):
     return scene
 
 
-def test_worlds(device):
+def test_worlds_select_object_poses(device):
     scene = moving_scene(device)
     agents = [
         Agent.kinect("robot", wv.look_at((-2, 0, 0.3), (0, 0, 0.3))),
@@ -232,7 +232,7 @@ def test_worlds(device):
     assert (default.gaze_angle[:, 0] == seen.gaze_angle[:, 0]).all()
 
 
-def test_candidates(low_wall):
+def test_candidates_list_visible_objects(low_wall):
     found = low_wall.candidates("human", "robot")
     assert {item.object for item in found} == {"near human", "beside"}
     states = {item.object: (item.state, item.robot_fraction > 0) for item in found}
@@ -250,11 +250,11 @@ def test_candidates(low_wall):
     assert "robot body" not in low_wall.to_see("robot", "human", labels=None)
 
 
-def test_the_likeliest_candidate_comes_first():
+def test_candidates_are_sorted_by_attention_and_score():
     scene = wv.Scene()
     for name, degrees in (("aside", 60), ("left", -10), ("right", 10), ("ahead", 0), ("edge", 28), ("half", 20)):
         scene.add(trimesh.creation.icosphere(radius=0.1), name=name, label="object", pose=around(degrees))
-    # Between the eyes and one of them: its lower half is hidden.
+    # A box between the eyes and one ball hides its lower half.
     scene.add(trimesh.creation.box((0.1, 0.3, 0.2)), name="box", pose=around(20, 2, -0.1))
     seen = perspective(scene, Agent.human("human", wv.look_at((0, 0, 0), (1, 0, 0))))
     found = seen.candidates("human")
@@ -266,7 +266,7 @@ def test_the_likeliest_candidate_comes_first():
     assert found[0].score == pytest.approx(1)
 
 
-def test_report(low_wall):
+def test_report_is_json_serializable(low_wall):
     report = json.loads(json.dumps(low_wall.report(), allow_nan=False))
     assert report == low_wall.report()
     assert report["agents"] == ["robot", "human"]
@@ -280,7 +280,7 @@ def test_report(low_wall):
     assert entries["robot body"]["agents"]["robot"]["own_body"]
 
 
-def test_table():
+def test_table_lists_fractions_and_reasons():
     scene = wv.Scene()
     scene.add(trimesh.creation.box((0.1, 4, 4)), name="wall", pose=(0, 0, 0, 0, 0, 0, 1))
     scene.add(trimesh.creation.icosphere(radius=0.1), name="ball", label="object", pose=(-1, 0, 0, 0, 0, 0, 1))
@@ -297,7 +297,7 @@ def test_table():
     assert perspective(scene, robot, objects="ball").table().splitlines()[2] == "ball    object  1.00"
 
 
-def test_threads_change_nothing():
+def test_thread_count_does_not_change_results():
     one, two = (perspective(low_wall_scene(), robot_and_human(), threads=threads) for threads in (1, 2))
     assert one.report() == two.report()
     assert (one.occluder == two.occluder).all()
@@ -340,7 +340,7 @@ FOUR = np.tile(ROBOT_EYES, (4, 1))
         ({"object_poses": np.zeros((1, 2, 7))}, "object_poses must have shape (W, 1, 7)"),
     ],
 )
-def test_bad_input(change, said):
+def test_invalid_arguments_are_rejected(change, said):
     given = {"scene": moving_scene(), "agents": Agent.kinect("me", ROBOT_EYES), **change}
     with pytest.raises(wv.WarpvisError) as error:
         perspective(given.pop("scene"), given.pop("agents"), **given)
@@ -359,18 +359,18 @@ def test_bad_input(change, said):
         (lambda seen: seen.candidates("human", labels=["cup"]), "label must be one of "),
     ],
 )
-def test_bad_questions(low_wall, call, said):
+def test_invalid_queries_are_rejected(low_wall, call, said):
     with pytest.raises(wv.WarpvisError) as error:
         call(low_wall)
     assert str(error.value).startswith(said)
 
 
-# Boards that a camera at the origin sees: name, size and center [m].
+# Boards seen by a camera at the origin: name, size and center [m].
 SLIVERS = {
-    "hidden": ((0.01, 2, 2), (4, 2, 0)),  # but for a few pixels beside two walls
+    "hidden": ((0.01, 2, 2), (4, 2, 0)),  # except for a few pixels beside two walls
     "wall": ((0.01, 1.0, 1.2), (2, 1.02, 0)),
     "low wall": ((0.01, 0.2, 1.1), (2, 0.5, -0.1)),
-    "shown": ((0.01, 2, 2), (4, -2, 0)),  # but for a few pixels behind a post
+    "shown": ((0.01, 2, 2), (4, -2, 0)),  # except for a few pixels behind a post
     "post": ((0.01, 0.02, 0.02), (2, -1, 0)),
 }
 
@@ -383,7 +383,7 @@ def slivers():
     return scene, camera, wv.look_at((0, 0, 0), (1, 0, 0))
 
 
-def test_a_few_pixels_are_never_written_as_none_or_all(tmp_path, monkeypatch, capsys):
+def test_extreme_fractions_are_not_rounded_to_zero_or_one(tmp_path, monkeypatch, capsys):
     from warpvis.viewer._rows import table_rows
 
     scene, camera, pose = slivers()
@@ -426,7 +426,7 @@ def test_a_few_pixels_are_never_written_as_none_or_all(tmp_path, monkeypatch, ca
         (0.25, "0.25", "25 %"), (0.994, "0.99", "99 %"), (0.996, ">0.99", ">99 %"), (1.0, "1.00", "100 %"),
     ],
 )  # fmt: skip
-def test_fractions_round_to_nothing_only_if_they_are(fraction, text, percent):
+def test_fraction_format_reserves_zero_and_one_for_exact_values(fraction, text, percent):
     from warpvis.core.checks import format_fraction, format_percent
 
     assert format_fraction(fraction) == text

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of who sees what: their colours, what each panel shows, and that nothing overlaps or is cut off."""
+"""Perspective pictures: colors, contents of panels, and layout of texts."""
 
 import itertools
 import math
@@ -23,7 +23,7 @@ from warpvis.viz._states import STATE_COLORS, PanelData
 DEFAULTS = {"view": 0, "title": "A title", "labels": ["object"], "eye": None, "target": None, "proposed": None}
 DEFAULTS["object_poses"] = None
 
-# How colours look to the colour-blind, in linear RGB (Machado, Oliveira and Fernandes 2009, severity 1).
+# Simulation of color blindness in linear RGB (Machado, Oliveira and Fernandes 2009, severity 1).
 COLOR_BLIND = {
     "nobody": np.eye(3),
     "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
@@ -33,7 +33,7 @@ COLOR_BLIND = {
 
 
 def lab(color, sight):
-    """CIE L*a*b* of an sRGB colour (0 to 255), as someone sees it."""
+    """Return CIE L*a*b* of an sRGB color (0 to 255) as seen with a type of color vision."""
     srgb = np.array(color) / 255
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     seen = np.clip(np.array(COLOR_BLIND[sight]) @ linear, 0, 1)
@@ -45,8 +45,8 @@ def lab(color, sight):
 
 @pytest.mark.parametrize("sight", COLOR_BLIND)
 @pytest.mark.parametrize("colors", [STATE_COLORS, STATUS_COLORS])
-def test_everyone_can_tell_the_colours_apart(colors, sight):
-    """From each other, and from the greys of the pictures; a difference of 2.3 is just noticeable."""
+def test_colors_are_distinct_under_color_blindness(colors, sight):
+    """Colors differ from each other and from the grays of pictures; a difference of 2.3 is just noticeable."""
     shades = [lab(color, sight) for color in colors.values()]
     assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(shades, 2)) > 25
     greys = [lab([round(255 * grey)] * 3, sight) for grey in (0.45, 0.7, 0.88)]
@@ -61,7 +61,7 @@ def case(request):
 
 @pytest.fixture(scope="module")
 def drawn(case, tmp_path_factory):
-    """The figure of a case, and the file that it is written to."""
+    """Return the figure of a case, and the path that it is saved to."""
     experiment, scene, agents, seen = case
     proposed = wv.look_at((-0.9, -0.9, 0.7), (0.5, 0.6, 0.1))
     title = f"{experiment.title}. The person looks {experiment.gaze}"
@@ -72,7 +72,7 @@ def drawn(case, tmp_path_factory):
 
 
 def count_pixels(path, color):
-    """Pixels of a picture that have a colour, in the light or in the shade."""
+    """Return the number of pixels of a color, lit or shaded."""
     pixels = np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3).astype(np.int16)
     pixels = pixels[np.ptp(pixels, axis=1) > 20]
     shade = pixels.sum(axis=1) / sum(color)
@@ -81,7 +81,7 @@ def count_pixels(path, color):
 
 
 def texts_of(figure):
-    """Every text of a figure that was drawn, with its box in pixels."""
+    """Return every drawn text of a figure with its box in pixels."""
     texts = [figure._suptitle]
     for axes in figure.axes:
         texts += [axes.title, *axes.texts, *(axes.get_legend().get_texts() if axes.get_legend() else [])]
@@ -94,7 +94,7 @@ def texts_of(figure):
 
 
 def assert_tidy(figure):
-    """All texts lie in the figure, and none overlaps another one."""
+    """Check that all texts are inside the figure and do not overlap."""
     texts = texts_of(figure)
     assert len(texts) > 40
     for name, box in texts:
@@ -104,7 +104,7 @@ def assert_tidy(figure):
         assert not box_a.overlaps(box_b), f"{a!r} and {b!r}"
 
 
-def test_nothing_overlaps_or_is_cut_off(drawn):
+def test_texts_do_not_overlap_or_leave_the_figure(drawn):
     assert_tidy(drawn[0])
 
 
@@ -124,7 +124,7 @@ def test_long_names_and_titles_fit(tmp_path):
     assert "both see: 11 objects" in texts and "only the visitor of the robot sees: ..." in texts
 
 
-def test_the_legend_names_the_state(case, drawn):
+def test_legend_names_the_state(case, drawn):
     experiment = case[0]
     texts = [text for text, _ in texts_of(drawn[0])]
     words = {
@@ -139,8 +139,8 @@ def test_the_legend_names_the_state(case, drawn):
     assert "What the human sees (200 degrees wide)" in texts
 
 
-def test_the_picture(case, drawn):
-    """It is small enough for a README, and its ball has the state's colour and no other one's."""
+def test_picture_is_small_and_shows_the_state_color(case, drawn):
+    """The picture is small enough for a README, and the ball has only the color of its state."""
     experiment, path = case[0], drawn[1]
     assert path.stat().st_size < 400_000
     counts = {state: count_pixels(path, color) for state, color in STATE_COLORS.items()}
@@ -150,7 +150,7 @@ def test_the_picture(case, drawn):
         assert (count > swatch + 100) == (state == experiment.states["ball"]), counts
 
 
-def test_maps_show_what_each_agent_sees(case):
+def test_maps_show_objects_visible_to_each_agent(case):
     experiment, scene, agents, seen = case
     state = experiment.states["ball"]
     shown = PanelData.from_perspective(scene, agents, seen, 0, ["object"], None)
@@ -171,7 +171,7 @@ def test_maps_show_what_each_agent_sees(case):
 
 
 def test_maps_have_no_gap_between_faces():
-    """Neighbouring faces are mapped one by one; the floor between their last columns was seen too."""
+    """Neighboring faces are mapped separately; the floor between their adjacent columns is visible too."""
     scene = wv.Scene()
     scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground", pose=(0, 0, -0.01, 0, 0, 0, 1))
     human = Agent.human("human", wv.look_at((0, 0, 1.6), (2, 0, 1.0)), resolution=60)
@@ -184,8 +184,8 @@ def test_maps_have_no_gap_between_faces():
     assert (floor_map.colors[rows, columns] > 0.5).all()
 
 
-def test_faces_for_maps_are_those_of_the_agent():
-    """With one more column where they meet: without it they are the same images."""
+def test_map_faces_match_agent_faces():
+    """Faces get one additional column where they meet; the other columns are equal."""
     experiment = scenes.EXPERIMENTS[0]
     scene, human = experiment.build(), experiment.agents()[1]
     for k, (face, views) in enumerate(zip(human.faces, views_of_faces(scene, human), strict=True)):
@@ -197,7 +197,7 @@ def test_faces_for_maps_are_those_of_the_agent():
 
 
 def balls_around(angles, distance=2.0):
-    """Small balls on a circle at the height of the eyes, at angles to the right of +x [rad]."""
+    """Return small balls on a circle at eye height, at angles to the right of +x [rad]."""
     scene = wv.Scene()
     for i, angle in enumerate(angles):
         place = (distance * math.cos(angle), -distance * math.sin(angle), 1.0, 0, 0, 0, 1)
@@ -206,7 +206,7 @@ def balls_around(angles, distance=2.0):
 
 
 @pytest.mark.parametrize("hfov", [200, 300, 360])
-def test_a_wide_field_is_shown_by_angles(hfov):
+def test_wide_field_of_view_is_drawn_by_angle(hfov):
     angles = np.radians([-170, -120, -95, -33, 0, 10, 66, 95, 120, 170])
     scene = balls_around(angles)
     field = FieldOfView(math.radians(hfov), math.radians(50), math.radians(60))
@@ -227,7 +227,7 @@ def test_a_wide_field_is_shown_by_angles(hfov):
     assert len(seen.attention) == 0
 
 
-def test_the_field_of_attention_is_drawn_where_it_ends():
+def test_attention_border_is_drawn_at_its_angles():
     scene = balls_around([0.0])
     human = Agent.human("human", wv.look_at((0, 0, 1), (1, 0, 1)))
     border = agent_view(scene, human).attention
@@ -241,7 +241,7 @@ def test_the_field_of_attention_is_drawn_where_it_ends():
     np.testing.assert_allclose(border.max(axis=0), [160 + half, 120 + half])
 
 
-def test_a_camera_is_shown_as_it_is():
+def test_camera_view_matches_rendered_image():
     experiment = scenes.EXPERIMENTS[2]
     scene, robot = experiment.build(), experiment.agents()[0]
     seen = agent_view(scene, robot)
@@ -251,8 +251,8 @@ def test_a_camera_is_shown_as_it_is():
     assert seen.extent == (0, 320, 240, 0)
 
 
-def test_situations_and_movable_objects():
-    """The picture of the second situation shows the ball where it is then."""
+def test_pictures_of_views_with_movable_objects():
+    """The picture of the second view shows the ball at its pose in that view."""
     scene = wv.Scene()
     scene.add(trimesh.creation.box((4, 4, 0.02)), name="floor", label="ground", pose=(0, 0, -0.01, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.1, 1, 1)), name="wall", pose=(0, 0, 0.5, 0, 0, 0, 1))
@@ -273,8 +273,8 @@ def test_situations_and_movable_objects():
     draw_perspective(scene, (robot, human), seen, **{**DEFAULTS, "view": 1, "object_poses": worlds[1]})
 
 
-def test_y_up():
-    """A scene turned to y up has the same map, with the axes z and x."""
+def test_y_up_map_matches_z_up():
+    """A scene rotated to y-up has the same map, with axes z and x."""
     experiment = scenes.EXPERIMENTS[1]
     scene, agents = experiment.build(), experiment.agents()
     turned = wv.Scene(up="y")
@@ -296,7 +296,7 @@ def test_y_up():
     assert {"robot", "human"} <= set(names)
 
 
-def test_all_but_the_ground_without_labels(case):
+def test_labels_none_selects_all_but_ground(case):
     _, scene, agents, seen = case
     shown = PanelData.from_perspective(scene, agents, seen, 0, None, None)
     assert [scene.objects[index].name for index in shown.states] == ["low obstacle", "high obstacle", "ball"]
@@ -314,7 +314,7 @@ def test_all_but_the_ground_without_labels(case):
         ({"path": "picture.xyz"}, "picture.xyz: Format 'xyz' is not supported"),
     ],
 )
-def test_bad_input(tmp_path, monkeypatch, change, said):
+def test_invalid_arguments_are_rejected(tmp_path, monkeypatch, change, said):
     monkeypatch.chdir(tmp_path)
     experiment = scenes.EXPERIMENTS[0]
     scene, (robot, human) = experiment.build(), experiment.agents()
@@ -328,8 +328,8 @@ def test_bad_input(tmp_path, monkeypatch, change, said):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_sightings_have_a_colour_each(tmp_path):
-    """What is seen of the ball is in its colour; where it is hidden, only the legend and a tint are."""
+def test_sightings_color_visible_parts(tmp_path):
+    """Visible parts of the ball have its color; if it is occluded, only the legend and a tint have."""
     counts = {}
     for number in (1, 2, 3):
         experiment = scenes.EXPERIMENTS[number - 1]
@@ -342,7 +342,7 @@ def test_sightings_have_a_colour_each(tmp_path):
     assert (counts[1] - swatch) / (counts[3] - swatch) == pytest.approx(599 / 330, rel=0.1)
 
 
-def test_all_objects_of_an_image_are_told_apart(tmp_path):
+def test_sightings_of_all_objects_have_distinct_colors(tmp_path):
     experiment = scenes.EXPERIMENTS[0]
     path = tmp_path / "all.png"
     save_sightings(experiment.build(), experiment.camera, experiment.poses(), path)
@@ -350,7 +350,7 @@ def test_all_objects_of_an_image_are_told_apart(tmp_path):
     assert sum(found) >= 4
 
 
-def test_long_names_of_many_objects_keep_their_ends_and_what_is_seen(tmp_path, monkeypatch):
+def test_long_names_in_legend_are_shortened_in_the_middle(tmp_path, monkeypatch):
     scene, figures = wv.Scene(), []
     for k in range(17):
         box = trimesh.creation.box((0.1, 0.1, 0.1), transform=trimesh.transformations.translation_matrix([k / 4, 3, 0]))
@@ -365,7 +365,7 @@ def test_long_names_of_many_objects_keep_their_ends_and_what_is_seen(tmp_path, m
     assert figure.axes[0].get_xlabel() == "x [px]\n17 objects, of which 15 are named"
 
 
-def test_points_are_coloured_by_status(tmp_path):
+def test_points_are_colored_by_status(tmp_path):
     experiment = scenes.EXPERIMENTS[1]
     scene, pose = experiment.build(), experiment.poses()
     points = np.random.default_rng(0).uniform((-2, -2, 0), (2, 2, 1), (400, 3))
@@ -383,7 +383,7 @@ def test_points_are_coloured_by_status(tmp_path):
     assert green[0] < green[1] / 3
 
 
-def test_sightings_are_of_one_view(tmp_path):
+def test_sightings_require_one_view(tmp_path):
     experiment = scenes.EXPERIMENTS[0]
     with pytest.raises(wv.errors.ArrayError, match="camera_to_world must be one pose for one picture, got 2"):
         save_sightings(experiment.build(), experiment.camera, experiment.poses(2), tmp_path / "two.png")

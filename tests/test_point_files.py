@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points from text, CSV, .npy and .ply files, and what is said of files that hold none."""
+"""Points from text, CSV, .npy and .ply files, and errors for malformed files."""
 
 import numpy as np
 import pytest
@@ -22,13 +22,13 @@ POINTS = np.array([[0.5, -1, 2], [1e-3, 0, -7.25], [3, 4, 5]])
     ],
 )
 @pytest.mark.parametrize("name", ["points.txt", "points.csv", "points.xyz"])
-def test_text(tmp_path, text, name):
+def test_text_files(tmp_path, text, name):
     (tmp_path / name).write_text(text)
     np.testing.assert_array_equal(read_points(tmp_path / name), POINTS)
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int32])
-def test_npy(tmp_path, dtype):
+def test_npy_files(tmp_path, dtype):
     np.save(tmp_path / "points.npy", POINTS.astype(dtype))
     points = read_points(tmp_path / "points.npy")
     assert points.dtype == np.float64
@@ -36,7 +36,7 @@ def test_npy(tmp_path, dtype):
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary"])
-def test_ply(tmp_path, encoding):
+def test_ply_files(tmp_path, encoding):
     trimesh.PointCloud(POINTS).export(tmp_path / "cloud.ply", encoding=encoding)
     np.testing.assert_allclose(read_points(tmp_path / "cloud.ply"), POINTS, atol=1e-6)
     box = trimesh.creation.box()
@@ -44,7 +44,7 @@ def test_ply(tmp_path, encoding):
     np.testing.assert_array_equal(read_points(tmp_path / "mesh.PLY"), box.vertices)
 
 
-def test_the_mark_that_spreadsheets_write_is_no_number(tmp_path):
+def test_byte_order_marks_are_ignored(tmp_path):
     (tmp_path / "points.csv").write_text("\ufeff1,2,3\n", encoding="utf-8")
     assert read_points(tmp_path / "points.csv").tolist() == [[1, 2, 3]]
     (tmp_path / "walk.txt").write_text("\ufeff0 1 2 3 0 0 0 1\n", encoding="utf-8")
@@ -86,7 +86,7 @@ def save_npz(path):
         ("points.ply", b"ply\nformat", "points.ply: cannot be read as PLY: "),
     ],
 )
-def test_bad_files(tmp_path, name, content, said):
+def test_malformed_files_are_rejected(tmp_path, name, content, said):
     path = tmp_path / name
     if callable(content):
         content(path)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points judged by packets: however the work is parted, whoever calls, and as the other caster judges them."""
+"""Point visibility with packets: partitioning of work, concurrency, and agreement with the ray caster."""
 
 import threading
 import time
@@ -24,7 +24,7 @@ CAMERA = wv.Camera.from_fov(320, 240, hfov=1.0, near=0.6, far=4.0)
 
 @pytest.fixture(scope="module")
 def room():
-    """A scene with something that moves, poses and points all over it."""
+    """Return a scene with a movable object, poses, and points in the whole scene."""
     preset = scenes.PRESETS["room"]
     scene = preset.build()
     scene.add(trimesh.creation.torus(0.3, 0.1), name="ring", pose=(0.3, 0.2, 0.5, 0, 0, 0, 1), movable=True)
@@ -33,14 +33,14 @@ def room():
 
 
 def judge(room, count, views=1, **options):
-    """Statuses and occluders as bytes."""
+    """Return statuses and occluders as bytes."""
     scene, poses, points = room
     arrays = wv.point_visibility(scene, CAMERA, poses[:views], points[:count], occluders=True, **options)
     return [array.numpy().tobytes() for array in arrays]
 
 
 @pytest.mark.parametrize(("count", "views"), [(0, 2), (1, 1), (15, 9), (17, 3), (5000, 9), (100_000, 1), (50_000, 2)])
-def test_threads_change_no_bit(room, count, views):
+def test_thread_count_does_not_change_results(room, count, views):
     one, two, three = (judge(room, count, views, threads=threads) for threads in (1, 2, 3))
     assert one == two == three
     scene, poses, points = room
@@ -49,7 +49,7 @@ def test_threads_change_no_bit(room, count, views):
         assert alone.numpy().tobytes() == one[0]
 
 
-def test_batches_strips_and_views_change_no_bit(room, monkeypatch):
+def test_partitioning_does_not_change_results(room, monkeypatch):
     wanted = judge(room, 50_000, 2, threads=2)
     for name, value in (("_MAX_POINTS", 16384), ("_STRIPS", 3), ("_MAX_WHOLE", 0)):
         monkeypatch.setattr(point_packets, name, value)
@@ -58,7 +58,7 @@ def test_batches_strips_and_views_change_no_bit(room, monkeypatch):
     assert judge(room, 50_000, 5, threads=2) == judge(room, 50_000, 5, threads=1)
 
 
-def test_the_size_of_cells_changes_nothing(room, monkeypatch):
+def test_cell_size_does_not_change_statuses(room, monkeypatch):
     statuses = []
     for scale in (1 / 64, 0.25, 1.0, 4.0):
         monkeypatch.setattr(point_packets, "_scale", lambda *_, scale=scale: scale)
@@ -68,7 +68,7 @@ def test_the_size_of_cells_changes_nothing(room, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["experiment_2", "blobs_77k"])
-def test_both_casters_agree(name):
+def test_packets_match_ray_caster(name):
     preset = scenes.PRESETS[name]
     scene, rng = preset.build(), np.random.default_rng(1)
     points = rng.uniform(*scene.bounds, (50_000, 3)).astype(np.float32)
@@ -79,7 +79,7 @@ def test_both_casters_agree(name):
     assert {Visibility.OUT_OF_VIEW, Visibility.OCCLUDED, Visibility.VISIBLE} <= set(np.unique(packets.numpy()))
 
 
-def test_what_is_first_does_not_change_what_is_hidden(room):
+def test_occluder_output_does_not_change_statuses(room):
     scene, poses, points = room
     without = wv.point_visibility(scene, CAMERA, poses, points[:20_000], tolerance=0.0).numpy()
     status, occluders = wv.point_visibility(scene, CAMERA, poses, points[:20_000], tolerance=0.0, occluders=True)
@@ -88,8 +88,8 @@ def test_what_is_first_does_not_change_what_is_hidden(room):
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e-6, 1e-4])
-def test_double_precision_decides(offset):
-    """Points on a ball, or as little before and behind it: single precision alone does not tell all of them apart."""
+def test_statuses_are_exact_near_surfaces(offset):
+    """Points on a ball, or slightly in front of or behind it, which single precision cannot always distinguish."""
     rng, scene = np.random.default_rng(5), wv.Scene()
     scene.add(trimesh.creation.icosphere(subdivisions=2, radius=2.0), name="ball", pose=(5, 0, 0, 0, 0, 0, 1))
     pose, camera = wv.look_at((0, 0, 0), (1, 0.1, 0)).astype(np.float32), wv.Camera.from_fov(320, 240, hfov=0.8)
@@ -106,7 +106,7 @@ def test_double_precision_decides(offset):
         assert (first == status).all()
 
 
-def test_solids_hide_without_being_asked_which(room):
+def test_solids_occlude_points(room):
     scene = wv.Scene()
     scene.add(solids.sphere(0.5), name="ball", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
     points = [(3, 0, 0), (3, 0.7, 0), (3, 0.8, 0), (1.6, 0, 0), (1.49, 0, 0)]
@@ -115,7 +115,7 @@ def test_solids_hide_without_being_asked_which(room):
     assert status.tolist() == [behind, behind, seen, behind, seen]  # the limit is at 3 * 0.5 / sqrt(2^2 - 0.5^2)
 
 
-def test_callers_on_several_threads(room):
+def test_concurrent_callers_get_equal_results(room):
     wanted = [judge(room, count) for count in (1000, 20_000, 1000, 20_000)]
     with ThreadPoolExecutor(4) as pool:
         for _ in range(3):
@@ -123,7 +123,7 @@ def test_callers_on_several_threads(room):
             assert list(found) == wanted
 
 
-def test_a_scene_that_changes_is_seen_as_it_is(room):
+def test_scene_changes_affect_visibility(room):
     scene = wv.Scene()
     scene.add(trimesh.creation.box((0.2, 1, 1)), name="wall", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
     pose, points = wv.look_at((0, 0, 0), (1, 0, 0)), [(3, 0, 0), (3, 1.2, 0)]
@@ -135,7 +135,7 @@ def test_a_scene_that_changes_is_seen_as_it_is(room):
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 5), (4000, 3), (3, 4000)])
-def test_odd_image_sizes(size):
+def test_unusual_image_sizes_match_ray_caster(size):
     preset = scenes.PRESETS["room"]
     scene, camera = preset.build(), wv.Camera(*size, 0.9 * size[0], 0.9 * size[1], size[0] / 2, size[1] / 2)
     points = np.random.default_rng(2).uniform(*scene.bounds, (20_000, 3)).astype(np.float32)
@@ -143,27 +143,27 @@ def test_odd_image_sizes(size):
     assert (packets.numpy() != rays.numpy()).sum() <= 1
 
 
-def test_a_worker_that_waits_for_another_leaves_its_core(room, monkeypatch):
-    """The first strip has to wait for a chunk that somebody took and never does: no worker may spin until then."""
+def test_waiting_worker_returns_instead_of_spinning(room, monkeypatch):
+    """The first strip waits for a chunk that was claimed but is never completed: workers must return, not spin."""
     held = []
     monkeypatch.setattr(point_packets, "run_together", lambda work, *_: held.append(work))
     judge(room, 5000, threads=2)  # one chunk, then strips
     launch, counter, units, _ = held[0].args
-    launch.launch()  # so that the chunk's points lie there
+    launch.launch()  # so that the points of the chunk are binned
     counter[:] = 0
     counter[COUNTER_NEXT_UNIT] = 1
     worker = threading.Thread(target=launch.launch, daemon=True)
     worker.start()
     worker.join(20)
     assert not worker.is_alive()
-    assert counter.tolist() == [1, 0, 0, 0]  # the strip is nobody's yet, and nobody is at work
+    assert counter.tolist() == [1, 0, 0, 0]  # the strip is unclaimed, and no worker is active
     counter[COUNTER_DONE] = 1
     launch.launch()
     assert counter.tolist() == [units, 1, 1, units]
 
 
-def test_idle_workers_sleep(room, monkeypatch):
-    """Of eight workers one is at work for long: the others sleep, and take what is left when that is done."""
+def test_idle_workers_sleep_and_resume(room, monkeypatch):
+    """While one of eight workers is busy, the others sleep, then take the remaining work."""
     launches, lock = [], threading.Lock()
 
     class OneChunk:
@@ -174,7 +174,7 @@ def test_idle_workers_sleep(room, monkeypatch):
             with lock:
                 launches.append(threading.get_ident())
                 first = len(launches) == 1
-            if first:  # it has taken the chunk, and takes its time
+            if first:  # has claimed the chunk, and is slow
                 self.counter[COUNTER_NEXT_UNIT] = 1
                 time.sleep(0.3)
                 self.counter[COUNTER_NEXT_UNIT] = 0
@@ -190,4 +190,4 @@ def test_idle_workers_sleep(room, monkeypatch):
     monkeypatch.setattr(point_packets, "run_together", together)
     assert judge(room, 5000, threads=8) == wanted
     most = 8 * (0.3 / point_packets._LONGEST_PAUSE + 20)
-    assert 8 < len(launches) < most  # they came again, after pauses
+    assert 8 < len(launches) < most  # workers returned after pauses

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points of the world: seen, hidden and by what, out of view, out of range; in a scene and in a measured image."""
+"""Point visibility in scenes and measured images: visible, occluded and by which object, out of view, out of range."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def points_around(scene, rng, count):
 
 
 def points_on(scene, rng, count):
-    """Points of the triangles, in single precision."""
+    """Return points on triangles, in single precision."""
     corners = np.concatenate([item.vertices[item.faces] for item in scene.objects]).astype(np.float64)
     chosen = corners[rng.integers(0, len(corners), count)]
     shares = rng.dirichlet((1, 1, 1), count)
@@ -32,7 +32,7 @@ def points_on(scene, rng, count):
 
 
 def assert_matches(scene, camera, poses, points, *, tolerance, caster, twins=None, slack=2e-5, **options):
-    """Every view agrees with the float64 reference of the scene, or of a twin in which that view's objects stay."""
+    """Compare every view with the float64 reference of the scene, or of a copy with static objects."""
     options = {"tolerance": tolerance, "caster": caster, **options}
     status, occluders = (
         a.numpy() for a in wv.point_visibility(scene, camera, poses, points, occluders=True, **options)
@@ -44,7 +44,7 @@ def assert_matches(scene, camera, poses, points, *, tolerance, caster, twins=Non
         twin = twins[view] if twins else scene
         expected, hidden_by, margin = reference.judge_points(twin, camera, pose, points, tolerance)
         differs = status[view] != expected
-        # A ray that passes by an edge within a micrometre may miss or meet it; so may one whose point is at the limit.
+        # Rays within a micrometer of an edge may miss or hit it; so may those whose points are at the limit.
         assert (differs & (margin > slack)).sum() == 0
         same = ~differs & (expected == Visibility.OCCLUDED)
         assert (occluders[view][same] == hidden_by[same]).mean() > 0.999 if same.any() else True
@@ -54,7 +54,7 @@ def assert_matches(scene, camera, poses, points, *, tolerance, caster, twins=Non
     return found
 
 
-def test_frames_of_cameras_are_those_of_the_twin(device):
+def test_camera_frames_match_reference(device):
     rng = np.random.default_rng(3)
     rows = np.concatenate([rng.uniform(-50, 50, (20, 3)), rng.normal(size=(20, 4))], axis=1).astype(np.float32)
     poses = wp.array(rows, dtype=wp.transform, device=device)
@@ -65,7 +65,7 @@ def test_frames_of_cameras_are_those_of_the_twin(device):
 
 
 @pytest.mark.parametrize("name", ["room", "experiment_1"])
-def test_points_anywhere_and_on_surfaces(name, device, caster):
+def test_random_and_surface_points_match_reference(name, device, caster):
     preset = scenes.PRESETS[name]
     scene, rng = preset.build(device), np.random.default_rng(0)
     poses = preset.poses(2)
@@ -75,7 +75,7 @@ def test_points_anywhere_and_on_surfaces(name, device, caster):
     assert_matches(scene, ROOMY, poses, on, tolerance=1e-4, caster=caster)
 
 
-def test_every_reason(device, caster):
+def test_status_covers_every_reason(device, caster):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.2, 1, 1)), name="wall", pose=(2, 0, 0, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.02, 0.1, 0.1)), name="lens cap", pose=(0.3, 0.3, 0, 0, 0, 0, 1))
@@ -88,11 +88,11 @@ def test_every_reason(device, caster):
     assert occluders.numpy()[0].tolist() == [-1, -1, 0, -1, -1, -1, -1, -1]
     wide = wv.Camera.from_fov(320, 240, hfov=2.0, near=0.6, far=4.0)
     status, occluders = wv.point_visibility(scene, wide, pose, [(0.9, 0.9, 0)], occluders=True, caster=caster)
-    assert status.numpy()[0, 0] == Visibility.OCCLUDED  # by something that is too near to be measured
+    assert status.numpy()[0, 0] == Visibility.OCCLUDED  # occluded by a surface nearer than `near`
     assert occluders.numpy()[0, 0] == 1
 
 
-def test_the_tolerance_is_along_the_ray(device, caster):
+def test_tolerance_is_measured_along_the_ray(device, caster):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.2, 9, 9)), name="wall", pose=(2.1, 0, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(320, 240, hfov=2.2)
@@ -103,7 +103,7 @@ def test_the_tolerance_is_along_the_ray(device, caster):
     assert status.tolist() == [Visibility.VISIBLE, Visibility.OCCLUDED]
 
 
-def test_worlds_solids_and_exclusion(device, caster):
+def test_worlds_and_exclusion_of_solids(device, caster):
     scene = wv.Scene(device=device)
     scene.add(solids.sphere(0.3), name="ball", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
     poses = np.tile(wv.look_at((0, 0, 0), (1, 0, 0)), (3, 1))
@@ -117,7 +117,7 @@ def test_worlds_solids_and_exclusion(device, caster):
 
 
 def add_movables(scene, rows):
-    """Meshes and solids of several kinds at these poses, before a wall that stays."""
+    """Add meshes and solids of several kinds at these poses in front of a static wall."""
     scene.add(trimesh.creation.box((0.1, 2.0, 1.5)), name="wall", pose=(2.8, 0, 0, 0, 0, 0, 1))
     meshes = (
         trimesh.creation.icosphere(subdivisions=2, radius=0.3),
@@ -130,14 +130,14 @@ def add_movables(scene, rows):
         scene.add(mesh, name=f"moved_{index}", pose=row, movable=True)
 
 
-def test_worlds_match_twins_in_which_nothing_moves(device, caster):
+def test_worlds_match_static_scenes(device, caster):
     rng = np.random.default_rng(3)
     worlds = np.concatenate([rng.uniform((1, -1, -0.7), (2.5, 1, 0.7), (3, 5, 3)), rng.normal(size=(3, 5, 4))], axis=-1)
     worlds[..., 3:] /= np.linalg.norm(worlds[..., 3:], axis=-1, keepdims=True)
     worlds = worlds.astype(np.float32)
     poses = np.array([wv.look_at(eye, (2, 0, 0)) for eye in ((0, 0, 0), (0.1, 0.8, 0.5), (4, 0, 0), (1, 0, 3))])
     world, exclude = np.array([0, 1, 2, 1]), np.zeros((4, 6), dtype=np.uint8)
-    exclude[1, 0] = exclude[3, [2, 4]] = 1  # the wall; two that move
+    exclude[1, 0] = exclude[3, [2, 4]] = 1  # the wall, and two movable objects
     scene, twins = wv.Scene(device=device), []
     add_movables(scene, worlds[0])
     for view, index in enumerate(world):
@@ -154,8 +154,8 @@ def test_worlds_match_twins_in_which_nothing_moves(device, caster):
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1e-3])
-def test_far_from_the_origin(device, caster, tolerance):
-    """10 km away single precision has steps of a millimetre: of what is given, not of what is judged."""
+def test_points_far_from_the_origin_match_reference(device, caster, tolerance):
+    """At 10 km, single precision has steps of a millimeter, which affect inputs but not the test of visibility."""
     place, rng = np.array([1e4, -7e3, 4e3]), np.random.default_rng(4)
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.icosphere(subdivisions=3, radius=0.5), name="ball", pose=(*place, 0, 0, 0, 1))
@@ -166,8 +166,8 @@ def test_far_from_the_origin(device, caster, tolerance):
     assert {Visibility.OUT_OF_VIEW, Visibility.OCCLUDED, Visibility.VISIBLE} <= found
 
 
-def test_borders_of_the_image_and_of_space(device, caster):
-    """Rays along the image's left and upper border are in it, along the others not; nor is what is not before it."""
+def test_image_borders_and_extreme_points(device, caster):
+    """The left and top image borders are inside, the right and bottom ones outside, like points behind the camera."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 1)), pose=(0, 0, 40, 0, 0, 0, 1))
     camera = wv.Camera(64, 48, 32.0, 32.0, 32.0, 24.0)
@@ -192,7 +192,7 @@ def test_borders_of_the_image_and_of_space(device, caster):
     assert status.numpy()[0].tolist() == [expected for _, expected in cases]
 
 
-def test_a_tolerance_beyond_the_camera_hides_nothing(device, caster):
+def test_large_tolerance_disables_occlusion(device, caster):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.2, 9, 9)), pose=(2.1, 0, 0, 0, 0, 0, 1))
     points = np.array([(3, 0, 0), (3.5, 0.2, 0.1), (4, 0, 0)])
@@ -202,7 +202,7 @@ def test_a_tolerance_beyond_the_camera_hides_nothing(device, caster):
         assert (status == Visibility.VISIBLE).tolist() == [bool(value) for value in seen]
 
 
-def test_threads_and_devices_arrays_change_nothing(device):
+def test_threads_and_device_arrays_do_not_change_results(device):
     preset = scenes.PRESETS["room"]
     scene, rng = preset.build(device), np.random.default_rng(1)
     points = points_around(scene, rng, 5000)
@@ -215,7 +215,7 @@ def test_threads_and_devices_arrays_change_nothing(device):
     assert wv.point_visibility(scene, CAMERA, preset.poses(2), np.zeros((0, 3))).shape == (2, 0)
 
 
-def test_measured_images(device):
+def test_measured_depth_matches_reference(device):
     rng = np.random.default_rng(2)
     preset = scenes.PRESETS["room"]
     scene, poses = preset.build(device), preset.poses(3)
@@ -227,7 +227,7 @@ def test_measured_images(device):
     found = set()
     for view, pose in enumerate(poses):
         expected = reference.judge_points_measured(ROOMY, pose, depth[view], points, 0.02)
-        assert (status[view] != expected).mean() <= 5e-4  # rounding decides which pixel a point at its border is in
+        assert (status[view] != expected).mean() <= 5e-4  # a point at a pixel border may be rounded to either pixel
         found |= set(expected.tolist())
     assert found == {0, 1, 2, 3, 4, 5}
     one = wv.point_visibility_from_depth(depth[0], ROOMY, poses[0], points, tolerance=0.02, device=device).numpy()
@@ -246,7 +246,7 @@ def test_measured_images(device):
         ({"points": np.zeros((4, 2))}, "points must have shape (N, 3), got (4, 2)"),
     ],
 )
-def test_bad_input(change, said):
+def test_invalid_arguments_are_rejected(change, said):
     scene = wv.Scene()
     scene.add(trimesh.creation.box((1, 1, 1)))
     given = {"scene": scene, "camera": CAMERA, "camera_to_world": np.eye(4), "points": np.zeros((2, 3)), **change}
@@ -262,7 +262,7 @@ def test_bad_input(change, said):
         (np.zeros((1, 24, 32)), "depth must have shape (V, 240, 320), got (1, 24, 32)"),
     ],
 )
-def test_bad_images(depth, said):
+def test_invalid_depth_images_are_rejected(depth, said):
     with pytest.raises(wv.WarpvisError) as error:
         wv.point_visibility_from_depth(depth.astype(np.float32), CAMERA, np.eye(4), np.zeros((2, 3)))
     assert str(error.value) == said

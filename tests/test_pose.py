@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses: the three conventions, matrices and quaternions, on the host and on the device."""
+"""Poses: conventions, matrices and quaternions, on the host and on devices."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ AXES = {
 
 @pytest.mark.parametrize("convention", AXES)
 @given(rows)
-def test_conventions_turn_axes_into_opencvs(convention, poses):
+def test_conventions_are_converted_to_opencv(convention, poses):
     given_frame = poses_to_matrices(poses)[:, :3, :3]
     opencv = poses_to_matrices(poses_to_opencv(poses, convention))[:, :3, :3]
     # Column k of a rotation is axis k of the camera in the world.
@@ -43,26 +43,26 @@ def test_conventions_turn_axes_into_opencvs(convention, poses):
 
 
 @given(rows)
-def test_matrices_and_rows_are_the_same_poses(poses):
+def test_matrices_and_rows_are_equivalent(poses):
     matrices = poses_to_matrices(poses)
     np.testing.assert_allclose(poses_to_matrices(poses_to_opencv(matrices)), matrices, atol=1e-12)
 
 
 @pytest.mark.parametrize("quaternion", [*np.eye(4), *(np.eye(4)[[0, 1, 2, 3]] + np.eye(4)[[1, 2, 3, 0]])])
-def test_half_turns_survive_matrices(quaternion):
-    """Rotations whose quaternion has zeros, where the naive conversion divides by nothing."""
+def test_half_revolutions_round_trip_through_matrices(quaternion):
+    """Rotations whose quaternions contain zeros, where a naive conversion divides by zero."""
     pose = np.array([1.0, 2, 3, *quaternion / np.linalg.norm(quaternion)])
     matrix = poses_to_matrices(pose)
     np.testing.assert_allclose(poses_to_matrices(poses_to_opencv(matrix)[0]), matrix, atol=1e-15)
 
 
-def test_one_pose_is_one_view():
+def test_single_pose_is_one_view():
     pose = wv.look_at((0, 0, 1), (1, 0, 1))
     assert wv.core.poses.parse_poses(pose).shape == (1,)
     assert wv.core.poses.parse_poses(poses_to_matrices(pose)).shape == (1,)
 
 
-def test_quaternions_are_normalised():
+def test_quaternions_are_normalized():
     stored = wv.core.poses.parse_poses([[0, 0, 0, 0, 0, 0, 1.0009]]).numpy()
     np.testing.assert_array_equal(stored, [[0, 0, 0, 0, 0, 0, 1]])
 
@@ -81,8 +81,8 @@ def test_look_at_straight_down_with_another_up():
 
 
 @pytest.mark.parametrize("convention", AXES)
-def test_kernels_match_their_twins(convention, device):
-    """The kernels that turn poses on the device, against NumPy."""
+def test_kernels_match_reference(convention, device):
+    """Kernels that convert poses on a device, compared with NumPy."""
     from warpvis.kernels import poses as kernels
 
     rng = np.random.default_rng(0)
@@ -105,8 +105,8 @@ def test_kernels_match_their_twins(convention, device):
 
 @pytest.mark.parametrize("axes", AXES)
 @pytest.mark.parametrize("convention", AXES)
-def test_poses_of_any_axes_of_poses_of_any(convention, axes, device):
-    """A point of the wanted frame is, turned to OpenCV's and on to the given one, where the given pose has it."""
+def test_poses_are_converted_between_all_conventions(convention, axes, device):
+    """A pose relative to other axes maps points as the given pose does after conversion to its convention."""
     poses = np.random.default_rng(2).normal(size=(4, 7))
     poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
     given, wanted = (poses_to_matrices([0, 0, 0, *_OPENCV_TO[name]]) for name in (convention, axes))
@@ -124,8 +124,8 @@ def test_poses_of_any_axes_of_poses_of_any(convention, axes, device):
 
 @pytest.mark.parametrize("convention", AXES)
 @pytest.mark.parametrize("form", ["rows", "transforms", "matrices"])
-def test_device_arrays_are_poses_too(convention, form, device):
-    """Warp arrays of every form give what the same poses on the host give."""
+def test_device_arrays_match_host_arrays(convention, form, device):
+    """Warp arrays of every form yield the same poses as host arrays."""
     poses = np.random.default_rng(1).normal(size=(5, 7)).astype(np.float32)
     poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
     expected = poses_to_matrices(wv.core.poses.parse_poses(poses, convention=convention).numpy())
@@ -144,7 +144,7 @@ SCENE.add(([[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]), name="flag", movable
 CAMERA = wv.Camera.from_fov(8, 6, hfov=1.0)
 IDENTITY = [0, 0, 0, 0, 0, 0, 1]
 
-# Whatever takes a pose of 7 numbers, by what its message calls the pose.
+# Functions that take poses of 7 numbers, by the argument name in their messages.
 TAKERS = {
     "camera_to_world": lambda rows: wv.render(SCENE, CAMERA, rows),
     "camera_to_world of floats": lambda rows: wv.render(SCENE, CAMERA, np.asarray(rows, dtype=np.float32)),
@@ -161,7 +161,7 @@ TAKERS = {
 
 @pytest.mark.parametrize("taker", TAKERS)
 @pytest.mark.parametrize("length", [0.0, 0.5, 0.9985, 1.0015, 2.0, 1e6])
-def test_quaternions_of_other_lengths_are_refused(taker, length):
+def test_non_unit_quaternions_are_rejected(taker, length):
     row = np.array([[0, 0, 0, 0, 0.6 * length, 0, 0.8 * length]])
     with pytest.raises(wv.errors.PoseError) as error:
         TAKERS[taker](row)
@@ -170,18 +170,18 @@ def test_quaternions_of_other_lengths_are_refused(taker, length):
 
 @pytest.mark.parametrize("taker", TAKERS)
 @pytest.mark.parametrize("length", [0.9992, 1.0008])
-def test_quaternions_of_rounded_numbers_are_taken(taker, length):
+def test_nearly_unit_quaternions_are_accepted(taker, length):
     TAKERS[taker](np.array([[0, 0, 0, 0, 0.6 * length, 0, 0.8 * length]]))
 
 
-def test_rows_that_begin_with_the_quaternion_are_named():
+def test_quaternion_first_rows_raise_an_explanatory_error():
     swapped = np.array([[0.5, 0.5, 0.5, 0.5, 3.0, 4.0, 1.0]])
     for take in TAKERS.values():
         with pytest.raises(wv.errors.PoseError, match="rows are x y z qx qy qz qw, position first"):
             take(swapped)
 
 
-def test_ros_alone_is_no_convention():
+def test_ambiguous_ros_convention_is_rejected():
     for take in (
         lambda axes: wv.render(SCENE, CAMERA, IDENTITY, convention=axes),
         lambda axes: wv.Frames.from_poses([IDENTITY], convention=axes),

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pose files: every format against the definition of its poses, and whatever else a file may hold gets one sentence."""
+"""Pose files: every format compared with its definition, and one-line errors for malformed files."""
 
 import builtins
 import csv
@@ -23,19 +23,19 @@ from warpvis.io import read_frames
 # Text and arrays.
 
 
-def test_tum(tmp_path):
+def test_tum_files(tmp_path):
     lines = [f"{t!r} " + " ".join(map(repr, row)) for t, row in zip(TIMES.tolist(), ROWS.tolist(), strict=True)]
     for name in ("walk.txt", "walk.tum", "walk"):
         (tmp_path / name).write_text("# a comment\n" + "\n".join(lines))
         frames = read_frames(tmp_path / name)
-        np.testing.assert_array_equal(frames.camera_to_world, ROWS)  # to the last bit
+        np.testing.assert_array_equal(frames.camera_to_world, ROWS)  # bit for bit
         np.testing.assert_array_equal(frames.timestamps, TIMES)
         assert frames.source == {"file": name, "format": "tum", "convention": "opencv"}
     (tmp_path / "walk.csv").write_text("\n".join(lines))
     assert_same_poses(read_frames(tmp_path / "walk.csv", file_format="tum"))
 
 
-def test_a_convention_is_that_of_the_camera_frame(tmp_path):
+def test_convention_refers_to_camera_frame(tmp_path):
     for convention, axes in (("opengl", OPENGL), ("ros_body", ROS)):
         np.save(tmp_path / "poses.npy", MATRICES @ axes)
         frames = read_frames(tmp_path / "poses.npy", convention=convention)
@@ -44,7 +44,7 @@ def test_a_convention_is_that_of_the_camera_frame(tmp_path):
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-def test_npy(tmp_path, dtype):
+def test_npy_files(tmp_path, dtype):
     for array in (ROWS, MATRICES):
         np.save(tmp_path / "poses.npy", array.astype(dtype))
         frames = read_frames(tmp_path / "poses.npy")
@@ -52,8 +52,8 @@ def test_npy(tmp_path, dtype):
         np.testing.assert_array_equal(frames.timestamps, np.arange(6))
 
 
-def test_quaternions_with_w_first(tmp_path):
-    """Arrays say no order, so the caller does, for cameras and objects."""
+def test_w_first_quaternions(tmp_path):
+    """Arrays do not define the order of quaternions, so the caller specifies it, for cameras and objects."""
     rows, objects = ROWS[:, [0, 1, 2, 6, 3, 4, 5]], unit(RNG.normal(size=(6, 2, 7))).astype(np.float32)
     np.save(tmp_path / "poses.npy", rows)
     np.savez(tmp_path / "poses.npz", camera_to_world=rows, object_poses=objects[..., [0, 1, 2, 6, 3, 4, 5]])
@@ -70,13 +70,13 @@ def test_quaternions_with_w_first(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["walk.txt", "walk.csv", "walk.parquet", "transforms.json", "bag"])
-def test_formats_with_an_order_have_it(tmp_path, name):
+def test_quaternion_order_is_rejected_for_other_formats(tmp_path, name):
     (tmp_path / name).mkdir() if name == "bag" else (tmp_path / name).write_text("")
     with pytest.raises(wv.errors.FileFormatError, match=r"quaternion= is for \.npy and \.npz; other formats define"):
         read_frames(tmp_path / name, quaternion="wxyz")
 
 
-def test_npz_holds_worlds(tmp_path):
+def test_npz_files_contain_worlds(tmp_path):
     objects = unit(RNG.normal(size=(2, 3, 7))).astype(np.float32)
     world = [0, 1, 1, 0, 0, 1]
     for name in ("timestamp", "timestamps"):
@@ -96,7 +96,7 @@ def test_npz_holds_worlds(tmp_path):
         assert frames.source == {"file": "job.npz", "format": "npz", "convention": "opencv"}
 
 
-def test_what_render_writes_is_read(tmp_path, monkeypatch):
+def test_output_of_render_is_read(tmp_path, monkeypatch):
     trimesh.creation.box().export(tmp_path / "box.obj")
     (tmp_path / "walk.txt").write_text("0.5 0 -3 0.2 -0.70710678 0 0 0.70710678\n1.5 0 -4 0 0 0 0 1\n")
     paths = ["--poses", str(tmp_path / "walk.txt"), "--out", str(tmp_path / "out"), "--quiet"]
@@ -117,7 +117,7 @@ def write_csv(path, names, rows, **options):
         writer.writerows(rows)
 
 
-def test_csv(tmp_path):
+def test_csv_files(tmp_path):
     path = tmp_path / "poses.csv"
     write_csv(path, ["x", "y", "z", "qx", "qy", "qz", "qw"], ROWS.tolist())
     frames = read_frames(path)
@@ -139,7 +139,7 @@ def test_csv(tmp_path):
     assert read_frames(path).timestamps.tolist() == [7, 7]
 
 
-def test_parquet(tmp_path):
+def test_parquet_files(tmp_path):
     arrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     columns = dict(zip(["tx", "ty", "tz", "qx", "qy", "qz", "qw"], ROWS.T, strict=True))
@@ -170,7 +170,7 @@ def bad_tables():
     yield empty, "poses.parquet: holds no poses"
 
 
-def test_bad_parquet(tmp_path):
+def test_malformed_parquet_files_are_rejected(tmp_path):
     arrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     for columns, said in bad_tables():
@@ -191,7 +191,7 @@ def test_bad_parquet(tmp_path):
         ("bag.mcap", "rosbags", "ROS 2 bags are read with rosbags, which is missing: pip install 'warpvis[ros]'"),
     ],
 )
-def test_what_has_to_be_installed_is_said(tmp_path, monkeypatch, name, module, said):
+def test_missing_package_error_names_it(tmp_path, monkeypatch, name, module, said):
     real = builtins.__import__
 
     def refuse(imported, *arguments):
@@ -206,11 +206,11 @@ def test_what_has_to_be_installed_is_said(tmp_path, monkeypatch, name, module, s
     assert str(error.value).startswith(f"{tmp_path / name}: {said}")
 
 
-# Everything else that is not a pose file.
+# Malformed files.
 
 
 def zipped(name, content):
-    """A ZIP archive with one file that is no array."""
+    """Return a ZIP archive with one file that is not an array."""
     written = io.BytesIO()
     with zipfile.ZipFile(written, "w") as archive:
         archive.writestr(name, content)
@@ -312,7 +312,7 @@ BAD_FILES = [
 
 
 @pytest.mark.parametrize(("name", "content", "said"), BAD_FILES)
-def test_bad_files(tmp_path, name, content, said):
+def test_malformed_files_are_rejected(tmp_path, name, content, said):
     path = tmp_path / name
     needed = {".parquet": "pyarrow", ".mcap": "rosbags", ".db3": "rosbags"}
     if path.suffix in needed:
@@ -327,7 +327,7 @@ def test_bad_files(tmp_path, name, content, said):
     assert "\n" not in str(error.value)
 
 
-def test_bad_arguments(tmp_path):
+def test_invalid_arguments_are_rejected(tmp_path):
     np.save(tmp_path / "poses.npy", ROWS)
     for options, said in (
         (
@@ -360,7 +360,7 @@ def test_bad_arguments(tmp_path):
 
 
 def whole_files():
-    """A well-formed file of every kind."""
+    """Return a valid file of every format."""
     array, archive, table = io.BytesIO(), io.BytesIO(), io.BytesIO()
     np.save(array, ROWS)
     np.savez(archive, camera_to_world=ROWS, timestamps=TIMES, object_poses=np.ones((1, 1, 7)))
@@ -389,7 +389,7 @@ FILES = whole_files()
 @pytest.mark.parametrize("name", FILES)
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_damaged_files_are_read_or_refused(tmp_path, name, data):
+def test_mutated_files_are_read_or_rejected(tmp_path, name, data):
     content = bytearray(FILES[name])
     for _ in range(data.draw(st.integers(0, 4))):
         place = data.draw(st.integers(0, len(content) - 1))
@@ -419,7 +419,7 @@ VALUES = st.recursive(
 
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=VALUES)
-def test_any_json_is_read_or_refused(tmp_path, data):
+def test_arbitrary_json_is_rejected(tmp_path, data):
     (tmp_path / "a.json").write_text(json.dumps(data))
     with pytest.raises(wv.errors.FileFormatError, match=r"a\.json"):
         read_frames(tmp_path / "a.json")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Generated poses: where they are and look, straight up and down, and room for random ones."""
+"""Generated poses: positions and orientations, vertical views, and clearance of random poses."""
 
 import math
 
@@ -20,7 +20,7 @@ TARGET = np.array([0.3, -0.2, 0.5])
 
 
 def axes_of(poses):
-    """Places, and the directions of the images' x axes, y axes, and of the view, each (n, 3)."""
+    """Return positions, image x axes, image y axes, and view directions, each of shape (n, 3)."""
     assert poses.dtype == np.float64 and poses.shape[1:] == (7,)
     np.testing.assert_allclose(np.linalg.norm(poses[:, 3:], axis=1), 1, atol=1e-14)
     matrices = poses_to_matrices(poses)
@@ -28,7 +28,7 @@ def axes_of(poses):
 
 
 def assert_upright(poses, vertical=2):
-    """The image's x axis is level, and its y axis points down."""
+    """Check that the image's x axis is level and its y axis points down."""
     _, right, down, _ = axes_of(poses)
     np.testing.assert_allclose(right[:, vertical], 0, atol=1e-12)
     assert (down[:, vertical] < 0).all()
@@ -46,7 +46,7 @@ def add_box(scene, low, high, **options):
 
 
 def crates(device="cpu", *, movable=True, up="z"):
-    """A floor, a solid block of 2 m, and a crate in the corner."""
+    """Return a scene with a floor, a solid block of 2 m, and a crate in the corner."""
     scene = wv.Scene(device=device, up=up)
     add_box(scene, (-4, -4, -0.5), (4, 4, 0), name="floor", label="ground")
     add_box(scene, (-1, -1, 0), (1, 1, 2), name="block")
@@ -54,11 +54,11 @@ def crates(device="cpu", *, movable=True, up="z"):
     return scene
 
 
-# Around a point.
+# Poses around a point.
 
 
 @pytest.mark.parametrize("up", ["z", "y"])
-def test_orbit(up):
+def test_orbit_positions_and_directions(up):
     vertical = "xyz".index(up)
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
     poses = orbit(TARGET, radius=2, height=1.25, count=8, up=up, start=0.1)
@@ -84,7 +84,7 @@ def test_sphere_is_covered_evenly(up):
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-12)
     np.testing.assert_allclose(directions.mean(axis=0), 0, atol=2e-3)
     assert (np.diff(directions[:, vertical]) > 0).all()
-    # The nearest neighbours of evenly spread points are about as far as those of a hexagonal lattice.
+    # Nearest neighbors of evenly distributed points are about as far apart as on a hexagonal lattice.
     distance = np.linalg.norm(directions[:, None] - directions, axis=2) + 9 * np.eye(1000)
     lattice = math.sqrt(8 * math.pi / math.sqrt(3) / 1000)
     assert distance.min() > 0.7 * lattice and distance.min(axis=1).max() < 1.05 * lattice
@@ -92,7 +92,7 @@ def test_sphere_is_covered_evenly(up):
     assert_upright(poses, vertical)
 
 
-def test_a_part_of_a_sphere():
+def test_sphere_elevation_limits():
     half = axes_of(sphere(TARGET, radius=2, count=500, min_elevation=0))[0][:, 2] - TARGET[2]
     assert (half > 0).all()
     np.testing.assert_allclose(np.sort(half), 2 * (np.arange(500) + 0.5) / 500, atol=1e-12)  # equal areas
@@ -102,7 +102,7 @@ def test_a_part_of_a_sphere():
 
 
 @pytest.mark.parametrize("up", ["z", "y"])
-def test_straight_up_and_down_the_first_axis_is_at_the_top(up):
+def test_vertical_views_have_first_axis_at_top(up):
     vertical = "xyz".index(up)
     first = np.eye(3)[(vertical + 1) % 3]
     for elevation, way in ((math.pi / 2, -1), (-math.pi / 2, 1)):
@@ -116,14 +116,14 @@ def test_straight_up_and_down_the_first_axis_is_at_the_top(up):
     np.testing.assert_allclose(down, np.tile(-first, (5, 1)), atol=1e-15)
     poses = grid([-pole, pole], step=1, look_at=0 * pole, up=up)
     assert_looks_at(poses, 0 * pole)
-    assert len(poses) == 2  # none at the point itself
+    assert len(poses) == 2  # no pose at the target
 
 
-# In a volume.
+# Poses in a volume.
 
 
 @pytest.mark.parametrize("up", ["z", "y"])
-def test_grid(up):
+def test_grid_positions_and_headings(up):
     poses = grid([(0, 1, 2), (0.5, 1.9, 2)], step=0.3, headings=3, pitch=-0.4, up=up)
     expected = [(x, y, 2) for x in (0, 0.3) for y in (1, 1.3, 1.6, 1.9)]
     np.testing.assert_allclose(poses[::3, :3], expected, atol=1e-12)
@@ -133,7 +133,7 @@ def test_grid(up):
     assert_upright(poses, "xyz".index(up))
 
 
-def test_a_grid_that_looks_at_a_point():
+def test_grid_with_target():
     poses = grid([(-1, -1, -1), (1, 1, 1)], step=0.5, look_at=(0, 0, 0))
     assert len(poses) == 5**3 - 1
     assert_looks_at(poses, (0, 0, 0))
@@ -142,17 +142,17 @@ def test_a_grid_that_looks_at_a_point():
     assert_upright(poses[~above])
 
 
-# Along a path.
+# Poses along a path.
 
 
-def test_along_a_path():
+def test_poses_along_a_path():
     path = [(0, 0, 1), (3, 0, 1), (3, 0, 1), (3, 4, 1), (3, 4, 1)]
     poses = along(path, count=15)
     places, _, _, forward = axes_of(poses)
     ways = np.arange(15) * 0.5
     expected = np.stack([np.minimum(ways, 3), np.maximum(ways - 3, 0), np.ones(15)], axis=1)
     np.testing.assert_allclose(places, expected, atol=1e-12)
-    first = np.arange(15) < 6  # the corner belongs to the piece that begins there
+    first = np.arange(15) < 6  # a corner belongs to the segment that begins there
     np.testing.assert_allclose(forward, np.where(first[:, None], (1, 0, 0), (0, 1, 0)), atol=1e-12)
     assert_upright(poses)
     np.testing.assert_allclose(along(path, count=1)[:, :3], path[:1])
@@ -166,10 +166,10 @@ def test_along_a_path():
     np.testing.assert_allclose(steps, chord, rtol=1e-4)
 
 
-# At random.
+# Random poses.
 
 
-def test_random_places_fill_the_box():
+def test_random_positions_are_uniform():
     poses = random_poses([(-1, 2, 0), (3, 4, 0)], count=4000, seed=3)
     places, _, _, forward = axes_of(poses)
     assert (places >= (-1, 2, 0)).all() and (places <= (3, 4, 0)).all()
@@ -180,7 +180,7 @@ def test_random_places_fill_the_box():
     assert_upright(poses)
 
 
-def test_random_directions():
+def test_random_directions_are_uniform():
     box = [(-1, -1, -1), (1, 1, 1)]
     poses = random_poses(box, count=4000, seed=3, look="any", up="y")
     forward = axes_of(poses)[3]
@@ -189,11 +189,11 @@ def test_random_directions():
     assert_upright(poses, 1)
     looking = random_poses(box, count=100, seed=3, look=TARGET)
     assert_looks_at(looking, TARGET)
-    np.testing.assert_array_equal(looking[:, :3], poses[:100, :3])  # the same places, however they look
+    np.testing.assert_array_equal(looking[:, :3], poses[:100, :3])  # positions do not depend on `look`
 
 
 @pytest.mark.parametrize("up", ["z", "y"])
-def test_random_places_have_room(device, up):
+def test_random_positions_keep_clearance(device, up):
     scene = crates(device, up=up)
     poses = random_poses(scene, count=3000, seed=1, clearance=0.3)
     places = poses[:, :3]
@@ -201,7 +201,7 @@ def test_random_places_have_room(device, up):
     assert (places >= low).all() and (places <= high).all()
     corners = np.concatenate([item.vertices[item.faces] for item in scene])
     assert reference.nearest_surface(corners, places).min() >= 0.3 - 1e-6
-    for name in ("block", "crate", "floor"):  # not even where the surface is far
+    for name in ("block", "crate", "floor"):  # not even far from their surfaces
         box = scene[name].bounds
         assert not ((places > box[0]) & (places < box[1])).all(axis=1).any()
     without = random_poses(scene, count=3000, seed=1, clearance=0.3, exclude=["block"])
@@ -209,7 +209,7 @@ def test_random_places_have_room(device, up):
     assert_upright(poses, "xyz".index(up))
 
 
-def test_movable_objects_are_where_they_were_added():
+def test_clearance_uses_initial_poses_of_movable_objects():
     for clearance in (0.1, 0.4):
         one, two = (
             random_poses(crates(movable=movable), count=2000, seed=5, clearance=clearance) for movable in (False, True)
@@ -217,7 +217,7 @@ def test_movable_objects_are_where_they_were_added():
         np.testing.assert_array_equal(one, two)
 
 
-def test_a_seed_gives_the_same_poses(monkeypatch, device):
+def test_random_poses_depend_only_on_seed(monkeypatch, device):
     scene = crates(device)
     options = {"seed": 2, "clearance": 0.35, "look": "any"}
     poses = random_poses(scene, count=500, threads=1, **options)
@@ -228,13 +228,13 @@ def test_a_seed_gives_the_same_poses(monkeypatch, device):
     monkeypatch.setattr(module, "_MAX_CANDIDATES", 48)
     np.testing.assert_array_equal(random_poses(scene, count=500, **options), poses)
     assert not np.array_equal(random_poses(scene, count=500, **{**options, "seed": 3}), poses)
-    # As numpy's generator has them: three coordinates first of five numbers each.
+    # The order of NumPy's generator: three coordinates first, of five numbers per pose.
     numbers = np.random.default_rng(2).random((3, 5))[:, :3]
     box = np.array([(0, 0, 0), (1, 2, 4)])
     np.testing.assert_array_equal(random_poses(box, count=3, seed=2)[:, :3], numbers * box[1])
 
 
-def test_no_room_is_said(monkeypatch):
+def test_lack_of_free_space_is_reported(monkeypatch):
     monkeypatch.setattr(module, "_MIN_TRIED", 20_000)
     scene = wv.Scene()
     add_box(scene, (-2, -2, -2), (2, 2, 2), name="solid")
@@ -252,7 +252,7 @@ def test_no_room_is_said(monkeypatch):
     assert len(random_poses(wv.Scene(), bounds=[(0, 0, 0), (1, 1, 1)], count=3, seed=0)) == 3
 
 
-# Inside of closed objects.
+# Points inside closed objects.
 
 
 def test_inside_matches_solid_angles(device):
@@ -273,7 +273,7 @@ def test_inside_matches_solid_angles(device):
     assert inside_solids(scene, np.zeros((0, 3))).shape == (0,)
 
 
-def test_open_and_inward_objects_hold_nothing(device):
+def test_open_and_inverted_objects_contain_no_points(device):
     box = trimesh.creation.box((2, 2, 2))
     for faces, held in ((box.faces, True), (box.faces[:, ::-1], False), (box.faces[1:], False)):
         scene = wv.Scene(device=device)
@@ -281,7 +281,7 @@ def test_open_and_inward_objects_hold_nothing(device):
         assert inside_solids(scene, [(0.1, 0.2, 0.3), (5, 0, 0)]).tolist() == [held, False]
 
 
-def test_a_spec_takes_the_scenes_axis():
+def test_spec_uses_up_axis_of_scene():
     scene = crates(up="y")
     text = "orbit target=0,0,0 radius=1 height=1 count=3"
     np.testing.assert_array_equal(
@@ -412,7 +412,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input(case):
+def test_invalid_arguments_are_rejected(case):
     function, given, options, said = BAD[case]
     with pytest.raises(wv.WarpvisError) as error:
         function(given, **options)

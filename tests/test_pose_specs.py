@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses by the command line's text: the generators' own, and one sentence for what is none."""
+"""Pose specs of the command line: equal to the generators, and one-line errors for malformed specs."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from warpvis import scenes
 from warpvis.pose_generators import along, frames_from_spec, grid, looks_like_spec, orbit, random_poses, sphere
 
 
-def test_specs(tmp_path):
+def test_specs_match_generators(tmp_path):
     scene = scenes.PRESETS["room"].build("cpu")
     (tmp_path / "my walk.txt").write_text("0 0 1\n1 1 1\n")
     box = np.array([(0, 0, 0), (1, 1, 1)])
@@ -65,7 +65,7 @@ def test_specs(tmp_path):
         np.testing.assert_array_equal(frames.timestamps, np.arange(len(expected)))
 
 
-def test_what_looks_like_a_spec(tmp_path, monkeypatch):
+def test_looks_like_spec(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for text in ("orbit", "orbit radius=2", "obrit radius=2 height=1", "random  count=3", "orbit target=0, 0, 1"):
         assert looks_like_spec(text), text
@@ -114,7 +114,7 @@ ORBIT = "orbit target=0,0,0 radius=1 height=1 count=3"
         ("along count=3 path=/nowhere/walk.txt", "/nowhere/walk.txt: no such file"),
     ],
 )
-def test_bad_specs(text, said):
+def test_malformed_specs_are_rejected(text, said):
     with pytest.raises(wv.WarpvisError) as error:
         frames_from_spec(text)
     assert str(error.value).startswith(said)

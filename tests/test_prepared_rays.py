@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What casters make of a camera's rays is made once: for all calls and threads, as long as the camera lives."""
+"""Data prepared from a camera's rays is computed once for all calls and threads, and lives as long as the camera."""
 
 import copy
 import dataclasses
@@ -25,13 +25,13 @@ POSE = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
 
 @pytest.fixture
 def made(monkeypatch):
-    """Weak references to what has been prepared for packets."""
+    """Return weak references to data prepared for packets."""
     found, prepare = [], _cpu_table.prepare_rays
 
     def note(rays):
         prepared = prepare(rays)
         found.append(weakref.ref(prepared))
-        time.sleep(0.05)  # long enough for others to ask meanwhile
+        time.sleep(0.05)  # long enough for concurrent requests
         return prepared
 
     monkeypatch.setattr(_cpu_table, "prepare_rays", note)
@@ -48,7 +48,7 @@ def lens_camera(lens=None, **options):
 
 
 @pytest.mark.parametrize("make", [lidar, lens_camera])
-def test_a_second_call_prepares_nothing(make, made):
+def test_rays_are_prepared_once_per_camera(make, made):
     scene, camera = wv.scenes.PRESETS["room"].build(), make()
     first = wv.render(scene, camera, POSE, outputs=ALL)
     assert len(made) == 1
@@ -61,8 +61,8 @@ def test_a_second_call_prepares_nothing(make, made):
     assert len(made) == 2
 
 
-def test_a_lens_with_another_range_prepares_nothing(made):
-    """Other functions make such cameras at every call."""
+def test_lens_cameras_of_different_range_share_rays(made):
+    """Other functions create such cameras in every call."""
     scene, camera = wv.scenes.PRESETS["room"].build(), lens_camera(near=0.2, far=5.0)
     wv.render(scene, camera, POSE)
     for _ in range(2):
@@ -74,7 +74,7 @@ def test_a_lens_with_another_range_prepares_nothing(made):
     assert len(made) == 3
 
 
-def test_ranges_of_lenses_that_share_rays_are_their_own():
+def test_shared_rays_respect_range_of_each_camera():
     scene, camera = wv.scenes.PRESETS["room"].build(), lens_camera()
     everything = wv.render(scene, camera, POSE, outputs="depth").depth.numpy()
     middle = float(np.median(everything[np.isfinite(everything)]))
@@ -84,9 +84,9 @@ def test_ranges_of_lenses_that_share_rays_are_their_own():
         np.testing.assert_array_equal(seen, expected)
 
 
-def test_threads_wait_for_the_first(made):
+def test_concurrent_threads_prepare_rays_once(made):
     scene, camera = wv.scenes.PRESETS["room"].build(), lidar()
-    wv.render(scene, lidar(), POSE, outputs="depth")  # what is compiled and built is there
+    wv.render(scene, lidar(), POSE, outputs="depth")  # compile kernels and build trees first
     start, seen = threading.Barrier(4), []
 
     def render():
@@ -102,8 +102,8 @@ def test_threads_wait_for_the_first(made):
     assert len(seen) == 4 and all((one == seen[0]).all() for one in seen)
 
 
-def test_memory_goes_with_the_camera(made):
-    """Also if the scene, and a lens, live on."""
+def test_prepared_rays_are_freed_with_the_camera(made):
+    """Prepared data is freed even if the scene and the lens are still alive."""
     scene, lens = wv.scenes.PRESETS["room"].build(), lenses.KannalaBrandt(30, 30, 32, 24, (0.01, 0, 0, 0))
     camera, other = lens_camera(lens), lidar()
     renderer = wv.Renderer(scene, camera)
@@ -124,7 +124,7 @@ def test_memory_goes_with_the_camera(made):
 
 @pytest.mark.parametrize("make", [lidar, lens_camera])
 @pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda camera: pickle.loads(pickle.dumps(camera))])
-def test_copies_hold_nothing_that_was_prepared(make, again):
+def test_copies_do_not_contain_prepared_rays(make, again):
     scene, camera = wv.scenes.PRESETS["room"].build(), make()
     before = len(pickle.dumps(camera))
     first = wv.render(scene, camera, POSE, outputs=ALL)
@@ -133,7 +133,7 @@ def test_copies_hold_nothing_that_was_prepared(make, again):
     assert_bits_equal(first, wv.render(scene, again(camera), POSE, outputs=ALL))
 
 
-def test_a_scene_keeps_the_rays_of_its_last_wide_images(made):
+def test_scene_caches_rays_of_last_wide_images(made):
     here = [wv.scenes.PRESETS["room"].build()]
 
     def render(width, **options):
@@ -155,7 +155,7 @@ def test_a_scene_keeps_the_rays_of_its_last_wide_images(made):
     assert all(one() is None for one in made)
 
 
-def test_tables_of_rays_are_made_once(device):
+def test_device_rays_are_prepared_once(device):
     scene = wv.scenes.PRESETS["room"].build(device)
     directions = lidar().directions
     camera = Rays(directions, np.zeros_like(directions))
@@ -165,7 +165,7 @@ def test_tables_of_rays_are_made_once(device):
         np.testing.assert_array_equal(table.numpy(), getattr(camera, name).reshape(-1, 3))
 
 
-def test_what_fails_is_made_anew():
+def test_once_cache_retries_after_failure():
     kept = OnceCache()
     with pytest.raises(ZeroDivisionError):
         kept.get("one", lambda: 1 // 0)

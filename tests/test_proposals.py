@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a robot could go to see what only the person sees: it has room there, and it does see it."""
+"""Proposed robot poses that show objects only the person sees: they are free, and the objects are visible."""
 
 import json
 
@@ -24,7 +24,7 @@ def second_experiment():
     return experiment.build(), *experiment.agents()
 
 
-def test_the_robot_sees_the_ball_from_there():
+def test_proposed_pose_is_free_and_shows_the_ball():
     scene, robot, human = second_experiment()
     proposal = ask(scene, robot, human)
     assert proposal.pose[2] == pytest.approx(0.7)
@@ -42,8 +42,8 @@ def test_the_robot_sees_the_ball_from_there():
     assert json.loads(json.dumps(proposal.report())) == proposal.report()
 
 
-def test_no_nearer_place_shows_as_much():
-    """By the visible fraction of the ball at every place of a finer grid."""
+def test_proposed_pose_is_nearest_of_equal_visibility():
+    """Compare the visible fraction of the ball at all positions of a finer grid."""
     scene, robot, human = second_experiment()
     proposal = ask(scene, robot, human, step=0.05)
     places = wv.planning.pose_grid(robot.poses[0, :3], radius=2, step=0.05, height=0.7, look_at=(0.5, 0.6, 0.1))
@@ -55,18 +55,18 @@ def test_no_nearer_place_shows_as_much():
 
 
 @pytest.mark.parametrize("number", [1, 3, 4])
-def test_it_stays_where_it_misses_nothing(number):
+def test_no_proposal_if_nothing_is_missed(number):
     experiment = scenes.EXPERIMENTS[number - 1]
     assert ask(experiment.build(), *experiment.agents()) is None
 
 
 @pytest.mark.parametrize("options", [{"max_distance": 0.0}, {"max_distance": 0.3}, {"radius": 5.0}])
-def test_it_stays_where_no_place_helps(options):
+def test_no_proposal_if_no_pose_helps(options):
     assert ask(*second_experiment(), **options) is None
 
 
-def test_the_likeliest_object_comes_first():
-    """Two balls behind two walls, far apart: the camera looks at the one that the person looks at."""
+def test_proposal_prefers_most_likely_object():
+    """Two balls are behind separate walls: the proposal shows the one that the person looks at."""
     scene = wv.Scene()
     for name, y in (("left", 1.5), ("right", -1.5)):
         scene.add(trimesh.creation.box((0.1, 1.2, 1.2)), name=f"{name} wall", pose=(1, y, 0.6, 0, 0, 0, 1))
@@ -81,7 +81,7 @@ def test_the_likeliest_object_comes_first():
 
 
 def moving_scene(places=None):
-    """Experiment 2 with a movable ball and a movable box of a robot's size, elsewhere, or added where `places` says."""
+    """Return experiment 2 with a movable ball and a movable robot-sized box, both far away or at `places`."""
     experiment, scene = scenes.EXPERIMENTS[1].build(), wv.Scene()
     movable = {"ball": (0, 0, 0), "crate": (-3, -3, 0.25)}
     movable = movable if places is None else dict(zip(movable, places, strict=True))
@@ -96,8 +96,8 @@ def moving_scene(places=None):
     return scene
 
 
-def test_objects_are_where_the_perspective_had_them():
-    """In two worlds: the ball is where experiment 2 has it, and then a crate stands where the robot went at first."""
+def test_proposal_uses_object_poses_of_perspective():
+    """In the first world the ball is as in experiment 2; in the second a crate also blocks the first proposal."""
     _, robot, human = second_experiment()
     ball = tuple(map(float, scenes.EXPERIMENTS[1].build()["ball"].bounds.mean(axis=0)))
     away = (-3.0, -3.0, 0.25)
@@ -120,8 +120,8 @@ def test_objects_are_where_the_perspective_had_them():
     np.testing.assert_allclose(other.pose, second.pose, atol=1e-6)
 
 
-def test_y_up():
-    """A scene turned to y up has the same answer, turned."""
+def test_y_up_proposal_matches_z_up():
+    """A scene rotated to y-up yields the same proposal, rotated."""
     scene, robot, human = second_experiment()
     turned = wv.Scene(up="y")
     for item in scene:
@@ -150,7 +150,7 @@ def test_y_up():
         ({"floor": float("nan")}, "floor must be a finite number of meters"),
     ],
 )
-def test_bad_input(change, said):
+def test_invalid_arguments_are_rejected(change, said):
     scene, robot, human = second_experiment()
     found = perspective(scene, (robot, human)).candidates("human", "robot")
     with pytest.raises(wv.WarpvisError) as error:
