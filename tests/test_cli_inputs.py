@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""All commands take scenes, cameras and poses alike, and refuse options that have no effect."""
+"""All commands accept the same scenes, cameras and poses, and reject options without effect."""
 
 import json
 
@@ -24,7 +24,7 @@ FILES = ["room.obj", "room.glb", "room.stl", "room.ply", "room.xml", "cart.urdf"
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A box in every format, and poses and worlds for it."""
+    """Return a folder with a box in every format, and poses and worlds for it."""
     folder = tmp_path_factory.mktemp("inputs")
     box = trimesh.creation.box()
     for suffix in ("obj", "glb", "stl", "ply"):
@@ -53,7 +53,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def run(folder, monkeypatch, capsys):
-    """Run a command in the folder: exit code, standard output and standard error."""
+    """Return a function that runs a command in the folder and returns exit code, standard output and standard error."""
     return lambda *arguments: run_here(monkeypatch, capsys, folder, *arguments)
 
 
@@ -62,7 +62,7 @@ def search(file):
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_every_command_takes_every_scene(run, tmp_path, file):
+def test_every_command_accepts_every_scene_format(run, tmp_path, file):
     given = ("--poses", ORBIT, "--camera", "camera.json", *search(file))
     code, out, error = run("render", file, *given, "--out", tmp_path / "render")
     assert (code, error) == (0, "") and out.count("frames: 3, shards: 1, ") == 2
@@ -83,7 +83,7 @@ def test_every_command_takes_every_scene(run, tmp_path, file):
 
 @pytest.mark.parametrize("command", ["render", "check", "batch"])
 @pytest.mark.parametrize("poses", ["poses.txt", "poses.npy", "poses.npz", "poses.csv", "transforms.json"])
-def test_every_command_takes_every_pose_file(run, tmp_path, command, poses):
+def test_every_command_accepts_every_pose_format(run, tmp_path, command, poses):
     out = tmp_path / ("report.json" if command == "check" else "out")
     code, _, error = run(command, "room.stl", "--poses", poses, "--camera", "camera.json", "--out", out)
     assert (code, error) == (0, "")
@@ -92,10 +92,10 @@ def test_every_command_takes_every_pose_file(run, tmp_path, command, poses):
         found = [view["pose"] for view in json.loads(out.read_text())["views"]]
     else:
         found = np.load(out / ("npz" if command == "render" else "") / "shard-000000.npz")["camera_to_world"]
-    np.testing.assert_allclose(np.abs(found), np.abs(expected), atol=1e-6)  # a quaternion and its negative are one
+    np.testing.assert_allclose(np.abs(found), np.abs(expected), atol=1e-6)  # a quaternion and its negative are equal
 
 
-def test_labels_and_axes_reach_every_command(run, tmp_path):
+def test_labels_up_axis_and_scale_options(run, tmp_path):
     given = ("--poses", "poses.txt", "--camera", "camera.json", "--labels", "room=human", "--up", "y", "--scale", "2")
     outputs = ("--outputs", "depth,labels", "--out", tmp_path)
     assert run("render", "room.stl", *given, *outputs)[0] == 0
@@ -105,8 +105,8 @@ def test_labels_and_axes_reach_every_command(run, tmp_path):
     assert "room    human" in run("info", "room.stl", "--labels", "room=human")[1]
 
 
-def test_objects_move_in_every_command(run, tmp_path):
-    """In the first frame's world the box is far away, in the second it is where it was."""
+def test_worlds_in_every_command(run, tmp_path):
+    """In the first frame's world the box is far away, in the second it is at its initial pose."""
     given = ("room.stl", "--poses", "poses.npy", "--camera", "camera.json", "--movable", "r*", "--worlds", "worlds.npz")
     assert run("render", *given, "--out", tmp_path / "out")[0] == 0
     depth = np.load(tmp_path / "out" / "npz" / "shard-000000.npz")["depth"]
@@ -120,14 +120,14 @@ def test_objects_move_in_every_command(run, tmp_path):
     assert code == 0
 
 
-def test_quaternions_with_w_first_in_every_command(run, tmp_path):
+def test_wxyz_quaternions_in_every_command(run, tmp_path):
     given = ("room.stl", "--camera", "camera.json", "--movable", "r*", "--worlds")
     for command in ("render", "batch", "check"):
         found = {}
         for poses, worlds, *order in (
             ("poses.npy", "worlds.npz"),
             ("w_first.npy", "w_first.npz", "--quaternion", "wxyz"),
-            ("poses.txt", "w_first.npz", "--quaternion", "wxyz"),  # which has an order of its own
+            ("poses.txt", "w_first.npz", "--quaternion", "wxyz"),  # the format defines the order
         ):
             out = tmp_path / f"{command}_{poses}_{worlds}"
             more = ("--out", out) if command != "check" else ()
@@ -148,7 +148,7 @@ def test_quaternions_with_w_first_in_every_command(run, tmp_path):
     assert len(reports) == 3 and len(set(reports)) == 1
 
 
-def test_experiments_are_scenes_of_every_command(run, tmp_path):
+def test_every_command_accepts_experiments(run, tmp_path):
     code, out, error = run("info", "experiment_3")
     assert (code, error) == (0, "") and "experiment_3: z up, 6 objects" in out and "ball " in out
     given = ("experiment_3", "--poses", "orbit target=0,0,0.5 radius=1.9 height=1 count=2", "--camera", "camera.json")
@@ -162,8 +162,8 @@ def test_experiments_are_scenes_of_every_command(run, tmp_path):
     assert (code, error) == (0, "") and "ball" in out
 
 
-def test_what_the_model_says_moves(run, tmp_path):
-    """One word in place of the names of bodies; an object of that name is meant by a pattern."""
+def test_movable_model_selects_the_models_movable_bodies(run, tmp_path):
+    """`model` selects the model's movable bodies; a pattern selects an object of that name."""
     given = ("--poses", "poses.npy", "--camera", "camera.json", "--worlds", "worlds.npz")
     assert run("render", "room.xml", *given, "--movable", "model", "--out", tmp_path / "out")[0] == 0
     depth = np.load(tmp_path / "out" / "npz" / "shard-000000.npz")["depth"]
@@ -249,7 +249,7 @@ NO_EFFECT = {
 
 
 @pytest.mark.parametrize("case", NO_EFFECT)
-def test_options_without_effect_are_errors(run, folder, case):
+def test_options_without_effect_raise(run, folder, case):
     command, said = NO_EFFECT[case]
     before = sorted(folder.iterdir())
     code, out, error = run(*command)
@@ -258,7 +258,7 @@ def test_options_without_effect_are_errors(run, folder, case):
     assert sorted(folder.iterdir()) == before
 
 
-def test_warnings_are_sentences(run, folder):
+def test_warnings_are_one_line(run, folder):
     (folder / "two.urdf").write_text(
         URDF.replace("</link>", '<visual><geometry><box size="1 1 1"/></geometry></visual></link>')
     )

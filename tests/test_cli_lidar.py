@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""``warpvis render --lidar``: point clouds along poses, as a user runs it."""
+"""``warpvis render --lidar``: point clouds along poses, as used from a shell."""
 
 import re
 import sys
@@ -29,13 +29,13 @@ def render(monkeypatch, *arguments):
     main()
 
 
-def test_a_cloud_is_written_for_every_pose(folder, monkeypatch, capsys):
+def test_one_cloud_is_written_per_pose(folder, monkeypatch, capsys):
     render(monkeypatch, "--lidar", "os1-128@512x10", "--poses", "walk.txt", "--format", "bin", "npy")
     names = sorted(path.relative_to(folder / "scans").as_posix() for path in (folder / "scans").rglob("*.*"))
     assert names == ["bin/000000.bin", "bin/000001.bin", "npy/000000.npy", "npy/000001.npy"]
     cloud = np.load(folder / "scans/npy/000001.npy")
     points = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
-    # The room is 4 m wide, and the lidar looks along its y, with its middle half a metre to the left.
+    # The room is 4 m wide; the lidar looks along its y axis, 0.5 m left of its center.
     walls = np.abs(points - [0, 0.5, 0]) - [2, 2, 1]
     assert np.abs(walls.max(axis=1)).max() < 1e-5
     np.testing.assert_array_equal(np.fromfile("scans/bin/000001.bin", np.float32).reshape(-1, 4)[:, :3], points)
@@ -43,14 +43,14 @@ def test_a_cloud_is_written_for_every_pose(folder, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("lidar", ["vlp16", "mid360:mid360.npy"])
-def test_other_lidars_are_known_by_name(folder, monkeypatch, lidar):
+def test_lidars_are_selected_by_name(folder, monkeypatch, lidar):
     render(monkeypatch, "--lidar", lidar, "--poses", "walk.txt", "--quiet")
     assert len(list((folder / "scans/pcd").iterdir())) == 2
 
 
 @pytest.mark.parametrize("lidar", ["os1-128@512x10", "mid360:mid360.npy"])
-def test_a_lidar_that_moves_along_its_poses(folder, monkeypatch, capsys, lidar):
-    """At 10 m/s, a turn is skewed by a metre; what is de-skewed is the room."""
+def test_moving_lidar(folder, monkeypatch, capsys, lidar):
+    """At 10 m/s a scan is skewed by 1 m; de-skewed points lie on the walls."""
     rows = np.zeros((5, 8))
     rows[:, 0], rows[:, 1], rows[:, 7] = 1e3 + 0.04 * np.arange(5), -0.8 + 0.4 * np.arange(5), 1
     np.savetxt("drive.txt", rows)
@@ -87,7 +87,7 @@ def test_a_lidar_that_moves_along_its_poses(folder, monkeypatch, capsys, lidar):
         (("--lidar", "avia:none.csv", "--poses", "walk.txt"), "none.csv: cannot be read"),
     ],
 )
-def test_what_is_wrong_is_said(folder, monkeypatch, capsys, arguments, message):
+def test_invalid_arguments_exit_2(folder, monkeypatch, capsys, arguments, message):
     with pytest.raises(SystemExit) as ended:
         render(monkeypatch, *arguments)
     assert ended.value.code == 2
@@ -96,7 +96,7 @@ def test_what_is_wrong_is_said(folder, monkeypatch, capsys, arguments, message):
     assert not (folder / "scans").exists()
 
 
-def test_a_folder_that_is_not_empty_is_left_alone(folder, monkeypatch, capsys):
+def test_non_empty_folder_is_not_overwritten(folder, monkeypatch, capsys):
     render(monkeypatch, "--lidar", "vlp16", "--poses", "walk.txt", "--quiet")
     with pytest.raises(SystemExit):
         render(monkeypatch, "--lidar", "vlp16", "--poses", "walk.txt", "--quiet")

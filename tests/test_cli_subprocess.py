@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A command in a process of its own, which Ray may end: its exit code, or one sentence and exit code 2."""
+"""Commands in a subprocess, which Ray may end: its exit code, or one sentence and exit code 2."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ from warpvis.cli._datasets import Batch
 from warpvis.cli._subprocess import run_in_subprocess
 
 
-def test_a_process_that_is_ended_is_one_sentence(capsys):
+def test_ended_process_raises_one_sentence(capsys):
     with pytest.raises(wv.WarpvisError, match=r"^the node was lost \(exit code 1\)$"):
         run_in_subprocess(partial(os._exit, 1), "the node was lost")
     with pytest.raises(SystemExit) as end:
@@ -23,11 +23,11 @@ def test_a_process_that_is_ended_is_one_sentence(capsys):
     assert capsys.readouterr().err == "warpvis: the node was lost (exit code 0)\n"
 
 
-def test_exit_codes_are_the_processs(tmp_path):
+def test_exit_codes_are_forwarded(tmp_path):
     with pytest.raises(SystemExit) as end:
         run_in_subprocess(partial(sys.exit, 3), "the node was lost")
     assert end.value.code == 3
-    with pytest.raises(SystemExit) as end:  # bad input, which the process has said
+    with pytest.raises(SystemExit) as end:  # invalid input, reported by the subprocess
         Batch(file=tmp_path / "nowhere.glb", poses="nowhere.txt", out=str(tmp_path / "out"), engine="ray").run()
     assert end.value.code == 2
     run_in_subprocess(partial(print, "well"), "the node was lost")

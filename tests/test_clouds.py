@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Point clouds of lidars: their fields, as files, and as messages of ROS."""
+"""Point clouds of lidars: fields, files and ROS messages."""
 
 import math
 
@@ -18,7 +18,7 @@ POSES = np.array([[0.0, 0, 0, 0, 0, 0, 1], [0.5, 0.2, 0.1, 0, 0, math.sin(0.3), 
 
 @pytest.fixture(scope="module")
 def scan():
-    """Two views of a VLP-16 before a wall 3 m ahead, of which the second is turned, and the rays."""
+    """Return two views of a VLP-16 3 m from a wall, the second one rotated, and the rays."""
     scene = wv.Scene(device="cpu")
     scene.add(trimesh.creation.box((0.2, 8, 8)), name="wall", pose=(3.1, 0, 0, 0, 0, 0, 1), label=wv.Label.OBSTACLE)
     rays = lidars.vlp16(20.0)
@@ -31,7 +31,7 @@ def clouds(scan):
     return sensors.point_clouds(views, rays, intensity=np.full(views.depth.shape, 0.5, dtype=np.float32))
 
 
-def test_a_cloud_is_in_the_sensors_frame(scan, clouds):
+def test_cloud_is_in_the_sensor_frame(scan, clouds):
     views, _ = scan
     assert len(clouds) == 2
     assert clouds[0].dtype.names == ("x", "y", "z", "intensity", "ring", "time", "range", "object", "label")
@@ -39,7 +39,7 @@ def test_a_cloud_is_in_the_sensors_frame(scan, clouds):
     np.testing.assert_allclose(clouds[0]["x"], 3.0, atol=1e-5)
     assert (np.diff(clouds[0]["time"]) >= 0).all() and 0 <= clouds[0]["time"].min() and clouds[0]["time"].max() < 0.05
     assert (clouds[1]["object"] == 0).all() and (clouds[1]["label"] == wv.Label.OBSTACLE).all()
-    # In the world they are the points that were rendered.
+    # In the world, they equal the rendered points.
     c, s = math.cos(0.6), math.sin(0.6)
     xyz = np.stack([clouds[1][axis] for axis in "xyz"], axis=-1).astype(np.float64)
     world = xyz @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + POSES[1, :3]
@@ -50,7 +50,7 @@ def test_a_cloud_is_in_the_sensors_frame(scan, clouds):
     np.testing.assert_allclose(world[:, 0], 3.0, atol=1e-5)
 
 
-def test_an_organized_cloud_has_the_shape_of_the_rays(scan, clouds):
+def test_organized_cloud_has_the_shape_of_the_rays(scan, clouds):
     views, rays = scan
     whole = sensors.point_clouds(views, rays, organized=True)[0]
     assert whole.shape == rays.directions.shape[:2]
@@ -60,14 +60,14 @@ def test_an_organized_cloud_has_the_shape_of_the_rays(scan, clouds):
     np.testing.assert_allclose(whole["range"][found], views.depth.numpy()[0][found])
 
 
-def test_kittis_file_is_read_as_its_devkit_does(tmp_path, clouds):
+def test_kitti_file_reads_as_in_its_devkit(tmp_path, clouds):
     paths = wv.io.save_clouds(tmp_path / "velodyne", clouds, first=7)
     assert [path.name for path in paths] == ["000007.bin", "000008.bin"]
     read = np.fromfile(paths[1], dtype=np.float32).reshape(-1, 4)
     np.testing.assert_array_equal(read, np.stack([clouds[1][name] for name in ("x", "y", "z", "intensity")], axis=-1))
 
 
-def test_a_pcd_file_is_read_by_open3d(tmp_path, clouds):
+def test_open3d_reads_pcd(tmp_path, clouds):
     open3d = pytest.importorskip("open3d")
     wv.io.save_cloud(tmp_path / "a.pcd", clouds[1])
     read = open3d.t.io.read_point_cloud(str(tmp_path / "a.pcd"))
@@ -76,7 +76,7 @@ def test_a_pcd_file_is_read_by_open3d(tmp_path, clouds):
         np.testing.assert_array_equal(read.point[name].numpy()[:, 0], clouds[1][name])
 
 
-def test_a_pcd_file_has_the_header_of_its_format(tmp_path, scan):
+def test_pcd_header(tmp_path, scan):
     whole = sensors.point_clouds(*scan, organized=True)[0]
     wv.io.save_cloud(tmp_path / "a.pcd", whole)
     head, _, body = (tmp_path / "a.pcd").read_bytes().partition(b"DATA binary\n")
@@ -89,7 +89,7 @@ def test_a_pcd_file_has_the_header_of_its_format(tmp_path, scan):
         np.testing.assert_array_equal(read[name], whole[name])
 
 
-def test_a_las_file_is_read_by_laspy(tmp_path, clouds):
+def test_laspy_reads_las(tmp_path, clouds):
     laspy = pytest.importorskip("laspy")
     wv.io.save_cloud(tmp_path / "a.las", clouds[1])
     read = laspy.read(tmp_path / "a.las")
@@ -101,7 +101,7 @@ def test_a_las_file_is_read_by_laspy(tmp_path, clouds):
     np.testing.assert_array_equal(read["object"], clouds[1]["object"])
 
 
-def test_a_numpy_file_has_all_of_a_cloud(tmp_path, clouds):
+def test_npy_file_has_all_fields(tmp_path, clouds):
     wv.io.save_cloud(tmp_path / "a.npy", clouds[0])
     np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), clouds[0])
 
@@ -112,7 +112,7 @@ class TestMessages:
         typesys = pytest.importorskip("rosbags.typesys")
         return typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
 
-    def test_a_cloud_is_sent_with_its_fields(self, types, clouds):
+    def test_pointcloud2_has_the_clouds_fields(self, types, clouds):
         message = wv.io.to_pointcloud2(clouds[1], frame_id="velodyne", stamp=2.5, types=types)
         assert [field.name for field in message.fields] == list(clouds[1].dtype.names)
         assert (message.height, message.width, message.point_step) == (1, len(clouds[1]), 31)
@@ -120,13 +120,13 @@ class TestMessages:
         np.testing.assert_array_equal(np.frombuffer(message.data.tobytes(), dtype=clouds[1].dtype), clouds[1])
         types.serialize_cdr(message, "sensor_msgs/msg/PointCloud2")
 
-    def test_velodynes_fields_are_those_of_its_driver(self, types, clouds):
+    def test_velodyne_layout_matches_its_driver(self, types, clouds):
         message = wv.io.to_pointcloud2(clouds[0], frame_id="velodyne", layout="velodyne", types=types)
         found = [(field.name, field.offset, field.datatype) for field in message.fields]
         assert found == [("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("intensity", 12, 7), ("ring", 16, 4), ("time", 18, 7)]
         assert message.point_step == 22
 
-    def test_ousters_fields_are_those_of_its_driver(self, types, clouds):
+    def test_ouster_layout_matches_its_driver(self, types, clouds):
         message = wv.io.to_pointcloud2(clouds[0], frame_id="os_lidar", layout="ouster", types=types)
         found = [(field.name, field.datatype) for field in message.fields]
         assert found == [
@@ -141,7 +141,7 @@ class TestMessages:
         np.testing.assert_allclose(read["range"] * 1e-3, clouds[0]["range"], atol=0.51e-3)
         assert (read["reflectivity"] == 128).all() and (read["ambient"] == 0).all()
 
-    def test_a_laser_scan_is_sent_with_its_angles(self, types):
+    def test_laserscan_angles_and_ranges(self, types):
         rays = lidars.laser_scan(-0.5, 0.5, 0.25, time_increment=0.01, near=0.1, far=9.0)
         ranges = np.array([1.0, 2.0, np.inf, -np.inf, 3.0], dtype=np.float32)
         message = wv.io.to_laserscan(ranges, rays, frame_id="laser", intensities=ranges * 0, types=types)
@@ -155,14 +155,14 @@ class TestMessages:
     @pytest.mark.parametrize(
         ("ends", "first"), [((-math.pi, math.pi, 0.01), -math.pi), ((2.0, -2.0, -0.5), 2.0), ((0.0, 6.0, 0.01), 0.0)]
     )
-    def test_a_laser_scan_turns_either_way_and_past_its_back(self, types, ends, first):
+    def test_laserscan_in_both_directions_and_past_180_degrees(self, types, ends, first):
         rays = lidars.laser_scan(*ends)
         count = rays.directions.size // 3
         message = wv.io.to_laserscan(np.ones(count), rays, frame_id="laser", types=types)
         assert message.angle_min == pytest.approx(first, abs=1e-9) and message.angle_increment == pytest.approx(ends[2])
         assert message.angle_max == pytest.approx(first + (count - 1) * ends[2])
 
-    def test_ros_own_classes_take_the_numbers(self, monkeypatch, clouds):
+    def test_ros_message_classes_accept_the_values(self, monkeypatch, clouds):
         pytest.importorskip("rosbags.typesys")
         import ros_messages
 
@@ -229,13 +229,13 @@ TYPES = {"types": type("Types", (), {"types": {}})()}
         ),
     ],
 )
-def test_bad_input_is_told_in_one_sentence(tmp_path, call, message):
+def test_invalid_arguments_raise_one_sentence(tmp_path, call, message):
     with pytest.raises(wv.WarpvisError, match=message) as found:
         call(tmp_path)
     assert "\n" not in str(found.value)
 
 
-def test_a_cloud_needs_depth_along_rays(scan):
+def test_point_clouds_require_matching_depth(scan):
     views, rays = scan
     with pytest.raises(wv.WarpvisError, match=r"views must have depth\. Add it to outputs\."):
         sensors.point_clouds(wv.Views(), rays)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where surfaces of several geoms coincide, the later geom shows, as in MuJoCo's picture."""
+"""Where surfaces of several geoms coincide, the later geom is shown, as in MuJoCo's image."""
 
 import copy
 import pickle
@@ -22,7 +22,7 @@ from support.mujoco_renderer import images
 
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("kind", TWICE)
-def test_the_later_of_two_equal_geoms_shows(kind, moving, device, caster):
+def test_later_of_two_equal_geoms_is_shown(kind, moving, device, caster):
     if kind == "plane" and moving:
         pytest.skip("MuJoCo's planes do not move")
     model, data = twice(kind, moving=moving)
@@ -41,7 +41,7 @@ def test_the_later_of_two_equal_geoms_shows(kind, moving, device, caster):
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("kind", ["sphere", "ellipsoid", "capsule", "cylinder"])
 def test_solids_coincide_beyond_their_triangles(kind, moving, device):
-    """Seen along the axes, where the triangles of a coarse tolerance end before the true surface."""
+    """Viewed along the axes, where coarse triangles end before the exact surface."""
     joint = "<freejoint/>" if moving else ""
     pair = f"<geom {TWICE[kind]}/>" * 2
     model, data = model_of(f"{HEAD}<body>{joint}{pair}</body></worldbody></mujoco>")
@@ -57,7 +57,7 @@ def test_solids_coincide_beyond_their_triangles(kind, moving, device):
 
 
 @pytest.mark.parametrize("cull_backfaces", [True, False])
-def test_flush_surfaces_are_as_the_reference_has_them(cull_backfaces, device, caster):
+def test_flush_surfaces_match_the_reference(cull_backfaces, device, caster):
     model, data = model_of(FLUSH)
     geoms, renderer = renderer_of(
         model, device, outputs=("segmentation", "depth"), caster=caster, cull_backfaces=cull_backfaces
@@ -85,12 +85,12 @@ def test_flush_surfaces_are_as_the_reference_has_them(cull_backfaces, device, ca
             )
             now = seen.segmentation.numpy()[0]
             assert np.array_equal(seen.depth.numpy()[0], depth)
-            # Where a surface ends, single and double precision may take a pixel in or leave it out.
+            # At the border of a surface, single and double precision may differ in a pixel.
             assert (now != expected).sum() <= 2
             assert not set(np.unique(now)) & indices
             changed += int((now != was).sum())
             shown |= set(np.unique(now).tolist())
-    assert changed > 1000  # there was something to correct
+    assert changed > 1000  # corrections were needed
     names = ("mat", "spot", "spot2", "brick", "paper", "plate", "knob", "tube", "hoof")
     assert {geoms.scene.index(name) for name in names} <= shown
 
@@ -111,7 +111,7 @@ def test_only_segmentation_and_labels_change(device, caster):
     assert (objects != plain.segmentation.numpy()).any()
     of_object = np.array([int(item.label) for item in geoms.scene.objects] + [0])
     assert np.array_equal(seen.labels.numpy(), of_object[objects])
-    for name in ("labels", "segmentation"):  # alone: depth is made nevertheless
+    for name in ("labels", "segmentation"):  # depth is rendered internally
         single = GeomRenderer(geoms.scene, camera, coinciding, **(options | {"outputs": (name,)}))
         again = single.render(eye_of(model, data), **given)
         assert np.array_equal(getattr(again, name).numpy(), getattr(seen, name).numpy())
@@ -121,7 +121,7 @@ def test_only_segmentation_and_labels_change(device, caster):
 
 
 def test_worlds_of_a_batch(device):
-    """Each world has its own place for what moves, and geoms that moved away from each other do not coincide."""
+    """Movable geoms have a pose in each world; geoms that have moved apart do not coincide."""
     text = f"""{HEAD}<geom name="floor" type="plane" size="2 2 .1"/><body name="cube"><freejoint/>
       <geom name="collision" type="box" size=".1 .1 .1"/><geom name="visual" type="box" size=".1 .1 .1"/></body>
       </worldbody></mujoco>"""
@@ -161,7 +161,7 @@ def test_each_view_has_its_own_exclusions(device, caster):
     assert np.array_equal(collision[1], visual[0])
 
 
-def test_the_renderer_follows_what_shows_and_how_large_it_is(device):
+def test_renderer_follows_changes_of_opacity_and_size(device):
     model, data = twice("box", moving=False)
     renderer = Renderer(model, 60, 80, device=device)
     collision, visual = (model.geom(name).id for name in ("collision", "visual"))
@@ -174,7 +174,7 @@ def test_the_renderer_follows_what_shows_and_how_large_it_is(device):
     model.geom_rgba[visual, 3] = 0
     assert shown()[1] == 0 < shown()[0]
     model.geom_rgba[visual, 3] = 1
-    model.geom_size[visual] *= 0.9  # within the other one
+    model.geom_size[visual] *= 0.9  # inside the other one
     assert shown()[1] == 0 < shown()[0]
     model.geom_size[collision] *= 0.9
     assert shown()[0] == 0 < shown()[1]
@@ -183,7 +183,7 @@ def test_the_renderer_follows_what_shows_and_how_large_it_is(device):
     assert shown()[0] == 0 < shown()[1]
 
 
-def test_where_nothing_coincides_nothing_is_looked_for(device):
+def test_no_pairs_without_coinciding_geoms(device):
     text = f"""{HEAD}<geom name="floor" type="plane" size="2 2 .1"/><geom type="box" size=".1 .1 .1" pos="0 0 .1"/>
       <body pos="0 0 .5"><freejoint/><geom type="capsule" size=".1 .2"/><geom type="sphere" size=".15"/></body>
       </worldbody></mujoco>"""
@@ -209,7 +209,7 @@ def brick(extents, middle):
     return trimesh.creation.box(extents, trimesh.transformations.translation_matrix(middle))
 
 
-def test_pairs_are_what_shares_a_plane_where_it_is():
+def test_pairs_share_a_plane_and_overlap():
     scene = scene_of(
         ("table", brick((1, 1, 0.1), (0, 0, 0))),
         ("flush", brick((0.2, 0.2, 0.04), (0.3, 0.2, 0.03))),
@@ -247,7 +247,7 @@ ACROSS = {
 
 @pytest.mark.gl
 @pytest.mark.parametrize("name", ACROSS)
-def test_geoms_of_bodies_that_move_coincide_as_in_mujocos_picture(name, device):
+def test_coinciding_geoms_of_moving_bodies_match_mujoco(name, device):
     model, data = model_of(f"{HEAD}{ACROSS[name]}</worldbody></mujoco>")
     batch = BatchRenderer(model, height=120, width=160, outputs=("segmentation",), device=device)
     with mujoco.Renderer(model, 120, 160) as theirs, Renderer(model, 120, 160, device=device) as renderer:
@@ -257,8 +257,8 @@ def test_geoms_of_bodies_that_move_coincide_as_in_mujocos_picture(name, device):
 
 
 @pytest.mark.parametrize("name", ACROSS)
-def test_geoms_of_bodies_that_have_moved_are_as_the_reference_has_them(name, device):
-    """The drawer stays flush with the floor, and the moved mesh with the other one."""
+def test_coinciding_geoms_of_moved_bodies_match_the_reference(name, device):
+    """The drawer stays flush with the floor, and the moving mesh with the static one."""
     model, data = model_of(f"{HEAD}{ACROSS[name]}</worldbody></mujoco>")
     geoms, renderer = renderer_of(model, device, outputs=("segmentation", "depth"), cull_backfaces=True)
     plain, changed = wv.Renderer(geoms.scene, renderer.camera, cull_backfaces=True), 0
@@ -275,7 +275,7 @@ def test_geoms_of_bodies_that_have_moved_are_as_the_reference_has_them(name, dev
     assert changed > 200
 
 
-def test_equal_meshes_need_no_triangles_of_their_own():
+def test_equal_meshes_store_no_triangles():
     ball = trimesh.creation.icosphere(subdivisions=3)
     mixed = trimesh.Trimesh(ball.vertices, ball.faces[::-1], process=False)
     inside_out = trimesh.Trimesh(ball.vertices, ball.faces[:, ::-1], process=False)
@@ -287,8 +287,8 @@ def test_equal_meshes_need_no_triangles_of_their_own():
     assert len(pairs.faces[2]) == len(ball.faces)
 
 
-def test_slivers_of_a_mesh_that_coincides_are_not_forgotten():
-    """Another exporter has rounded the corners otherwise: the normals of thin triangles are any."""
+def test_pairs_include_slivers_of_coinciding_meshes():
+    """Another exporter rounded the vertices differently: normals of thin triangles are arbitrary."""
     bowl = trimesh.creation.capsule(height=0.2, radius=0.1, count=[64, 64])
     rounded = trimesh.Trimesh(np.round(bowl.vertices, 6), bowl.faces[::-1], process=False)
     scene = scene_of(("one", bowl), ("other", rounded))
@@ -297,7 +297,7 @@ def test_slivers_of_a_mesh_that_coincides_are_not_forgotten():
     assert len(pairs.faces[1]) == len(bowl.faces)
 
 
-def test_solids_are_pairs_where_their_true_surfaces_coincide():
+def test_solids_are_paired_by_their_exact_surfaces():
     text = f"""{HEAD}<body><freejoint/>
       <geom name="rod" type="capsule" size=".1 .3"/>
       <geom name="end" type="sphere" size=".1" pos="0 0 .3"/>
@@ -314,7 +314,7 @@ def test_solids_are_pairs_where_their_true_surfaces_coincide():
 
 @pytest.mark.gl
 @pytest.mark.parametrize("kind", TWICE)
-def test_the_picture_is_mujocos(kind, device):
+def test_segmentation_matches_mujoco(kind, device):
     model, data = twice(kind, moving=kind != "plane")
     renderer = Renderer(model, 120, 160, device=device, tolerance=1e-4)
     with mujoco.Renderer(model, 120, 160) as theirs:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Corruptions of depth for learning, held to a twin in double precision, and to their statistics."""
+"""Depth corruptions for learning against a double-precision reference and their statistics."""
 
 import math
 
@@ -20,7 +20,7 @@ FULL = Corruptions(added=0.02, multiplied=0.03, dropout=0.05, rectangles=(1, 4),
 
 
 @pytest.mark.parametrize("inner", [None, NguyenNoise(), StereoDepth(0.06, sigma=0.1)], ids=str)
-def test_the_twin_agrees(device, inner):
+def test_corruptions_match_the_reference(device, inner):
     model = Corruptions(added=0.02, multiplied=0.03, dropout=0.05, rectangles=(1, 4), sides=(3, 20), of=inner)
     scene = make_scene(device)
     numbers = {"seed": 3, "frame": [1, 2, 3], "view_index": [5, 0, 1]}
@@ -35,7 +35,7 @@ def test_the_twin_agrees(device, inner):
     assert {Reason.VALID, Reason.EMPTY, Reason.RANGE, Reason.DROPOUT} <= set(np.unique(seen["reasons"]))
 
 
-def test_without_any_the_image_is_clean(device):
+def test_default_corruptions_change_nothing(device):
     scene = make_scene(device)
     clean = wv.render(scene, CAMERA, POSES, outputs=("depth",)).depth.numpy()
     views = wv.render(scene, CAMERA, POSES, outputs=("depth", "reasons"), frame=0, sensor=Corruptions())
@@ -51,7 +51,7 @@ def test_without_any_the_image_is_clean(device):
     )
 
 
-def test_splits_threads_and_order(device):
+def test_batching_threads_and_order(device):
     scene, options = make_scene(device), {"outputs": OUTPUTS, "sensor": FULL, "seed": 4}
     whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options), OUTPUTS)
     again = images(wv.render(scene, CAMERA, POSES, threads=3, frame=0, **options), OUTPUTS)
@@ -62,7 +62,7 @@ def test_splits_threads_and_order(device):
 
 
 @pytest.mark.parametrize(("added", "multiplied"), [(0.01, 0.0), (0.0, 0.01), (0.01, 0.02)])
-def test_noise_at_a_wall(device, added, multiplied):
+def test_noise_statistics_at_a_wall(device, added, multiplied):
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     views = wv.render(
         wall(2.0, 0.0, device), camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=Corruptions(added, multiplied), seed=8
@@ -74,8 +74,8 @@ def test_noise_at_a_wall(device, added, multiplied):
     assert abs((error[:, 1:] * error[:, :-1]).mean()) < 4 / math.sqrt(error.size)
 
 
-def test_what_is_lost_at_a_wall(device):
-    """The share of pixels, and of rectangles their number, sides, and that they differ between views."""
+def test_lost_pixels_and_rectangles_at_a_wall(device):
+    """Checks the share of lost pixels, and count, side lengths and variation of rectangles between views."""
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     scene, poses = wall(2.0, 0.0, device), np.stack([AHEAD] * 40)
     pixels = wv.render(
@@ -112,12 +112,12 @@ def test_what_is_lost_at_a_wall(device):
         ({"of": FULL}, "of must not contain Corruptions, because both would use the same"),
     ],
 )
-def test_what_is_refused(arguments, message):
+def test_invalid_parameters_raise(arguments, message):
     with pytest.raises(wv.errors.ArrayError, match=message):
         Corruptions(**arguments)
 
 
-def test_what_the_inner_sensor_needs_and_refuses():
+def test_requirements_and_errors_of_the_inner_sensor():
     assert Corruptions(of=NguyenNoise()).needs == ("normals",)
     assert Corruptions(of=StereoDepth(0.1)).bytes_per_pixel == StereoDepth(0.1).bytes_per_pixel
     with pytest.raises(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Samples of surfaces, what views cover of them, and which views cover the most."""
+"""Surface samples, their coverage by views, and the views with the largest coverage."""
 
 import itertools
 import math
@@ -27,7 +27,7 @@ def sheet(*corners):
 
 
 def divided_room(device="cpu"):
-    """A floor of 4 x 2 m, divided in two squares by a high wall at x = 0."""
+    """Return a floor of 4 x 2 m, divided into two squares by a high wall at x = 0."""
     scene = wv.Scene(device=device)
     scene.add(sheet((-2, -1, 0), (2, -1, 0), (2, 1, 0), (-2, 1, 0)), name="floor", label="ground")
     scene.add(sheet((0, -1, 0), (0, 1, 0), (0, 1, 9), (0, -1, 9)), name="wall")
@@ -35,11 +35,11 @@ def divided_room(device="cpu"):
 
 
 def looking_down(*places):
-    """Cameras that look straight down, their images' right along x."""
+    """Return cameras that look straight down, with the image's x axis along the world's."""
     return np.array([[*place, 1, 0, 0, 0] for place in places], dtype=float)
 
 
-def test_samples_are_even_and_stand_for_the_whole_area():
+def test_samples_are_even_and_represent_the_area():
     scene = wv.Scene()
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.5)
     scene.add(ball, name="ball", pose=(3, 0, 0, 0, 0, 0, 1))
@@ -59,10 +59,10 @@ def test_samples_are_even_and_stand_for_the_whole_area():
     assert (floor[:, 2] == 0).all()
     cells = np.histogram2d(floor[:, 0], floor[:, 1], bins=(8, 4), range=((0, 2), (0, 1)))[0]
     assert cells.sum() == 800
-    assert cells.std() < 3  # of random points it is 5
+    assert cells.std() < 3  # for random points it is 5
 
 
-def test_samples_are_the_same_every_time():
+def test_samples_are_reproducible():
     scene = divided_room()
     one, two, other = (surface_samples(scene, seed=seed) for seed in (0, 0, 1))
     assert (one.points == two.points).all()
@@ -71,7 +71,7 @@ def test_samples_are_the_same_every_time():
     assert (alone.points == one.points[one.objects == 1]).all()
 
 
-def test_samples_of_some_objects():
+def test_samples_of_selected_objects():
     scene = divided_room()
     scene.add(trimesh.creation.box(), name="crate", label="object", pose=(9, 0, 0, 0, 0, 0, 1), movable=True)
     assert set(surface_samples(scene).objects.tolist()) == {0, 1, 2}
@@ -82,10 +82,10 @@ def test_samples_of_some_objects():
 
 
 def test_two_cameras_in_a_divided_room(device):
-    """Each sees its half of the floor, and a side of the wall; a third one is a copy."""
+    """Each camera sees its half of the floor; the third one duplicates the second."""
     scene = divided_room(device)
     samples = surface_samples(scene, spacing=0.02, labels="ground")
-    camera = wv.Camera.from_fov(200, 200, hfov=2 * math.atan(0.5))  # sees 2 x 2 m of what is 2 m below
+    camera = wv.Camera.from_fov(200, 200, hfov=2 * math.atan(0.5))  # covers 2 x 2 m at a distance of 2 m
     found = coverage(scene, camera, looking_down((-1, 0, 2), (1, 0, 2), (1, 0, 2), (1.5, 0, 1)), samples=samples)
     assert found.seen.shape == (4, len(samples))
     np.testing.assert_allclose(found.area_by_view, [4, 4, 4, 1], rtol=0.01)
@@ -97,7 +97,7 @@ def test_two_cameras_in_a_divided_room(device):
     assert found.unseen().mean() < 0.01
     assert sorted(found.order[:2].tolist()) == [0, 1]
     assert found.gain[2:].max() < 0.01
-    over = coverage(scene, camera, looking_down((0, 0, 4)), samples=samples)  # above the middle: the wall is edge-on
+    over = coverage(scene, camera, looking_down((0, 0, 4)), samples=samples)  # above the center: the wall is edge-on
     assert over.fraction == pytest.approx(1, abs=0.01)
     nothing = coverage(scene, camera, looking_down((-1, 0, 2)), samples=samples, exclude=["wall"])
     assert nothing.area_by_view[0] == pytest.approx(4, rel=0.01)
@@ -119,7 +119,7 @@ def test_weights_and_plain_points(device):
     assert (weighted.total, weighted.fraction) == (7, 1)
 
 
-def test_it_is_what_check_points_says(device):
+def test_coverage_matches_point_visibility(device):
     preset = scenes.PRESETS["room"]
     scene, poses = preset.build(device), preset.poses(6)
     found = coverage(scene, CAMERA, poses, tolerance=2e-3)
@@ -135,7 +135,7 @@ def test_it_is_what_check_points_says(device):
     assert found.fraction == pytest.approx(found.cumulative[-1] / default.areas.sum())
 
 
-def test_greedy_views_against_all_choices(device):
+def test_greedy_views_against_brute_force(device):
     preset = scenes.PRESETS["room"]
     scene, poses = preset.build(device), preset.poses(9)
     found = coverage(scene, CAMERA, poses, samples=surface_samples(scene, spacing=0.1))
@@ -152,7 +152,7 @@ def test_greedy_views_against_all_choices(device):
         assert found.curve[k - 1] == pytest.approx(covered(found.best(k)))
         assert found.curve[k - 1] >= (1 if k == 1 else 1 - 1 / math.e) * optimum - 1e-9
     left = np.ones(len(areas), dtype=bool)
-    for view in found.order:  # as the definition has it
+    for view in found.order:  # greedy choice by definition
         gains = [areas[row & left].sum() for row in found.seen]
         assert gains[view] == pytest.approx(max(gains))
         left &= ~found.seen[view]
@@ -168,7 +168,7 @@ def test_ties_go_to_the_lower_index(device):
 
 
 def test_worlds_exclusion_and_batches(device, monkeypatch):
-    """What every view is of, when few pairs are looked at together."""
+    """Results do not depend on the batch size."""
     scene = divided_room(device)
     scene.add(trimesh.creation.box((2, 2, 0.1)), name="lid", pose=(-1, 0, 1, 0, 0, 0, 1), movable=True)
     samples = surface_samples(scene, objects=["floor"], spacing=0.1)
@@ -203,7 +203,7 @@ def test_worlds_exclusion_and_batches(device, monkeypatch):
         ({"objects": [0], "labels": "ground"}, "objects and labels must not both be given"),
     ],
 )
-def test_bad_input_of_samples(change, said):
+def test_invalid_surface_samples_arguments_raise(change, said):
     given = {"scene": divided_room(), **change}
     if "spacing" in change:
         given["objects"] = ["floor"]
@@ -241,7 +241,7 @@ def test_bad_input_of_samples(change, said):
         ({"tolerance": -1}, "tolerance must be a number of meters from 0 up, got -1"),
     ],
 )
-def test_bad_input(change, said):
+def test_invalid_coverage_arguments_raise(change, said):
     poses = looking_down((-1, 0, 2), (1, 0, 2))
     given = {"scene": divided_room(), "camera": CAMERA, "camera_to_world": poses, **change}
     with pytest.raises(wv.WarpvisError) as error:
@@ -249,7 +249,7 @@ def test_bad_input(change, said):
     assert str(error.value) == said
 
 
-def test_best_wants_a_number_of_views():
+def test_best_raises_beyond_the_number_of_views():
     found = coverage(divided_room(), CAMERA, looking_down((-1, 0, 2), (1, 0, 2)), samples=[(0.5, 0, 0)], k=1)
     assert found.best(1).tolist() == [1]
     with pytest.raises(wv.errors.ArrayError, match=r"^k must be a whole number from 1 to the 1 views of order, got 2$"):

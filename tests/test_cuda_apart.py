@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays that begin close beside each other, in packets on CUDA: what an emulated warp sees, and where their eyes are."""
+"""Packets of rays with distinct origins on CUDA: images of an emulated warp, and packet eyes."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def emulator(tmp_path_factory):
 
 @pytest.fixture(params=KINDS)
 def render(request, emulator):
-    """`warpvis.render` by packets of a kind."""
+    """Return a function like `warpvis.render` that casts packets of one kind."""
 
     def call(scene, pattern, poses, *, variant=None, outputs=ALL, cull_backfaces=False, **options):
         variant = variant or KINDS[request.param][bool(scene.bvh().struct.drawn_count)]
@@ -57,25 +57,25 @@ def render(request, emulator):
 
 @pytest.mark.cxx
 @parametrize("size", [0.05, 1.0, 40.0])
-def test_inside_a_box(size, render):
+def test_ranges_inside_a_box(size, render):
     check_box(render, size, (outlets(20, 100), spread_out(700)))
 
 
 @pytest.mark.cxx
 @parametrize("cull_backfaces", [False, True])
 @parametrize("near", [0.004, 0.05, 1.0])
-def test_triangles_as_near_as_origins_match_the_reference(near, cull_backfaces, render):
+def test_triangles_near_the_origins_match_the_reference(near, cull_backfaces, render):
     check_soup(render, near, cull_backfaces, 450)
 
 
 @pytest.mark.cxx
-def test_rays_begin_on_either_side_of_a_plate(render):
+def test_rays_start_on_either_side_of_a_plate(render):
     check_plate(render)
 
 
 @pytest.mark.cxx
 @parametrize("render", KINDS, indirect=True)
-def test_the_room_matches_the_reference(render):
+def test_room_matches_the_reference(render):
     scene = wv.scenes.PRESETS["room"].build("cpu")
     poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
     pattern = Rays(*(part.reshape(16, 25, 3) for part in (sphere_of_rays(400), few_origins(400))), near=0.4, far=2.0)
@@ -86,14 +86,14 @@ def test_the_room_matches_the_reference(render):
 
 @pytest.mark.cxx
 @parametrize("render", KINDS, indirect=True)
-def test_nothing_leaks(render):
+def test_no_ray_passes_between_triangles(render):
     check_no_leaks(render, 2)
 
 
 @pytest.mark.cxx
 @parametrize("render", KINDS, indirect=True)
-def test_a_closed_mesh_from_outside(render):
-    """Its back is never looked at: from beside every origin, it is hidden."""
+def test_closed_mesh_from_outside(render):
+    """Its back faces are skipped: from every origin they are hidden."""
     ball, scene = trimesh.creation.icosphere(subdivisions=3, radius=0.7), wv.Scene(device="cpu")
     scene.add(ball, name="ball")
     for away in (0.704, 2.0):
@@ -105,13 +105,13 @@ def test_a_closed_mesh_from_outside(render):
 
 @pytest.mark.cxx
 @parametrize("render", KINDS, indirect=True)
-def test_worlds_and_exclude_are_those_of_single_rays(render):
+def test_worlds_and_exclude_match_single_rays(render):
     check_worlds(render, Rays(*outlets(16, 40)), 0.999)
 
 
 @pytest.mark.cxx
 def test_depth_alone(emulator):
-    """By a kernel of its own."""
+    """Depth alone uses a separate kernel."""
     scene, pose = wv.scenes.PRESETS["room"].build("cpu"), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     pattern = Rays(*outlets(16, 32))
     one = emulated_renderer(emulator, DEPTH, scene, pattern, outputs=("depth",)).render(pose).depth.numpy()
@@ -122,8 +122,8 @@ def test_depth_alone(emulator):
 
 
 @parametrize("name", ["vlp16", "hdl64e", "OS1-128", "OS0-128"])
-def test_eyes_of_lidars_are_amidst_their_rays(name):
-    """Rays pass an eye much nearer than they begin apart, and begin before it; a slot's ray is its ray of the table."""
+def test_packet_eyes_of_lidars_are_close_to_their_rays(name):
+    """Rays pass close to the packet's eye and start in front of it; slots map back to the rays of the bundle."""
     lidar = getattr(lidars, name)() if hasattr(lidars, name) else lidars.ouster(name)
     shape = (lidar.height, lidar.width, 3)
     rays, origins = lidar.rays.reshape(-1, 3), lidar.origins.reshape(-1, 3)
@@ -137,7 +137,7 @@ def test_eyes_of_lidars_are_amidst_their_rays(name):
         frame = packets.frame.numpy()[:, :9].reshape(-1, 3, 3)
         exact = packets.points.numpy().astype(np.float64) + packets.rests.numpy()
         aside, begin = packets.asides.numpy().astype(np.float64), packets.begins.numpy().astype(np.float64)
-        # What a slot says of where its ray begins, turned back into the table's camera.
+        # The slot's ray origin, transformed back to the camera frame.
         at = np.concatenate([exact * begin[..., None] + aside, begin[..., None]], axis=-1)
         starts = np.einsum("prk,pik->pir", np.linalg.inv(frame), at) + words[:, None, :3]
         np.testing.assert_allclose(starts[there], origins[place[there]], atol=1e-8)
@@ -146,8 +146,8 @@ def test_eyes_of_lidars_are_amidst_their_rays(name):
     assert len(np.unique(np.concatenate(found))) == len(rays)
 
 
-def test_lasers_that_begin_alike_are_in_packets_of_their_own():
-    """Of an HDL-64E, half of the lasers are left of the axis and half right of it."""
+def test_lasers_with_similar_origins_share_packets():
+    """On an HDL-64E, half of the lasers are left of the axis and half are right."""
     lidar = lidars.hdl64e()
     shape = (lidar.height, lidar.width, 3)
     index = np.arange(lidar.height * lidar.width).reshape(shape[:2])
@@ -165,7 +165,7 @@ def test_lasers_that_begin_alike_are_in_packets_of_their_own():
     assert group_rows(index, ouster.rays.reshape(-1, 3), ouster.origins.reshape(-1, 3), 16) is index
 
 
-def test_rays_that_pass_far_from_each_other_go_one_by_one():
+def test_distant_rays_exceed_the_eye_offset_limit():
     directions, origins = spread_out(2000, 0.05)
     prepared = prepare_packets(directions[None], wp.get_device("cpu"), origins[None])
     assert prepared.eye_offset > MAX_EYE_OFFSET

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The packet caster of CUDA on a machine without a GPU: what an emulated warp draws, by lanes in several orders.
+"""The CUDA packet caster without a GPU: images of an emulated warp with lanes in several orders.
 
-Every launch here is run once for each order of lanes, ends the process where lanes diverge, memory is misused or
-behaviour is undefined, and must write the same bytes in all orders.
+Every launch runs once for each order of lanes, must write the same bytes in all orders, and aborts on divergence,
+memory
+errors or undefined behavior.
 """
 
 from collections import Counter
@@ -41,8 +42,8 @@ SIDES = (4, 8, 16, 32)
 SOME_SIDES = (4, pytest.param(8, marks=pytest.mark.slow), pytest.param(16, marks=pytest.mark.slow), 32)
 VARIANTS = tuple(Variant(side, with_id, movable) for side in SIDES[1:] for with_id in (0, 1) for movable in (0, 1))
 VARIANTS += tuple(Variant(4, 1, movable) for movable in (0, 1))
-VARIANTS += tuple(Variant(side, 1, False) for side in (1, 2))  # which only what stays has
-OLD = Variant(16, True, True, arch=700)  # before the warp's reductions
+VARIANTS += tuple(Variant(side, 1, False) for side in (1, 2))  # only for static objects
+OLD = Variant(16, True, True, arch=700)  # before warp reduction instructions
 CLIPS = Variant(16, True, True, clip=True)
 RESIZED = Variant(16, True, True, clip=True, resized=True)
 FINDS = Variant(16, True, True, found=True)
@@ -57,7 +58,7 @@ few_share = instance_scenes.shared  # a fixture
 
 @pytest.fixture(scope="module")
 def emulator(tmp_path_factory):
-    """All variants, compiled with sanitizers, and counting which lines run."""
+    """Return an emulator of all variants, compiled with sanitizers and line counts."""
     compiler = find_compiler()
     assert compiler is not None
     return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS, RESIZED, FINDS, LARGE), compiler)
@@ -65,12 +66,12 @@ def emulator(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def table_emulator(tmp_path_factory):
-    """The same for rays of a table."""
+    """Return an emulator of ray bundles."""
     return Emulator(tmp_path_factory.mktemp("table_emulator"), TABLES, find_compiler())
 
 
 def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
-    """Images of the variant that a GPU would take."""
+    """Render with the variant that a GPU would use."""
     with_id = bool(set(outputs) - {"depth", "points"})
     variant = Variant(side, with_id, bool(scene.bvh().struct.drawn_count))
     renderer = emulated_renderer(emulator, variant, scene, camera, outputs=outputs, cull_backfaces=cull_backfaces)
@@ -78,8 +79,8 @@ def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_
 
 
 @pytest.mark.parametrize("seeds", [range(10), pytest.param(range(10, 40), marks=pytest.mark.slow)], ids=["few", "more"])
-def test_a_near_corner_of_a_wall_of_kilometres_is_where_it_is(emulator, seeds):
-    """Against all triangles in double precision."""
+def test_near_corner_of_a_wall_of_kilometers_is_exact(emulator, seeds):
+    """Compares with all triangles in double precision."""
     for seed in seeds:
         case = FAMILIES["far_corners"](np.random.default_rng(seed), 45, 37, 2)
         depth = render(emulator, case.scene("cpu"), case.poses, camera=case.camera, outputs=("depth",)).depth
@@ -92,8 +93,8 @@ def moved(count=5, seed=1):
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("side", [pytest.param(1, marks=pytest.mark.slow), 2, *SOME_SIDES])
-def test_what_stays(emulator, side, cull_backfaces):
-    """From outside all closed objects, and from inside one."""
+def test_static_objects(emulator, side, cull_backfaces):
+    """Cameras are outside all closed objects and inside one."""
     scene = build("cpu", moved(), movable=False)
     inside = wv.look_at((0.2, 0.1, 0.5), (1, 0.3, 0.6))[None]
     poses = np.concatenate([eyes(2), inside]).astype(np.float32)
@@ -103,8 +104,8 @@ def test_what_stays(emulator, side, cull_backfaces):
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("side", SOME_SIDES)
-def test_what_moves(emulator, side, cull_backfaces):
-    """In several worlds, one of which two views share."""
+def test_movable_objects(emulator, side, cull_backfaces):
+    """Several worlds, one of them shared by two views."""
     rows, world = random_poses(np.random.default_rng(2), 2, 5), np.array([1, 0, 1])
     scene = build("cpu", np.tile(STILL, (5, 1)), movable=True)
     poses = eyes(3)
@@ -116,7 +117,7 @@ def test_what_moves(emulator, side, cull_backfaces):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_instances_that_stay(emulator, few_share, cull_backfaces):
+def test_static_instances(emulator, few_share, cull_backfaces):
     scene, poses = instance_scenes.build(), eyes(2)
     assert instance_scenes.instances_of(scene) == instance_scenes.COUNT
     views = render(emulator, scene, poses, cull_backfaces=cull_backfaces)
@@ -125,8 +126,8 @@ def test_instances_that_stay(emulator, few_share, cull_backfaces):
 
 
 @pytest.mark.parametrize("scaled", [False, True])
-def test_instances_among_what_moves(emulator, few_share, scaled):
-    """In worlds, one of which is not there; of other sizes, which what stays has not."""
+def test_instances_among_movable_objects(emulator, few_share, scaled):
+    """One world index is out of range; scaling applies to movable objects only."""
     scene, poses, rows = instance_scenes.build(movable=2), eyes(3), random_poses(np.random.default_rng(2), 2, 2)
     twin = instance_scenes.twin(scene)
     given = {"object_poses": rows, "world_index": np.array([1, 0, 1]), "exclude": ["early_2", "late_3"]}
@@ -141,8 +142,8 @@ def test_instances_among_what_moves(emulator, few_share, scaled):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_a_near_plane_that_cuts(emulator, cull_backfaces):
-    """Through boxes and balls, from outside of them and from inside."""
+def test_near_plane_clips_meshes(emulator, cull_backfaces):
+    """Boxes and balls are clipped, viewed from outside and inside."""
     scene, poses, camera = near_plane_scenes.scene("cpu"), near_plane_scenes.poses(), near_plane_scenes.CAMERA
     options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": "clip"}
     views = emulated_renderer(emulator, CLIPS, scene, camera, **options).render(poses)
@@ -150,7 +151,7 @@ def test_a_near_plane_that_cuts(emulator, cull_backfaces):
 
 
 @pytest.mark.parametrize("kind", near_plane_scenes.SOLIDS)
-def test_a_near_plane_that_cuts_solids(emulator, kind):
+def test_near_plane_clips_solids(emulator, kind):
     def render(made, pose, cull_backfaces):
         options = {"outputs": ALL, "cull_backfaces": cull_backfaces, "near_plane": "clip"}
         return emulated_renderer(emulator, CLIPS, made, near_plane_scenes.CAMERA, **options).render(pose)
@@ -159,8 +160,8 @@ def test_a_near_plane_that_cuts_solids(emulator, kind):
 
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_objects_of_other_sizes(emulator, cull_backfaces):
-    """As if built so; and of the sizes that they were built with, to the last bit as without any."""
+def test_scaled_objects(emulator, cull_backfaces):
+    """Scaled objects match objects built at that size; scales of 1 change no bit."""
     rng, count = np.random.default_rng(0), len(sized_scenes.SHAPES)
     rows, scales = random_poses(rng, 2, count), sized_scenes.random_scales(rng, 2, count)
     scene = sized_scenes.build("cpu", rows[0])
@@ -176,7 +177,7 @@ def test_objects_of_other_sizes(emulator, cull_backfaces):
 
 
 @pytest.mark.parametrize("kind", [1, 3, 4])
-def test_objects_of_other_sizes_from_inside_and_cut_open(emulator, kind):
+def test_scaled_objects_from_inside_and_clipped(emulator, kind):
     shapes, row, scales = [sized_scenes.SHAPES[kind]], [sized_scenes.TURNED], [(1.5, 0.8, 1.2)]
     scene, twin = (sized_scenes.build("cpu", row, some, shapes=shapes) for some in (None, scales))
     options = {"outputs": ALL, "near_plane": "clip"}
@@ -188,7 +189,7 @@ def test_objects_of_other_sizes_from_inside_and_cut_open(emulator, kind):
 
 
 @pytest.mark.parametrize(("kind", "factor", "x"), sized_scenes.SURROUNDED)
-def test_from_inside_of_what_has_grown_or_shrunk(emulator, kind, factor, x):
+def test_camera_inside_a_scaled_object(emulator, kind, factor, x):
     scales, pose = sized_scenes.surrounded(factor, x)
     scene = sized_scenes.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], shapes=[sized_scenes.SHAPES[kind]])
     renderer = emulated_renderer(emulator, RESIZED, scene, CAMERA, outputs=ALL, near_plane="clip")
@@ -196,8 +197,8 @@ def test_from_inside_of_what_has_grown_or_shrunk(emulator, kind, factor, x):
     assert (views.segmentation.numpy() == 1).mean() > 0.9
 
 
-def test_all_variants_draw_the_same(emulator):
-    """Whatever the packets' size, and what else is asked for."""
+def test_all_variants_render_the_same(emulator):
+    """Images do not depend on the packet size or the other outputs."""
     for movable in (False, True):
         scene = build("cpu", moved(), movable=movable)
         expected = render(emulator, scene, eyes(1))
@@ -209,8 +210,8 @@ def test_all_variants_draw_the_same(emulator):
             assert_bits_equal(images, expected)
 
 
-def test_trees_that_a_gpu_built(emulator, monkeypatch):
-    """The same images to the last bit, of one tree, and of some that are joined."""
+def test_trees_built_on_a_gpu(emulator, monkeypatch):
+    """Images are bit-identical for a single tree and for joined trees."""
     built = []
     for movable in (False, True):
         scene = build("cpu", moved(), movable=movable)
@@ -222,13 +223,13 @@ def test_trees_that_a_gpu_built(emulator, monkeypatch):
 
 
 @pytest.mark.parametrize("output", ALL)
-def test_an_image_alone_is_the_same(emulator, output):
+def test_single_output_is_the_same(emulator, output):
     scene = build("cpu", moved(), movable=True)
     assert_bits_equal(render(emulator, scene, eyes(1), outputs=(output,)), render(emulator, scene, eyes(1)))
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 3), (33, 31), (70, 1)])
-def test_images_that_are_no_multiple_of_packets(emulator, size):
+def test_image_sizes_that_are_no_multiple_of_packets(emulator, size):
     scene = build("cpu", moved(), movable=True)
     camera = wv.Camera.from_fov(*size, hfov=0.9, near=0.05, far=100.0)
     for side in SIDES:
@@ -239,7 +240,7 @@ def test_images_that_are_no_multiple_of_packets(emulator, size):
 @pytest.mark.parametrize("side", [*(pytest.param(side, marks=pytest.mark.slow) for side in SIDES[:-1]), SIDES[-1]])
 @pytest.mark.parametrize("name", solid_scenes.SHAPES)
 def test_solids_of_every_kind(emulator, name, side):
-    """From the side, from above, from inside, and so near that the other way of computing a root is taken."""
+    """From the side, above, inside, and so close that the alternative root formula is used."""
     scene = solid_scenes.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], names=[name])
     reach = scene.objects[1].solid.extent
     places = [(1.4, -0.5, 2.3), (0.2, 0.1, 3.6), (0.3, 1.6, 0.8), (reach[0] + 1e-3, 0, 2), (0.01, 0.02, 2.01)]
@@ -249,7 +250,7 @@ def test_solids_of_every_kind(emulator, name, side):
     views = render(emulator, scene, poses[:4], side=side, camera=camera)
     assert (views.segmentation.numpy() == 1).any(axis=(1, 2)).all()
     assert_matches_reference(views, scene, camera, poses[:4])
-    # From inside, it is the triangles that are seen.
+    # From inside, the triangles are rendered.
     twin = solid_scenes.build("cpu", [(0, 0, 2, 0, 0, 0, 1)], names=[name])
     twin.update_vertices(name, twin[name].mesh_vertices)
     inside = [render(emulator, one, poses[4:], side=side, camera=camera) for one in (scene, twin)]
@@ -258,7 +259,7 @@ def test_solids_of_every_kind(emulator, name, side):
 
 
 def test_solids_among_meshes(emulator):
-    """More of them than are set up at a time, cutting into each other, some around the camera."""
+    """More solids than are set up at once, intersecting each other, some around the camera."""
     rng = np.random.default_rng(0)
     names = [*solid_scenes.SHAPES, *solid_scenes.SHAPES]
     scene = wv.Scene()
@@ -273,7 +274,7 @@ def test_solids_among_meshes(emulator):
 
 
 @pytest.mark.parametrize("gone", [(), ("lamp",), ("table", "ball")])
-def test_what_is_attached_to_something(emulator, gone):
+def test_attached_objects(emulator, gone):
     table, ball = random_poses(np.random.default_rng(2), 2)
     scene, twin = (attached_scenes.build("cpu", table, ball, attached=flag) for flag in (True, False))
     views = render(emulator, scene, eyes(2), exclude=list(gone))
@@ -284,8 +285,8 @@ def test_what_is_attached_to_something(emulator, gone):
     assert_matches_reference(views, shown, CAMERA, eyes(2))
 
 
-def test_what_is_excluded(emulator):
-    """Of what stays and what moves, in each view something else."""
+def test_excluded_objects(emulator):
+    """Static and movable objects, different ones in each view."""
     rows = moved()
     for movable in (False, True):
         scene = build("cpu", rows, movable=movable)
@@ -299,7 +300,7 @@ def test_what_is_excluded(emulator):
             assert_matches_reference(view_of(views, view), twin, CAMERA, eyes(3)[view : view + 1])
 
 
-def test_inside_a_closed_body_that_is_excluded(emulator):
+def test_camera_inside_an_excluded_body(emulator):
     rows = np.array([(2.0, 0, 1.0, 0, 0, 0, 1), (0, 0, 0.5, 0, 0, 0, 1)])
     meshes = [trimesh.creation.box((1, 1, 1)), MESHES[1]]
     pose = wv.look_at((2.1, 0, 1.1), (0, 0, 0.5))[None].astype(np.float32)
@@ -311,7 +312,7 @@ def test_inside_a_closed_body_that_is_excluded(emulator):
         assert_matches_reference(render(emulator, scene, pose, exclude=["moved_0"]), twin, CAMERA, pose)
 
 
-def test_a_world_that_is_not_there_shows_nothing(emulator):
+def test_world_index_out_of_range_renders_nothing(emulator):
     rows = random_poses(np.random.default_rng(7), 2, 5)
     scene = build("cpu", rows[0], movable=True)
     renderer = emulated_renderer(emulator, Variant(16, True, True), scene, CAMERA, outputs=ALL)
@@ -326,7 +327,7 @@ def test_a_world_that_is_not_there_shows_nothing(emulator):
     assert (views.segmentation.numpy()[1:] == -1).all() and (views.labels.numpy()[1:] == 0).all()
 
 
-def test_poses_that_are_no_poses_see_nothing(emulator):
+def test_invalid_poses_render_nothing(emulator):
     poses = eyes(4)
     poses[1], poses[2, 3:], poses[3, 0] = np.nan, 0.0, np.inf
     for movable in (False, True):
@@ -341,8 +342,8 @@ def test_poses_that_are_no_poses_see_nothing(emulator):
 
 
 @pytest.mark.parametrize("solid", [False, True])
-def test_more_objects_than_a_list_holds(emulator, solid):
-    """Nothing stays; the objects fill two lists and part of a third."""
+def test_more_objects_than_one_list_holds(emulator, solid):
+    """Without static objects; the movable objects fill two lists and part of a third."""
     rows = random_poses(np.random.default_rng(15), 520, spread=1.5)
     shapes = [solids.sphere(0.06, tolerance=0.01), trimesh.creation.box((0.1, 0.06, 0.08))]
     scene, twin = wv.Scene(), wv.Scene()
@@ -354,8 +355,8 @@ def test_more_objects_than_a_list_holds(emulator, solid):
     assert_matches_reference(views, twin, CAMERA, eyes(1))
 
 
-def test_objects_that_are_found_before(emulator):
-    """The same bits as if packets look at all of them: far, near, behind the camera, around it, and excluded."""
+def test_found_objects_do_not_change_images(emulator):
+    """Bit-identical to testing all objects in every packet: far, near, behind, around the camera, and excluded."""
     rng = np.random.default_rng(4)
     rows = np.stack([random_poses(rng, 90, spread=spread) for spread in (1.5, 6.0)])
     scene = wv.Scene()
@@ -375,23 +376,23 @@ def test_objects_that_are_found_before(emulator):
 
 
 def test_many_small_triangles_in_a_deep_tree(emulator):
-    """Two thousand and more, most of them smaller than a pixel, and one that fills the image behind them."""
+    """More than two thousand triangles, most smaller than a pixel, and one behind them that fills the image."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.4)
     for movable in (False, True):
         scene = wv.Scene()
         scene.add(trimesh.creation.box((6, 6, 0.02)), name="floor", label="ground")
         scene.add(ball, name="ball", pose=(0, 0, 0.6, 0, 0, 0, 1), movable=movable)
         poses = np.concatenate([eyes(1), eyes(1, radius=7.0)])
-        outputs = ("depth", "points", "segmentation")  # of neighbours that share an edge, either normal is right
+        outputs = ("depth", "points", "segmentation")  # between adjacent triangles, either normal is correct
         views = render(emulator, scene, poses, side=32, outputs=outputs)
         assert_matches_reference(views, scene, CAMERA, poses)
-        if not movable:  # leaves are asked for first, of a tree that counts as large
+        if not movable:  # leaves are prefetched in a tree treated as large
             asked = emulated_renderer(emulator, LARGE, scene, CAMERA, outputs=("depth",)).render(poses)
             assert asked.depth.numpy().tobytes() == views.depth.numpy().tobytes()
 
 
 def test_slivers_and_grazing_planes(emulator):
-    """Triangles for which single precision is not enough: small and large ones."""
+    """Small and large triangles for which single precision is insufficient."""
     rng = np.random.default_rng(5)
     ends = rng.uniform(-1, 1, (60, 2, 3))
     corners = np.concatenate([ends, ends[:, 1:] + rng.normal(size=(60, 1, 3)) * 2e-3], axis=1)
@@ -407,8 +408,8 @@ def test_slivers_and_grazing_planes(emulator):
 
 
 @pytest.mark.parametrize("movable", [False, True])
-def test_slivers_beside_the_camera_need_few_exact_decisions(emulator, movable):
-    """A post of slivers reaches behind the camera, where each of them may be anywhere in the image."""
+def test_slivers_near_the_camera_need_few_exact_decisions(emulator, movable):
+    """A post of slivers extends behind the camera, where their projections are unbounded."""
     scene = wv.Scene()
     post = trimesh.creation.cylinder(radius=0.02, height=2.0, sections=600)
     for x in (-0.41, 0.41):
@@ -423,13 +424,13 @@ def test_slivers_beside_the_camera_need_few_exact_decisions(emulator, movable):
     views = render(emulator, scene, poses, side=32, camera=camera, outputs=("depth",))
     assert_matches_reference(views, scene, camera, poses)
     assert np.isfinite(views.depth.numpy()).mean() > 0.02
-    # Of 4,096 pixels in each of 5 orders of lanes; a pixel may have several triangles' edges near its center.
+    # Out of 4,096 pixels in each of 5 lane orders; a pixel may have several triangles' edges near its center.
     assert exact_decisions() - before < 5 * 200
 
 
 @pytest.mark.parametrize("movable", [False, True])
-def test_a_camera_on_a_surface_and_too_near(emulator, movable):
-    """A surface that the camera lies in is not seen; what is nearer than `near` is not either, and hides."""
+def test_surfaces_through_the_camera_and_closer_than_near(emulator, movable):
+    """A surface through the camera is not visible; surfaces closer than `near` occlude but have no depth."""
     wall = (np.array([(0, -3, -3), (0, 3, -3), (0, 3, 3), (0, -3, 3)]), np.array([(0, 1, 2), (0, 2, 3)]))
     scene, twin = wv.Scene(), wv.Scene()
     for one in (scene, twin):
@@ -446,8 +447,8 @@ def test_a_camera_on_a_surface_and_too_near(emulator, movable):
 
 @pytest.mark.parametrize("movable", [False, True])
 @pytest.mark.parametrize("nearest", [-1.0, 0.01])
-def test_what_passes_the_camera_is_seen_to_the_edge_of_a_packet(emulator, nearest, movable):
-    """From behind the camera, or close before it, to far away; and beside all rays but a last row's or column's."""
+def test_triangles_passing_the_camera_reach_the_packets_edge(emulator, nearest, movable):
+    """From behind or just in front of the camera to far away, hit only by the rays of one row or column."""
     for axis, sign in ((1, -1), (1, 1), (0, -1), (0, 1)):
         corners = np.zeros((4, 3))
         corners[:, axis], corners[:, 1 - axis], corners[:, 2] = 1e-3 * sign, [-2, 2, 2, -2], [nearest, nearest, 4, 4]
@@ -463,8 +464,8 @@ def test_what_passes_the_camera_is_seen_to_the_edge_of_a_packet(emulator, neares
         assert seen[last] and not seen[last + 1 if sign < 0 else last - 1]
 
 
-def test_far_from_the_origin(emulator):
-    """What single precision cannot hold of a moved camera's place is kept apart: not a bit changes."""
+def test_large_offset_changes_nothing(emulator):
+    """The rounding error of moved camera positions is stored separately: no bit changes."""
     rows, poses = moved(seed=14), eyes(1)
     rows[:, :3], poses[:, :3] = np.round(rows[:, :3] * 64) / 64, np.round(poses[:, :3] * 64) / 64
     scene = build("cpu", rows, movable=True, static=False)
@@ -483,8 +484,8 @@ FAST_WALLS = ((False, 0, 32), (True, 1, 8))
     ("movable", "seed", "side"),
     [pytest.param(*given, marks=() if given in FAST_WALLS else pytest.mark.slow) for given in WALLS],
 )
-def test_no_ray_slips_through_a_corner(emulator, movable, seed, side):
-    """Walls of which every pixel's centre is at a corner, as nearly as numbers can say."""
+def test_no_ray_passes_through_a_vertex(emulator, movable, seed, side):
+    """Walls with a vertex at every pixel center, up to rounding."""
     camera, pose, vertices, faces = wall(seed)
     scene = wv.Scene()
     scene.add((vertices, faces), movable=movable)
@@ -492,8 +493,8 @@ def test_no_ray_slips_through_a_corner(emulator, movable, seed, side):
     assert np.isfinite(depth).all()
 
 
-def test_rays_of_a_table_in_the_room(table_emulator):
-    """Of depth alone in small packets, and of all in large ones."""
+def test_ray_bundle_in_the_room(table_emulator):
+    """Depth alone in small packets, all outputs in large ones."""
     scene, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     for name in ("lidar", "planar, wide"):
         camera = ray_tables.PATTERNS[name]
@@ -506,8 +507,8 @@ def test_rays_of_a_table_in_the_room(table_emulator):
         np.testing.assert_allclose(depth.depth.numpy()[shown], views.depth.numpy()[shown], rtol=2e-6)
 
 
-def test_rays_of_a_table_and_what_moves(table_emulator):
-    """Meshes and solids, of other sizes than they were built."""
+def test_ray_bundle_with_movable_objects(table_emulator):
+    """Scaled meshes and solids."""
     rng = np.random.default_rng(0)
     shapes = [sized_scenes.SHAPES[kind] for kind in (0, 1, 3, 4)]
     rows, scales = random_poses(rng, 4, spread=2.0), sized_scenes.random_scales(rng, 1, 4)[0]
@@ -519,12 +520,12 @@ def test_rays_of_a_table_and_what_moves(table_emulator):
     assert len(np.unique(views.segmentation.numpy())) >= 4
 
 
-# The lines that no scene reaches, and why.
+# Lines that no scene reaches, with reasons.
 UNREACHED: dict[str, str] = {}
 
 
 def test_faces(emulator, table_emulator, few_share):
-    """The triangles of the objects' own meshes: of what stays, of instances, of what moves, and none of solids."""
+    """Faces are indices of each object's mesh, for static objects, instances and movable objects; -1 for solids."""
     for moving in (False, True):
         scene, given = face_scenes.build(moving=moving)
         worlds = face_scenes.worlds_of(scene)
@@ -542,7 +543,7 @@ def test_faces(emulator, table_emulator, few_share):
 
 
 def test_every_line_runs(emulator, table_emulator, request):
-    """By all the tests above: what no test runs, nobody knows."""
+    """Together, all tests of this file run every line of the headers."""
     chosen = {item.function for item in request.session.items if item.path == request.path}
     if not all(value in chosen for name, value in globals().items() if name.startswith("test_") and callable(value)):
         pytest.skip("only some of this file's tests ran")
