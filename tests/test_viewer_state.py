@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the live page shows, computed without a page: tables, clouds, pictures, and what moves with what."""
+"""Tests of the state that the live page shows, without a page: tables, clouds, images, and movable objects."""
 
 import math
 
@@ -35,22 +35,22 @@ def points_of(state, snapshot, name):
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
-def test_the_table_says_what_the_experiments_show(number):
+def test_table_shows_the_states_of_experiments(number):
     experiment, snapshot = EXPERIMENTS[number - 1], state_of(number).snapshot()
     for name, expected in experiment.states.items():
         assert row_of(snapshot, name).state == expected
 
 
-def test_the_copy_sees_what_the_scene_itself_shows():
+def test_visibility_equals_perspective_of_the_original_scene():
     experiment = EXPERIMENTS[2]
     snapshot = state_of(3).snapshot()
     expected = wv.perspective(experiment.build(), experiment.agents(), objects=list(snapshot.seen.objects))
-    # The ball's and the bodies' vertices are rounded in frames of their own.
+    # The ball's and the bodies' vertices are rounded in local frames.
     np.testing.assert_allclose(snapshot.seen.fraction, expected.fraction, atol=0.01)
     np.testing.assert_array_equal(snapshot.seen.status, expected.status)
 
 
-def test_a_moved_ball_is_hidden_and_the_table_says_by_what():
+def test_moved_ball_is_hidden_by_the_named_object():
     state = state_of(1)
     assert row_of(state.snapshot(), "ball").state == State.BOTH
     pose = state.object_pose("ball")
@@ -62,7 +62,7 @@ def test_a_moved_ball_is_hidden_and_the_table_says_by_what():
     assert row_of(state.snapshot(), "ball").state == State.BOTH
 
 
-def test_points_move_with_their_object_and_have_the_colour_of_who_sees_them():
+def test_points_move_with_objects_and_are_colored_by_state():
     state = state_of(3)
     before = state.snapshot()
     ball = points_of(state, before, "ball")
@@ -80,7 +80,7 @@ def test_points_move_with_their_object_and_have_the_colour_of_who_sees_them():
     np.testing.assert_array_equal(after.point_colors, colors)
 
 
-def test_points_agree_with_point_visibility():
+def test_point_states_match_point_visibility():
     state = state_of(2)
     snapshot, experiment = state.snapshot(), EXPERIMENTS[1]
     robot, _ = experiment.agents()
@@ -88,10 +88,10 @@ def test_points_agree_with_point_visibility():
     seen = wv.point_visibility(experiment.build(), robot.camera, robot.pose, points, exclude=robot.body).numpy()[0]
     expected = (seen == wv.Visibility.VISIBLE) & ~points_of(state, snapshot, "robot")
     differ = expected != (snapshot.states & State.FIRST).astype(bool)
-    assert differ.mean() < 1e-3  # points on edges, as vertices of what moves are rounded elsewhere
+    assert differ.mean() < 1e-3  # points on edges: vertices of movable objects are rounded elsewhere
 
 
-def test_no_agent_sees_its_own_body():
+def test_agents_do_not_see_their_own_body():
     state = state_of(1)
     snapshot = state.snapshot()
     assert not (snapshot.states[points_of(state, snapshot, "robot")] & State.FIRST).any()
@@ -99,10 +99,10 @@ def test_no_agent_sees_its_own_body():
     assert row_of(snapshot, "robot").cells[0] == "own body" and row_of(snapshot, "person").cells[1] == "own body"
 
 
-def test_a_body_goes_along_the_ground_and_turns_with_the_gaze():
+def test_body_stays_on_ground_and_follows_the_yaw():
     state = state_of(1)
     body = state.object_pose("robot")
-    # To the side, a quarter to the left, and 0.4 m higher: the body stays on the ground.
+    # Sideways, a quarter revolution to the left, and 0.4 m higher: the body stays on the ground.
     state.move_agent("robot", wv.look_at((-1.0, 0.5, 1.1), (-1.0, 3.0, 0.2)))
     moved = state.object_pose("robot")
     eyes = EXPERIMENTS[0].agents()[0].poses[0]
@@ -114,7 +114,7 @@ def test_a_body_goes_along_the_ground_and_turns_with_the_gaze():
     assert state.height("robot") == pytest.approx(0.9) and state.object_pose("robot")[2] == body[2]
 
 
-def test_a_narrower_view_leaves_things_out():
+def test_narrower_view_excludes_objects():
     state = state_of(3)
     assert row_of(state.snapshot(), "ball").fractions[0] > 0.9
     camera = state.agents["robot"].camera
@@ -127,7 +127,7 @@ def test_a_narrower_view_leaves_things_out():
     assert row_of(state.snapshot(), "ball").fractions[0] > 0.9
 
 
-def test_pictures_are_those_of_the_renderer():
+def test_pictures_match_the_renderer():
     state, experiment = state_of(3), EXPERIMENTS[2]
     robot, _ = experiment.agents()
     pictures = state.snapshot().pictures
@@ -140,7 +140,7 @@ def test_pictures_are_those_of_the_renderer():
     assert {tuple(color) for color in by_object.reshape(-1, 3)} >= {STATE_COLORS[State.FIRST], STATE_COLORS[State.BOTH]}
 
 
-def test_the_cloud_of_the_depth_image_has_the_colours_of_labels():
+def test_depth_cloud_has_the_colors_of_labels():
     state = state_of(3)
     state.cloud_kind = "labels"
     snapshot = state.snapshot()
@@ -154,7 +154,7 @@ def test_the_cloud_of_the_depth_image_has_the_colours_of_labels():
     assert len(state.snapshot().points) == 0
 
 
-def test_the_scene_that_was_given_stays_as_it_is():
+def test_given_scene_is_not_modified():
     experiment = EXPERIMENTS[0]
     scene = experiment.build()
     before = scene["ball"].vertices.copy()
@@ -165,7 +165,7 @@ def test_the_scene_that_was_given_stays_as_it_is():
     assert scene.movable == ()
 
 
-def test_one_agent_and_no_body():
+def test_one_agent_without_body():
     scene = wv.Scene(up="y")
     scene.add(trimesh.creation.box((4, 0.02, 4)), name="floor", label="ground")
     scene.add(trimesh.creation.box((0.3, 0.3, 0.3)), name="box", label="object", pose=(0, 0.15, 0, 0, 0, 0, 1))
@@ -184,7 +184,7 @@ def test_instances_keep_sharing_their_mesh():
     scene.add(trimesh.creation.icosphere(radius=0.1), name="ball", label="object", pose=(2, 1, 0, 0, 0, 0, 1))
     state = ViewerState(scene, [wv.Agent.kinect("robot", wv.look_at((2, 3, 1), (2, 0, 0)))], points=1000)
     assert len({id(state.scene.objects[k].shared_mesh) for k in range(60)}) == 1
-    assert state.table_objects == ["ball"]  # 61 are too many for a table
+    assert state.table_objects == ["ball"]  # 61 objects are too many for a table
     assert state.snapshot().rows[0].state == State.FIRST
 
 
@@ -200,7 +200,7 @@ def test_handles_are_level(vertical):
         assert frame[:3, 0] @ np.asarray(ahead) >= -1e-9
 
 
-def test_what_is_refused():
+def test_invalid_input_raises():
     experiment = EXPERIMENTS[0]
     scene, (robot, human) = experiment.build(), experiment.agents()
     third = wv.Agent.kinect("third", robot.pose)
@@ -226,7 +226,7 @@ def test_what_is_refused():
             call()
 
 
-def test_a_line_of_sight_stops_at_what_hides_the_object():
+def test_line_of_sight_stops_at_the_occluder():
     snapshot = state_of(3).snapshot()
     line = next(line for line in snapshot.lines if line.object == "person")
     assert (line.agent, line.occluder) == ("robot", "high obstacle")
@@ -235,10 +235,10 @@ def test_a_line_of_sight_stops_at_what_hides_the_object():
     np.testing.assert_allclose(np.cross(line.stop - line.eye, line.target - line.eye), 0, atol=1e-5)
     box = EXPERIMENTS[2].build()["person"].bounds
     np.testing.assert_allclose(line.target, box.mean(axis=0), atol=1e-5)
-    assert not [line for line in snapshot.lines if line.object == "ball"]  # it is seen, or out of view
+    assert not [line for line in snapshot.lines if line.object == "ball"]  # visible or out of view
 
 
-def test_the_page_proposes_where_to_go():
+def test_proposed_pose_reveals_the_object():
     state = state_of(2)
     snapshot = state.snapshot()
     found = propose(state, snapshot, max_distance=2.0, radius=0.2)
@@ -252,7 +252,7 @@ def test_the_page_proposes_where_to_go():
     assert propose(state_of(4), state_of(4).snapshot(), max_distance=2.0, radius=0.2) == "human sees no object."
 
 
-def test_the_map_is_that_of_the_robots_image():
+def test_map_shows_labels_of_the_robots_image():
     state = state_of(1)
     picture = map_picture(state, state.snapshot().views[0])
     assert picture.shape == (320, 320, 3)
@@ -260,7 +260,7 @@ def test_the_map_is_that_of_the_robots_image():
     assert {tuple(label_colors()[label]) for label in (wv.Label.GROUND, wv.Label.OBJECT)} <= colors
 
 
-def test_noise_is_in_the_depth_image():
+def test_noise_applies_to_the_depth_image():
     state = state_of(3)
     exact = state.snapshot().views[0].depth
     state.set_sensor(kinect_noise(1.0))
@@ -290,7 +290,7 @@ def arm():
     return stage, ViewerState(stage, [stage.agent("robot", "head")], points=2000)
 
 
-def test_a_models_bodies_are_objects_with_labels():
+def test_model_bodies_are_labeled_objects():
     stage, state = arm()
     found = {item.name: wv.Label(item.label) for item in state.scene.objects}
     label = wv.Label
@@ -308,12 +308,12 @@ def test_a_models_bodies_are_objects_with_labels():
     assert said.stage.scene["arm"].label == label.OBSTACLE
 
 
-def test_joints_move_what_hangs_on_them():
+def test_joints_move_their_descendants():
     stage, state = arm()
     data = mujoco.MjData(stage.model)
     state.set_joint("turn", 0.7)
     state.set_joint("lift", 0.2)
-    # A free object takes along what hangs on it.
+    # A free object carries its child bodies.
     pot = state.object_pose("pot")
     pot[:3] += 0.1, 0.2, 0
     state.move_object("pot", pot)
@@ -332,7 +332,7 @@ def test_joints_move_what_hangs_on_them():
 
 
 def _corners(model, data, body):
-    """The box around a body's boxes, where MuJoCo has them."""
+    """Return the bounds of a body's boxes as placed by MuJoCo."""
     found = []
     for geom in np.flatnonzero(model.geom_bodyid == model.body(body).id):
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
@@ -341,7 +341,7 @@ def _corners(model, data, body):
     return corners.min(axis=0), corners.max(axis=0)
 
 
-def test_what_is_refused_of_a_model():
+def test_invalid_input_for_a_model_raises():
     stage, state = arm()
     plain = state_of(1)
     cases = [

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The floor map against its twin, and what its cells have to mean."""
+"""Tests of the floor map: against the reference, and the meaning of its cells."""
 
 import subprocess
 import sys
@@ -21,25 +21,25 @@ ROBOT = [(*ROBOT_AT, ROBOT_RADIUS)]
 
 
 @pytest.mark.parametrize("number", [1, 3])
-def test_maps_match_their_twin(number, device):
+def test_maps_match_reference(number, device):
     experiment = scenes.EXPERIMENTS[number - 1]
     scene = experiment.build(device)
     camera = wv.Camera.from_fov(96, 72, hfov=0.994837, near=0.3, far=4.5)
     views = wv.render(scene, camera, experiment.poses())
-    # Faces of the scene's boxes lie on round numbers: off them, no point is on the border of two cells.
+    # Box faces lie on round numbers: with these bounds no point lies on the border of two cells.
     low = np.array([-2.013, -1.987])
     floor_map = wv.floor_map(views.points, views.labels, bounds=(low, (2, 2)), cell_size=0.05, robots=ROBOT)
     marks = reference.mark_cells(
         views.points.numpy()[0], views.labels.numpy()[0], low, 0.05, floor_map.cells.shape[1:], 0.01
     )
     expected = reference.finish_map(marks, low, 0.05, np.array(ROBOT))
-    # Cells whose centre a quadrilateral's edge touches may fall either way in single precision.
+    # Cells whose center lies on a quadrilateral's edge may differ in single precision.
     assert (floor_map.cells.numpy()[0] != expected).mean() < 2e-3
     assert set(np.unique(expected)) > {Label.EMPTY, Label.GROUND, Label.OBSTACLE, Label.ROBOT}
 
 
-def test_every_seen_point_marks_its_cell(device):
-    """No point inside the map is lost, and no cell is marked whose neighbourhood shows nothing."""
+def test_every_visible_point_marks_its_cell(device):
+    """Each cell has at least the label of every point in it."""
     experiment = scenes.EXPERIMENTS[0]
     scene = experiment.build(device)
     views = wv.render(scene, experiment.camera, experiment.poses())
@@ -53,8 +53,8 @@ def test_every_seen_point_marks_its_cell(device):
     assert (cells[row[inside], column[inside]] >= labels[seen][inside]).all()
 
 
-def test_seen_ground_has_no_gaps_between_pixels(device):
-    """A camera over an empty floor sees one connected patch, though far pixels fall many cells apart."""
+def test_visible_ground_has_no_gaps_between_pixels(device):
+    """A camera above an empty floor yields one connected patch, though distant pixels lie many cells apart."""
     scene = wv.Scene(device=device)
     import trimesh
 
@@ -69,7 +69,7 @@ def test_seen_ground_has_no_gaps_between_pixels(device):
         assert (steps[1:-1] == 1).all()  # at the ends, a pixel's own cell may stick out
 
 
-def test_the_higher_label_wins_and_the_robot_covers_all(device):
+def test_higher_label_wins_and_robot_covers_all(device):
     points = np.zeros((1, 1, 3, 3), dtype=np.float32)
     labels = np.array([[[Label.HUMAN, Label.OBSTACLE, Label.OBJECT]]], dtype=np.uint8)
     bounds = ((-1, -1), (1, 1))
@@ -79,7 +79,7 @@ def test_the_higher_label_wins_and_the_robot_covers_all(device):
     assert cells.tolist() == [[0, 0], [0, Label.ROBOT]]
 
 
-def test_maps_of_several_views_are_their_own(device):
+def test_each_view_has_a_separate_map(device):
     experiment = scenes.EXPERIMENTS[2]
     scene = experiment.build(device)
     poses = np.concatenate([experiment.poses(), wv.look_at((1.9, 0, 0.7), (0, 0, 0.3))[None]]).astype(np.float32)
@@ -92,7 +92,7 @@ def test_maps_of_several_views_are_their_own(device):
     assert (maps[0] != maps[1]).any()
 
 
-def test_legend_colours_and_areas():
+def test_legend_colors_and_areas():
     points = np.zeros((1, 1, 1, 3), dtype=np.float32)
     floor_map = wv.floor_map(points, np.array([[[1]]], dtype=np.uint8), bounds=((0, 0), (1, 2)), cell_size=0.5)
     assert floor_map.bounds == (0, 1, 0, 2)
@@ -101,11 +101,11 @@ def test_legend_colours_and_areas():
     colors = {label: color for label, (_, color) in floor_map.legend.items()}
     assert tuple(floor_map.rgb()[0, 0, 0]) == colors[Label.GROUND]
     assert tuple(floor_map.rgb()[0, 3, 1]) == colors[Label.EMPTY] == (0, 0, 0)
-    assert list(floor_map.legend) == [Label.EMPTY, Label.GROUND]  # what is there
+    assert list(floor_map.legend) == [Label.EMPTY, Label.GROUND]  # only values that occur
 
 
-def test_worlds_with_y_up():
-    """The map's axes are z and x, which keeps it a view from above."""
+def test_map_of_world_with_y_up():
+    """The map's axes are z and x, so it is a view from above."""
     points = np.array([[[[3.0, 0.0, 1.0]]]], dtype=np.float32)
     floor_map = wv.floor_map(points, np.array([[[1]]]), bounds=((0, 0, 0), (4, 1, 2)), cell_size=1.0, up="y")
     assert floor_map.axes == ("z", "x")
@@ -113,14 +113,14 @@ def test_worlds_with_y_up():
     assert floor_map.cells.numpy()[0, 3, 1] == Label.GROUND
 
 
-def test_a_saved_map_has_the_colours_of_its_legend(tmp_path):
-    """Row 0 is at the bottom of the picture, and every cell has its value's colour."""
+def test_saved_map_has_the_colors_of_its_legend(tmp_path):
+    """Row 0 is at the bottom of the image, and every cell has its value's color."""
     cells = np.array([[0, 7], [3, 3], [7, 0]], dtype=np.uint8)
     legend = {0: ("nothing", (10, 20, 30)), 3: ("three", (250, 0, 0)), 7: ("seven", (0, 0, 250))}
     save_map(cells, tmp_path / "map.png", bounds=(0, 2, 0, 3), legend=legend, axes=("z", "x"))
     pixels = np.asarray(Image.open(tmp_path / "map.png").convert("RGB"))
     red = (pixels == (250, 0, 0)).all(axis=2)
-    rows = np.flatnonzero(red.sum(axis=1) > 100)  # the middle row of cells, and not its patch in the legend
+    rows = np.flatnonzero(red.sum(axis=1) > 100)  # the middle row of cells, without its patch in the legend
     columns = np.flatnonzero(red[rows[0]])
     side = len(rows)
     assert side == pytest.approx(len(columns) / 2, abs=2) and side > 50
@@ -130,14 +130,14 @@ def test_a_saved_map_has_the_colours_of_its_legend(tmp_path):
     assert colors == [(0, 0, 250), (10, 20, 30), (10, 20, 30), (0, 0, 250)]
 
 
-def test_a_map_has_values_of_its_legend(tmp_path):
+def test_map_values_must_be_in_the_legend(tmp_path):
     with pytest.raises(wv.WarpvisError, match="cells must contain only values of the legend, got 9"):
         save_map([[0, 9]], tmp_path / "map.png", bounds=(0, 2, 0, 1), legend=MAP_LEGEND)
     with pytest.raises(wv.WarpvisError, match=r"cells must have shape \(rows, columns\), got \(1, 1, 2\)"):
         save_map([[[0, 1]]], tmp_path / "map.png", bounds=(0, 2, 0, 1), legend=MAP_LEGEND)
 
 
-def test_saving_a_map_needs_no_planning_and_no_visibility(tmp_path):
+def test_saving_a_map_imports_no_planning_or_visibility(tmp_path):
     code = f"""
 import sys
 import numpy as np, warpvis as wv

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The map in 3D: against its twin, against geometry, over several views, threads and worlds."""
+"""Tests of the voxel map: against the reference, against geometry, and with several views, threads and worlds."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def render(scene, poses=POSES):
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_maps_match_their_twin(count, device):
+def test_maps_match_reference(count, device):
     views = render(build(device), POSES[:count])
     result = voxel_map(views.depth, CAMERA, POSES[:count], bounds=BOUNDS, labels=views.labels)
     assert result.states.shape == result.labels.shape == (57, 48, 25)
@@ -33,21 +33,21 @@ def test_maps_match_their_twin(count, device):
     assert ((labels != Label.EMPTY) == (states == Voxel.SURFACE)).all()
 
 
-def test_states_are_where_geometry_says(device):
+def test_states_match_geometry(device):
     scene = build(device)
     result = voxel_map_from_scene(scene, CAMERA, POSES[0], bounds=BOUNDS)
     assert at(result, (BOX_FRONT, 0.0, 0.2)) == (Voxel.SURFACE, Label.OBSTACLE)
     assert at(result, (BOX_FRONT - 0.1, 0.0, 0.2)) == (Voxel.FREE, Label.EMPTY)
     assert at(result, (BOX_FRONT + 0.1, 0.0, 0.2)) == (Voxel.HIDDEN, Label.EMPTY)  # inside
     assert at(result, (BOX_BACK + 0.1, 0.0, 0.1)) == (Voxel.HIDDEN, Label.EMPTY)  # behind
-    assert at(result, (BOX_BACK + 0.1, 0.0, 0.7)) == (Voxel.FREE, Label.EMPTY)  # over it
+    assert at(result, (BOX_BACK + 0.1, 0.0, 0.7)) == (Voxel.FREE, Label.EMPTY)  # above it
     assert at(result, (-0.5, 0.0, 0.0)) == (Voxel.SURFACE, Label.GROUND)
     assert at(result, (0.0, 0.0, -0.1)) == (Voxel.HIDDEN, Label.EMPTY)
     assert at(result, (-0.3 - 0.14, 0.4, 0.15)) == (Voxel.SURFACE, Label.OBJECT)
     assert at(result, (-1.5, 0.0, 0.8)) == (Voxel.OUTSIDE, Label.EMPTY)  # behind the camera
-    assert at(result, (-1.3, 0.1, 0.77)) == (Voxel.OUTSIDE, Label.EMPTY)  # nearer than it measures
+    assert at(result, (-1.3, 0.1, 0.77)) == (Voxel.OUTSIDE, Label.EMPTY)  # nearer than near
 
-    # Elsewhere a voxel is what its middle is by the pixel that it is in.
+    # Elsewhere a voxel has the state of its center in the depth image.
     depth = render(scene, POSES[:1]).depth
     status = wv.point_visibility_from_depth(depth, CAMERA, POSES[:1], result.centers().reshape(-1, 3), tolerance=0.0)
     means = {Visibility.VISIBLE: Voxel.FREE, Visibility.OCCLUDED: Voxel.HIDDEN}
@@ -58,7 +58,7 @@ def test_states_are_where_geometry_says(device):
 
 
 def test_surfaces_have_no_holes_between_pixels(device):
-    """Every voxel of a wall in view holds it, though the pixels lie three voxels apart."""
+    """Every voxel of a visible wall is SURFACE, though pixels lie three voxels apart."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.2, 9, 9)), name="wall", pose=(2.113, 0, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(30, 30, hfov=1.2)
@@ -71,7 +71,7 @@ def test_surfaces_have_no_holes_between_pixels(device):
     assert (states[wall + 1 :] == Voxel.HIDDEN).all()
 
 
-def test_a_map_of_several_views_is_what_any_of_them_saw(device):
+def test_several_views_give_the_maximum_of_single_views(device):
     views = render(build(device))
     depth, labels = views.depth.numpy(), views.labels.numpy()
     options = {"bounds": BOUNDS, "device": device}
@@ -79,12 +79,12 @@ def test_a_map_of_several_views_is_what_any_of_them_saw(device):
     alone = [voxel_map(depth[v], CAMERA, POSES[v], labels=labels[v], **options) for v in range(3)]
     np.testing.assert_array_equal(together.states.numpy(), np.max([m.states.numpy() for m in alone], axis=0))
     np.testing.assert_array_equal(together.labels.numpy(), np.max([m.labels.numpy() for m in alone], axis=0))
-    for one in alone:  # others saw what this view could not
+    for one in alone:  # other views see what is hidden from this one
         assert ((one.states.numpy() == Voxel.HIDDEN) & (together.states.numpy() > Voxel.HIDDEN)).sum() > 100
 
     merged = alone[0].merge(alone[1]).merge(alone[2])
     assert same(merged, together)
-    assert not same(alone[0], together)  # merging wrote to neither
+    assert not same(alone[0], together)  # merging modified neither
     states, highest = reference.merge_voxels(*((one.states.numpy(), one.labels.numpy()) for one in alone[:2]))
     assert (alone[0].merge(alone[1]).states.numpy() == states).all()
     assert (alone[0].merge(alone[1]).labels.numpy() == highest).all()
@@ -93,7 +93,7 @@ def test_a_map_of_several_views_is_what_any_of_them_saw(device):
     assert same(added, together)
 
 
-def test_cameras_of_different_kinds_add_to_one_map(device):
+def test_different_cameras_add_to_one_map(device):
     scene, wide = build(device), wv.Camera.from_fov(60, 90, hfov=1.8, far=2.0)
     first = voxel_map_from_scene(scene, CAMERA, POSES[0], bounds=BOUNDS)
     second = voxel_map_from_scene(scene, wide, POSES[1], bounds=BOUNDS)
@@ -102,8 +102,8 @@ def test_cameras_of_different_kinds_add_to_one_map(device):
 
 
 @pytest.mark.parametrize("least_x", [BOUNDS[0, 0], 1.28])
-def test_threads_change_nothing(least_x, device):
-    """Of a box that threads share out by layers across x, and of one so thin that they share its layers."""
+def test_maps_are_independent_of_threads(least_x, device):
+    """A box that threads share by layers across x, and one so thin that they share its layers."""
     views, bounds = render(build(device)), [(least_x, *BOUNDS[0, 1:]), BOUNDS[1]]
     cell = 0.031 if least_x < 0 else 0.011
     maps = [
@@ -115,16 +115,16 @@ def test_threads_change_nothing(least_x, device):
 
 
 def neighborhood(cells):
-    """The highest label of every cell and the eight around it."""
+    """Return the highest label of every cell and its eight neighbors."""
     rows, columns = cells.shape
     padded = np.pad(cells, 1)
     return np.max([padded[r : r + rows, c : c + columns] for r in range(3) for c in range(3)], axis=0)
 
 
-def test_the_floor_map_shows_what_visibility_map_does(device):
-    """Every cell that a pixel's point lies over shows its label; rays through voxels reach one cell farther at most.
+def test_voxel_floor_map_matches_floor_map(device):
+    """Every cell below a pixel's point has its label; rays through voxels reach at most one cell farther.
 
-    A ray through a voxel's middle meets the surface at the depth of its pixel, so within half a pixel of the pixel's
+    A ray through a voxel's center meets the surface at the depth of its pixel, so within half a pixel of the pixel's
     point: less than a cell here, where pixels are smaller than cells.
     """
     assert CAMERA.far / CAMERA.fx < CELL
@@ -132,7 +132,7 @@ def test_the_floor_map_shows_what_visibility_map_does(device):
     views = wv.render(scene, CAMERA, POSES[0])
     result = voxel_map(views.depth, CAMERA, POSES[0], bounds=BOUNDS, labels=views.labels)
     floor_map = result.floor_map()
-    # One row of pixels: of points alone, without the level surface between neighbours.
+    # One row of pixels: points only, without the surface between adjacent pixels.
     points, labels = views.points.numpy().reshape(1, 1, -1, 3), views.labels.numpy().reshape(1, 1, -1)
     of_points = wv.floor_map(points, labels, bounds=BOUNDS, cell_size=CELL)
     assert floor_map.bounds == pytest.approx(of_points.bounds)
@@ -144,7 +144,7 @@ def test_the_floor_map_shows_what_visibility_map_does(device):
     assert (least <= cells).all()
     assert (cells <= most).all()
     certain = (least == most) & (least != Label.EMPTY)
-    assert certain.mean() > 0.3  # where those two agree, so do the maps
+    assert certain.mean() > 0.3  # where both bounds agree, the maps are equal
     assert set(np.unique(cells)) == {Label.EMPTY, Label.GROUND, Label.OBSTACLE, Label.OBJECT}
     np.testing.assert_array_equal(cells, reference.highest_labels(result.labels.numpy(), 2))
 
@@ -154,8 +154,8 @@ def test_the_floor_map_shows_what_visibility_map_does(device):
     assert (drawn[drawn != Label.ROBOT] == cells[drawn != Label.ROBOT]).all()
 
 
-def test_worlds_with_y_up(device):
-    """The same world with its axes renamed: x, y, z become z, x, y."""
+def test_map_of_world_with_y_up(device):
+    """The same world with renamed axes: x, y, z become z, x, y."""
     upright = build(device)
     turned = wv.Scene(device=device, up="y")
     for item in upright.objects:
@@ -168,7 +168,7 @@ def test_worlds_with_y_up(device):
     for name in ("states", "labels"):
         got, wanted = (getattr(m, name).numpy() for m in (result, expected))
         assert got.shape == wanted.transpose(1, 2, 0).shape
-        assert (got != wanted.transpose(1, 2, 0)).mean() < 1e-3  # other roundings of poses and vertices
+        assert (got != wanted.transpose(1, 2, 0)).mean() < 1e-3  # poses and vertices are rounded differently
     floor_map = result.floor_map()
     assert floor_map.axes == ("z", "x")
     assert floor_map.bounds == pytest.approx(expected.floor_map().bounds)
@@ -196,13 +196,13 @@ def test_measured_images_with_holes(device):
         (0.0, Voxel.OUTSIDE, None),
         (-1.0, Voxel.OUTSIDE, None),
         (np.inf, Voxel.FREE, (1.0, 2.0)),
-        (2.5, Voxel.FREE, (1.0, 2.0)),  # beyond what the camera measures
+        (2.5, Voxel.FREE, (1.0, 2.0)),  # beyond the camera's range
         (-np.inf, Voxel.HIDDEN, (1.0, 2.0)),
-        (0.5, Voxel.HIDDEN, (1.0, 2.0)),  # nearer than what it measures
+        (0.5, Voxel.HIDDEN, (1.0, 2.0)),  # nearer than the camera's range
     ],
 )
-def test_what_a_whole_image_of_one_value_says(value, state, reach, device):
-    """A camera that looks along x: all voxels between its near and far say the same, and those beyond nothing."""
+def test_image_of_one_value_gives_one_state(value, state, reach, device):
+    """For a camera that looks along x, all voxels between near and far have one state, others are OUTSIDE."""
     camera = wv.Camera.from_fov(8, 8, hfov=2.0, near=1.0, far=2.0)
     depth = np.full((8, 8), value, dtype=np.float32)
     bounds = ((0.5, -0.3, -0.3), (2.5, 0.3, 0.3))
@@ -216,7 +216,7 @@ def test_what_a_whole_image_of_one_value_says(value, state, reach, device):
     assert not result.labels.numpy().any()
 
 
-def test_the_body_around_a_camera_hides_nothing_once_excluded(device):
+def test_excluded_body_around_a_camera_hides_nothing(device):
     scene = build(device)
     scene.add(trimesh.creation.box((0.3, 0.3, 0.3)), name="robot", label="robot", pose=(-1.4, 0.1, 0.8, 0, 0, 0, 1))
     alone = voxel_map_from_scene(build(device), CAMERA, POSES[0], bounds=BOUNDS)
@@ -226,8 +226,8 @@ def test_the_body_around_a_camera_hides_nothing_once_excluded(device):
     assert same(voxel_map_from_scene(scene, CAMERA, POSES[0], bounds=BOUNDS, exclude=["robot"]), alone)
 
 
-def test_views_in_parts_of_worlds_that_move(device, monkeypatch):
-    """Three views in two worlds, each with its own exclusions, one view at a time: as all at once."""
+def test_views_in_parts_of_moving_worlds(device, monkeypatch):
+    """Three views in two worlds, each with separate exclusions, rendered one at a time."""
     scene = build(device)
     scene.add(
         trimesh.creation.box((0.3, 0.3, 1)), name="person", label="human", pose=(0, 0, 9, 0, 0, 0, 1), movable=True
@@ -244,15 +244,15 @@ def test_views_in_parts_of_worlds_that_move(device, monkeypatch):
     assert same(voxel_map_from_scene(scene, CAMERA, POSES, bounds=BOUNDS, **arguments), expected)
     assert Label.HUMAN in expected.labels.numpy()
 
-    each = np.concatenate([arguments["object_poses"][[1, 0, 1]]])  # a world a view
+    each = np.concatenate([arguments["object_poses"][[1, 0, 1]]])  # one world per view
     exclude = arguments["exclude"]
     assert same(voxel_map_from_scene(scene, CAMERA, POSES, bounds=BOUNDS, object_poses=each, exclude=exclude), expected)
     nothing = voxel_map_from_scene(scene, CAMERA, np.zeros((0, 7)), bounds=BOUNDS)
     assert nothing.counts() == {Voxel.OUTSIDE: 57 * 48 * 25, Voxel.HIDDEN: 0, Voxel.FREE: 0, Voxel.SURFACE: 0}
 
 
-def test_the_box_of_a_scene_by_default(device):
-    """A flat floor ends the scene, and lies in one layer of voxels."""
+def test_default_bounds_are_those_of_the_scene(device):
+    """A flat floor bounds the scene and lies in one layer of voxels."""
     scene = wv.Scene(device=device)
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     scene.add((corners, np.array([[0, 1, 2], [0, 2, 3]])), name="floor", label="ground")
@@ -325,7 +325,7 @@ UNIT = ((0, 0, 0), (1, 1, 1))
         ({"out": np.zeros((10, 10, 10))}, "out must be a warpvis.VoxelMap, got ndarray"),
     ],
 )
-def test_bad_input(change, said):
+def test_invalid_input_raises(change, said):
     given = {"depth": DEPTH, "camera": CAMERA, "camera_to_world": POSES[0], "bounds": UNIT, "cell_size": 0.1, **change}
     with pytest.raises(wv.WarpvisError) as error:
         voxel_map(**given)
@@ -341,7 +341,7 @@ def test_bad_input(change, said):
         ({"up": "y"}, "10 x 10 x 10 voxels of 0.1 m from (0.0, 0.0, 0.0), y up"),
     ],
 )
-def test_maps_of_other_grids_do_not_go_together(change, got):
+def test_maps_of_other_grids_do_not_merge(change, got):
     given = {"depth": DEPTH, "camera": CAMERA, "camera_to_world": POSES[0], "bounds": UNIT, "cell_size": 0.1}
     first, other = voxel_map(**given), voxel_map(**{**given, **change})
     wanted = "10 x 10 x 10 voxels of 0.1 m from (0.0, 0.0, 0.0), z up"
@@ -355,7 +355,7 @@ def test_maps_of_other_grids_do_not_go_together(change, got):
     assert (first.states.numpy() == before).all()
 
 
-def test_bad_calls(tmp_path):
+def test_invalid_calls_raise(tmp_path):
     scene, result = build(), voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, cell_size=0.1)
     calls = {
         "scene must be a warpvis.Scene, got int": lambda: voxel_map_from_scene(3, CAMERA, POSES),
@@ -382,7 +382,7 @@ def test_bad_calls(tmp_path):
         assert said in str(error.value)
 
 
-def test_maps_on_different_devices_do_not_go_together(cuda):
+def test_maps_on_different_devices_do_not_merge(cuda):
     here, there = (voxel_map(DEPTH, CAMERA, POSES[0], bounds=UNIT, device=device) for device in ("cpu", cuda))
     assert isinstance(there, VoxelMap)
     with pytest.raises(wv.errors.ArrayError, match="the other map must be on device cpu, got cuda:0"):

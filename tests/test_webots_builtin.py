@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Webots' best-known PROTOs without their files: extents and volumes of what stands for them, in both conventions."""
+"""Tests of built-in replacements for common Webots PROTOs: extents, volumes, messages, in both axis conventions."""
 
 import math
 import re
@@ -24,7 +24,7 @@ def parse(text, version=NEW):
 
 
 def shapes_of(node, place=(0.0, 0.0, 0.0)):
-    """Meshes of the shapes below a node, in its frame."""
+    """Return meshes of the shapes below a node, in its frame."""
     if node.type == "Shape":
         vertices, faces = tessellate(node.node("geometry"))
         return [trimesh.Trimesh(vertices + place, faces, process=False)]
@@ -39,11 +39,11 @@ def extents(text, version=NEW):
 
 
 def up_and_level(bounds, version):
-    """Bounds with the axes along, across and up: y, x, z or x, z, y."""
+    """Return bounds with the axes along, across and up: y, x, z or x, z, y."""
     return np.asarray(bounds)[:, [1, 0, 2] if version == NEW else [0, 2, 1]]
 
 
-# Along, across and up; least and most. Measured at what Webots' own PROTO files of both conventions make.
+# Minimum and maximum along, across and up, measured on the output of Webots' PROTO files of both conventions.
 EXTENTS = {
     "Floor { }": [(-5, -5, 0), (5, 5, 0)],
     "RectangleArena { }": [(-0.51, -0.51, 0), (0.51, 0.51, 0.1)],
@@ -78,13 +78,13 @@ NAMES = {
 
 @pytest.mark.parametrize("version", [NEW, OLD])
 @pytest.mark.parametrize("text", EXTENTS)
-def test_extents_by_default(text, version):
+def test_default_extents(text, version):
     expected = EXTENTS | (OLD_EXTENTS if version == OLD else {})
     np.testing.assert_allclose(up_and_level(extents(text, version), version), expected[text], atol=1e-12)
 
 
 @pytest.mark.parametrize("type", sorted(BUILTIN))
-def test_solids_have_the_instance_s_place_and_name(type):
+def test_solids_have_the_pose_and_name_of_the_instance(type):
     node = parse(f'DEF IT {type} {{ translation 1 2 3 rotation 0 0 1 1.5 name "mine" recognitionColors [ 1 0 0 ] }}')
     solid = expand(node)
     assert (solid.type, solid.name, solid.text("name", "")) == ("Solid", "IT", "mine")
@@ -100,7 +100,7 @@ def test_solids_have_the_instance_s_place_and_name(type):
     assert solid.size == len(nodes) and solid.height >= 3
 
 
-def test_every_expander_is_tested():
+def test_all_builtin_types_are_tested():
     assert set(NAMES) == BUILTIN
     assert expand(parse("Pioneer3dx { }")) is None and expand(parse("Solid { }")) is None
 
@@ -135,7 +135,7 @@ def test_rectangle_arenas_are_a_floor_and_four_walls():
         np.testing.assert_allclose(extents(text, version), bounds, atol=1e-12)
         assert sorted(floor.extents) == [0, 4, 6] and len(walls) == 4
         assert all(wall.is_watertight for wall in walls)
-        # Of one height, side by side around the floor: their volume is that of the ring between two rectangles.
+        # Walls of equal height around the floor: their volume is that of the ring between two rectangles.
         assert sum(wall.volume for wall in walls) == pytest.approx((4.2 * 6.2 - 4 * 6) * 0.5)
 
 
@@ -146,15 +146,15 @@ def test_circle_arenas_are_a_disc_and_a_pipe(version):
     (up, other), area = (2, 1) if version == NEW else (1, 2), 5 * math.sin(math.pi / 5)
     assert disc.area == pytest.approx(area * 2.25**2) and (disc.face_normals[:, up] > 0.99).all()
     assert pipe.is_watertight and pipe.euler_number == 0
-    inner = 2 + 2.5 * (1 - math.cos(math.pi / 10))  # the pipe is 0.5 thick where its sides are nearest to the middle
+    inner = 2 + 2.5 * (1 - math.cos(math.pi / 10))  # the pipe is 0.5 thick where its sides are nearest to the center
     assert pipe.volume == pytest.approx(area * (2.5**2 - inner**2) * 0.25)
-    # The disc has a corner on x, the pipe one on the other level axis.
+    # The disc has a corner on x, the pipe on the other horizontal axis.
     assert disc.vertices[:, 0].max() == pytest.approx(2.25) and disc.vertices[:, other].max() < 2.2
     assert pipe.vertices[:, other].min() == pytest.approx(-2.5) and pipe.vertices[:, 0].max() < 2.45
     assert len(shapes_of(expand(parse("CircleArena { }", version)))[0].faces) == 48
 
 
-def test_walls_and_boxes_take_their_size_in_the_order_of_their_axes():
+def test_size_follows_the_order_of_axes():
     assert extents("Wall { size 0.3 5 2 }").tolist() == [[-0.15, -2.5, 0], [0.15, 2.5, 2]]
     assert extents("Wall { size 5 2 0.3 }", "R2021c").tolist() == [[-2.5, 0, -0.15], [2.5, 2, 0.15]]
     for version in (NEW, OLD):
@@ -171,17 +171,17 @@ def test_tables_stand_on_four_feet(version, size):
     assert len(feet) == 4 and sum(foot.volume for foot in feet) == pytest.approx(4 * 0.2 * 0.1 * 0.7)
     low, high = up_and_level(trimesh.util.concatenate(feet).bounds, version)
     np.testing.assert_allclose([low, high], [(-0.95, -0.45, 0), (0.95, 0.45, 0.7)], atol=1e-12)
-    # feetSize: first along x, then along the other level axis.
+    # feetSize: first along x, then along the other horizontal axis.
     assert feet[0].extents[0] == pytest.approx(0.2)
 
 
 def inside(shapes, points):
-    """Whether each point lies within a box of those given."""
+    """Return whether each point lies inside one of the boxes."""
     return [any(((shape.bounds[0] < point) & (point < shape.bounds[1])).all() for shape in shapes) for point in points]
 
 
 def points_of(version, *rows):
-    """Points along, across, up in the axes of a version."""
+    """Return points given along, across and up in the axes of a version."""
     along, across, up = np.array(rows).T
     return np.stack([across, along, up] if version == NEW else [along, up, across], axis=1)
 
@@ -193,13 +193,13 @@ def test_doors_are_closed(version, size):
     points = points_of(
         version,
         (0, 0, 1),  # the opening
-        (0, 0.176, 1),  # the leaf, 5 cm thick, before the frame
-        (0.474, 0.176, 1.974),  # it covers half of the posts and of the lintel, and leaves 12.5 mm below
+        (0, 0.176, 1),  # the door, 5 cm thick, in front of the frame
+        (0.474, 0.176, 1.974),  # it covers half of the posts and of the lintel, with a gap of 12.5 mm below
         (0, 0.176, 0.01),
-        (0.48, 0.14, 1),  # a post, which sticks out of the wall
+        (0.48, 0.14, 1),  # a post, which protrudes from the wall
         (0, 0.14, 1.97),  # the lintel
         (0, 0.09, 2.2),  # the wall above
-        (0, 0.14, 2.2),  # before the wall above
+        (0, 0.14, 2.2),  # in front of the wall above
     )
     assert inside(doors, points) == [False, True, True, False, True, True, True, False]
     frame = 1 * 2 - 0.9 * 1.95
@@ -215,7 +215,13 @@ def test_windows_have_a_pane_and_a_sill(version, size, frame):
     assert len(windows) == 8
     points = points_of(
         version,
-        *((0, 0, 1.4), (0, 0.03, 1.4), (0, 0.09, 0.3), (0, 0, 2.3), (0.48, 0.11, 1.4)),  # pane, before it, walls, post
+        *(
+            (0, 0, 1.4),
+            (0, 0.03, 1.4),
+            (0, 0.09, 0.3),
+            (0, 0, 2.3),
+            (0.48, 0.11, 1.4),
+        ),  # pane, its front, walls, post
         *((0, 0.21, 0.72), (0.49, 0.21, 0.72), (0, 0.11, 0.77), (0, 0.11, 2.08)),  # sill, and the bars of the frame
     )
     assert inside(windows, points) == [True, False] + [True] * 7
@@ -227,7 +233,7 @@ def test_windows_have_a_pane_and_a_sill(version, size, frame):
 
 
 @pytest.mark.parametrize("version", [NEW, OLD])
-def test_cabinets_have_what_their_layout_says(version):
+def test_cabinets_follow_their_layout(version):
     text = "Cabinet { depth 0.6 outerThickness 0.1 rowsHeights [ 0.5 0.5 ] columnsWidths [ 1, 1 ] layout [ %s ] }"
     panels = shapes_of(expand(parse(text % "", version)))
     np.testing.assert_allclose(
@@ -297,7 +303,7 @@ REPLACED = {
 
 
 @pytest.mark.parametrize("text", REPLACED)
-def test_what_webots_replaces_is_replaced_with_a_warning(text):
+def test_invalid_sizes_are_replaced_with_a_warning(text):
     message, size = REPLACED[text]
     with pytest.warns(UserWarning, match=re.escape(f"lab.wbt:3: instead of {message}")):
         np.testing.assert_allclose(np.ptp(extents(text), axis=0), size, atol=1e-9)
@@ -326,20 +332,20 @@ BAD = {
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_bad_sizes_are_named_with_file_and_line(text):
+def test_invalid_sizes_raise_with_file_and_line(text):
     with pytest.raises(FileFormatError) as caught:
         expand(parse(text))
     message = str(caught.value)
     assert message.startswith("lab.wbt:3: expected ") and BAD[text] in message and "\n" not in message
 
 
-def test_default_circle_arenas_are_near_round():
+def test_default_circle_arenas_are_nearly_round():
     _, pipe = shapes_of(expand(parse("CircleArena { }")))
     inner = 1 + 1.01 * (1 - math.cos(math.pi / 48))
     assert pipe.volume == pytest.approx(math.pi * (1.01**2 - inner**2) * 0.1, rel=0.01)
 
 
-# What a depth camera's range finder and camera are at, and the way that they look, in the axes of the version.
+# Positions of a depth camera's range finder and camera, and their viewing direction, in the version's axes.
 SENSORS = {
     "Kinect { }": ((0.0127, 0, 0.05), (0.0127, 0, 0.05), (1, 0, 0)),
     "Kinect { foot FALSE }": ((0, 0, -0.0127), (0, 0, -0.0127), (0, 0, -1)),
@@ -353,7 +359,7 @@ OLD_SENSORS = {
 
 
 def sensors_of(node, linear=None, offset=(0.0, 0.0, 0.0)):
-    """Node, place and axes of each device below a node, by type."""
+    """Return node, position and axes of each device below a node, by type."""
     linear = np.eye(3) if linear is None else linear
     *axis, angle = node.vector("rotation", (0, 0, 1, 0))
     offset = offset + linear @ node.vector("translation", (0, 0, 0))
@@ -366,7 +372,7 @@ def sensors_of(node, linear=None, offset=(0.0, 0.0, 0.0)):
 
 @pytest.mark.parametrize("version", [NEW, OLD])
 @pytest.mark.parametrize("text", SENSORS)
-def test_depth_cameras_are_where_webots_has_them(text, version):
+def test_depth_cameras_are_placed_as_in_webots(text, version):
     solid = expand_depth_camera(parse(text, version))
     ranges, color, forward = (SENSORS if version == NEW else OLD_SENSORS)[text]
     sensors = sensors_of(solid)
@@ -395,5 +401,5 @@ def test_fields_of_depth_cameras():
     (finder, place, _), (camera, *_) = sensors_of(solid)["RangeFinder"], sensors_of(solid)["Camera"]
     assert (finder.text("name", ""), camera.text("name", "")) == ("eye depth", "eye rgb")
     assert [finder.number(name, 0) for name in ("minRange", "maxRange", "noise")] == [0.6, 8, 0.2]
-    np.testing.assert_allclose(place, [1.02, 2.037, 3.007])  # R2023a moved the origin to its foot
+    np.testing.assert_allclose(place, [1.02, 2.037, 3.007])  # R2023a moved the origin to the foot
     assert (solid.name, solid.text("name", "")) == ("A", "eye")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The eye of a Webots controller, with stand-ins for Webots' devices and nodes."""
+"""Tests of `DepthEye` in a Webots controller, with stand-ins for Webots' devices and nodes."""
 
 import ctypes
 from pathlib import Path
@@ -18,7 +18,7 @@ BOUNDS = ((-2, -2), (2, 2))
 
 
 class RangeFinder:
-    """What `Robot.getDevice` gives in Webots, with an image that was rendered."""
+    """Stand-in for the device returned by `Robot.getDevice`, with a rendered image."""
 
     def __init__(self, device, image, kind="pointer"):
         self._device, self._image, self._kind = device, image, kind
@@ -51,14 +51,14 @@ class RangeFinder:
 
 
 class OldRangeFinder(RangeFinder):
-    """Of a release in which images are lists."""
+    """Range finder of a release whose images are lists."""
 
     def getRangeImage(self):
         return super().getRangeImage("list")
 
 
 class Node:
-    """What a Supervisor's node says of itself."""
+    """Stand-in for a Supervisor's node."""
 
     def __init__(self, position, orientation):
         self._position, self._orientation = position, orientation
@@ -81,7 +81,7 @@ def eye_of(world, kind="pointer", **options):
     return DepthEye(RangeFinder(device, image, kind), version=world.version, **options)
 
 
-# The robot's frame in the world, and the range finder's fields, as the two files say.
+# The robot's frame in the world, and the range finder's fields, as in the two files.
 PLACES = {
     "R2023b": ((-1.8, 0, 0), np.eye(3), (0.03, 0, 0.7), (0, 1, 0, 0.17453292519943295)),
     "R2021b": (
@@ -94,7 +94,7 @@ PLACES = {
 
 
 @pytest.mark.parametrize("version", PLACES)
-def test_poses_of_the_robot_and_of_the_device(worlds, version):
+def test_pose_of_robot_and_device(worlds, version):
     position, orientation, translation, rotation = PLACES[version]
     mount = {"translation": translation, "rotation": rotation}
     wanted = wv.core.poses.poses_to_matrices(worlds[version].devices["range-finder"].pose)
@@ -112,8 +112,8 @@ def test_poses_of_the_robot_and_of_the_device(worlds, version):
 
 @pytest.mark.parametrize("kind", ["pointer", "list", "bytes", "old"])
 @pytest.mark.parametrize("version", PLACES)
-def test_every_kind_of_image_gives_true_depth(worlds, version, kind):
-    """Of R2021b too, whose range finders are wrong by millimetres."""
+def test_image_types_give_exact_depth(worlds, version, kind):
+    """Also for R2021b, whose range finders are wrong by millimeters."""
     world = worlds[version]
     eye = eye_of(world, kind)
     if kind == "old":
@@ -126,7 +126,7 @@ def test_every_kind_of_image_gives_true_depth(worlds, version, kind):
     np.testing.assert_allclose(depth, true, atol=2e-6)
 
 
-def test_labels_and_map(worlds):
+def test_labels_and_floor_map(worlds):
     world = worlds["R2023b"]
     device = world.devices["range-finder"]
     eye = eye_of(world, node=Node(*PLACES["R2023b"][:2]), translation=PLACES["R2023b"][2], rotation=PLACES["R2023b"][3])
@@ -145,7 +145,7 @@ def test_labels_and_map(worlds):
 
 
 def test_old_worlds_have_maps_with_y_up(worlds):
-    """The same scene, so the same areas, though the map's axes are others."""
+    """Areas are equal, though the map's axes differ."""
     areas = []
     for version, up in (("R2023b", "z"), ("R2021b", "y")):
         position, orientation, translation, rotation = PLACES[version]
@@ -154,8 +154,8 @@ def test_old_worlds_have_maps_with_y_up(worlds):
     assert areas[0] == pytest.approx(areas[1], rel=0.01)
 
 
-def test_an_image_of_zeros_sees_nothing(worlds):
-    """So it is before the first measurement."""
+def test_image_of_zeros_is_unknown(worlds):
+    """Webots returns zeros before the first measurement."""
     device = worlds["R2023b"].devices["range-finder"]
     eye = DepthEye(RangeFinder(device, np.zeros((240, 320))))
     assert np.isnan(eye.depth()).all()
@@ -168,7 +168,7 @@ LIBRARIES = {"R2021b": swig_library, "R2023b": ctypes_library}
 
 
 def simulated(worlds, version, **options):
-    """Return the library of a release, and the simulation that it asks, of a robot in the middle of the world."""
+    """Return the library of a release, and its simulation of a robot in the middle of the world."""
     device = worlds[version].devices["range-finder"]
     image = render_range(worlds[version], "range-finder", webots_version="header")
     matrix = wv.core.poses.poses_to_matrices(device.pose)
@@ -178,8 +178,8 @@ def simulated(worlds, version, **options):
 
 
 @pytest.mark.parametrize("version", LIBRARIES)
-def test_the_node_is_found_in_every_release(worlds, version):
-    """Each library refuses what the other one wants."""
+def test_node_is_found_in_every_release(worlds, version):
+    """Each library rejects the other's argument."""
     library, _ = simulated(worlds, version)
     robot = library.Supervisor()
     device = robot.getDevice("range-finder")
@@ -194,7 +194,7 @@ def test_the_node_is_found_in_every_release(worlds, version):
 
 
 @pytest.mark.parametrize("version", LIBRARIES)
-def test_what_is_not_enabled_has_no_image(worlds, version):
+def test_disabled_device_raises(worlds, version):
     library, _ = simulated(worlds, version)
     robot = library.Supervisor()
     eye = DepthEye(robot.getDevice("range-finder"), robot=robot, version=version)
@@ -203,7 +203,7 @@ def test_what_is_not_enabled_has_no_image(worlds, version):
 
 
 @pytest.mark.parametrize("version", LIBRARIES)
-def test_a_robot_must_be_a_supervisor(worlds, version):
+def test_robot_must_be_a_supervisor(worlds, version):
     library, _ = simulated(worlds, version, supervisor=False)
     for robot, message in ((library.Supervisor(), "field supervisor must be TRUE"), (library.Robot(), "getFromDevice")):
         with pytest.raises(PoseError, match=message):
@@ -249,7 +249,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_sentence(case, worlds):
+def test_invalid_input_raises_one_line_message(case, worlds):
     act, kind, message = BAD[case]
     with pytest.raises(kind, match=message):
         act(worlds)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Devices of Webots worlds: axes, fields and their corrections, range images by version, and recognition."""
+"""Tests of devices of Webots worlds: axes, fields and their corrections, range images by version, and recognition."""
 
 import dataclasses
 import math
@@ -54,14 +54,14 @@ def quiet_text(tmp_path, *arguments, **options):
 
 
 def directions(device):
-    """Where image right, image down and forward point in the world."""
+    """Return the directions of image right, image down and forward in the world."""
     return np.rint(wv.core.poses.poses_to_matrices(device.pose)[:3, :3] * 1000).T / 1000
 
 
-# ------------------------------------------------------------------------------------------------------ reading them
+# ---------------------------------------------------------------------------------------------------------- reading
 
 
-def test_cameras_look_along_x_and_before_along_minus_z(tmp_path):
+def test_cameras_look_along_x_or_minus_z_by_version(tmp_path):
     new, old = (device_of(tmp_path, 'name "eye" translation 1 2 3', version) for version in ("R2022a", "R2021b"))
     np.testing.assert_array_equal(directions(new), [(0, -1, 0), (0, 0, -1), (1, 0, 0)])
     np.testing.assert_array_equal(directions(old), [(1, 0, 0), (0, -1, 0), (0, 0, -1)])
@@ -69,7 +69,7 @@ def test_cameras_look_along_x_and_before_along_minus_z(tmp_path):
     np.testing.assert_allclose(old.pose[:3], [1, 2, 3])
 
 
-def test_poses_go_through_scales(tmp_path):
+def test_poses_include_scales(tmp_path):
     text = (
         'Transform { scale 2 3 4 rotation 0 0 1 1.5707963267948966 translation 1 0 0 children RangeFinder { name "eye" '
         "translation 1 1 1 rotation 0 0 1 1.5707963267948966 } }"
@@ -97,7 +97,7 @@ def test_defaults_of_a_camera(tmp_path):
 
 
 def test_pixels_are_square(tmp_path):
-    """The manual of 2018 says fov * height / width for the vertical field of view; its code did as later ones."""
+    """The manual of 2018 gives vfov = fov * height / width; the code of R2018 is that of later releases."""
     camera = device_of(tmp_path, 'name "eye" fieldOfView 0.994837 width 320 height 240', "R2019a").camera
     assert camera.fx == camera.fy == pytest.approx(294.684, abs=1e-3)
     assert camera.vfov == pytest.approx(0.773424, abs=1e-6)
@@ -120,7 +120,7 @@ def test_all_fields_are_read(tmp_path):
     assert (device.lens.center, device.lens.radial, device.lens.tangential) == ((0.4, 0.6), (0.1, 0.2), (0.3, 0.4))
 
 
-def test_a_camera_could_be_a_range_finder_once(tmp_path):
+def test_old_cameras_may_be_range_finders(tmp_path):
     fields = 'name "eye" type "range-finder" near 0.3 maxRange 4.5 rangeNoise 0.01 rangeResolution 0.05'
     device = device_of(tmp_path, fields, "V7.2.5", kind="Camera")
     assert (device.kind, device.min_range, device.max_range) == ("range-finder", 0.3, 4.5)
@@ -169,7 +169,7 @@ def test_projections(tmp_path, fields, projection):
             _ = device.camera
 
 
-def test_equal_names_are_told_apart(tmp_path):
+def test_equal_names_are_numbered(tmp_path):
     world = load_text(tmp_path, finder() + finder(kind="Camera", fields='name "eye"') + wall(2))
     assert [(name, item.name, item.robot) for name, item in world.devices.items()] == [
         ("eye", "eye", "car"),
@@ -180,7 +180,7 @@ def test_equal_names_are_told_apart(tmp_path):
 @pytest.mark.parametrize(
     ("version", "at", "apart"), [("R2023b", (1.0127, 0, 0.05), 0), ("R2021b", (1 - 0.0127, 0.05, 0), 0.0254)]
 )
-def test_a_kinect_without_its_file(tmp_path, version, at, apart):
+def test_kinect_without_proto_file(tmp_path, version, at, apart):
     kinect = 'Kinect { translation 1 0 0 width 150 height 100 maxRange 4 cameraName "k" }'
     world = load_text(tmp_path, f"Robot {{ children {kinect} }}" + wall(3), version)
     ranges, colours = world.devices["k range"], world.devices["k color"]
@@ -189,12 +189,12 @@ def test_a_kinect_without_its_file(tmp_path, version, at, apart):
     np.testing.assert_allclose(ranges.pose[:3], at, atol=1e-5)
     assert np.linalg.norm(ranges.pose[:3] - colours.pose[:3]) == pytest.approx(apart)
     assert world.robots["robot"] == ("Kinect",)
-    # It does not see its own head, within which it is.
+    # It does not see its own housing, which encloses it.
     depth = render_range(world, "k range")
     assert (depth[np.isfinite(depth)] > 0.5).all()
 
 
-def test_a_kinect_that_is_plugged_into_an_unknown_robot(tmp_path):
+def test_kinect_in_a_slot_of_an_unknown_robot(tmp_path):
     text = 'Rover { translation 1 2 0 controller "x" extensionSlot [ Kinect { translation 0 0 1 } ] }' + wall(3)
     with pytest.warns(UserWarning) as caught:
         world = load_text(tmp_path, text)
@@ -206,7 +206,7 @@ def test_a_kinect_that_is_plugged_into_an_unknown_robot(tmp_path):
     np.testing.assert_allclose(device.pose[:3], [1.0127, 2, 1.05], atol=1e-5)
 
 
-def test_an_astra_without_its_file(tmp_path):
+def test_astra_without_proto_file(tmp_path):
     device = load_text(tmp_path, "Robot { children Astra { } }" + wall(3)).devices["Astra depth"]
     assert (device.width, device.height, device.fov, device.min_range, device.max_range) == (640, 480, 1.04, 0.6, 8.0)
 
@@ -214,7 +214,7 @@ def test_an_astra_without_its_file(tmp_path):
 # ----------------------------------------------------------------------------------------------------- range images
 
 
-def test_true_depth_by_default(tmp_path):
+def test_exact_depth_by_default(tmp_path):
     world = load_text(tmp_path, finder(FINDER + " minRange 1") + wall(2.05))
     np.testing.assert_allclose(render_range(world, "eye"), 2.0, atol=1e-6)
     near = load_text(tmp_path, finder(FINDER + " minRange 1") + wall(0.55) + wall(2.05))
@@ -233,8 +233,8 @@ def test_true_depth_by_default(tmp_path):
         ("R2025a", np.inf, 2.0, np.inf),
     ],
 )
-def test_values_by_version(tmp_path, version, near, middle, far):
-    """A wall that is too near, one in range, and none; whatever axes the header means, the version of values counts."""
+def test_range_values_by_version(tmp_path, version, near, middle, far):
+    """Walls too near, in range, and too far; `webots_version` decides, not the header."""
     for text, wanted in ((wall(0.55) + wall(2.05), near), (wall(2.05), middle), (wall(9), far)):
         world = load_text(tmp_path, finder(FINDER + " minRange 1") + text)
         image = render_range(world, "eye", webots_version=version)
@@ -245,12 +245,12 @@ def test_values_by_version(tmp_path, version, near, middle, far):
     )
 
 
-def test_what_is_before_the_near_plane_hides_nothing_in_webots(tmp_path):
+def test_surfaces_before_the_near_plane_are_clipped_in_webots(tmp_path):
     text = finder(FINDER + " near 0.5 minRange 1 resolution -1") + wall(0.3, "0.1 0.3 9") + wall(2.05)
     world = load_text(tmp_path, text)
     assert np.isneginf(render_range(world, "eye")[:, 1:3]).any()
     np.testing.assert_allclose(render_range(world, "eye", webots_version="header"), 2.0, atol=1e-6)
-    # A slanted wall is cut where the plane is: what is left of it is too near, or hides what is behind.
+    # A slanted wall is clipped by the near plane: the rest of it is too near, or occludes.
     slanted = "Solid { rotation 0 1 0 0.5 children Shape { geometry Box { size 0.02 9 9 } } translation 0.5 0 0 }"
     world = load_text(tmp_path, finder(FINDER + " near 0.5 minRange 0.5 width 8 height 8") + slanted + wall(2.05))
     true, drawn = render_range(world, "eye"), render_range(world, "eye", webots_version="header")
@@ -260,12 +260,12 @@ def test_what_is_before_the_near_plane_hides_nothing_in_webots(tmp_path):
     np.testing.assert_allclose(drawn[cut], 2.0, atol=1e-5)
 
 
-def test_near_in_the_way_of_everything(tmp_path):
+def test_clipped_wall_leaves_an_empty_image(tmp_path):
     world = load_text(tmp_path, finder(FINDER + " near 0.9 minRange 0.9") + wall(0.3))
     assert np.isposinf(render_range(world, "eye", webots_version="header")).all()
 
 
-def test_back_faces_are_not_seen(tmp_path):
+def test_back_faces_are_culled(tmp_path):
     inside = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
     world = load_text(tmp_path, finder() + inside + wall(2.05))
     np.testing.assert_allclose(render_range(world, "eye"), 2.0, atol=1e-6)
@@ -275,7 +275,7 @@ def test_back_faces_are_not_seen(tmp_path):
     np.testing.assert_allclose(render_range(turned, "eye"), 2.0, atol=1e-6)
 
 
-def test_the_robots_own_body(tmp_path):
+def test_exclude_body_removes_the_robot(tmp_path):
     body = "Solid { translation 0.5 0 0 children Shape { geometry Box { size 0.1 9 9 } } }"
     world = load_text(tmp_path, finder(extra=body) + wall(2.05))
     np.testing.assert_allclose(render_range(world, "eye"), 0.45, atol=1e-6)
@@ -295,7 +295,7 @@ def test_resolution_and_noise(tmp_path):
     np.testing.assert_allclose(noisy / 0.3, np.rint(noisy / 0.3), atol=1e-4)
 
 
-def test_a_lens_bends_the_image(tmp_path):
+def test_lens_distorts_the_image(tmp_path):
     lens = " width 32 height 32 lens Lens { radialCoefficients 0.5 0 }"
     post = wall(2.05, "0.1 2.6 9")
     straight, bent = (load_text(tmp_path, finder(FINDER + fields) + post) for fields in (" width 32 height 32", lens))
@@ -306,11 +306,11 @@ def test_a_lens_bends_the_image(tmp_path):
         assert true.tolist() == render_range(straight, "eye").tolist()
         image = render_range(bent, "eye", webots_version="header")
     rows = np.isfinite(image) & (image > 0)
-    assert len({tuple(row) for row in rows.tolist()}) > 1  # straight, all rows are the same
+    assert len({tuple(row) for row in rows.tolist()}) > 1  # undistorted, all rows are equal
     np.testing.assert_allclose(image[rows], 2.0, atol=1e-6)
 
 
-def test_files_of_bent_images_have_no_pinholes_matrix(tmp_path, monkeypatch):
+def test_files_of_distorted_images_have_no_pinhole_matrix(tmp_path, monkeypatch):
     world = tmp_path / "world.wbt"
     fields = FINDER + " width 32 height 32 lens Lens { center 0.4 0.6 radialCoefficients 0.5 0.1 }"
     world.write_text("#VRML_SIM R2023b utf8\n" + finder(fields) + wall(2.05))
@@ -326,7 +326,7 @@ def test_files_of_bent_images_have_no_pinholes_matrix(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("projection", ["cylindrical", "spherical"])
-def test_wide_images_are_lengths_of_rays(tmp_path, projection):
+def test_wide_images_contain_distances(tmp_path, projection):
     fields = f'name "eye" projection "{projection}" fieldOfView 3 width 31 height 31 maxRange 9'
     world = load_text(tmp_path, finder(fields) + wall(2.05))
     for version in (None, "header"):
@@ -335,7 +335,7 @@ def test_wide_images_are_lengths_of_rays(tmp_path, projection):
         assert image[15, 20] == pytest.approx(2.0 / math.cos(5 * 3 / 31), abs=1e-5)
 
 
-def test_images_are_the_same_on_every_device(device):
+def test_images_are_equal_on_every_device(device):
     world = load_webots(WORLDS / "experiment_3_R2023b.wbt", device=device)
     again = load_webots(WORLDS / "experiment_3_R2023b.wbt")
     for version in (None, "header"):
@@ -361,7 +361,7 @@ def recognised(tmp_path, fields, text, version="R2023b"):
     ]
 
 
-def test_recognition_of_the_paper(device):
+def test_recognition_in_the_paper_experiment(device):
     world = load_webots(WORLDS / "experiment_3_R2023b.wbt", device=device)
     (found,) = recognise(world, "camera")  # the person is behind the high obstacle
     assert (found.name, found.objects) == ("ball", ("ball",))
@@ -376,18 +376,18 @@ def test_recognition_of_the_paper(device):
     assert (seen >= 0).sum() == found.visible_pixels
 
 
-def test_only_solids_with_colours_in_the_image_are_recognised(tmp_path):
+def test_only_visible_solids_with_recognition_colors_are_recognized(tmp_path):
     text = ball(2, 0.3, "left") + ball(2, 5, "outside") + ball(-2, 0, "behind") + wall(4)
     assert recognised(tmp_path, "", text) == ["left"]
 
 
-def test_range_of_recognition(tmp_path):
+def test_recognition_range(tmp_path):
     text = ball(2, 0.3, "near") + ball(3, -0.3, "far")
     assert recognised(tmp_path, "", text) == ["near", "far"]
     assert recognised(tmp_path, "maxRange 2.5", text) == ["near"]
 
 
-def test_the_largest_are_recognised(tmp_path):
+def test_largest_objects_are_recognized(tmp_path):
     text = ball(2, 0.5, "small", 0.05) + ball(2, 0, "large", 0.2) + ball(2, -0.5, "middle", 0.1)
     assert recognised(tmp_path, "", text) == ["large", "middle", "small"]
     assert recognised(tmp_path, "maxObjects 2", text) == ["large", "middle"]
@@ -395,8 +395,8 @@ def test_the_largest_are_recognised(tmp_path):
         assert recognised(tmp_path, "maxObjects 0", text) == ["large", "middle", "small"]
 
 
-def test_occlusion(tmp_path):
-    """One ball is in plain view; of one the middle is hidden, not the rest; one is hidden altogether."""
+def test_occlusion_modes(tmp_path):
+    """One ball is visible; one is partly hidden, at its center; one is fully hidden."""
     text = ball(2, 0.6, "seen", 0.12) + ball(2, 0, "half", 0.11) + ball(2, -0.6, "hidden", 0.1)
     for y, width in ((0, 0.05), (-0.3, 0.2)):
         box = f"Box {{ size 0.02 {width} 9 }}"
@@ -407,7 +407,7 @@ def test_occlusion(tmp_path):
     assert recognised(tmp_path, "occlusion 2", text) == ["seen", "half"]
 
 
-def test_occlusion_was_a_flag(tmp_path):
+def test_occlusion_was_a_flag_in_old_versions(tmp_path):
     text = "Solid { translation 0 0 -1 boundingObject Box { size 9 9 0.02 } }"
     text += (
         'Solid { translation 0 0 -2 name "ball" recognitionColors 1 0 0 '
@@ -417,7 +417,7 @@ def test_occlusion_was_a_flag(tmp_path):
     assert recognised(tmp_path, "occlusion TRUE", text, "R2019a") == []
 
 
-def test_parts_of_what_is_recognised_belong_to_it(tmp_path):
+def test_child_solids_belong_to_the_recognized_solid(tmp_path):
     hat = 'Solid { translation 0 0 0.2 name "hat" children Shape { geometry Box { size 0.1 0.1 0.1 } } }'
     text = (
         'Solid { translation 2 0 0 name "doll" recognitionColors 1 0 0 '
@@ -429,7 +429,7 @@ def test_parts_of_what_is_recognised_belong_to_it(tmp_path):
     assert found.box[3] > 1.5 * found.box[2]
 
 
-# ---------------------------------------------------------------------------------------------------------- bad input
+# ----------------------------------------------------------------------------------------------------------- errors
 
 BAD = {
     "no device": (lambda tmp: render_range(plain(tmp), "ear"), "the world has no device 'ear'; it has 'eye'"),
@@ -462,14 +462,14 @@ def plain(tmp_path, kind="RangeFinder"):
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_sentence(case, tmp_path):
+def test_invalid_input_raises_one_line_message(case, tmp_path):
     act, message = BAD[case]
     with pytest.raises((FileFormatError, SceneError), match=message) as caught:
         act(tmp_path)
     assert "\n" not in str(caught.value)
 
 
-# ------------------------------------------------------------------------------------ what Webots' own tests expect
+# --------------------------------------------------------------------------------------------- Webots' own tests
 
 EXPECTED = {
     "test_range_finder_R2023b": {(32, 0): np.inf, (0, 32): np.inf, (32, 32): 2.0, (63, 32): 2.0, (32, 63): 2.0},
@@ -483,7 +483,7 @@ EXPECTED = {
 
 @needs_shared
 @pytest.mark.parametrize("name", EXPECTED)
-def test_pixels_of_webots_own_tests(name):
+def test_pixels_match_webots_own_tests(name):
     world = quiet(SHARED / f"{name}.wbt")
     image = render_range(world, "range-finder", webots_version="header")
     for (x, y), value in EXPECTED[name].items():
@@ -491,8 +491,8 @@ def test_pixels_of_webots_own_tests(name):
 
 
 @needs_shared
-def test_two_syntaxes_of_webots_sample():
-    """One scene in two conventions of axes, (x, y, z) and (x, z, -y); its robots stopped at different places."""
+def test_two_versions_of_the_webots_sample_agree():
+    """One scene in two axis conventions, (x, y, z) and (x, z, -y); its robots stopped at different poses."""
     new, old = (quiet(SHARED / f"sample_range_finder_{version}.wbt") for version in ("R2023b", "R2019a"))
     turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # old to new
     for name, device in (("new", new.devices["range-finder"]), ("old", old.devices["range-finder"])):
@@ -512,10 +512,10 @@ def test_two_syntaxes_of_webots_sample():
 
 @needs_shared
 @pytest.mark.parametrize("version", ["R2019a", "R2023b"])
-def test_the_sample_sees_out_of_its_own_housing(version):
+def test_sample_device_sees_through_its_housing(version):
     world = quiet(SHARED / f"sample_range_finder_{version}.wbt")
     depth = render_range(world, "range-finder")
     assert (depth[np.isfinite(depth)] > 0.1).all() and np.isfinite(depth).any()
     device = world.devices["range-finder"]
     camera = dataclasses.replace(device.camera, near=0)
-    assert (wv.render(world.scene, camera, device.pose).depth.numpy() < 0.02).all()  # the housing, from within
+    assert (wv.render(world.scene, camera, device.pose).depth.numpy() < 0.02).all()  # the housing, from inside

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The four experiments as Webots worlds: what is in the files, and their controller with stand-ins for Webots."""
+"""Tests of the four experiments as Webots worlds: their files, and their controller with stand-ins for Webots."""
 
 import importlib.util
 import re
@@ -37,12 +37,12 @@ def experiment(request):
 @pytest.fixture(scope="module")
 def world(experiment):
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # nothing that Webots would warn of
+        warnings.simplefilter("error")  # no warnings
         return load_webots(PROJECT / "worlds" / f"{experiment.name}.wbt", strict=True)
 
 
 def placed(world, name):
-    """Where the DEF names of a file are: node to world."""
+    """Return the pose in the world of the node with a DEF name."""
     return {node.name: chain for node, chain in chains(parse_world(world.path).nodes, np.eye(4)) if node.name}[name]
 
 
@@ -51,7 +51,7 @@ def chains(nodes, above):
         matrix = np.eye(4)
         turn = node.vector("rotation", (0.0, 0.0, 1.0, 0.0))
         axis, angle = turn[:3] / np.linalg.norm(turn[:3]), turn[3]
-        cross = np.cross(np.eye(3), axis)  # what turns a vector v into axis x v
+        cross = np.cross(np.eye(3), axis)  # matrix of v -> axis x v
         matrix[:3, :3] = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
         matrix[:3, 3] = node.vector("translation", (0.0, 0.0, 0.0))
         yield node, above @ matrix
@@ -59,7 +59,7 @@ def chains(nodes, above):
             yield from chains(node.nodes("children"), above @ matrix)
 
 
-def test_the_files_are_what_the_script_writes(experiment):
+def test_files_equal_the_script_output(experiment):
     place = ROOT / "scripts" / "write_webots_worlds.py"
     spec = importlib.util.spec_from_file_location("write_webots_worlds", place)
     script = importlib.util.module_from_spec(spec)
@@ -69,13 +69,13 @@ def test_the_files_are_what_the_script_writes(experiment):
         assert written == write(experiment), "run python scripts/write_webots_worlds.py"
 
 
-def test_there_are_no_others():
+def test_no_other_files_exist():
     names = {path.name for path in (PROJECT / "worlds").iterdir()}
     assert names == {f"{item.name}.wbt" for item in EXPERIMENTS} | {f".{item.name}.wbproj" for item in EXPERIMENTS}
 
 
-def test_pictures_do_not_hide_each_other(world):
-    """The world's project names every picture once, each at a place of its own, and shows them."""
+def test_displays_do_not_overlap(world):
+    """The world's project names every display once, each at a distinct position, and shows it."""
     text = (world.path.parent / f".{world.path.stem}.wbproj").read_text(encoding="utf-8")
     found = re.findall(r"^renderingDevicePerspectives: robot:(.+);1;1;([\d.]+);([\d.]+)$", text, re.MULTILINE)
     nodes = [node for node in descend(parse_world(world.path).nodes) if node.type in ("RangeFinder", "Display")]
@@ -88,7 +88,7 @@ def test_pictures_do_not_hide_each_other(world):
         assert x + node.integer("width", 64) <= 1000 and y + node.integer("height", 64) <= 700
 
 
-def test_webots_knows_all_nodes_and_fields(world):
+def test_nodes_and_fields_are_valid_in_webots(world):
     parsed = parse_world(world.path)
     assert str(parsed.version) == "R2023b" and not parsed.externprotos
     assert [fault for node in parsed.nodes for fault in faults(node)] == []
@@ -102,7 +102,7 @@ def test_webots_knows_all_nodes_and_fields(world):
     assert max(map(len, text.splitlines())) < 200
 
 
-def test_the_check_of_fields_finds_faults(tmp_path):
+def test_check_of_fields_finds_faults(tmp_path):
     faulty = "Solid { scale 1 1 1 name 3 children [ Box { size 1 2 } Sphere { subdivision 1.5 } Wall { } ] }"
     (tmp_path / "a.wbt").write_text(f"#VRML_SIM R2023b utf8\n{faulty}\n")
     found = [fault for node in parse_world(tmp_path / "a.wbt").nodes for fault in faults(node)]
@@ -120,16 +120,15 @@ def test_the_check_of_fields_finds_faults(tmp_path):
         assert any(part in fault for fault in found), part
 
 
-def test_webots_finds_the_controller(world):
-    """By the layout of a project: worlds/ beside controllers/NAME/NAME.py."""
+def test_controller_is_at_the_expected_path(world):
+    """A project has folders worlds/ and controllers/NAME/NAME.py."""
     (robot,) = (node for node in parse_world(world.path).nodes if node.type == "Robot")
     name = robot.text("controller", "")
     assert (world.path.parent.parent / "controllers" / name / f"{name}.py").is_file()
     assert robot.flag("supervisor", False)
 
 
-def test_the_view_shows_the_scene(world, experiment):
-    """Everything is in the picture that Webots opens with."""
+def test_viewpoint_shows_all_objects(world, experiment):
     (node,) = (node for node in parse_world(world.path).nodes if node.type == "Viewpoint")
     fields = {"translation": node.fields["position"], "rotation": node.fields["orientation"]}
     node.fields = fields
@@ -139,7 +138,7 @@ def test_the_view_shows_the_scene(world, experiment):
     assert set(np.unique(seen.numpy()[0])) == {-1, *range(6)}
 
 
-def test_the_range_finder_is_the_presets_camera(world, experiment):
+def test_range_finder_equals_the_preset_camera(world, experiment):
     device, camera = world.devices["range-finder"], experiment.camera
     assert (device.camera.width, device.camera.height) == (camera.width, camera.height)
     np.testing.assert_allclose(
@@ -151,8 +150,8 @@ def test_the_range_finder_is_the_presets_camera(world, experiment):
     np.testing.assert_allclose(poses_to_matrices(device.pose), wanted, atol=1e-8)
 
 
-def test_images_are_the_presets(world, experiment):
-    """Depth to 1e-5 m, and the same labels and objects, by robot and person."""
+def test_images_equal_the_preset(world, experiment):
+    """Depth to 1e-5 m, and equal labels and objects, for robot and person."""
     scene, preset = world.scene, experiment.build()
     assert [item.name for item in scene] == [item.name for item in preset] == NAMES
     assert [item.label for item in scene] == [item.label for item in preset]
@@ -178,7 +177,7 @@ def test_images_are_the_presets(world, experiment):
 
 
 def simulated(world, steps):
-    """A simulation of a world, as Webots would run it: its range finder's image, its nodes and displays."""
+    """Return a simulation of a world: its range finder's image, nodes and displays."""
     device = world.devices["range-finder"]
     matrix = poses_to_matrices(device.pose)
     image = render_range(world, "range-finder", webots_version="header")
@@ -200,7 +199,7 @@ def run(simulation, monkeypatch, capsys):
     return capsys.readouterr().out.splitlines()
 
 
-def test_the_controller_runs_the_method(world, experiment, monkeypatch, capsys):
+def test_controller_output_matches_warpvis(world, experiment, monkeypatch, capsys):
     simulation = simulated(world, steps=3)
     (line,) = run(simulation, monkeypatch, capsys)  # nothing changes after the first of two images
     for name, state in experiment.states.items():
@@ -227,8 +226,8 @@ def test_the_controller_runs_the_method(world, experiment, monkeypatch, capsys):
     assert (picture == palette[view.labels.numpy()[0]]).all(axis=2).mean() > 0.9999
 
 
-def test_the_controller_follows_what_is_moved(monkeypatch, capsys):
-    """The ball of the first experiment goes where that of the second is, behind an obstacle that comes, too."""
+def test_controller_follows_moved_objects(monkeypatch, capsys):
+    """The ball and an obstacle of the first experiment move to their poses in the second."""
     first, second = (load_webots(PROJECT / "worlds" / f"experiment_{k}.wbt") for k in (1, 2))
     simulation, goal = simulated(first, steps=4), simulated(second, steps=1)
 

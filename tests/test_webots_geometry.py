@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Webots' geometry nodes: the triangles that Webots makes of them, in both conventions of axes."""
+"""Tests of Webots' geometry nodes: triangles in both axis conventions, and errors."""
 
 import math
 
@@ -52,20 +52,20 @@ SOLIDS = {
 
 @pytest.mark.parametrize("version", [NEW, OLD])
 @pytest.mark.parametrize("text", SOLIDS)
-def test_solids_are_closed_and_face_outwards(text, version):
+def test_solids_are_closed_and_face_outward(text, version):
     mesh = mesh_of(text, version)
     faces, volume = SOLIDS[text]
     assert len(mesh.faces) == faces
     assert mesh.is_watertight and mesh.is_winding_consistent
     assert mesh.volume > 0 if volume is None else mesh.volume == pytest.approx(volume)
     centres = mesh.triangles_center
-    assert (np.einsum("nx,nx->n", mesh.face_normals, centres) > 0).all()  # all of them are convex
+    assert (np.einsum("nx,nx->n", mesh.face_normals, centres) > 0).all()  # all are convex
 
 
 @pytest.mark.parametrize(
     "text", ["Cylinder { top FALSE }", "Cone { }", "Capsule { }", "Plane { size 2 3 }", "Sphere { }"]
 )
-def test_old_shapes_are_the_new_ones_turned(text):
+def test_shapes_rotate_with_the_axis_convention(text):
     (new, new_faces), (old, old_faces) = (tessellate(parse(text, version)) for version in (NEW, OLD))
     np.testing.assert_array_equal(new_faces, old_faces)
     np.testing.assert_array_equal(turned(new), old)
@@ -74,45 +74,45 @@ def test_old_shapes_are_the_new_ones_turned(text):
     )
 
 
-def test_boxes_do_not_turn():
+def test_boxes_are_not_rotated():
     assert as_set(mesh_of("Box { size 2 4 6 }", OLD).vertices) == {
         (x, y, z) for x in (-1, 1) for y in (-2, 2) for z in (-3, 3)
     }
 
 
-def test_negative_boxes_of_old_manuals_show_the_inside():
+def test_negative_old_boxes_face_inward():
     assert mesh_of("Box { size -1 -2 -3 }", "R2018b").volume == pytest.approx(-6)
     with pytest.raises(FileFormatError, match="positive size"):
         tessellate(parse("Box { size -1 -2 3 }", "R2018b"))
 
 
-def test_cylinders_begin_at_their_second_axis():
+def test_cylinders_start_at_their_second_axis():
     low = {(0, 2, -1), (2, 0, -1), (0, -2, -1), (-2, 0, -1)}
     assert as_set(mesh_of("Cylinder { radius 2 subdivision 4 top FALSE bottom FALSE }").vertices) == low | {
         (x, y, -z) for x, y, z in low
     }
     triangle = mesh_of("Cylinder { subdivision 3 }").vertices
     assert as_set(triangle) >= as_set([(math.sin(a), math.cos(a), 1) for a in (0, 2 * math.pi / 3, 4 * math.pi / 3)])
-    assert (0, 1, -1) in as_set(mesh_of("Cylinder { subdivision 3 }", OLD).vertices)  # centre of the top: y
+    assert (0, 1, -1) in as_set(mesh_of("Cylinder { subdivision 3 }", OLD).vertices)  # center of the top: y
     assert (0, 1, -1) in as_set(triangle)
 
 
 @pytest.mark.parametrize("version, segments", [("V8.6", 12), ("R2018b", 12), (OLD, 36), ("R2021b", 36), (NEW, 36)])
-def test_segments_of_cylinders_by_version(version, segments):
+def test_cylinder_segments_by_version(version, segments):
     assert len(mesh_of("Cylinder { top FALSE bottom FALSE }", version).faces) == 2 * segments
 
 
 @pytest.mark.parametrize(
     "flags, faces", [("", 80), ("top FALSE", 60), ("side FALSE", 40), ("bottom FALSE side FALSE", 20)]
 )
-def test_flags_leave_parts_of_cylinders_out(flags, faces):
+def test_cylinder_flags_omit_parts(flags, faces):
     mesh = mesh_of(f"Cylinder {{ subdivision 20 {flags} }}")
     assert len(mesh.faces) == faces
     if "bottom FALSE" in flags:
         assert (mesh.vertices[:, 2] == 1).all() and (mesh.face_normals[:, 2] > 0).all()
 
 
-def test_flags_of_cones_and_capsules():
+def test_cone_and_capsule_flags_omit_parts():
     assert len(mesh_of("Cone { side FALSE }").faces) == len(mesh_of("Cone { bottom FALSE }").faces) == 12
     assert (mesh_of("Cone { side FALSE }").face_normals[:, 2] == -1).all()
     capsule = mesh_of("Capsule { bottom FALSE side FALSE radius 0.5 }")
@@ -129,7 +129,7 @@ def test_capsules_have_a_quarter_of_the_segments_as_rows():
 
 
 @pytest.mark.parametrize("subdivision, least", [(1, 0.934), (2, 0.982), (3, 0.9955), (4, 0.9989), (5, 0.9997)])
-def test_icospheres(subdivision, least):
+def test_icosphere_subdivisions(subdivision, least):
     mesh = mesh_of(f"Sphere {{ radius 3 subdivision {subdivision} }}")
     assert len(mesh.faces) == 20 * 4**subdivision
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 3)
@@ -137,7 +137,7 @@ def test_icospheres(subdivision, least):
     assert distances.min() / 3 == pytest.approx(least, abs=5e-4)
 
 
-def test_icospheres_stand_as_those_of_webots():
+def test_icosphere_orientation_matches_webots():
     short, long = 0.525731112119, 0.850650808352
     corners = {
         (-short, -long, 0),
@@ -181,7 +181,7 @@ def test_elevation_grids():
         assert (mesh.face_normals[:, up] > 0).all()
 
 
-def test_elevation_grids_fill_with_zeros_and_leave_the_rest():
+def test_elevation_grids_pad_with_zeros_and_ignore_extra_heights():
     grid = "ElevationGrid { xDimension 11 yDimension 11 height [ %s ] }"
     flat = mesh_of(grid % "")
     assert flat.extents.tolist() == [10, 10, 0] and len(flat.faces) == 200
@@ -209,7 +209,7 @@ def face_set(points, index):
     return f"IndexedFaceSet {{ coord Coordinate {{ point [ {listed} ] }} coordIndex [ {index} ] }}"
 
 
-# Polygons in the plane, counter-clockwise: an L, a comb, a star, an arrowhead, and a square with a point on its edge.
+# Counterclockwise polygons: an L, a comb, a star, an arrowhead, a point on an edge, and a ring with a slit.
 CONCAVE = {
     "L": [(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)],
     "comb": [(0, 0), (7, 0), (7, 3), (6, 3), (6, 1), (5, 1), (5, 3), (4, 3), (4, 1), (3, 1), (3, 3), (0, 3)],
@@ -231,12 +231,12 @@ def test_concave_polygons(name, reverse):
     vertices, faces = tessellate(parse(face_set(tilted, corners)))
     (a, b, c) = (vertices[faces[:, k], :2] for k in range(3))
     areas = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
-    # All of the polygon's sign: they cover it once, and nothing else.
+    # All areas have the polygon's sign: the triangles cover it exactly once.
     assert (areas * np.sign(area) > -1e-12).all()
     assert areas.sum() == pytest.approx(area)
 
 
-def test_polygons_without_a_face_are_left_out():
+def test_degenerate_polygons_are_skipped():
     points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
     _, faces = tessellate(parse(face_set(points, "-1 0 1 -1 0 0 0 -1 2 -1 0 1 2 -1")))
     assert faces.tolist() == [[0, 1, 2]]
@@ -246,14 +246,14 @@ def test_polygons_without_a_face_are_left_out():
     assert tessellate(parse("IndexedFaceSet { coord NULL coordIndex [ ] }")) is None
 
 
-def test_polygons_that_cross_themselves_end():
+def test_self_intersecting_polygons_terminate():
     bow = [(0, 0, 0), (2, 2, 0), (2, 0, 0), (0, 2, 0), (-1, 1, 0)]
     triangles = tessellate(parse(face_set(bow, "0 1 2 3 4 -1")))
     assert triangles is None or len(triangles[1]) <= 3
 
 
 @pytest.mark.parametrize("spline", ["", "splineSubdivision 0", "splineSubdivision 9"])
-def test_an_extruded_square_is_a_box(spline):
+def test_extruded_square_is_a_box(spline):
     mesh = mesh_of(f"Extrusion {{ spine [ 1 2 3, 1 2 7 ] {spline} }}")
     assert mesh.is_watertight and mesh.volume == pytest.approx(16)
     np.testing.assert_allclose(mesh.bounds, [(0, 1, 3), (2, 3, 7)], atol=1e-12)
@@ -261,7 +261,7 @@ def test_an_extruded_square_is_a_box(spline):
     assert mesh_of(f"Extrusion {{ ccw FALSE {spline} }}").volume == pytest.approx(-4)
 
 
-def test_extrusions_along_any_line_keep_their_volume():
+def test_extrusions_in_any_direction_keep_their_volume():
     section = "crossSection [ 0 0, 0 3, 1 3, 1 1, 3 1, 3 0, 0 0 ]"  # an L of area 5
     for end in ("1 0 0", "-1 0 0", "0 1 0", "0 -1 0", "0 0 1", "0 0 -1", "0.6 0 0.8", "-0.48 0.6 0.64"):
         for version in (NEW, OLD):
@@ -269,7 +269,7 @@ def test_extrusions_along_any_line_keep_their_volume():
             assert mesh.is_watertight and mesh.volume == pytest.approx(5)
 
 
-def test_extrusions_bend_scale_and_turn():
+def test_extrusions_bend_scale_and_rotate():
     bent = "Extrusion { crossSection [ 1 1, 1 -1, -1 -1, -1 1, 1 1 ] spine [ 0 0 0, 0 0 4, 0 4 6, 4 6 6 ] %s }"
     for options, rings in (("splineSubdivision 0", 4), ("", 13)):
         mesh = mesh_of(bent % options)
@@ -288,7 +288,7 @@ def test_extrusions_bend_scale_and_turn():
     assert torus.extents[2] == pytest.approx(2) and torus.extents[0] == pytest.approx(12, rel=1e-9)
 
 
-def test_splines_pass_their_ends_and_round_their_corners():
+def test_splines_keep_ends_and_round_corners():
     vertices = mesh_of("Extrusion { crossSection [ 0 0, 0 1 ] spine [ 0 0 0, 3 0 0, 3 3 0 ] }").vertices
     line = vertices[vertices[:, 2] == 0]
     assert as_set(line) >= {(0, 0, 0), (3, 3, 0)} and len(line) == 9
@@ -300,7 +300,7 @@ PYRAMID = trimesh.creation.cone(1.0, 2.0, sections=4)
 
 @pytest.mark.parametrize("kind", ["obj", "stl", "ply"])
 @pytest.mark.parametrize("type", ["Mesh", "CadShape"])
-def test_mesh_files_beside_the_world(tmp_path, kind, type):
+def test_mesh_files_next_to_the_world(tmp_path, kind, type):
     (tmp_path / "meshes").mkdir()
     PYRAMID.export(tmp_path / "meshes" / f"cone.{kind}")
     text = f'{type} {{ url "meshes/cone.{kind}" %s }}'
@@ -309,7 +309,7 @@ def test_mesh_files_beside_the_world(tmp_path, kind, type):
         mesh = trimesh.Trimesh(vertices, faces)
         assert mesh.volume == pytest.approx(sign * PYRAMID.volume, rel=1e-5)
         np.testing.assert_allclose(mesh.bounds, PYRAMID.bounds, atol=1e-6)
-    # Meshes do not turn with the convention of axes.
+    # Meshes are not rotated by the axis convention.
     old, _ = tessellate(parse(text % "", OLD, file=tmp_path / "lab.wbt"))
     np.testing.assert_allclose(np.ptp(old, axis=0), PYRAMID.extents, atol=1e-6)
 
@@ -324,11 +324,11 @@ def test_parts_of_a_mesh_file_by_name(tmp_path):
     assert len(faces) == 1 and (vertices[:, 2] == 5).all()
     with pytest.raises(FileFormatError, match=r"name of a part of .*two.obj, one of 'one', 'two' in Mesh, got 'three'"):
         tessellate(parse('Mesh { url "two.obj" name "three" }', OLD, file=world))
-    # Since R2022b names are of parts of COLLADA files only.
+    # Since R2022b, names select parts of COLLADA files only.
     assert len(tessellate(parse('Mesh { url "two.obj" name "two" }', file=world))[1]) == 2
 
 
-# Two instances of a tetrahedron with edges 1, 2 and 3 along x, y and z in the file's unit, one 10 further along x.
+# Two instances of a tetrahedron with edges 1, 2 and 3 along x, y and z in the file's unit, one 10 farther along x.
 COLLADA = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
   <asset>{}</asset>
@@ -361,7 +361,7 @@ COLLADA = """<?xml version="1.0"?>
         ("<unit meter='2.5'/>", (27.5, 5, 7.5), (27.5, 0, 5)),
     ],
 )
-def test_units_and_axes_of_collada(tmp_path, type, asset, high, new_high):
+def test_collada_units_and_axes(tmp_path, type, asset, high, new_high):
     pytest.importorskip("collada")
     (tmp_path / "a.dae").write_text(COLLADA.format(asset))
     for version, expected in (("R2022a", high), ("R2022b", new_high)):
@@ -369,10 +369,10 @@ def test_units_and_axes_of_collada(tmp_path, type, asset, high, new_high):
         np.testing.assert_allclose(vertices.max(axis=0), expected, atol=1e-9)
         mesh = trimesh.Trimesh(vertices, faces)
         unit = np.ptp(vertices, axis=0).max() / 11
-        assert mesh.volume == pytest.approx(2 * unit**3) and mesh.is_watertight  # so it is turned, and not mirrored
+        assert mesh.volume == pytest.approx(2 * unit**3) and mesh.is_watertight  # rotated, not mirrored
 
 
-def test_mirrored_nodes_of_collada_still_face_outwards(tmp_path):
+def test_mirrored_collada_nodes_face_outward(tmp_path):
     pytest.importorskip("collada")
     moved, mirrored = "<translate>10 0 0</translate>", "<scale>-1 1 1</scale><translate>10 0 0</translate>"
     (tmp_path / "a.dae").write_text(COLLADA.format("").replace(moved, mirrored))
@@ -381,7 +381,7 @@ def test_mirrored_nodes_of_collada_still_face_outwards(tmp_path):
     assert [part.volume for part in parts] == pytest.approx([1, 1])
 
 
-def test_collada_units_are_checked(tmp_path):
+def test_invalid_collada_units_raise(tmp_path):
     pytest.importorskip("collada")
     for unit in ("0", "-1", "nan", "metre"):
         (tmp_path / f"a{unit}.dae").write_text(COLLADA.format(f'<unit meter="{unit}"/>'))
@@ -389,7 +389,7 @@ def test_collada_units_are_checked(tmp_path):
             tessellate(parse(f'Mesh {{ url "a{unit}.dae" }}', file=tmp_path / "lab.wbt"))
 
 
-def test_mesh_files_may_be_found_elsewhere(tmp_path):
+def test_resolve_finds_mesh_files(tmp_path):
     PYRAMID.export(tmp_path / "cone.stl")
     node = parse('Mesh { url [ "webots://projects/cone.stl" ] }')
     assert find_beside("webots://projects/cone.stl", node) is None
@@ -404,7 +404,7 @@ def test_mesh_files_may_be_found_elsewhere(tmp_path):
     assert tessellate(parse("Mesh { }")) is None and tessellate(parse('CadShape { url "" }')) is None
 
 
-def test_mesh_files_that_cannot_be_read(tmp_path):
+def test_unreadable_mesh_files_raise(tmp_path):
     world = tmp_path / "lab.wbt"
     (tmp_path / "a.fbx").write_bytes(b"x")
     (tmp_path / "a.stl").write_bytes(b"nothing of the kind")
@@ -417,7 +417,7 @@ def test_mesh_files_that_cannot_be_read(tmp_path):
     assert not isinstance(caught.value, MissingMeshError)
 
 
-def test_collada_needs_its_reader(tmp_path):
+def test_collada_without_pycollada_raises(tmp_path):
     if "dae" in trimesh.available_formats():
         pytest.skip("pycollada is installed")
     (tmp_path / "a.dae").write_text("<COLLADA/>")
@@ -461,14 +461,14 @@ BAD = {
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_bad_geometry_is_named_with_file_and_line(text):
+def test_invalid_geometry_raises_with_file_and_line(text):
     with pytest.raises(FileFormatError) as caught:
         tessellate(parse(text))
     message = str(caught.value)
     assert message.startswith("lab.wbt:2: expected ") and BAD[text] in message and "\n" not in message
 
 
-def test_large_concave_polygons_are_refused():
+def test_large_concave_polygons_raise():
     angles = np.linspace(0, 2 * math.pi, 3000, endpoint=False)
     radii = 1 + np.arange(3000) % 2
     points = np.c_[radii * np.cos(angles), radii * np.sin(angles), np.zeros(3000)]
@@ -476,7 +476,7 @@ def test_large_concave_polygons_are_refused():
         tessellate(parse(face_set(points, " ".join(map(str, range(3000))))))
 
 
-def test_geometries_are_all_tried():
+def test_all_geometries_are_tested():
     assert GEOMETRIES == {
         *("Box", "CadShape", "Capsule", "Cone", "Cylinder", "ElevationGrid", "Extrusion", "IndexedFaceSet"),
         *("Mesh", "Plane", "Sphere"),

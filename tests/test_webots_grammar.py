@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The grammar of Webots worlds: every rule, and one sentence with file and line for whatever breaks one."""
+"""Tests of the grammar of Webots worlds: every rule, and one-line messages with file and line."""
 
 import itertools
 import random
@@ -35,7 +35,7 @@ def test_real_worlds_parse(path):
     assert world.size >= len(re.findall(r"^\s*[^#\n]*\{", text, re.MULTILINE))
 
 
-def test_a_world_of_every_rule():
+def test_world_with_every_rule():
     world = parse_text(SMALL, "small.wbt")
     assert world.path == Path("small.wbt")
     assert world.externprotos == ["webots://projects/objects/floors/protos/Floor.proto"]
@@ -51,14 +51,14 @@ def test_a_world_of_every_rule():
     np.testing.assert_array_equal(solid.vector("translation", (0, 0, 0)), [1.5, -0.25, 0.3])
     assert solid.text("name", "") == 'a "quoted" name, with \\ and # in it'
     assert solid.node("physics") is None and solid.nodes("physics") == []
-    assert set(floor.fields) == {"size", "url"}  # not the hidden ones
+    assert set(floor.fields) == {"size", "url"}  # without the hidden ones
     assert floor.texts("url") == ["one.png"]
     assert info.integer("basicTimeStep", 32) == 16 and info.number("gravity", 9.81) == 9.81
     # 1 + (1 + 3 * 2) + 1 + 1: a USE counts as a copy
     assert (solid.size, solid.height, world.size) == (7, 3, 10)
 
 
-def test_a_missing_field_gives_the_default():
+def test_missing_fields_return_the_default():
     node = only("A { }")
     assert node.number("x", 1.5) == 1.5 and node.integer("x", 3) == 3 and node.flag("x", True) is True
     assert node.text("x", "t") == "t" and node.texts("x") == [] and node.numbers("x").shape == (0,)
@@ -66,12 +66,12 @@ def test_a_missing_field_gives_the_default():
     np.testing.assert_array_equal(node.vector("x", (0, 1)), [0.0, 1.0])
 
 
-def test_line_ends_commas_and_comments_do_not_matter():
+def test_line_ends_commas_and_comments_are_ignored():
     text = SMALL.replace("\n", "\r\n").replace("1 2 3", "1,2 # two\r\n ,,3")
     node = parse_text(text).nodes[1].nodes("children")[0].node("geometry")
     np.testing.assert_array_equal(node.numbers("size"), [1, 2, 3])
     assert node.line == 10
-    assert parse_text(text.replace("\r\n", "\r")).nodes[2].line == 19  # the new comment made a line more
+    assert parse_text(text.replace("\r\n", "\r")).nodes[2].line == 19  # the added comment adds a line
 
 
 @pytest.mark.parametrize("text", ["A { p [ 1 2 ] }", "A{p[1,2]}", "A{p 1 2}", "A { p # one\n 1 # two\n 2 }"])
@@ -87,7 +87,7 @@ def test_single_values_are_lists_of_one():
     assert node.fields["flags"] == [True, False] and node.flag("last", False)
 
 
-def test_use_means_the_last_def_before_it():
+def test_use_refers_to_the_last_preceding_def():
     first, second, third, fourth = parse_text(HEADER + "DEF X A{} B { c USE X } DEF X C{} B { c USE X }").nodes
     assert second.node("c") is first and fourth.node("c") is third
 
@@ -166,19 +166,19 @@ def test_versions_are_ordered():
         ("PROTO A [ ] { }", r"w.wbt:2: expected a node, got 'PROTO'"),
     ],
 )
-def test_what_breaks_a_rule_is_named_with_its_line(text, message):
+def test_syntax_errors_name_the_line(text, message):
     with pytest.raises(FileFormatError, match=rf"^{message}"):
         parse_text(HEADER + text, "w.wbt")
 
 
 @pytest.mark.parametrize("line", ["", "#VRML V2.0 utf8", "#VRML_SIM", "#VRML_SIM R2023b", "WorldInfo { }", "\0\0"])
-def test_a_text_without_the_header_is_no_world(line):
+def test_missing_header_raises(line):
     with pytest.raises(FileFormatError, match=r"^w.wbt:1: expected the header '#VRML_SIM <version> utf8', got "):
         parse_text(line + "\nA { }", "w.wbt")
 
 
 @pytest.mark.parametrize("version", ["2023b", "R23b", "R2023", "V", "R2023B", "Rabcd", "V8.x"])
-def test_a_header_needs_a_version(version):
+def test_invalid_version_raises(version):
     with pytest.raises(FileFormatError, match=rf"^w.wbt:1: expected a Webots version like .* got '{version}'"):
         parse_text(f"#VRML_SIM {version} utf8\nA {{ }}", "w.wbt")
 
@@ -202,13 +202,13 @@ def test_a_header_needs_a_version(version):
         (lambda node: node.nodes("half"), "expected nodes in 'half' of A, got 0.5"),
     ],
 )
-def test_fields_of_another_kind(read, message):
+def test_fields_of_wrong_type_raise(read, message):
     node = only('\nA { text "x" two 1 2 child B { } none NULL flag TRUE half 0.5 empty [] children [ B { } B { } ] }')
     with pytest.raises(FileFormatError, match=re.escape(f"w.wbt:3: {message}")):
         read(node)
 
 
-def test_files_that_cannot_be_read(tmp_path):
+def test_unreadable_files_raise(tmp_path):
     with pytest.raises(FileFormatError, match=r"none.wbt: cannot be read: No such file"):
         parse_world(tmp_path / "none.wbt")
     with pytest.raises(FileFormatError, match="cannot be read"):
@@ -217,7 +217,7 @@ def test_files_that_cannot_be_read(tmp_path):
         parse_world("a\0b.wbt")
 
 
-def test_bytes_that_are_no_text_are_no_world(tmp_path):
+def test_binary_content_raises_or_is_replaced(tmp_path):
     path = tmp_path / "bytes.wbt"
     path.write_bytes(bytes(range(256)) * 10)
     with pytest.raises(FileFormatError, match=r"bytes.wbt:1: expected the header"):
@@ -252,7 +252,7 @@ def test_copies_by_use_are_limited():
 
 
 def mutated(rng, tokens):
-    """The tokens of a world after one to three changes."""
+    """Return the tokens of a world after one to three mutations."""
     tokens = list(tokens)
     for _ in range(rng.randint(1, 3)):
         here, there = rng.randrange(len(tokens)), rng.randrange(len(tokens))
@@ -297,4 +297,4 @@ def test_mutations_give_a_world_or_an_error():
             worlds += 1
         slowest = max(slowest, time.perf_counter() - start)
     assert 100 < worlds < 9900 and len(messages) > 30
-    assert slowest < 5  # seconds: none hangs
+    assert slowest < 5  # seconds: no hang

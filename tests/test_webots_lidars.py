@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lidars of Webots worlds: their rays, axes and corrections, and range images by version."""
+"""Tests of lidars of Webots worlds: rays, axes, corrections, and range images by version."""
 
 import math
 import sys
@@ -21,7 +21,7 @@ SIDES = ((0, 2, 6, 4), (1, 5, 7, 3), (0, 4, 5, 1), (2, 3, 7, 6), (0, 1, 3, 2), (
 
 
 def room(half):
-    """A box that is seen from within: corner k is at signs of its bits."""
+    """Return a box that faces inward: bits of k are the signs of corner k."""
     corners = [[half * (1 if k >> axis & 1 else -1) for axis in range(3)] for k in range(8)]
     inwards = []
     for side in SIDES:
@@ -46,12 +46,12 @@ def lidar_of(tmp_path, fields, version="R2023b"):
 
 
 def to_box(directions, half=2.0):
-    """Length of rays from the middle of a cube to its sides."""
+    """Return the length of rays from the center of a cube to its sides."""
     return half / np.abs(directions).max(axis=-1)
 
 
 def fixed_directions(lidar):
-    """The directions that the documentation describes, one by one: x forward, y left, z up."""
+    """Return the documented directions, computed one by one: x forward, y left, z up."""
     found = np.empty((lidar.layers, lidar.columns, 3))
     for i in range(lidar.layers):
         up = lidar.vertical_fov * (0.5 - i / (lidar.layers - 1)) if lidar.layers > 1 else 0.0
@@ -63,10 +63,10 @@ def fixed_directions(lidar):
     return found
 
 
-# ------------------------------------------------------------------------------------------------------ reading them
+# ---------------------------------------------------------------------------------------------------------- reading
 
 
-def test_defaults_are_those_of_the_node(tmp_path):
+def test_defaults_equal_webots_defaults(tmp_path):
     lidar = lidar_of(tmp_path, "")
     assert (lidar.layers, lidar.columns, lidar.fov, lidar.vertical_fov) == (4, 512, 1.5708, 0.2)
     assert (lidar.near, lidar.min_range, lidar.max_range) == (0.01, 0.01, 1.0)
@@ -77,7 +77,7 @@ def test_defaults_are_those_of_the_node(tmp_path):
 def test_axes_are_forward_left_up_in_all_versions(tmp_path):
     new, old = (lidar_of(tmp_path, "translation 1 2 3", version) for version in ("R2022a", "R2021b"))
     np.testing.assert_allclose(poses_to_matrices(new.pose)[:3, :3], np.eye(3), atol=1e-12)
-    # It looks along -z, x is to its right, y is up.
+    # The old device looks along -z, with x to the right and y up.
     np.testing.assert_allclose(poses_to_matrices(old.pose)[:3, :3].T, [(0, 0, -1), (-1, 0, 0), (0, 1, 0)], atol=1e-12)
     np.testing.assert_allclose(old.pose[:3], [1, 2, 3])
 
@@ -96,11 +96,11 @@ def test_axes_are_forward_left_up_in_all_versions(tmp_path):
         ("resolution -2", "resolution", -1.0),
         ('type "spinning"', "rotates", False),
         ("defaultFrequency 50", "frequency", 25.0),
-        # 64 layers within 0.1 rad, in columns of 1.5708 / 512 rad: there are 34 lines.
+        # 64 layers in 0.1 rad, with columns of 1.5708 / 512 rad: the image has 34 rows.
         ("numberOfLayers 64 verticalFieldOfView 0.1", "columns", math.ceil(64 * 1.5708 / 0.1)),
     ],
 )
-def test_values_are_reset_as_webots_resets_them(tmp_path, fields, name, value):
+def test_invalid_values_are_reset_as_in_webots(tmp_path, fields, name, value):
     lidar = lidar_of(tmp_path, fields)
     assert getattr(lidar, name) == value
     assert len(lidar.notes) == 1
@@ -109,14 +109,14 @@ def test_values_are_reset_as_webots_resets_them(tmp_path, fields, name, value):
 
 
 @pytest.mark.parametrize("fields", ["fieldOfView 1e-300", "numberOfLayers 2000000000", 'horizontalResolution "a"'])
-def test_what_makes_no_image_is_left_out(tmp_path, fields):
+def test_lidars_without_an_image_are_skipped(tmp_path, fields):
     world = world_of(tmp_path, fields)
     assert not world.lidars
     assert len(world.refused) == 1
     assert "expected" in world.refused[0]
 
 
-def test_too_many_rays_are_refused_when_they_are_cast(tmp_path):
+def test_too_many_rays_raise(tmp_path):
     world = world_of(tmp_path, "numberOfLayers 4000 verticalFieldOfView 3 horizontalResolution 40000")
     with pytest.raises(SceneError, match=r"'scan' must have at most [0-9]+ rays, got 4000 layers of 40000 points"):
         render_lidar(world, "scan")
@@ -127,7 +127,7 @@ def test_too_many_rays_are_refused_when_they_are_cast(tmp_path):
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 @pytest.mark.parametrize("layers", [1, 5])
-def test_rays_of_a_lidar_that_does_not_turn(tmp_path, tilt, layers):
+def test_rays_of_a_fixed_lidar(tmp_path, tilt, layers):
     fields = f"numberOfLayers {layers} horizontalResolution 90 fieldOfView 4 verticalFieldOfView 0.6 tiltAngle {tilt}"
     lidar = lidar_of(tmp_path, fields)
     np.testing.assert_allclose(lidar.rays.directions, fixed_directions(lidar), atol=1e-12)
@@ -135,19 +135,19 @@ def test_rays_of_a_lidar_that_does_not_turn(tmp_path, tilt, layers):
     np.testing.assert_array_equal(lidar.rays.rings, np.repeat(np.arange(layers), 90).reshape(layers, 90))
 
 
-def test_drawn_layers_are_lines_of_an_image(tmp_path):
+def test_rendered_layers_are_image_rows(tmp_path):
     lidar = lidar_of(tmp_path, "numberOfLayers 6 horizontalResolution 90 fieldOfView 3 verticalFieldOfView 1")
     line = 3 / 90
     height = math.ceil((1 + line) / line)
     up = [((height - 1) / 2 - int(i * (height - 1) / 5)) * line for i in range(6)]
     np.testing.assert_allclose(np.arcsin(lidar.drawn_rays.directions[..., 2]), np.repeat(up, 90).reshape(6, 90))
-    # No further from where they are to be than a line.
+    # Within one row of their nominal elevations.
     nominal = np.arcsin(lidar.rays.directions[:, 0, 2])
     assert (np.abs(np.array(up) - nominal) <= line).all()
 
 
 @pytest.mark.parametrize(("version", "first"), [("R2024a", math.pi), ("R2023b", 0.0), ("R2019a", 0.0)])
-def test_a_rotating_lidar_turns_clockwise(tmp_path, version, first):
+def test_rotating_lidar_scans_clockwise(tmp_path, version, first):
     fields = 'type "rotating" horizontalResolution 360 numberOfLayers 3 tiltAngle 0.1 defaultFrequency 5'
     rays = lidar_of(tmp_path, fields, version).rays
     azimuth = np.arctan2(rays.directions[..., 1], rays.directions[..., 0])
@@ -157,7 +157,7 @@ def test_a_rotating_lidar_turns_clockwise(tmp_path, version, first):
     np.testing.assert_allclose(rays.times[0], np.arange(360) / 1800)
 
 
-def test_a_planar_lidar_sees_the_lines_of_a_pinhole(tmp_path):
+def test_planar_lidar_uses_rows_of_a_pinhole(tmp_path):
     fields = "spherical FALSE numberOfLayers 3 horizontalResolution 64 fieldOfView 1 verticalFieldOfView 0.5 maxRange 9"
     lidar = lidar_of(tmp_path, fields)
     assert lidar.projection == "planar"
@@ -167,7 +167,7 @@ def test_a_planar_lidar_sees_the_lines_of_a_pinhole(tmp_path):
     np.testing.assert_allclose(y / x, np.tile((32 - np.arange(64) - 0.5) * pitch, (3, 1)), atol=1e-12)
     lines = [(height - 1) / 2 - int(i * (height - 1) / 2) for i in range(3)]
     np.testing.assert_allclose(z / x, np.repeat(np.array(lines) * pitch, 64).reshape(3, 64), atol=1e-12)
-    # Webots gives planar depth of it: 2 m to the wall ahead. The true ranges are lengths.
+    # Webots returns its planar depth: 2 m to the wall ahead. Exact ranges are distances.
     world = world_of(tmp_path, fields)
     np.testing.assert_allclose(render_lidar(world, "scan", webots_version="header"), 2.0, rtol=1e-6)
     np.testing.assert_allclose(render_lidar(world, "scan"), to_box(lidar.rays.directions), rtol=1e-6)
@@ -188,7 +188,7 @@ def test_ranges_in_a_box(tmp_path, version, kind):
 
 
 @pytest.mark.parametrize("version", ["R2021b", "R2023b"])
-def test_rays_and_pose_are_all_that_render_needs(tmp_path, version):
+def test_render_needs_only_rays_and_pose(tmp_path, version):
     fields = "numberOfLayers 3 horizontalResolution 64 maxRange 9 rotation 0 1 0 0.7 translation 0.5 0.2 -0.3"
     world = world_of(tmp_path, fields, version)
     lidar = world.lidars["scan"]
@@ -200,20 +200,20 @@ def test_rays_and_pose_are_all_that_render_needs(tmp_path, version):
     assert cloud.dtype.names == ("x", "y", "z", "ring", "range")
 
 
-def test_what_is_too_near_or_too_far_by_version(tmp_path):
+def test_values_beyond_limits_by_version(tmp_path):
     plate = "Solid { translation %s children Shape { geometry Box { size 0.1 9 9 } } }"
     fields = "minRange 1 maxRange 3 numberOfLayers 1 horizontalResolution 1 fieldOfView 0.01"
     for where, expected in (("0.5 0 0", (-np.inf, np.inf, 3.0)), ("4 0 0", (np.inf, np.inf, 3.0))):
         world = world_of(tmp_path, fields, rest=plate % where)
         got = [render_lidar(world, "scan", webots_version=name)[0, 0] for name in (None, "header", "R2020b")]
         np.testing.assert_array_equal(got, expected)
-    # What is nearer than near is not drawn, so that it hides nothing.
+    # Surfaces before the near plane are not rendered, so they occlude nothing.
     near = world_of(tmp_path, fields + " near 0.9", rest=plate % "0.5 0 0" + plate % "2.05 0 0")
     np.testing.assert_allclose(render_lidar(near, "scan", webots_version="header"), 2.0, rtol=1e-6)
     assert np.isneginf(render_lidar(near, "scan")).all()
 
 
-def test_noise_resolution_and_the_robot_itself(tmp_path):
+def test_noise_resolution_and_exclude_body(tmp_path):
     fields = "maxRange 9 noise 0.3 resolution 0.25 numberOfLayers 1 horizontalResolution 64"
     world = world_of(tmp_path, fields)
     plain = render_lidar(world, "scan", webots_version="header")
@@ -238,8 +238,8 @@ def test_noise_resolution_and_the_robot_itself(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["fixed", "rotating"])
-def test_points_are_where_late_versions_say(tmp_path, kind):
-    """From R2024a on they are within half a line of where the ray was."""
+def test_points_are_near_their_rays_in_late_versions(tmp_path, kind):
+    """Since R2024a, within half a row of the ray."""
     fields = f'type "{kind}" numberOfLayers 4 horizontalResolution 400 maxRange 9 fieldOfView 2'
     world = world_of(tmp_path, fields, "R2025a")
     lidar = world.lidars["scan"]
@@ -256,7 +256,7 @@ def test_points_of_earlier_versions(tmp_path):
     new, old = (lidar_of(tmp_path, fields, version) for version in ("R2022b", "R2021a"))
     image = np.full((new.layers, new.columns), 2.0)
     points = new.points(image)
-    up, left = 0.25 + 0.1, 1 - 2 * 1 / (new.columns - 1)  # of the second column of the first layer
+    up, left = 0.25 + 0.1, 1 - 2 * 1 / (new.columns - 1)  # the second column of the first layer
     expected = 2 * np.array([math.cos(up) * math.cos(left), math.cos(up) * math.sin(left), math.sin(up)])
     np.testing.assert_allclose(points[0, 1], expected, rtol=1e-6)
     before = old.points(image)
@@ -265,9 +265,9 @@ def test_points_of_earlier_versions(tmp_path):
         new.points(image[0])
 
 
-# ----------------------------------------------------------------------------------- what Webots' own tests look at
+# --------------------------------------------------------------------------------------------- Webots' own tests
 
-# What the worlds of Webots' tests/api/worlds/lidar_*.wbt have about their sensors: a pole before a slope on the ground.
+# Surroundings of the sensors in Webots' tests/api/worlds/lidar_*.wbt: a pole in front of a slope on the ground.
 POLE_AND_SLOPE = """
 Pose { translation 2 -1 0 rotation 0 1 0 -0.8 children [ Shape { geometry Plane { size 1 1 } } ] }
 Pose { translation 1 0.5 0 children [ Shape { geometry Cylinder { height 3 radius 0.2 } } ] }
@@ -281,12 +281,13 @@ def beside_pole_and_slope(tmp_path, devices, version="R2023b"):
     return load_webots(path)
 
 
-def test_rotating_and_fixed_lidars_agree_as_webots_tests_them(tmp_path):
+def test_rotating_and_fixed_lidars_agree(tmp_path):
     fields = "fieldOfView 1.5707963 verticalFieldOfView 0.1 numberOfLayers 1 maxRange 5"
     world = beside_pole_and_slope(
         tmp_path,
         f'Lidar {{ name "fixed" horizontalResolution 256 {fields} }} '
-        # One that rotates begins straight ahead and turns to the right: an eighth of a turn brings it to the fixed one.
+        # A rotating lidar starts straight ahead and scans to the right: rotate it by an eighth of a revolution to the
+        # left.
         f'Lidar {{ name "turning" rotation 0 0 1 0.7853982 type "rotating" horizontalResolution 1024 {fields} }}',
     )
     fixed, turning = (render_lidar(world, name)[0] for name in ("fixed", "turning"))
@@ -298,7 +299,7 @@ def test_rotating_and_fixed_lidars_agree_as_webots_tests_them(tmp_path):
     assert fixed[seen].min() < 1 < fixed[seen].max()
 
 
-def test_a_lidar_measures_as_a_cylindrical_range_finder(tmp_path):
+def test_lidar_equals_cylindrical_range_finder(tmp_path):
     world = beside_pole_and_slope(
         tmp_path,
         'RangeFinder { name "finder" fieldOfView 3.14159 width 128 height 1 projection "cylindrical" maxRange 5 } '
@@ -309,7 +310,7 @@ def test_a_lidar_measures_as_a_cylindrical_range_finder(tmp_path):
     np.testing.assert_allclose(scan, finder, atol=1e-5)
 
 
-def test_the_point_cloud_is_as_far_as_the_image_says(tmp_path):
+def test_point_cloud_distances_equal_the_image(tmp_path):
     fields = "fieldOfView 1.8 verticalFieldOfView 0.1 numberOfLayers 3 maxRange 5"
     world = beside_pole_and_slope(tmp_path, f'Lidar {{ name "scan" {fields} }}', "R2025a")
     lidar = world.lidars["scan"]
@@ -317,14 +318,14 @@ def test_the_point_cloud_is_as_far_as_the_image_says(tmp_path):
     image = render_lidar(world, "scan")
     seen = np.isfinite(image)
     np.testing.assert_allclose(np.linalg.norm(lidar.points(image), axis=-1)[seen], image[seen], rtol=1e-5)
-    # The lowest layer meets the ground (0.1 m below, 0.05 rad down) where the highest sees above it.
+    # The lowest layer (0.05 rad down) meets the ground 0.1 m below; the highest looks above it.
     assert seen[2].sum() > seen[0].sum()
 
 
-# ------------------------------------------------------------------------------------------------------ the outsides
+# ----------------------------------------------------------------------------------------- errors, command line
 
 
-def test_who_asks_for_a_lidar_that_is_not_there(tmp_path):
+def test_unknown_lidars_raise(tmp_path):
     world = world_of(tmp_path, "")
     with pytest.raises(SceneError, match="the world has no lidar 'other'; it has 'scan'"):
         find_lidar(world, "other")
@@ -335,7 +336,7 @@ def test_who_asks_for_a_lidar_that_is_not_there(tmp_path):
 
 
 @pytest.mark.parametrize("exact", [(), ("--version-exact",)])
-def test_the_command_line_writes_scans(tmp_path, monkeypatch, capsys, exact):
+def test_command_line_writes_scans(tmp_path, monkeypatch, capsys, exact):
     world = world_of(tmp_path, "maxRange 9 spherical FALSE fieldOfView 1")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["warpvis", "info", "world.wbt"])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""PROTO files: found, checked and filled in, or one sentence that says why not; templates have a file of their own."""
+"""Tests of PROTO files without templates: search, interface checks, expansion, and errors."""
 
 import re
 
@@ -16,11 +16,11 @@ from support.webots_protos import Project
 
 @pytest.fixture
 def project(tmp_path):
-    """A project folder with a world and PROTO files of one's own."""
+    """Return a project folder with a world and PROTO files."""
     return Project(tmp_path)
 
 
-def test_is_takes_values_defaults_and_nodes(project):
+def test_is_accepts_values_defaults_and_nodes(project):
     project.proto(
         "Crate",
         """
@@ -51,7 +51,7 @@ def test_is_takes_values_defaults_and_nodes(project):
     assert node.size == 8 and first.nodes("children")[0].file.endswith("w.wbt")
 
 
-def test_each_instance_has_nodes_of_its_own_and_a_use_none(project):
+def test_instances_have_separate_nodes_and_use_shares_them(project):
     project.proto("Crate", "field SFFloat mass 1", "Solid { mass IS mass }")
     world = project.world("DEF X Crate { mass 2 } USE X Crate { mass 3 } Solid { }")
     protos = Protos(world)
@@ -61,7 +61,7 @@ def test_each_instance_has_nodes_of_its_own_and_a_use_none(project):
     assert protos.expand(world.nodes[0]) is first
 
 
-def test_is_within_instances_and_a_base_that_is_a_proto(project):
+def test_is_in_instances_and_proto_bases(project):
     project.proto("Board", "field SFVec2f size 1 1 field SFColor color 0 0 0", "Solid { size IS size color IS color }")
     project.proto("Table", "field SFVec2f top 2 2", "Board { size IS top }")
     project.proto("Room", "field SFVec2f top 3 3", "Group { children [ Table { top IS top } Table { } ] }")
@@ -75,7 +75,7 @@ def test_is_within_instances_and_a_base_that_is_a_proto(project):
     assert [node.rsplit("/")[-1] for node in first.protos] == ["Room.proto", "Table.proto", "Board.proto"]
 
 
-def test_the_body_has_the_version_and_the_place_of_its_own_file(project):
+def test_body_has_the_version_and_line_of_its_file(project):
     path = project.proto(
         "Old", "field SFNode shape NULL", "Group {\nchildren [ Plane { } ] shape IS shape }", version="R2019a"
     )
@@ -84,7 +84,7 @@ def test_the_body_has_the_version_and_the_place_of_its_own_file(project):
     assert (node.file, node.line) == (str(path), 6) and node.nodes("children")[0].line == 7
 
 
-def test_def_names_end_with_the_file(project):
+def test_def_names_are_local_to_their_file(project):
     project.proto("Pair", "", 'Group { children [ DEF CUBE Shape { name "inner" } USE CUBE ] }')
     project.proto("Bad", "", "Group { children [ USE CUBE ] }")
     first, second = project.expand("DEF CUBE Shape { } Pair { }").nodes("children")
@@ -109,21 +109,21 @@ def test_def_names_end_with_the_file(project):
         ("Box1.proto", "worlds"),
     ],
 )
-def test_files_are_found_by_their_urls(project, url, place):
+def test_files_are_found_by_url(project, url, place):
     project.proto("Box1", "", "Solid { }", folder=place)
     project.proto("Box1", "", "WrongOne { }", folder="webots/zzz")
     (project.root / "webots").mkdir(exist_ok=True)
     assert project.expand(f'EXTERNPROTO "{url}" Box1 {{ }}', project.root / "webots").type == "Solid"
 
 
-def test_an_absolute_url_and_a_url_of_a_proto_file(project):
+def test_absolute_urls_and_urls_in_proto_files(project):
     path = project.proto("Inner", "", "Solid { }", folder="far")
     project.proto("Outer", "", "Inner { }", head='EXTERNPROTO "../far/Inner.proto"\n', folder="near")
     assert project.expand(f'EXTERNPROTO "{path}" Inner {{ }}').type == "Solid"
     assert project.expand('EXTERNPROTO "../near/Outer.proto" Outer { }').type == "Solid"
 
 
-def test_files_without_urls_come_from_the_project_then_the_search_path(project):
+def test_project_files_precede_the_search_path(project):
     project.proto("Mine", "", "Solid { }", folder="protos/sub")
     project.proto("Mine", "", "WrongOne { }", folder="webots")
     project.proto("Theirs", "", "Robot { }", folder="webots/a/b")
@@ -131,7 +131,7 @@ def test_files_without_urls_come_from_the_project_then_the_search_path(project):
     assert project.expand("Theirs { }", project.root / "webots").type == "Robot"
 
 
-def test_nothing_stands_for_a_proto_without_a_file(project):
+def test_protos_without_a_file_expand_to_none(project):
     (project.root / "webots").mkdir()
     world = project.world("Unknown { } DEF U Unknown { } USE U Other { } Solid { }")
     protos = Protos(world, [project.root / "webots"])
@@ -140,7 +140,7 @@ def test_nothing_stands_for_a_proto_without_a_file(project):
         project.expand("Unknown { }", project.root / "nowhere")
 
 
-def test_a_base_without_a_file_is_the_result(project):
+def test_base_without_a_file_is_the_result(project):
     project.proto("Known", "", "Unknown { size 3 }")
     world = project.world("DEF K Known { }")
     protos = Protos(world)
@@ -149,15 +149,15 @@ def test_a_base_without_a_file_is_the_result(project):
     assert protos.expand(base) is None
 
 
-def test_fields_that_the_interface_lacks(project):
+def test_unknown_fields_are_ignored(project):
     project.proto("Crate", "", "Solid { }")
     assert project.expand("Crate { size 1 }").fields == {}
-    # The body may ask for one: Webots leaves that out, too.
+    # The body may refer to an unknown field: Webots ignores that too.
     project.proto("Ball", "", 'Solid { mass IS mass name "ball" children IS children }')
     assert project.expand("Ball { }").fields == {"name": ["ball"]}
 
 
-def test_headers_may_be_indented_and_names_in_other_case(project):
+def test_headers_may_be_indented_and_names_differ_in_case(project):
     (project.root / "protos" / "RosBot.proto").write_text(" #VRML_SIM R2022b utf8\nPROTO Rosbot [ ] { Robot { } }\n")
     robot = project.expand("RosBot { }")
     assert (robot.type, robot.line, robot.version) == ("Robot", 2, Version(2022, 2))
@@ -198,7 +198,7 @@ def test_allowed_values(project):
         ("shape 1", "expected nodes in 'shape' of Crate, got 1"),
     ],
 )
-def test_wrong_values(project, fields, message):
+def test_invalid_values_raise(project, fields, message):
     project.proto("Crate", INTERFACE, "Solid { }")
     with pytest.raises(FileFormatError, match=re.escape(f"w.wbt:3: {message}")):
         project.expand(f"\nCrate {{ {fields} }}")
@@ -225,7 +225,7 @@ def test_wrong_values(project, fields, message):
         ("field SFFloat size 1", "Solid { size IS 5 }", "7: expected a field of the PROTO after IS, got '5'"),
     ],
 )
-def test_malformed_files(project, interface, body, message):
+def test_malformed_files_raise(project, interface, body, message):
     project.proto("Crate", interface, body, head="\n")
     with pytest.raises(FileFormatError, match=f"Crate.proto:({message})"):
         project.expand("Crate { }")
@@ -248,14 +248,14 @@ def test_malformed_files(project, interface, body, message):
         ("#VRML_SIM R2023b utf8\nPROTO Crate [ ", r"2: expected a field or '\]', got the end of the file"),
     ],
 )
-def test_files_that_hold_no_proto(project, text, message):
+def test_files_without_a_proto_raise(project, text, message):
     (project.root / "protos" / "Crate.proto").write_text(text)
     with pytest.raises(FileFormatError, match=f"Crate.proto:{message}"):
         project.expand("Crate { }")
 
 
 @pytest.mark.parametrize("link", ["C { x IS x }", "Group { children C { } }", "Group { child IS n }"])
-def test_circles_are_named(project, link):
+def test_cycles_are_named(project, link):
     project.proto("A", "field SFNode x NULL", "B { }")
     project.proto("B", "field SFNode x NULL field SFNode n C { }", link)
     project.proto("C", "field SFNode x NULL", "A { }")
@@ -270,7 +270,7 @@ def test_circles_are_named(project, link):
             node = protos.expand(child)
 
 
-def test_a_proto_within_a_field_of_itself_is_no_circle(project):
+def test_proto_in_its_own_field_is_no_cycle(project):
     project.proto("Box1", "field MFNode children [ ]", "Group { children IS children }")
     world = project.world("Box1 { children Box1 { children Box1 { } } }")
     protos = Protos(world)
@@ -280,7 +280,7 @@ def test_a_proto_within_a_field_of_itself_is_no_circle(project):
     assert depth == 3
 
 
-def test_protos_within_protos_are_limited(project):
+def test_nesting_of_protos_is_limited(project):
     for i in range(MAX_PROTOS_NESTED + 2):
         project.proto(f"P{i}", "", f"P{i + 1} {{ }}")
     with pytest.raises(FileFormatError, match=rf"expected at most {MAX_PROTOS_NESTED} PROTOs within PROTOs, got more"):
