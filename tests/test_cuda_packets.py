@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The packet caster on CUDA where it differs in kind: sizes of packets, parts of a batch, streams and graphs."""
+"""The CUDA packet caster: packet sizes, split batches, streams and graphs."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ def assert_identical(one, other):
 
 
 class Recorded(NamedTuple):
-    """What a launch that is recorded, and launched later, notes then."""
+    """Stand-in for a recorded launch that notes when it is launched."""
 
     launched: list
     what: object
@@ -38,8 +38,8 @@ class Recorded(NamedTuple):
         self.launched.append(self.what)
 
 
-def test_few_pixels_make_small_packets():
-    """Enough packets for every multiprocessor, and as large as that allows."""
+def test_packet_side_by_number_of_pixels():
+    """There are enough packets for every multiprocessor, and they are as large as that allows."""
     assert packet_side(512, 320, 240, 132) == 32
     assert packet_side(8192, 64, 64, 132) == 32
     assert [packet_side(views, 64, 64, 132) for views in (1, 2, 3, 12, 13, 65, 66)] == [1, 1, 2, 2, 4, 4, 8]
@@ -49,10 +49,10 @@ def test_few_pixels_make_small_packets():
     assert sides == sorted(sides)
 
 
-def test_what_is_launched(monkeypatch):
-    """The kernel for what is asked for, and 32 threads for every packet; nothing for no views."""
+def test_launched_kernels_and_sizes(monkeypatch):
+    """The kernel of the requested outputs is launched with 32 threads per packet, and never for zero views."""
     scene, camera, launched = scenes.PRESETS["room"].build("cpu"), wv.Camera.from_fov(100, 40, hfov=1.0), []
-    scene.bvh()  # has launches of its own
+    scene.bvh()  # building trees launches kernels too
     monkeypatch.setattr(_cuda_packets, "_kernel", lambda *key: key)
     monkeypatch.setattr(_cuda_packets, "launch", lambda kernel, dim, *_, **__: Recorded(launched, (kernel, dim)))
     depth, ids = wp.zeros((3, 40, 100)), wp.zeros((3, 40, 100), dtype=wp.int32)
@@ -62,12 +62,12 @@ def test_what_is_launched(monkeypatch):
         caster.cast(poses, worlds, [depth, *[None] * 5])
         caster.cast(poses, worlds, [depth, None, None, None, ids, None])
         caster.cast(wp.zeros(0, dtype=wp.transform), worlds, [None] * 6)
-    size = (2, 3, 4, 32)  # rows of packets of all views, one after the other
+    size = (2, 3, 4, 32)  # packet rows of all views in sequence
     assert launched == [((32, ids, False, clip, False), size) for clip in (False, True) for ids in (False, True)]
 
 
-def test_what_is_launched_for_sizes_of_their_own(monkeypatch):
-    """A kernel that knows sizes, only where some are given."""
+def test_launched_kernel_with_object_scales(monkeypatch):
+    """The kernel with scale support is used only if scales are given."""
     scene, camera, launched = wv.Scene(), wv.Camera.from_fov(100, 40, hfov=1.0), []
     scene.add(trimesh.creation.box(), movable=True)
     scene.bvh()
@@ -82,7 +82,7 @@ def test_what_is_launched_for_sizes_of_their_own(monkeypatch):
 
 @pytest.mark.parametrize("name", ["room", "blobs_77k"])
 @pytest.mark.parametrize("outputs", [("depth",), ALL])
-def test_images_do_not_depend_on_the_packets_size(name, outputs, cuda, monkeypatch):
+def test_images_do_not_depend_on_the_packet_size(name, outputs, cuda, monkeypatch):
     preset = scenes.PRESETS[name]
     scene = preset.build(cuda)
     camera = wv.Camera.from_fov(133, 77, hfov=0.994837, near=0.05, far=4.0)
@@ -94,7 +94,7 @@ def test_images_do_not_depend_on_the_packets_size(name, outputs, cuda, monkeypat
         assert_identical(images[0], other)
 
 
-def test_depth_does_not_depend_on_what_else_is_asked_for(cuda):
+def test_depth_does_not_depend_on_other_outputs(cuda):
     preset = scenes.PRESETS["blobs_77k"]
     scene = preset.build(cuda)
     alone = wv.render(scene, preset.camera, preset.poses(4), outputs="depth")
@@ -107,11 +107,11 @@ def test_depth_does_not_depend_on_what_else_is_asked_for(cuda):
 
 @pytest.mark.parametrize("movable", [True, False])
 @pytest.mark.parametrize("scales", [False, True])
-def test_many_objects_are_found_before(movable, scales, cuda, monkeypatch):
-    """The same bits as if packets look at all of them: of what moves and of instances, in worlds."""
+def test_found_objects_do_not_change_images(movable, scales, cuda, monkeypatch):
+    """Bit-identical to testing all objects in every packet: movable objects and instances, in several worlds."""
     rng, count = np.random.default_rng(0), 900
     scene = wv.Scene(device=cuda)
-    for index in range(3):  # around a camera, and over many tiles
+    for index in range(3):  # around a camera, and covering many tiles
         scene.add(trimesh.creation.box((1, 2, 3)), pose=(9 * index, 0, 0, 0, 0, 0, 1), movable=True)
     scene.add_instances(trimesh.creation.icosphere(3, 0.3), random_poses(rng, count, spread=20.0), movable=movable)
     camera = wv.Camera.from_fov(133, 77, hfov=1.2, near=0.05, far=30.0)
@@ -120,7 +120,7 @@ def test_many_objects_are_found_before(movable, scales, cuda, monkeypatch):
     options = {"object_poses": rows, "world_index": [0, 1, 1]}
     if scales:
         options["object_scales"] = rng.uniform(0.7, 1.4, (2, len(scene.movable), 3))
-    # Two cameras that look through the crowd, and one in a box.
+    # Two cameras that look at many objects, and one inside a box.
     poses = [wv.look_at((-15, -12, 6), (0, 0, 0)), wv.look_at((4, 16, -8), (0, 0, 0)), [9.5, 0, 0, 0, 0, 0, 1]]
     poses = np.array(poses, dtype=np.float32)
     renderer = wv.Renderer(scene, camera, outputs=ALL)
@@ -136,8 +136,8 @@ def test_many_objects_are_found_before(movable, scales, cuda, monkeypatch):
     assert_identical(found, renderer.render(poses, **options))
 
 
-def test_a_graph_finds_objects_anew(cuda):
-    """Where they are when it is launched."""
+def test_captured_graph_finds_objects_at_launch(cuda):
+    """Objects are found at their poses at launch time."""
     scene = wv.Scene(device=cuda)
     scene.add_instances(trimesh.creation.box((0.1, 0.1, 0.1)), np.zeros((300, 7)) + [0, 0, 0, 0, 0, 0, 1], movable=True)
     camera = wv.Camera.from_fov(64, 48, hfov=1.0)
@@ -173,8 +173,8 @@ def test_images_smaller_than_packets(size, cuda):
     assert_matches_reference(views, scene, camera, preset.poses(2))
 
 
-def test_telephoto_and_far_from_the_origin(cuda):
-    """Twenty thousand pixels of focal length, and a camera that is ten kilometres away from the origin."""
+def test_telephoto_camera_far_from_the_origin(cuda):
+    """A focal length of 4,000 px, and a camera 14 km from the origin."""
     scene = wv.Scene(device=cuda)
     room = scenes.PRESETS["room"].build()
     for item in room:
@@ -188,8 +188,8 @@ def test_telephoto_and_far_from_the_origin(cuda):
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_a_batch_in_parts_is_the_same(cuda, caster):
-    """Seven views, three at a time: the images come back on the host, and are those of one batch."""
+def test_split_batch_is_the_same(cuda, caster):
+    """Seven views rendered in chunks of three: the images are on the host and equal those of a single batch."""
     preset = scenes.PRESETS["room"]
     scene = preset.build(cuda)
     whole = wv.Renderer(scene, preset.camera, outputs=ALL, caster=caster).render(preset.poses(7))
@@ -204,14 +204,14 @@ def test_a_batch_in_parts_is_the_same(cuda, caster):
     assert_identical(wv.render(scene, preset.camera, preset.poses(14)[7:], outputs=ALL, caster=caster), parts)
 
 
-def test_a_view_larger_than_the_bound_is_still_made(cuda):
+def test_view_larger_than_device_bytes_is_rendered(cuda):
     preset = scenes.PRESETS["room"]
     renderer = wv.Renderer(preset.build(cuda), preset.camera, device_bytes=1)
     assert np.isfinite(renderer.render(preset.poses(2)).depth.numpy()).any()
     assert renderer.render(np.zeros((0, 7), dtype=np.float32)).depth.shape == (0, 240, 320)
 
 
-def test_images_on_the_host_are_written_there(cuda):
+def test_host_outputs_are_written(cuda):
     preset = scenes.PRESETS["room"]
     expected = wv.render(preset.build(cuda), preset.camera, preset.poses(2), outputs=("depth", "labels"))
     out = wv.Views(
@@ -225,7 +225,7 @@ def test_images_on_the_host_are_written_there(cuda):
         wv.render(preset.build(cuda), preset.camera, preset.poses(2), outputs=("depth", "labels"), out=out)
 
 
-def test_work_goes_to_the_callers_stream(cuda):
+def test_work_runs_on_the_callers_stream(cuda):
     preset = scenes.PRESETS["blobs_77k"]
     renderer = wv.Renderer(preset.build(cuda), preset.camera, outputs="depth")
     poses = wp.array(preset.poses(256), dtype=wp.transform, device=cuda)
@@ -240,8 +240,8 @@ def test_work_goes_to_the_callers_stream(cuda):
     np.testing.assert_array_equal(copied.numpy(), expected)
 
 
-def test_poses_that_are_no_poses_see_nothing(cuda):
-    """Poses on a GPU are not read back: those with NaNs or without a rotation must do no harm."""
+def test_invalid_poses_render_nothing(cuda):
+    """Poses on a GPU are not validated: NaNs and invalid rotations must be harmless."""
     preset = scenes.PRESETS["room"]
     rows = preset.poses(4)
     rows[1], rows[2, 3:], rows[3, 0] = np.nan, 0.0, np.inf

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points of the image in packets on CUDA: what an emulated warp sees of them, and how they are sorted before."""
+"""Packets of image points on CUDA: images of an emulated warp, and the sorting of points."""
 
 from collections import Counter
 
@@ -43,13 +43,13 @@ VARIANTS, TABLES = (PLAIN, MOVES, SMALL, DEPTH, CLIPS, RESIZED), (RAYS, RAYS_MOV
 
 @pytest.fixture(scope="module")
 def emulator(tmp_path_factory):
-    """All variants, compiled with sanitizers, and counting which lines run."""
+    """Return an emulator of all variants, compiled with sanitizers and line counts."""
     return Emulator(tmp_path_factory.mktemp("point_emulator"), VARIANTS, find_compiler())
 
 
 @pytest.fixture(scope="module")
 def table_emulator(tmp_path_factory):
-    """The same of those whose rays are of a table."""
+    """Return an emulator of the variants for ray bundles."""
     return Emulator(tmp_path_factory.mktemp("table_point_emulator"), TABLES, find_compiler())
 
 
@@ -69,7 +69,7 @@ def scattered(count, views=1, seed=0, beyond=3):
 
 
 def assert_points_match(views, scene, camera, poses, pixels, **options):
-    """By the float64 reference, in every output."""
+    """Check every output against the float64 reference."""
     for view, pose in enumerate(poses):
         expected = reference.cast_rays_at(scene, camera, pose, pixels[view], **options)
         wrong = wrong_depth(views.depth.numpy()[view], expected.depth)
@@ -84,8 +84,8 @@ def assert_points_match(views, scene, camera, poses, pixels, **options):
 
 @pytest.mark.cxx
 @pytest.mark.parametrize("cull_backfaces", [False, True])
-def test_points_anywhere(emulator, cull_backfaces):
-    """In no order, many at one place, outside of the image, and not numbers; of both sizes of packets."""
+def test_arbitrary_points_match_the_reference(emulator, cull_backfaces):
+    """Unordered points, duplicates, points outside the image and non-finite points, for both packet sizes."""
     scene = build("cpu", random_poses(np.random.default_rng(1), 5), movable=False)
     inside = wv.look_at((0.2, 0.1, 0.5), (1, 0.3, 0.6))[None]
     poses = np.concatenate([eyes(1), inside]).astype(np.float32)
@@ -101,8 +101,8 @@ def test_points_anywhere(emulator, cull_backfaces):
 
 
 @pytest.mark.cxx
-def test_what_a_point_sees_does_not_depend_on_others(emulator):
-    """Whether they are in rows or not, in which order, and how many."""
+def test_points_do_not_depend_on_other_points(emulator):
+    """Results do not depend on row order, permutation or number of points."""
     scene, pixels = build("cpu", random_poses(np.random.default_rng(4), 5), movable=True), centers()
     pixels += np.random.default_rng(5).uniform(-0.4, 0.4, pixels.shape).astype(np.float32)
     lists = list_points(wp.array(pixels[:, None], dtype=wp.vec2), CAMERA)
@@ -118,7 +118,7 @@ def test_what_a_point_sees_does_not_depend_on_others(emulator):
 
 @pytest.mark.cxx
 @pytest.mark.parametrize("count", [1, 31, 33, 257])
-def test_packets_that_are_not_full(emulator, count):
+def test_partially_filled_packets(emulator, count):
     scene = build("cpu", random_poses(np.random.default_rng(1), 5), movable=False)
     pixels = scattered(count, views=2, seed=count, beyond=0)
     views = renderer_of(emulator, scene).render_at(eyes(2), pixels)
@@ -126,8 +126,8 @@ def test_packets_that_are_not_full(emulator, count):
 
 
 @pytest.mark.cxx
-def test_the_other_eye_of_a_stereo_camera(emulator):
-    """Points in the image's order, that depth moves aside: of one view as they come, of the other in no order."""
+def test_points_of_the_other_stereo_eye(emulator):
+    """Points in image order shifted by disparity: one view in order, the other one shuffled."""
     preset = wv.scenes.PRESETS["room"]
     scene, camera = preset.build("cpu"), wv.Camera.from_fov(64, 48, hfov=1.0, near=0.3, far=20.0)
     poses = preset.poses(2)
@@ -143,8 +143,8 @@ def test_the_other_eye_of_a_stereo_camera(emulator):
 
 
 @pytest.mark.cxx
-def test_maps(emulator):
-    """Rows of any length, whose points are nearly neighbours, or are not."""
+def test_two_dimensional_pixel_arrays(emulator):
+    """Rows of any length, with points that are close to each other or not."""
     scene = build("cpu", random_poses(np.random.default_rng(4), 5), movable=False)
     y, x = np.mgrid[:19, :50]
     pixels = np.stack([0.6 * x + 0.2 * y + 5, 1.5 * y - 0.1 * x + 6], axis=-1)[None].repeat(2, 0).astype(np.float32)
@@ -160,7 +160,7 @@ def test_maps(emulator):
 
 @pytest.mark.cxx
 def test_small_triangles(emulator):
-    """Most of them without a point."""
+    """Most triangles contain no point."""
     preset = wv.scenes.PRESETS["blobs_77k"]
     scene, poses = preset.build("cpu"), preset.poses(1)
     pixels = scattered(400, seed=3, beyond=0)
@@ -182,7 +182,7 @@ def test_worlds_and_exclusion(emulator):
 
 
 @pytest.mark.cxx
-def test_true_surfaces(emulator):
+def test_exact_surfaces_of_solids(emulator):
     """From outside and inside."""
     scene = solid_scenes.build("cpu", random_poses(np.random.default_rng(5), len(solid_scenes.SHAPES)))
     pixels = scattered(1200, views=2, seed=1)
@@ -191,8 +191,8 @@ def test_true_surfaces(emulator):
 
 
 @pytest.mark.cxx
-def test_solids_beside_the_camera(emulator):
-    """They may be anywhere in its image, and in any block, but not in one that a packet does not have."""
+def test_solids_next_to_the_camera(emulator):
+    """Their projections are unbounded, but must stay within the packet's blocks."""
     rng, shapes = np.random.default_rng(0), [sized_scenes.SHAPES[kind] for kind in (0, 1, 3, 4)]
     rows, scales = random_poses(rng, 4, spread=2.0), sized_scenes.random_scales(rng, 1, 4)[0]
     scene, poses = sized_scenes.build("cpu", rows, scales, shapes=shapes), random_poses(rng, 6, spread=0.3)
@@ -202,7 +202,7 @@ def test_solids_beside_the_camera(emulator):
 
 
 @pytest.mark.cxx
-def test_objects_of_other_sizes(emulator):
+def test_scaled_objects(emulator):
     rng = np.random.default_rng(3)
     rows = random_poses(rng, 2, len(sized_scenes.SHAPES))
     scales = sized_scenes.random_scales(rng, 2, len(sized_scenes.SHAPES))
@@ -217,7 +217,7 @@ def test_objects_of_other_sizes(emulator):
 
 
 @pytest.mark.cxx
-def test_a_near_plane_that_cuts(emulator):
+def test_near_plane_clips_meshes(emulator):
     scene, poses, camera = near_plane_scenes.scene("cpu"), near_plane_scenes.poses(), near_plane_scenes.CAMERA
     pixels = np.tile(centers(camera), (len(poses), 1, 1))
     options = {"near_plane": "clip", "outputs": ("depth",)}
@@ -228,8 +228,8 @@ def test_a_near_plane_that_cuts(emulator):
 
 @pytest.mark.cxx
 @pytest.mark.parametrize(("movable", "seed"), [(False, 0), (True, 1)])
-def test_no_ray_slips_through_a_corner(emulator, movable, seed):
-    """Walls of which every pixel's centre is at a corner, as nearly as numbers can say; in rows and in no order."""
+def test_no_ray_passes_through_a_vertex(emulator, movable, seed):
+    """Walls with a vertex at every pixel center, up to rounding; in rows and unordered."""
     camera, pose, vertices, faces = wall(seed)
     scene, pixels = wv.Scene(), centers(camera)
     scene.add((vertices, faces), movable=movable)
@@ -239,7 +239,7 @@ def test_no_ray_slips_through_a_corner(emulator, movable, seed):
 
 
 @pytest.mark.cxx
-def test_principal_points_outside_of_the_image_and_wide_images(emulator):
+def test_principal_point_outside_the_image_and_wide_images(emulator):
     scene = build("cpu", random_poses(np.random.default_rng(1), 5), movable=False)
     for camera in (
         wv.Camera(45, 37, 60.0, 20.0, -30.25, 60.1, near=0.05, far=100.0),
@@ -252,8 +252,8 @@ def test_principal_points_outside_of_the_image_and_wide_images(emulator):
 
 @pytest.mark.cxx
 @pytest.mark.parametrize("name", ["no order", "lidar", "gaps"])
-def test_rays_of_a_table_as_points(table_emulator, name):
-    """In no order, or in rows that are taken as if they were in none."""
+def test_ray_bundles_as_points(table_emulator, name):
+    """Unordered rays, and rows treated as unordered."""
     scene, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     camera = ray_tables.PATTERNS[name]
     views = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render(pose)
@@ -264,7 +264,7 @@ def test_rays_of_a_table_as_points(table_emulator, name):
 
 
 @pytest.mark.cxx
-def test_rays_in_no_order_and_small_triangles(table_emulator):
+def test_unordered_rays_and_small_triangles(table_emulator):
     preset = wv.scenes.PRESETS["blobs_77k"]
     scene, camera = preset.build("cpu"), ray_tables.PATTERNS["no order"]
     views = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render(preset.poses(1))
@@ -272,8 +272,8 @@ def test_rays_in_no_order_and_small_triangles(table_emulator):
 
 
 @pytest.mark.cxx
-def test_rays_in_no_order_through_corners_of_a_mesh(table_emulator):
-    """Double precision says which triangle they meet, and all meet one."""
+def test_unordered_rays_through_mesh_vertices(table_emulator):
+    """Double precision decides which triangle is hit, and every ray hits one."""
     ball, scene = trimesh.creation.icosphere(subdivisions=2, radius=0.7), wv.Scene(device="cpu")
     scene.add(ball, name="ball")
     corners = np.concatenate([ball.vertices, ball.vertices[ball.edges_unique].mean(axis=1)]).astype(np.float32)
@@ -285,8 +285,8 @@ def test_rays_in_no_order_through_corners_of_a_mesh(table_emulator):
 
 
 @pytest.mark.cxx
-def test_rays_in_no_order_and_what_moves(table_emulator):
-    """Meshes and solids, of other sizes than they were built."""
+def test_unordered_rays_and_movable_objects(table_emulator):
+    """Scaled meshes and solids."""
     rng = np.random.default_rng(0)
     shapes = [sized_scenes.SHAPES[kind] for kind in (0, 1, 3, 4)]
     rows, scales = random_poses(rng, 4, spread=2.0), sized_scenes.random_scales(rng, 1, 4)[0]
@@ -317,7 +317,7 @@ def test_every_line_of_points_runs(emulator, table_emulator, request):
     assert [f"{name}:{number}: {text}" for (name, number, text), count in counts.items() if count == 0] == []
 
 
-def test_a_curve_goes_through_all_cells_from_one_to_the_next():
+def test_hilbert_curve_visits_all_cells_in_unit_steps():
     for bits in range(5):
         curve = hilbert_curve(bits)
         assert len(np.unique(curve, axis=0)) == 4**bits
@@ -325,7 +325,7 @@ def test_a_curve_goes_through_all_cells_from_one_to_the_next():
 
 
 def test_points_are_sorted_by_their_cells(device):
-    """By twins; points outside come last."""
+    """Compared with references; points outside the image come last."""
     pixels = np.concatenate([scattered(1665, seed=1), centers()]).astype(np.float32)
     pixels[0, 7] = np.nan
     lists = list_points(wp.array(pixels[:, None], dtype=wp.vec2, device=device), CAMERA)
@@ -345,7 +345,7 @@ def test_points_are_sorted_by_their_cells(device):
     np.testing.assert_array_equal(cells[order], cells[sort_points(pixels, SIZE, bits)[0]])
 
 
-def test_which_points_may_be_in_rows():
+def test_guessed_columns():
     kinect = wv.Camera.kinect()
     assert [guess_columns(count, kinect) for count in (76_800, 4_800, 19_200, 10_000, 1)] == [320, 80, 160, 0, 1]
     for count in (76_800, 10_000, 33):
@@ -353,16 +353,16 @@ def test_which_points_may_be_in_rows():
         assert packet_count(lists, 256) >= count / 256
 
 
-def test_how_many_points_a_packet_has():
+def test_packet_size_by_number_of_points():
     assert [packet_size(views * 76_800, 132) for views in (1, 10, 11, 512)] == [64, 64, 256, 256]
 
 
-def test_which_points_go_in_packets():
+def test_packets_are_used_by_number_of_points():
     assert [takes_packets(count) for count in (1000, 1 << 14, 1 << 15, 1 << 26, 1 << 27)] == [0, 0, 1, 1, 0]
 
 
-def test_points_are_launched_in_parts_that_memory_holds(monkeypatch):
-    """Views, their worlds and what they write go together."""
+def test_launches_are_split_to_fit_memory(monkeypatch):
+    """Views, their worlds and their outputs are split together."""
     scene, launched = build("cpu", random_poses(np.random.default_rng(1), 5), movable=True), []
     scene.bvh()
     monkeypatch.setattr(_cuda_points, "_MAX_POINTS", 5000)
@@ -379,11 +379,11 @@ def test_points_are_launched_in_parts_that_memory_holds(monkeypatch):
 
 CUDA_CASES = [("room", False), ("blobs_77k", False), ("room", True)]
 LARGE = wv.Camera.from_fov(240, 180, hfov=0.994837, near=0.05, far=100.0)
-"""Of so many pixels that they go in packets."""
+"""Has enough pixels for packets."""
 
 
-def test_lanes_that_find_points_do_not_go_apart(cuda):
-    """Another eye's points of one view of many triangles, which once read outside of a packet's memory on an H200."""
+def test_points_of_another_eye_with_many_triangles(cuda):
+    """One view of many triangles from another eye, which once caused an out-of-bounds read on an H200."""
     preset, camera = wv.scenes.PRESETS["blobs_1m"], wv.Camera.from_fov(320, 240, hfov=0.994837, near=0.05, far=100.0)
     scene, pose = preset.build(cuda), preset.poses(512)[19:20]
     depth = wv.render(scene, camera, pose).depth.numpy().reshape(1, -1)
@@ -394,8 +394,8 @@ def test_lanes_that_find_points_do_not_go_apart(cuda):
 
 
 @pytest.mark.parametrize(("name", "in_rows"), CUDA_CASES)
-def test_points_on_a_gpu(name, in_rows, cuda):
-    """As single rays see them; not a bit depends on their order, or on how many a packet has."""
+def test_gpu_points_match_single_rays(name, in_rows, cuda):
+    """Equal to single rays; bit-identical for any order and packet size."""
     preset = wv.scenes.PRESETS[name]
     scene, poses = preset.build(cuda), preset.poses(3)
     camera = LARGE
@@ -413,7 +413,7 @@ def test_points_on_a_gpu(name, in_rows, cuda):
         assert getattr(again, output).numpy().tobytes() == getattr(views, output).numpy()[:, order].tobytes()
 
 
-def test_a_gpu_gives_the_same_whatever_the_packets(cuda, monkeypatch):
+def test_gpu_results_do_not_depend_on_the_packet_size(cuda, monkeypatch):
     preset = wv.scenes.PRESETS["room"]
     camera = LARGE
     renderer, images = wv.Renderer(preset.build(cuda), camera, outputs=ALL), []
@@ -424,8 +424,8 @@ def test_a_gpu_gives_the_same_whatever_the_packets(cuda, monkeypatch):
     assert_bits_equal(images[2], images[0])
 
 
-def test_points_go_into_a_graph(cuda):
-    """Sorted anew in each launch, by the points that are there then."""
+def test_captured_graph_sorts_points_at_launch(cuda):
+    """Each launch sorts the current points."""
     preset = wv.scenes.PRESETS["room"]
     camera = LARGE
     renderer = wv.Renderer(preset.build(cuda), camera, outputs=("depth",))

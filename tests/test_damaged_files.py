@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files that `fuzz_files` found to end in something else than one short sentence, one of each kind."""
+"""Files found by `fuzz_files` that once raised something other than one short sentence, one of each kind."""
 
 import io
 import json
@@ -52,7 +52,7 @@ def chunk(kind, body):
 
 
 def png(width, height, *, head=None):
-    """A PNG image that says that it is of a size, and holds one row."""
+    """Return a PNG image that declares a size and contains one row."""
     head = struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0) if head is None else head
     row = zlib.compress(bytes(1 + 2 * min(width, 100)))
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", row) + chunk(b"IEND", b"")
@@ -60,7 +60,7 @@ def png(width, height, *, head=None):
 
 @pytest.fixture(scope="module")
 def datasets(tmp_path_factory):
-    """A folder of small datasets, by format."""
+    """Return a folder of small datasets by format."""
     root = tmp_path_factory.mktemp("datasets")
     for kind in ("png", "bop", "ros2"):
         frames = make_frames(2)
@@ -79,7 +79,7 @@ def datasets(tmp_path_factory):
     ],
     ids=["short head", "larger than all memory", "larger", "cut off", "no picture"],
 )
-def test_pictures_of_datasets(datasets, image, wanted):
+def test_damaged_images_of_datasets_raise(datasets, image, wanted):
     path = datasets / "png" / "depth" / "000000" / "000001.png"
     kept = path.read_bytes()
     path.write_bytes(image)
@@ -89,8 +89,8 @@ def test_pictures_of_datasets(datasets, image, wanted):
     assert dataset.read("depth", 1).shape == (24, 32)
 
 
-def test_a_picture_beside_poses_may_be_anything(tmp_path):
-    """It would say which size the images have; without it the poses have no camera."""
+def test_damaged_image_next_to_poses_is_ignored(tmp_path):
+    """The image would define the size; without it the poses have no camera."""
     path = write(tmp_path / "000000" / "scene_camera.json", json.dumps(bop()))
     picture = io.BytesIO()
     Image.fromarray(np.zeros((48, 64), np.uint16)).save(picture, "png")
@@ -100,7 +100,7 @@ def test_a_picture_beside_poses_may_be_anything(tmp_path):
 
 
 @pytest.mark.parametrize("value", [10**400, 1e300, None, [], {}], ids=["digits", "1e300", "none", "list", "object"])
-def test_numbers_of_bop_that_no_array_holds(datasets, value):
+def test_bop_numbers_out_of_range_raise(datasets, value):
     (path,) = (datasets / "bop").rglob("scene_gt_info.json")
     kept = path.read_text()
     content = json.loads(kept)
@@ -112,7 +112,7 @@ def test_numbers_of_bop_that_no_array_holds(datasets, value):
 
 
 @pytest.mark.parametrize("name", ["metadata.yaml", "bag_000000.mcap"])
-def test_bags_of_datasets_are_refused_in_one_line(datasets, name):
+def test_damaged_bags_of_datasets_raise_one_line(datasets, name):
     path = datasets / "ros2" / "bag_000000" / name
     kept = path.read_bytes()
     damaged = kept.replace(b"uint32 height", b"int32< height") if name.endswith("mcap") else b"a: [\nb: {\n" + kept
@@ -123,14 +123,14 @@ def test_bags_of_datasets_are_refused_in_one_line(datasets, name):
     path.write_bytes(kept)
 
 
-def test_records_of_mcap_that_are_longer_than_the_file(datasets, tmp_path):
-    """rosbags asks for so much memory as they say: gigabytes that a short file does not hold."""
+def test_mcap_records_longer_than_the_file_raise(datasets, tmp_path):
+    """rosbags would allocate the recorded length: gigabytes for a short file."""
     pytest.importorskip("rosbags")
     from support.ros_bags import KINDS, write_bag
 
     good = write_bag(tmp_path / "bag", {"/camera": KINDS["PoseStamped"][0]})
     data = good.read_bytes()
-    place = 8 + 9 + int.from_bytes(data[9:17], "little")  # behind the magic bytes and the header
+    place = 8 + 9 + int.from_bytes(data[9:17], "little")  # after the magic bytes and the header
     length = int.from_bytes(data[place + 1 : place + 9], "little")
     for size in (2**33, 2**62, len(data)):
         good.write_bytes(data[: place + 1] + struct.pack("<Q", size) + data[place + 9 :])
@@ -141,8 +141,8 @@ def test_records_of_mcap_that_are_longer_than_the_file(datasets, tmp_path):
     assert len(read_frames(good.parent)) == 5
 
 
-def test_a_chunk_of_mcap_that_is_longer_than_the_file(tmp_path):
-    """The summary at the end says again how long chunks are."""
+def test_mcap_chunk_longer_than_the_file_raises(tmp_path):
+    """The summary at the end repeats the lengths of chunks."""
     pytest.importorskip("rosbags")
     from support.ros_bags import KINDS, write_bag
 
@@ -154,7 +154,7 @@ def test_a_chunk_of_mcap_that_is_longer_than_the_file(tmp_path):
         places.append((data[place], place + 9, length))
         place += 9 + length
     index = [(start, length) for kind, start, length in places if kind == 8]
-    if not index:  # such a bag has no chunks: it gets an index of one
+    if not index:  # the bag has no chunks: add an index of one
         record = bytes(32) + bytes(4) + bytes(8) + bytes(4) + struct.pack("<QQ", 2**40, 2**40)
         start = places[0][1] + places[0][2]
         path.write_bytes(data[:start] + b"\x08" + struct.pack("<Q", len(record)) + record + data[start:])
@@ -167,8 +167,8 @@ def test_a_chunk_of_mcap_that_is_longer_than_the_file(tmp_path):
     assert refusal(read_frames, path).endswith(f"bag.mcap has a chunk of {2**40} bytes, and {size} in all")
 
 
-def test_chunks_of_mcap_have_a_bound(tmp_path):
-    """By the length unpacked that a chunk gives, and that its index gives."""
+def test_unpacked_size_of_mcap_chunks_is_limited(tmp_path):
+    """Both the unpacked length in a chunk and the one in its index are limited."""
     pytest.importorskip("rosbags")
     from support.ros_bags import KINDS, write_bag
 
@@ -181,7 +181,7 @@ def test_chunks_of_mcap_have_a_bound(tmp_path):
         assert "bag.mcap: unpacks to more than 1 GiB, the maximum" in refusal(read_frames, path)
 
 
-def test_long_names_in_bags_are_not_repeated(tmp_path):
+def test_long_names_in_bags_are_truncated(tmp_path):
     pytest.importorskip("rosbags")
     from support.ros_bags import ROWS, pose_stamped, write_bag
 
@@ -191,7 +191,7 @@ def test_long_names_in_bags_are_not_repeated(tmp_path):
 
 
 @pytest.mark.parametrize("change", [{"camera": {"width": LONG}}, {"options": {"scale": LONG}}])
-def test_long_texts_of_manifests_are_not_repeated(datasets, change):
+def test_long_texts_in_manifests_are_truncated(datasets, change):
     path = datasets / "png" / "manifest.json"
     kept = path.read_text()
     content = json.loads(kept)
@@ -202,7 +202,7 @@ def test_long_texts_of_manifests_are_not_repeated(datasets, change):
     path.write_text(kept)
 
 
-def test_long_names_of_another_job_are_not_repeated(datasets):
+def test_long_names_of_another_job_are_truncated(datasets):
     path = datasets / "png" / "manifest.json"
     kept = path.read_text()
     content = json.loads(kept)
@@ -214,7 +214,7 @@ def test_long_names_of_another_job_are_not_repeated(datasets):
     path.write_text(kept)
 
 
-def test_a_lens_of_any_number_of_digits(tmp_path):
+def test_lens_coefficients_with_many_digits(tmp_path):
     pytest.importorskip("ruamel.yaml")
     from support.camera_files import KALIBR
 
@@ -247,7 +247,7 @@ def gltf(**changes):
     ],
     ids=["no count", "a number for an object", "a long name", "nested"],
 )
-def test_gltf_of_other_things_than_the_specification_says(tmp_path, file, wanted):
+def test_gltf_with_invalid_types_raises(tmp_path, file, wanted):
     path = write(tmp_path / "a.glb", file)
     assert refusal(wv.Scene.load, path).startswith(f"{path}: cannot be read as GLB: {wanted}")
 
@@ -284,14 +284,14 @@ BAD_INDEX = "o box\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"
     ],
     ids=["glb", "far stl", "obj", "obj 0", "obj 0/1", "obj c", "obj x", "empty", "short stl", "ply", "tar"],
 )
-def test_the_file_is_named_of_what_is_no_mesh(tmp_path, name, file, wanted):
+def test_errors_of_invalid_meshes_name_the_file(tmp_path, name, file, wanted):
     path = write(tmp_path / name, file)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert refusal(wv.Scene.load, path).startswith(f"{path}: {wanted}")
 
 
-def test_the_file_is_named_of_a_world_with_what_is_no_mesh(tmp_path):
+def test_errors_of_invalid_worlds_name_the_file(tmp_path):
     path = write(
         tmp_path / "a.wbt",
         "#VRML_SIM R2023b utf8\nSolid { translation 1e19 0 0 children [ Shape { geometry Box { } } ] }\n",
@@ -321,22 +321,22 @@ READERS = {
 @pytest.mark.parametrize(
     ("file", "said"), [(GIT_LFS, POINTER), (PAGE, WEB), (XHTML, WEB)], ids=["lfs", "page", "xhtml"]
 )
-def test_what_was_downloaded_in_place_of_a_file_is_named(tmp_path, name, file, said):
+def test_lfs_pointers_and_html_pages_are_recognized(tmp_path, name, file, said):
     read, wanted = READERS[name]
     path = write(tmp_path / name, file)
     assert refusal(read, path).startswith(f"{path}: {said % wanted}")
 
 
 @pytest.mark.parametrize("name", [name for name, (_, wanted) in READERS.items() if wanted in ("a mesh", "a model")])
-def test_an_image_is_no_mesh(tmp_path, name):
+def test_images_instead_of_meshes_are_recognized(tmp_path, name):
     path = write(tmp_path / name, png(4, 4))
     assert refusal(wv.Scene.load, path) == f"{path}: is a PNG image, not {READERS[name][1]}"
     write(path, JPEG)
     assert refusal(wv.Scene.load, path) == f"{path}: is a JPEG image, not {READERS[name][1]}"
 
 
-def test_pointers_that_files_name_are_found_out(tmp_path):
-    """Meshes of archives, of robots and of Webots, and buffers of glTF."""
+def test_lfs_pointers_referenced_by_files_are_recognized(tmp_path):
+    """Meshes in archives, robots and Webots worlds, and glTF buffers."""
     write(tmp_path / "part.stl", GIT_LFS)
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.write(tmp_path / "part.stl", "part.stl")
@@ -361,8 +361,8 @@ def test_pointers_that_files_name_are_found_out(tmp_path):
 
 
 @pytest.mark.parametrize("ending", ["obj", "stl", "msh", "png"])
-def test_pointers_that_mjcf_names_are_found_out(tmp_path, ending):
-    """Where the model says, and on the search path."""
+def test_lfs_pointers_referenced_by_mjcf_are_recognized(tmp_path, ending):
+    """In the model's folder and on the search path."""
     assets = {ending: f'<mesh name="m" file="a.{ending}"/>', "png": '<texture name="m" type="2d" file="a.png"/>'}
     geom = '<geom type="mesh" mesh="m"/>' if ending != "png" else '<geom size="1"/>'
     compiler, asset = '<compiler meshdir="m" texturedir="m"/>', f"<asset>{assets[ending]}</asset>"
@@ -381,26 +381,26 @@ MESH_OF_MODEL = '<mujoco><asset><mesh name="m" file="%s.obj"/></asset></mujoco>'
 
 
 @pytest.mark.parametrize("text", [MESH_OF_LINK, MESH_OF_MODEL, '<mujoco><include file="%s.xml"/></mujoco>'])
-def test_models_may_name_what_no_file_is_called(tmp_path, text):
+def test_models_with_too_long_file_names_raise(tmp_path, text):
     path = write(tmp_path / "a.xml", text % LONG)
     refusal(wv.Scene.load, path)
     refusal(wv.Scene.load, path, search_path=tmp_path)
 
 
 @pytest.mark.parametrize("content", [{}, {"camera_angle_x": 0.7}, {"fl_x": 500, "w": 640, "h": 480}])
-def test_transforms_without_frames_are_named(tmp_path, content):
+def test_transforms_without_frames_raise(tmp_path, content):
     path = write(tmp_path / "transforms.json", json.dumps(content))
     assert refusal(read_frames, path) == f'{path}: has no list "frames", which holds the poses of nerfstudio\'s files'
 
 
-def test_what_is_no_array_of_numpy_is_not_to_be_unpickled(tmp_path):
+def test_npy_without_numpy_array_raises(tmp_path):
     path = write(tmp_path / "a.npy", png(4, 4))
     assert refusal(read_frames, path) == f"{path}: cannot be read as NPY: it contains no NumPy arrays"
 
 
 @pytest.fixture
 def small_bound(monkeypatch):
-    """The bound of what files unpack to, as if it were 10,000 bytes."""
+    """Limit the unpacked size of files to 10,000 bytes."""
     monkeypatch.setattr("warpvis.io._archives._MAX_BYTES", 10_000)
 
 
@@ -408,7 +408,7 @@ def poses_at_origin(count):
     return np.tile([0.0, 0, 0, 0, 0, 0, 1], (count, 1))
 
 
-def test_compressed_arrays_of_poses_have_a_bound(tmp_path, small_bound):
+def test_unpacked_size_of_compressed_poses_is_limited(tmp_path, small_bound):
     np.savez_compressed(tmp_path / "poses.npz", camera_to_world=poses_at_origin(1000), others=np.zeros(10**6))
     assert refusal(read_frames, tmp_path / "poses.npz") == (
         f"{tmp_path / 'poses.npz'}: unpacks to more than 1 GiB, the maximum: write it with numpy.savez, "
@@ -420,7 +420,7 @@ def test_compressed_arrays_of_poses_have_a_bound(tmp_path, small_bound):
     assert len(read_frames(tmp_path / "poses.npz")) == 1000
 
 
-def test_compressed_poses_of_a_dataset_are_refused(datasets, tmp_path):
+def test_compressed_poses_of_a_dataset_raise(datasets, tmp_path):
     shutil.copytree(datasets / "png", tmp_path / "png")
     path = tmp_path / "png" / "poses.npz"
     with np.load(path) as arrays:
@@ -431,7 +431,7 @@ def test_compressed_poses_of_a_dataset_are_refused(datasets, tmp_path):
     )
 
 
-def test_poses_in_parquet_have_a_bound(tmp_path, small_bound):
+def test_unpacked_size_of_parquet_poses_is_limited(tmp_path, small_bound):
     arrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     columns = dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw"), poses_at_origin(1000).T, strict=True))
@@ -441,7 +441,7 @@ def test_poses_in_parquet_have_a_bound(tmp_path, small_bound):
 
 
 @pytest.mark.parametrize("ending", [".zip", ".tar.gz"])
-def test_archives_that_unpack_to_too_much_take_no_memory(tmp_path, monkeypatch, ending):
+def test_oversized_archives_raise_without_using_memory(tmp_path, monkeypatch, ending):
     monkeypatch.setattr("warpvis.io._archives._MAX_BYTES", 30_000_000)
     path, size = tmp_path / f"a{ending}", 50_000_000
     if ending == ".zip":
@@ -460,21 +460,21 @@ def test_archives_that_unpack_to_too_much_take_no_memory(tmp_path, monkeypatch, 
         tracemalloc.stop()
 
 
-def test_an_archive_is_no_depth_image(tmp_path):
+def test_archive_instead_of_depth_image_raises(tmp_path):
     np.savez(tmp_path / "a.npz", depth=np.ones((2, 2)))
     path = (tmp_path / "a.npz").rename(tmp_path / "a.npy")
     assert refusal(read_depth, path) == f"{path}: cannot be read as NPY: it is an archive"
 
 
-def test_long_labels_are_not_repeated(tmp_path):
+def test_long_labels_are_truncated(tmp_path):
     path = write(tmp_path / "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     for rules in ({"labels": {"a": LONG}}, {"label_names": {"40": LONG}, "labels": {"a": "x"}}, {LONG: 1}):
         refusal(wv.Scene.load, path, labels=write(tmp_path / "rules.json", json.dumps(rules)))
     refusal(wv.Scene.load, path, labels={LONG: "object"})
 
 
-def test_ply_of_a_mac_of_old(tmp_path):
-    """As Rhino writes it."""
+def test_ply_with_carriage_returns(tmp_path):
+    """Rhino writes such files."""
     for encoding in ("ascii", "binary"):
         file = trimesh.creation.box().export(file_type="ply", encoding=encoding)
         head, end, body = file.partition(b"end_header\n")
@@ -485,8 +485,8 @@ def test_ply_of_a_mac_of_old(tmp_path):
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("more", ["", "property uchar red\n", "property list uchar float texcoord\n"])
-def test_ply_of_triangles_among_quads(tmp_path, order, more):
-    """As Blender and MeshLab write them; trimesh wants as many corners of each."""
+def test_ply_with_mixed_polygons(tmp_path, order, more):
+    """Written by Blender and MeshLab; trimesh requires equal corner counts."""
     tail = {"": b"", "property uchar red\n": b"\7"}.get(more, b"\1" + np.array([0.5], order + "f4").tobytes())
     path = write(
         tmp_path / "a.ply", ply(order, [(0, 1, 2, 3), (0, 1, 4), (0, 1, 5, 2, 3), (1, 2)], more=more, tail=tail)
@@ -513,7 +513,7 @@ def test_ply_of_triangles_among_quads(tmp_path, order, more):
     ],
     ids=["cut off", "no vertex", "many faces", "fewer than none", "no list", "many vertices"],
 )
-def test_damaged_ply_of_triangles_among_quads(tmp_path, file):
+def test_damaged_ply_with_mixed_polygons(tmp_path, file):
     path = write(tmp_path / "a.ply", file)
     assert refusal(wv.Scene.load, path).startswith(f"{path}: ")
 
@@ -531,7 +531,7 @@ def lasers(number):
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_whole_numbers_of_calibrations_may_be_long(tmp_path):
+def test_long_integers_in_calibrations(tmp_path):
     entry = {"camera_model": "pinhole", "intrinsics": [9, 9, 4, 3], "resolution": [8, 6], "distortion_model": "radtan"}
 
     def given(number):
@@ -555,12 +555,12 @@ def test_whole_numbers_of_calibrations_may_be_long(tmp_path):
         ("b.yaml", lasers(10**400), lambda path: wv.sensors.lidars.vlp16(calibration=path)),
     ],
 )
-def test_long_texts_are_not_repeated(tmp_path, name, text, read):
+def test_long_texts_are_truncated(tmp_path, name, text, read):
     path = write(tmp_path / name, text)
     assert refusal(read, path).startswith(str(path))
 
 
-def test_long_names_are_not_repeated(tmp_path):
+def test_long_names_are_truncated(tmp_path):
     path = long_names(tmp_path / "a.npz")
     assert refusal(read_frames, path).startswith(f"{path}: expected an array camera_to_world, got aaa")
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:

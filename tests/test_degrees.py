@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Angles are in radians: degrees are refused where they are plain, with the remedy."""
+"""Angles are in radians: obvious degrees raise an error with the remedy."""
 
 import json
 import math
@@ -22,7 +22,7 @@ def box():
     return scene
 
 
-# Of each parameter what is refused in degrees, and what is read in radians.
+# For each parameter: rejected degrees, and accepted radians.
 CALLS = {
     "laser_scan": (lidars.laser_scan, (-180, 180, 1), (-math.pi, math.pi, math.pi / 180)),
     "laser_scan, a quarter": (lidars.laser_scan, (-45.0, 45.0, 0.5), (-0.8, 0.8, 0.01)),
@@ -60,7 +60,7 @@ CALLS = {
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_degrees_are_refused_and_radians_read(name):
+def test_degrees_raise_and_radians_are_accepted(name):
     make, degrees, radians = CALLS[name]
     make(*radians)
     with pytest.raises(
@@ -70,8 +70,8 @@ def test_degrees_are_refused_and_radians_read(name):
     assert len(str(caught.value)) < 200
 
 
-def test_degrees_in_a_velodynes_calibration_are_refused(tmp_path):
-    """As Velodyne's db.xml has them; velodyne_pointcloud's gen_calibration.py writes radians."""
+def test_degrees_in_a_velodyne_calibration_raise(tmp_path):
+    """Velodyne's db.xml has degrees; velodyne_pointcloud's gen_calibration.py writes radians."""
     rows = [{"laser_id": n, "vert_correction": float(n), "rot_correction": 0.0} for n in range(-15, 17, 2)]
     rows = [row | {"laser_id": place} for place, row in enumerate(rows)]
     path = tmp_path / "calibration.yaml"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a depth means is the same for all that take depth images: docs/conventions.md, "Depth"."""
+"""All functions interpret depth values alike: docs/conventions.md, "Depth"."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ import warpvis as wv
 from warpvis import Label, Visibility
 from warpvis.maps import Voxel
 
-# One row of pixels, 45 degrees from border to border of each; the camera looks along x from the origin, z up.
+# One pixel with a field of view of 53 degrees; the camera looks along x from (0, 0, 1), z up.
 NEAR, FAR = 0.5, 4.0
 MEANINGS = {
     "measured": [NEAR, 2.0, FAR],
@@ -29,7 +29,7 @@ def image(depth):
 
 @pytest.mark.parametrize(("meaning", "depth"), CASES)
 def test_points_and_labels(meaning, depth, device):
-    """Only what is measured has a point, and a label."""
+    """Only measured depth has a point and a label."""
     point = wv.back_project(image(depth), CAMERA, POSE, device=device).numpy()[0, 0, 0]
     label = wv.classify(image(depth), CAMERA, POSE, device=device).numpy().item()
     if meaning == "measured":
@@ -38,14 +38,14 @@ def test_points_and_labels(meaning, depth, device):
     else:
         assert np.isnan(point).all()
         assert label == Label.EMPTY
-    # The greatest range may be said; the least one is the camera's.
+    # `max_range` overrides the camera's far, but not its near.
     near_too = wv.classify(image(depth), CAMERA, POSE, max_range=100.0, device=device).numpy().item()
     assert near_too == (Label.OBSTACLE if meaning == "measured" or FAR < depth < 100 else Label.EMPTY)
 
 
 @pytest.mark.parametrize(("meaning", "depth"), CASES)
-def test_what_it_hides(meaning, depth, device):
-    """Points and voxels before and behind 2 m, both in range: something too near hides both, nothing hides none."""
+def test_occlusion_by_meaning(meaning, depth, device):
+    """Points and voxels in front of and behind 2 m: depth too near hides both, depth too far hides neither."""
     points = np.array([(1.25, 0, 1), (3.25, 0, 1)], dtype=np.float32)
     status = wv.point_visibility_from_depth(image(depth), CAMERA, POSE, points, device=device).numpy()[0]
     space = wv.voxel_map(
@@ -63,8 +63,8 @@ def test_what_it_hides(meaning, depth, device):
     assert (space.states.numpy() == Voxel.SURFACE).any() == (meaning == "measured")
 
 
-def test_too_near_hides_even_what_is_within_the_tolerance(device):
-    """A sensor's noise is of what it measures: nothing is measured of what is too near."""
+def test_too_near_depth_hides_points_within_the_tolerance(device):
+    """Sensor noise applies to measured depth only, and depth that is too near is not measured."""
     points = np.array([(NEAR + 0.001, 0, 1)], dtype=np.float32)
     for depth in (-np.inf, NEAR - 0.001):
         options = {"tolerance": 0.01, "device": device}
@@ -72,8 +72,8 @@ def test_too_near_hides_even_what_is_within_the_tolerance(device):
         assert status.item() == Visibility.OCCLUDED
 
 
-def test_rendered_images_mean_the_same(device):
-    """A wall too near to be measured: no point, no label, and it hides the world from a map of the scene."""
+def test_rendered_images_have_the_same_meaning(device):
+    """A wall that is too near has no point and no label, and hides the scene in a voxel map."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((0.1, 3, 3)), name="wall", pose=(0.3, 0, 1, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.1, 3, 3)), name="behind", pose=(3, 0, 1, 0, 0, 0, 1))

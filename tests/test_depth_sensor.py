@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `Renderer` does for any sensor: clean images, numbers of views and frames, outputs, and what it refuses."""
+"""`Renderer` with any sensor: exact images, view and frame numbers, outputs and errors."""
 
 import copy
 import pickle
@@ -62,7 +62,7 @@ def measure_noisily(
 
 
 class Noisy(DepthSensor):
-    """A centimetre of noise, and nothing of what faces up of the second object."""
+    """Adds 1 cm of noise, and drops pixels of the second object that face up."""
 
     @property
     def needs(self):
@@ -81,7 +81,7 @@ class Noisy(DepthSensor):
 
 
 class SecondEye(DepthSensor):
-    """What an eye 0.1 m to the right sees at the first one's pixels."""
+    """Returns depth from an eye 0.1 m to the right at the first eye's pixels."""
 
     def measure(self, exposure):
         depth = exposure.depth_out
@@ -120,7 +120,7 @@ def assert_same(first, second, names=ALL):
         np.testing.assert_array_equal(first[name], second[name], err_msg=name)
 
 
-def test_what_is_measured_and_what_is_exact(device):
+def test_measured_and_exact_outputs(device):
     scene = make_scene(device)
     seen = images(wv.render(scene, CAMERA, POSES, outputs=ALL, frame=0, sensor=Noisy(), seed=5))
     endless = wv.Camera.from_fov(45, 30, hfov=1.2)
@@ -138,8 +138,8 @@ def test_what_is_measured_and_what_is_exact(device):
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_splits_and_numbers_of_views(device, caster):
-    """One view alone, a batch in another order, parts, threads: the images of a view are those of its number."""
+def test_images_depend_on_the_view_number_only(device, caster):
+    """Images of a view depend only on its number: alone, reordered, in chunks, and for any threads."""
     scene = make_scene(device)
     options = {"outputs": ALL, "sensor": Noisy(), "seed": 9, "caster": caster}
     whole = images(wv.render(scene, CAMERA, POSES, frame=4, **options))
@@ -153,7 +153,7 @@ def test_splits_and_numbers_of_views(device, caster):
     assert (other["depth"] != whole["depth"]).mean() > 0.3
 
 
-def test_images_made_in_parts(cuda):
+def test_images_rendered_in_chunks(cuda):
     scene = make_scene(cuda)
     options = {"outputs": ALL, "sensor": Noisy(), "seed": 9}
     whole = images(wv.render(scene, CAMERA, POSES, frame=0, **options))
@@ -162,7 +162,7 @@ def test_images_made_in_parts(cuda):
     assert_same(images(parts), whole)
 
 
-def test_frames_follow_each_other(device):
+def test_frame_counter(device):
     scene = make_scene(device)
     renderer = wv.Renderer(scene, CAMERA, outputs=("depth",), sensor=Noisy(), seed=1)
     found = [renderer.render(POSES).depth.numpy() for _ in range(3)]
@@ -181,8 +181,8 @@ def test_frames_follow_each_other(device):
 
 
 @pytest.mark.parametrize("outputs", [("reasons",), ("points",), ("labels", "true_depth"), ("depth", "normals")])
-def test_any_outputs_and_given_memory(device, outputs):
-    """What nobody asks for is made all the same where the model needs it, and is the renderer's own."""
+def test_any_outputs_and_out_arrays(device, outputs):
+    """Inputs of the model that were not requested are rendered internally."""
     scene = make_scene(device)
     whole = images(wv.render(scene, CAMERA, POSES, outputs=ALL, frame=0, sensor=Noisy()))
     renderer = wv.Renderer(scene, CAMERA, outputs=outputs, sensor=Noisy())
@@ -196,13 +196,13 @@ def test_any_outputs_and_given_memory(device, outputs):
         assert_same(images(views, outputs), whole, outputs)
 
 
-def test_images_are_copied(device):
+def test_views_can_be_copied(device):
     views = wv.render(make_scene(device), CAMERA, POSES, outputs=ALL, frame=0, sensor=Noisy())
     for copied in (copy.deepcopy(views), pickle.loads(pickle.dumps(views))):
         assert_same(images(copied), images(views))
 
 
-def test_a_renderer_is_copied():
+def test_renderer_can_be_pickled():
     renderer = wv.Renderer(make_scene(), CAMERA, sensor=Noisy(), seed=3)
     renderer.render(POSES)
     copied = pickle.loads(pickle.dumps(renderer))
@@ -210,7 +210,7 @@ def test_a_renderer_is_copied():
     np.testing.assert_array_equal(copied.render(POSES).depth.numpy(), renderer.render(POSES).depth.numpy())
 
 
-def test_fill_says_what_lost_pixels_are(device):
+def test_fill_replaces_lost_pixels(device):
     scene = make_scene(device)
     plain = wv.render(scene, CAMERA, POSES, outputs=("depth",), frame=0, sensor=Noisy()).depth.numpy()
     assert np.isnan(plain).any()
@@ -220,8 +220,8 @@ def test_fill_says_what_lost_pixels_are(device):
         np.testing.assert_array_equal(filled, expected.astype(np.float32))
 
 
-def test_near_surfaces_may_be_cut_away(device):
-    """With `near_plane="clip"` the model is given what is behind them, as the images of a camera without a sensor."""
+def test_near_surfaces_can_be_clipped(device):
+    """With `near_plane="clip"` the model receives the surfaces behind, as in images without a sensor."""
     scene = make_scene(device)
     camera = wv.Camera.from_fov(45, 30, hfov=1.2, near=1.4, far=3.0)
     seen = wv.render(scene, camera, POSES, outputs=ALL, frame=0, sensor=Noisy(), near_plane="clip")
@@ -232,7 +232,7 @@ def test_near_surfaces_may_be_cut_away(device):
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
-def test_a_second_eye_sees_the_same_worlds(device, caster):
+def test_second_eye_sees_the_same_worlds(device, caster):
     scene = make_scene(device)
     moved = {"object_poses": [[[0.3, 0.7, 0.25, 0, 0, 0, 1]], [[0.1, 0.4, 0.9, 0, 0, 0, 1]]], "exclude": ["box"]}
     moved["world_index"] = np.int32([0, 1, 1, 0])
@@ -243,8 +243,8 @@ def test_a_second_eye_sees_the_same_worlds(device, caster):
     np.testing.assert_allclose(seen.depth.numpy(), expected, rtol=1e-6)
 
 
-def test_rendering_of_a_model_says_frames_too():
-    """Of `mujoco.Renderer` and others that render what they have parsed, each call is a frame."""
+def test_render_parsed_counts_frames():
+    """In `mujoco.Renderer` and other callers of `render_parsed`, each call is a frame."""
     renderer = wv.Renderer(make_scene(), CAMERA, outputs=("depth",), sensor=Noisy())
     poses = wp.array(POSES, dtype=wp.transform, device="cpu")
     worlds = wv.scene.worlds.parse_worlds(renderer.scene, len(POSES), None, None, None)
@@ -315,7 +315,7 @@ LENS = wv.Camera.from_opencv(CAMERA.to_K(), [0.1, 0, 0, 0], 45, 30)
         ),
     ],
 )
-def test_what_is_refused(make, error, message):
+def test_invalid_arguments_raise(make, error, message):
     with pytest.raises(getattr(wv.errors, error), match=message):
         make(make_scene())
 
@@ -334,8 +334,8 @@ for seed in (0, 1, 0):
 """
 
 
-def test_every_call_has_noise_of_its_own():
-    """The noise of two calls is uncorrelated, whichever scene and sensor they have."""
+def test_calls_have_uncorrelated_noise():
+    """The noise of two calls is uncorrelated for any scenes and sensors."""
     exact = wv.render(make_scene(), CAMERA, POSES, outputs=("depth",)).depth.numpy()
     first, second = (
         wv.render(make_scene(), CAMERA, POSES, outputs=("depth",), sensor=Noisy(), seed=11).depth.numpy() - exact
@@ -346,7 +346,7 @@ def test_every_call_has_noise_of_its_own():
     assert abs(np.corrcoef(first[noisy], second[noisy])[0, 1]) < 5 / np.sqrt(noisy.sum())
 
 
-def test_every_run_of_a_program_has_the_same_noise():
+def test_noise_is_reproducible_between_runs():
     runs = []
     for _ in range(2):
         done = subprocess.run([sys.executable, "-c", _THREE_CALLS], capture_output=True, text=True, check=True)
@@ -354,8 +354,8 @@ def test_every_run_of_a_program_has_the_same_noise():
     assert runs[0] == runs[1] and len(set(runs[0])) == 3
 
 
-def test_frames_of_a_seed_are_those_of_a_renderer(device):
-    """`wv.render` counts the calls of each seed from 0; calls that give a frame do not count."""
+def test_render_counts_frames_by_seed(device):
+    """`wv.render` counts the calls of each seed from 0; calls with an explicit frame do not count."""
     scene, seed = make_scene(device), {"cpu": 4_000_000_001}.get(str(device), 4_000_000_003)
     renderer = wv.Renderer(scene, CAMERA, outputs=("depth",), sensor=Noisy(), seed=seed)
     for _ in range(3):

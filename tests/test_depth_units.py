@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth is in meters: millimeters are refused, and 65535 in 16 bits is no depth."""
+"""Depth is in meters: millimeters raise, and 65535 in 16 bits means no depth."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ POINTS = np.array([(1.0, 0, 1), (2.0, 0, 1)], dtype=np.float32)
 BOUNDS = [[0, -1, 0], [3, 1, 2]]
 WALL = np.full((48, 64), 1.5, dtype=np.float32)
 
-# A room from 0.5 m to 4 m with what measured images hold besides depth.
+# A room from 0.5 m to 4 m with the non-finite values of measured images.
 ROOM = np.linspace(0.5, 4.0, 48 * 64, dtype=np.float32).reshape(48, 64).copy()
 ROOM[0, :4] = 0.0, np.nan, np.inf, -np.inf
 
@@ -36,22 +36,22 @@ def as_host_array(depth):
 @pytest.mark.parametrize("make", [np.array, np.float64, as_host_array, lambda depth: depth[None].repeat(3, axis=0)[:1]])
 @pytest.mark.parametrize("image", [WALL, ROOM], ids=["wall", "room"])
 @pytest.mark.parametrize("name", READERS)
-def test_float_millimeters_are_refused(name, image, make):
+def test_float_millimeters_raise(name, image, make):
     READERS[name](make(image), CAMERA)
     with pytest.raises(wv.errors.ArrayError, match=r"^depth must be in meters, got .* pass depth / 1000; if"):
         READERS[name](make(1000 * image), CAMERA)
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_whole_millimeters_are_refused_without_a_range(name):
+def test_integer_millimeters_raise_without_a_range(name):
     millimeters = np.rint(1000 * ROOM)
     with pytest.raises(wv.errors.ArrayError, match=r"got whole numbers only, .* pass depth / 1000; if"):
         READERS[name](millimeters, ENDLESS)
-    READERS[name](millimeters, wv.Camera.from_fov(64, 48, hfov=1.0, far=1e4))  # the camera says that it sees so far
+    READERS[name](millimeters, wv.Camera.from_fov(64, 48, hfov=1.0, far=1e4))  # the camera's far covers these values
 
 
-def test_large_batches_are_sampled_and_then_examined():
-    """The first pixels of every image, and every other row and column, hold nothing."""
+def test_large_batches_are_sampled_first():
+    """The first pixels of every image, and every other row and column, have no depth."""
     images = np.full((40, 48, 64), np.nan, dtype=np.float32)
     images[:, 9:40, 9:50] = ROOM[9:40, 9:50]
     wv.classify(images, CAMERA, np.repeat(POSE[None], 40, axis=0))
@@ -76,24 +76,24 @@ FAR_SCENES = {
 
 
 @pytest.mark.parametrize("name", FAR_SCENES)
-def test_true_meters_are_read(name):
+def test_meters_are_accepted(name):
     depth, camera = FAR_SCENES[name]
     for read in READERS.values():
         read(np.asarray(depth, dtype=np.float32), camera)
 
 
-def test_the_range_that_classify_is_given_counts():
+def test_max_range_of_classify_is_used():
     wv.classify(1000 * ROOM, CAMERA, POSE, max_range=1e4)
     with pytest.raises(wv.errors.ArrayError, match="depth / 1000"):
         wv.classify(1000 * ROOM, ENDLESS, POSE, max_range=4.5)
 
 
-def test_integers_are_refused_for_every_device(device):
+def test_integer_arrays_raise_on_every_device(device):
     with pytest.raises(wv.errors.ArrayError, match=r"in meters, a float array, got uint16; divide millimeters by 1000"):
         wv.classify(np.full((1, 48, 64), 1500, dtype=np.uint16), CAMERA, POSE, device=device)
 
 
-def test_clouds_of_millimeters_are_refused():
+def test_clouds_in_millimeters_raise():
     from rosbags.typesys import Stores, get_typestore
 
     options = {"frame_id": "camera", "types": get_typestore(Stores.ROS2_JAZZY)}
@@ -102,7 +102,7 @@ def test_clouds_of_millimeters_are_refused():
         to_pointcloud2(1000 * ROOM, CAMERA, **options)
 
 
-def test_pictures_of_walls_in_millimeters_are_refused():
+def test_wall_images_in_millimeters_raise():
     walls = [np.linspace(z, 1.3 * z, 64, dtype=np.float32) * np.ones((48, 1), np.float32) for z in (0.8, 1.5)]
     for camera in (CAMERA, ENDLESS):
         with pytest.raises(
@@ -111,7 +111,7 @@ def test_pictures_of_walls_in_millimeters_are_refused():
             wv.sensors.fit([1000 * wall for wall in walls], camera, baseline=0.05)
 
 
-def test_a_baseline_in_millimeters_is_told():
+def test_baseline_in_millimeters_warns():
     with pytest.warns(UserWarning, match=r"If it is in millimeters, pass 0\.05\."):
         wv.sensors.fit([WALL], CAMERA, baseline=50.0)
 
@@ -121,7 +121,7 @@ UNITS = np.array([[0, 1, 1000], [65533, 65534, 65535]], dtype=np.uint16)
 
 @pytest.mark.parametrize("unit", [0.001, 0.0002])
 @pytest.mark.parametrize("kind", ["png", "npy", "npy of big-endian"])
-def test_65535_in_a_file_is_no_depth(tmp_path, kind, unit):
+def test_65535_in_a_file_means_no_depth(tmp_path, kind, unit):
     path = tmp_path / f"depth.{kind[:3]}"
     if kind == "png":
         Image.fromarray(UNITS).save(path)
@@ -132,7 +132,7 @@ def test_65535_in_a_file_is_no_depth(tmp_path, kind, unit):
     np.testing.assert_allclose(depth.ravel()[1:-1], UNITS.ravel()[1:-1] * unit, rtol=1e-6)
 
 
-def test_65535_in_an_array_of_more_bits_is_depth(tmp_path):
+def test_65535_in_wider_integers_is_depth(tmp_path):
     np.save(tmp_path / "depth.npy", UNITS.astype(np.int32))
     assert read_depth(tmp_path / "depth.npy", unit=0.0001)[1, 2] == np.float32(6.5535)
 
@@ -151,12 +151,12 @@ def test_65535_is_never_written(tmp_path):
     np.testing.assert_array_equal(from_image_msg(message), read_depth(tmp_path / "depth.png"))
 
 
-def test_whole_numbers_are_not_written_as_meters(tmp_path):
+def test_saving_integers_as_meters_raises(tmp_path):
     with pytest.raises(wv.errors.ArrayError, match="a float array, got uint16; divide millimeters by 1000"):
         save_depth_png(UNITS, tmp_path / "depth.png")
 
 
-def test_65535_in_a_message_is_no_depth():
+def test_65535_in_a_message_means_no_depth():
     from types import SimpleNamespace
 
     message = SimpleNamespace(
@@ -167,8 +167,8 @@ def test_65535_in_a_message_is_no_depth():
 
 
 @pytest.mark.parametrize(("layout", "scale"), [("png", 1000), ("tum", 5000), ("nerfstudio", 1000), ("bop", 1000)])
-def test_65535_in_a_dataset_is_no_depth(tmp_path, layout, scale):
-    """A wall whose depth would be 65535 units is no depth in the file, is counted, and reads as nothing."""
+def test_65535_in_a_dataset_means_no_depth(tmp_path, layout, scale):
+    """A wall at 65535 units is written as no depth, counted, and read back as no depth."""
     scene = wv.Scene(device="cpu")
     far = 65535 / scale
     corners = np.float32([(-99, -99, far), (99, -99, far), (0, 99, far)])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is uploaded: the source distribution, the wheel that is made of it, and an environment where it is installed."""
+"""The source distribution, the wheel built from it, and an environment with the wheel installed."""
 
 import re
 import subprocess
@@ -27,7 +27,7 @@ def run(*command, **options):
 
 
 def build(kind, source, out):
-    """A distribution by this environment's setuptools: nothing is loaded from elsewhere."""
+    """Return a distribution built by this environment's setuptools, without downloads."""
     run(sys.executable, "-m", "build", f"--{kind}", "--no-isolation", "--outdir", out, source)
     (made,) = out.iterdir()
     return made
@@ -42,7 +42,7 @@ def sdist(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def wheel(sdist, tmp_path_factory):
-    """Made of the source distribution, as an installer does where there is no wheel."""
+    """Return a wheel built from the source distribution, as an installer does without a wheel."""
     unpacked = tmp_path_factory.mktemp("unpacked")
     with tarfile.open(sdist) as archive:
         archive.extractall(unpacked, filter="data")
@@ -50,14 +50,14 @@ def wheel(sdist, tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_indexes_take_them(sdist, wheel):
+def test_distributions_pass_index_checks(sdist, wheel):
     assert run(sys.executable, "-m", "twine", "check", "--strict", sdist, wheel).count("PASSED") == 2
     run(sys.executable, "-m", "check_wheel_contents", wheel)
 
 
 @pytest.mark.slow
-def test_all_files_of_the_package_are_in_the_wheel(wheel):
-    """By way of the source distribution, too: modules, headers, worlds."""
+def test_wheel_contains_all_files_of_the_package(wheel):
+    """Checks modules, headers and worlds, built through the source distribution."""
     inside = set(zipfile.ZipFile(wheel).namelist())
     places = {"warpvis": "warpvis", "kernels": "warpvis/kernels", "scenes": "warpvis/scenes"}
     for folder, place in places.items():
@@ -67,8 +67,8 @@ def test_all_files_of_the_package_are_in_the_wheel(wheel):
 
 
 @pytest.mark.slow
-def test_a_fresh_environment_runs_it(wheel, tmp_path):
-    """What the package needs is this environment's; the package itself is the wheel's."""
+def test_wheel_runs_in_a_fresh_environment(wheel, tmp_path):
+    """Dependencies come from this environment, the package itself from the wheel."""
     fresh = tmp_path / "fresh"
     venv.create(fresh, with_pip=False)
     python, bin_folder = fresh / "bin" / "python", fresh / "bin"
@@ -80,13 +80,13 @@ def test_a_fresh_environment_runs_it(wheel, tmp_path):
     assert re.search(r"ball +object", run(bin_folder / "warpvis", "info", "experiment_3", cwd=tmp_path))
 
 
-def test_every_place_says_the_same():
-    """Version, licence and what is needed: the project's, the citation's and the conda recipe's."""
+def test_metadata_agree():
+    """Version, license and requirements agree between the project, the citation and the conda recipe."""
     yaml = YAML(typ="safe")
     citation, recipe = yaml.load(ROOT / "CITATION.cff"), yaml.load(ROOT / "conda" / "recipe.yaml")
     assert citation["version"] == recipe["context"]["version"] == PROJECT["version"]
     assert citation["license"] == recipe["about"]["license"] == PROJECT["license"]
-    names = {"mujoco-python": "mujoco"}  # of conda-forge
+    names = {"mujoco-python": "mujoco"}  # names at conda-forge
     needs = {names.get(need.split()[0], need.split()[0]) + need.split()[1] for need in recipe["requirements"]["run"]}
     assert needs == {*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"}
 

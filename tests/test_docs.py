@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the documentation says is true: its code runs, its links, files, names and commands are there."""
+"""The documentation is correct: its code runs, and its links, files, names and commands exist."""
 
 import importlib
 import inspect
@@ -23,12 +23,12 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 CHANGES = ROOT / "CHANGELOG.md"
-# tests/test_docs_tutorials.py and test_docs_coming_from.py run these, and compare what they print.
+# tests/test_docs_tutorials.py and test_docs_coming_from.py run these and compare their output.
 RUN_ELSEWHERE = (ROOT / "docs" / "tutorials", ROOT / "docs" / "coming_from")
-GALLERY = ROOT / "docs" / "gallery.md"  # tests/test_site.py looks at it
+GALLERY = ROOT / "docs" / "gallery.md"  # checked by tests/test_site.py
 SNIPPETS = [page for page in PAGES[1:] if page.parent not in RUN_ELSEWHERE and page != GALLERY]
 
-_EXPLAINED_FROM = 45  # the column of the map at which explanations begin
+_EXPLAINED_FROM = 45  # column of the map where explanations begin
 
 PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 
@@ -38,7 +38,7 @@ def fences(page, language):
 
 
 def code_words(page):
-    """What stands between backticks or in fences, word by word."""
+    """Return the words between backticks and in fences."""
     text = page.read_text()
     fenced = re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     quoted = re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE))
@@ -46,16 +46,16 @@ def code_words(page):
 
 
 def slug(heading):
-    """The anchor that GitHub gives to a heading."""
+    """Return GitHub's anchor of a heading."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
 def find(dotted):
-    """The thing of a dotted name; `AttributeError` or `ImportError` if there is none."""
+    """Return the object of a dotted name; raise `AttributeError` or `ImportError` if it does not exist."""
     first, *rest = dotted.split(".")
     thing = importlib.import_module(first)
     for name in rest:
-        # A dataclass's field without a default is no attribute of the class.
+        # A dataclass field without a default is not a class attribute.
         if name in getattr(thing, "__dataclass_fields__", ()):
             thing = thing.__dataclass_fields__[name]
         elif isinstance(thing, types.ModuleType) and not hasattr(thing, name):
@@ -65,7 +65,7 @@ def find(dotted):
     return thing
 
 
-def test_the_quickstart_runs_as_written(tmp_path):
+def test_quickstart_runs_as_written(tmp_path):
     code = re.search(r"## Quickstart.*?```python\n(.*?)```", README, re.DOTALL)[1]
     assert len([line for line in code.splitlines() if line.strip()]) <= 12
     (tmp_path / "quickstart.py").write_text(code)
@@ -80,7 +80,7 @@ def test_the_quickstart_runs_as_written(tmp_path):
 @pytest.mark.docs
 @pytest.mark.parametrize("page", [page for page in SNIPPETS if fences(page, "python")], ids=lambda page: page.stem)
 def test_code_runs(page, tmp_path, monkeypatch):
-    """All Python of a page, one fence after the other, after what the page takes for granted."""
+    """Run all Python fences of a page in order, after the page's prelude."""
     monkeypatch.chdir(tmp_path)
     names = preludes.prepare(page.stem, tmp_path)
     for number, code in enumerate(fences(page, "python")):
@@ -94,7 +94,7 @@ def test_code_runs(page, tmp_path, monkeypatch):
     ids=lambda page: page.stem,
 )
 def test_commands_run(page, tmp_path, monkeypatch, capsys):
-    """All calls of ``warpvis`` in a page's shell fences."""
+    """Run all ``warpvis`` commands in a page's shell fences."""
     monkeypatch.chdir(tmp_path)
     preludes.prepare(page.stem, tmp_path)
     for line in preludes.made_smaller("".join(fences(page, "bash"))).splitlines():
@@ -107,7 +107,7 @@ def test_commands_run(page, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("page", [*PAGES, CHANGES], ids=lambda page: page.stem)
-def test_links_lead_somewhere(page):
+def test_links_resolve(page):
     for target in re.findall(r"\]\(([^)]+)\)", page.read_text()):
         if "://" in target:
             continue
@@ -121,8 +121,8 @@ def test_links_lead_somewhere(page):
 
 
 @PAGE
-def test_files_are_there(page):
-    """Paths from the repository's root, and headers by their bare names."""
+def test_mentioned_files_exist(page):
+    """Checks paths from the repository's root, and headers by bare names."""
     for word in code_words(page):
         path = word.strip("(),;:").split("::")[0]
         if (
@@ -136,8 +136,8 @@ def test_files_are_there(page):
 
 
 @PAGE
-def test_names_are_there(page):
-    """``wv.name`` and ``warpvis.name`` everywhere, and ``Name.attribute`` of a class at the top."""
+def test_mentioned_names_exist(page):
+    """Checks ``wv.name`` and ``warpvis.name``, and ``Name.attribute`` of top-level classes."""
     words = " ".join(code_words(page))
     dotted = re.findall(r"(?<![\w./'\[-])(?:wv|warpvis)((?:\.[A-Za-z]\w*)+)", words)
     for name in re.findall(r"(?<![\w.])[A-Z]\w+\.[a-z]\w+", words):
@@ -150,8 +150,8 @@ def test_names_are_there(page):
             pytest.fail(f"{page.name} names warpvis{name}, which is not there: {error}")
 
 
-def test_the_top_is_explained():
-    """Every function and class at the top is in the README or in a page that a user reads."""
+def test_top_level_names_are_documented():
+    """Every top-level function and class is mentioned in the README or a page."""
     text = " ".join(" ".join(code_words(page)) for page in PAGES)
     missing = [name for name in wv.__all__ if not (name.startswith("_") or re.search(rf"\b{name}\b", text))]
     assert missing == []
@@ -169,7 +169,7 @@ def test_old_names_are_gone():
 
 @pytest.mark.parametrize("options", RENAMED_OPTIONS, ids=lambda options: options[1])
 def test_old_options_are_gone(options):
-    """Functions take renamed options by their new names only."""
+    """Functions accept renamed options by their new names only."""
     old, new, *functions = options
     for function in functions:
         thing = find(f"warpvis.{function}")
@@ -177,8 +177,8 @@ def test_old_options_are_gone(options):
         assert new in parameters and old not in parameters, f"{function}: {', '.join(parameters)}"
 
 
-def test_the_map_shows_the_layers_that_the_linter_holds():
-    """From the top down, with what stands side by side on one line."""
+def test_architecture_map_matches_the_import_linter():
+    """Layers are listed from the top down, with layers of equal rank on one line."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     layers = project["tool"]["importlinter"]["contracts"][0]["layers"]
     held = [set(re.findall(r"warpvis\.(\w+)", layer)) for layer in layers]
@@ -187,8 +187,8 @@ def test_the_map_shows_the_layers_that_the_linter_holds():
     assert [line for line in names if line] == held
 
 
-def test_benchmarks_find_their_place(monkeypatch):
-    """The page of figures has the marks that `make bench` and bench/gpu.py write between."""
+def test_figures_page_has_benchmark_markers(monkeypatch):
+    """The page of figures contains the markers that `make bench` and bench/gpu.py write between."""
     monkeypatch.syspath_prepend(ROOT / "bench")
     marked = importlib.import_module("marked")
     for name in ("bench", "gpu"):
@@ -196,7 +196,7 @@ def test_benchmarks_find_their_place(monkeypatch):
         assert head.startswith("# Figures") and tail.strip()
 
 
-def test_make_targets_are_there():
+def test_mentioned_make_targets_exist():
     makefile = (ROOT / "Makefile").read_text()
     for page in PAGES:
         for target in re.findall(r"(?:^    |`)make ([a-z][a-z-]*)", page.read_text(), re.MULTILINE):
