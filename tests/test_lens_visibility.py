@@ -223,7 +223,7 @@ def test_chunked_points_match_single_pass(monkeypatch):
     points = np.random.default_rng(6).uniform(-1, 2, (70, 3))
     whole = wv.point_visibility(scene, camera, poses, points).numpy()
     for most in (33, 150):
-        monkeypatch.setattr(_lens_points, "_AT_ONCE", most)
+        monkeypatch.setattr(_lens_points, "_MAX_BATCH", most)
         np.testing.assert_array_equal(wv.point_visibility(scene, camera, poses, points).numpy(), whole)
     assert wv.point_visibility(scene, camera, poses, np.empty((0, 3))).shape == (4, 0)
 
@@ -240,7 +240,7 @@ def test_framing_contains_scene_bounds(kind):
     near[:3] += 0.5 * (scene.bounds.mean(axis=0) - near[:3])
     assert not ((camera.project(in_camera(near, corners)) >= 0).all() and kind == "z")
     aside = LensCamera(lenses.OpenCVPinhole(52, 50, -10, 24, PLUMB_BOB), 64, 48)
-    with pytest.raises(CameraError, match="whose axis is inside of its image, and this one's is not"):
+    with pytest.raises(CameraError, match="camera must have its optical axis inside the image, to frame a scene"):
         framing(scene, aside)
 
 
