@@ -43,7 +43,7 @@ WAITING = "waiting for another process to compile the kernels"
 
 @pytest.fixture(autouse=True)
 def warp_has_started():
-    kernel_cache.init_warp()  # Tests restore the cache directory, which is unset before Warp starts.
+    kernel_cache.init_warp()  # tests restore the cache directory, which is unset before Warp starts
 
 
 @pytest.fixture

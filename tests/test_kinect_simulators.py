@@ -79,7 +79,7 @@ def test_pattern_has_one_dot_per_cell():
 
 
 def test_simkinect_quantization_at_wall(device):
-    """Disparity in eighths of a pixel, depth in whole centimeters, then half a step of 35130 units nearer."""
+    """Disparity in 1/8 px, depth in whole centimeters, half a step of 35130 units nearer; no depth at image edges."""
     camera = wv.Camera.from_fov(160, 120, hfov=1.0)
     scale = camera.fx * 0.075
     for distance, units in ((0.7, 100), (1.5, 100), (2.0, 200), (3.2, 100)):
@@ -118,7 +118,7 @@ def test_simkinect_shift_samples_neighboring_depth(device):
 
 
 def test_simkinect_loses_dots_at_depth_steps(device):
-    """Dots are lost on both sides of a step in depth where windows reach across it."""
+    """Dots are lost on both sides of a depth step, as far as windows get a sixth of their light from across it."""
     scene = wall(3.0, 0.0, device)
     scene.add(trimesh.creation.box((4, 0.01, 8)), name="plate", pose=(-2, 1.5, 0, 0, 0, 0, 1))
     camera = wv.Camera.from_fov(90, 240, hfov=0.3)

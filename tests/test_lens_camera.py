@@ -184,9 +184,8 @@ def test_ranges_in_sphere_and_box(device):
     ball = wv.Scene(device=device)
     sphere = trimesh.creation.icosphere(subdivisions=5, radius=3.0)
     ball.add(sphere, name="ball")
-    inner = (
-        1 - np.einsum("fi,fi->f", sphere.face_normals, sphere.triangles[:, 0]).min() / 3.0
-    )  # relative depth of the flat faces
+    # Relative depth of the flat faces.
+    inner = 1 - np.einsum("fi,fi->f", sphere.face_normals, sphere.triangles[:, 0]).min() / 3.0
     lengths = wv.render(ball, camera, STRAIGHT).depth.numpy()
     assert inner < 1e-3 and (lengths <= 3.0 * (1 + 1e-6)).all() and (lengths >= 3.0 * (1 - inner - 1e-6)).all()
     box = wv.Scene(device=device)

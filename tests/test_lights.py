@@ -193,9 +193,7 @@ def test_mujoco_picture_matches_sky():
         image, rays = picture(model, np.zeros(3), forward)
         number, place = cube_coordinates(rays @ np.array(background.world_to_cube).T)
         row, column = np.minimum(place * 16, 15).astype(int)[..., ::-1].transpose(2, 0, 1)
-        inside = (np.abs(place * 2 % 1 - 0.5) < 0.4).all(
-            axis=-1
-        )  # away from texel borders, where colors are interpolated
+        inside = (np.abs(place * 2 % 1 - 0.5) < 0.4).all(axis=-1)  # colors are interpolated at texel borders
         np.testing.assert_allclose(image[inside], sky[number[inside], row[inside], column[inside]] / 255, atol=2 / 255)
 
 

@@ -127,9 +127,8 @@ def test_vertex_normals_shade_smoothly(kind, device):
             normal = out / np.linalg.norm(out)
             view = points[y, x], normal, matrix[:3, 3], matrix[:3, 2]
             wanted = reference_shading.lit_color(scene.lights, GLOSSY, *view) * 255
-            assert (
-                np.abs(views.color.numpy()[0, y, x] - wanted).max() <= 5
-            )  # interpolated normals deviate slightly from a sphere's
+            # Interpolated normals deviate slightly from a sphere's.
+            assert np.abs(views.color.numpy()[0, y, x] - wanted).max() <= 5
 
 
 def test_mujoco_worlds_render_colors(device):

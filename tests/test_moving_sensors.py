@@ -181,7 +181,7 @@ def test_per_ray_poses_match_motion_in_time(device):
 
 
 def paths(count, times, seed=0, spread=0.5):
-    """Return random poses of `count` things at `times`."""
+    """Return random poses of `count` bodies at `times`."""
     rng = np.random.default_rng(seed)
     first = random_poses(rng, count, spread=spread).astype(np.float64)
     steps = rng.normal(size=(len(times), count, 7)) * 0.15

@@ -71,7 +71,7 @@ def test_python_code_is_mutated():
     assert changes("x.py", PYTHON, 6) == {"pass"}
 
 
-def test_what_changes_no_result_is_not_mutated():
+def test_equivalent_code_is_not_mutated():
     text = "for a, b in zip(x, y, strict=True): f(a, keepdims=True)\n_MAX_KINDS = 3\nside = 3\n"
     assert not changes("x.py", "import a\n\n@dataclass(frozen=True)\nclass A:\n    pass\n", 3)
     assert changes("x.py", text, 1) == {"for a, b in zip(x, y, strict=True): f(a, keepdims=False)"}
@@ -100,7 +100,7 @@ def test_every_file_has_tests():
         ("warpvis/rendering/_sensing.py", "depth_sensor"),
     ],
 )
-def test_tests_are_those_of_a_file(path, first):
+def test_tests_are_selected_by_file(path, first):
     command = mutate.tests_for(path, ROOT)[-1]
     assert f"no:cacheprovider tests/test_{first}.py" in command
 

@@ -50,7 +50,7 @@ def test_room_matches_reference(projection, hfov, device):
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_solids_and_moved_meshes_match_reference(projection, cull_backfaces, device):
-    """The camera is among the objects, which are in front, beside and behind."""
+    """The camera is among the objects, which are in front, to the sides and behind."""
     rng = np.random.default_rng(0)
     meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=1, radius=0.3)]
     rows = random_poses(rng, 10, spread=2.0)

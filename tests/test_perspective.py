@@ -21,7 +21,7 @@ HUMAN_EYES = wv.look_at((2, 0, 1.5), (0, 0.2, 0))
 
 
 def low_wall_scene(device="cpu"):
-    """Return a scene with agents on both sides of a low wall, and balls near each, beside the wall and in a chest."""
+    """Return a scene with agents on both sides of a low wall, balls near each, one past the wall and one in a chest."""
     scene = wv.Scene(device=device)
     scene.add(floor(8, 8), name="floor", label="ground")
     scene.add(standing_box((0.1, 1.6, 0.8), 0, 0), name="wall")
@@ -367,7 +367,7 @@ def test_invalid_queries_are_rejected(low_wall, call, said):
 
 # Boards seen by a camera at the origin: name, size and center [m].
 SLIVERS = {
-    "hidden": ((0.01, 2, 2), (4, 2, 0)),  # except for a few pixels beside two walls
+    "hidden": ((0.01, 2, 2), (4, 2, 0)),  # except for a few pixels next to two walls
     "wall": ((0.01, 1.0, 1.2), (2, 1.02, 0)),
     "low wall": ((0.01, 0.2, 1.1), (2, 0.5, -0.1)),
     "shown": ((0.01, 2, 2), (4, -2, 0)),  # except for a few pixels behind a post
