@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages for those who come from another tool: our code prints what they show; theirs runs where it is installed."""
+"""Pages on coming from other tools: warpvis code prints what they show; the other tool's code runs where installed."""
 
 import importlib
 import re
@@ -11,7 +11,7 @@ import pytest
 
 PAGES = Path(__file__).parent.parent / "docs" / "coming_from"
 
-# How the first line of a fence with their code begins; `NOT_RUN` is what it has to say if no test runs it.
+# First line of a fence with the other tool's code; it must contain `NOT_RUN` if no test runs it.
 THEIRS = {
     "mujoco_renderer": "# MuJoCo",
     "open3d": "# Open3D",
@@ -25,7 +25,7 @@ PYTHON_FENCE = re.compile(r"^```(python|text)\n(.*?)^```", re.DOTALL | re.MULTIL
 
 
 def run(name, folder, capsys, *, theirs):
-    """Run a page's code, with their fences or without them, and compare what is printed with what stands below it."""
+    """Run a page's code, with or without the other tool's fences, and compare the output with the text fences."""
     names = preludes.prepare(name, folder)
     printed, skipped = "", False
     for number, (language, code) in enumerate(PYTHON_FENCE.findall((PAGES / f"{name}.md").read_text())):
@@ -39,7 +39,7 @@ def run(name, folder, capsys, *, theirs):
 
 
 def can_import(library):
-    """Whether a library is installed with all that it needs: Open3D wants libusb, which some machines lack."""
+    """Return whether a library can be imported: Open3D needs libusb, which some machines lack."""
     try:
         importlib.import_module(library)
     except ImportError:
@@ -48,13 +48,13 @@ def can_import(library):
 
 
 @pytest.mark.parametrize("name", THEIRS)
-def test_our_code_runs(name, tmp_path, monkeypatch, capsys):
+def test_warpvis_code_runs(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run(name, tmp_path, capsys, theirs=False)
 
 
 @pytest.mark.parametrize("name", [pytest.param("mujoco_renderer", marks=pytest.mark.gl), "trimesh_ray", "open3d"])
-def test_their_code_agrees(name, tmp_path, monkeypatch, capsys):
+def test_other_tools_code_agrees(name, tmp_path, monkeypatch, capsys):
     if name == "open3d" and not can_import("open3d"):
         pytest.skip("Open3D is not installed, or a library that it needs is not")
     monkeypatch.chdir(tmp_path)
@@ -62,7 +62,7 @@ def test_their_code_agrees(name, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("name", ["isaac_lab", "blenderproc", "webots"])
-def test_what_is_not_run_says_so(name):
+def test_fences_that_are_not_run_are_marked(name):
     fences = [
         code for language, code in PYTHON_FENCE.findall((PAGES / f"{name}.md").read_text()) if language == "python"
     ]
@@ -71,7 +71,7 @@ def test_what_is_not_run_says_so(name):
     assert len(theirs) < len(fences)
 
 
-def test_every_page_has_its_row_and_its_sources():
+def test_every_page_is_indexed_and_has_sources():
     pages = {page.stem for page in PAGES.glob("*.md")} - {"index"}
     assert pages == set(THEIRS)
     index = (PAGES / "index.md").read_text()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tutorials do what they say: pages print what stands below their code, and notebooks run and show what they claim."""
+"""Tutorials are correct: pages print what they show, and notebooks run and support their claims."""
 
 import json
 import re
@@ -24,7 +24,7 @@ NOTEBOOK = pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: n
 
 @pytest.fixture
 def elsewhere(tmp_path, monkeypatch):
-    """An empty folder to work in, and Warp's settings as they were afterwards."""
+    """Return an empty working folder; restore Warp's settings afterwards."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(wp.config, "log_level", wp.config.log_level)
     yield tmp_path
@@ -32,7 +32,7 @@ def elsewhere(tmp_path, monkeypatch):
 
 
 def run_shell(code, monkeypatch):
-    """Run the calls of ``warpvis`` in a shell fence."""
+    """Run the ``warpvis`` commands of a shell fence."""
     for line in code.replace("\\\n", " ").splitlines():
         if line.startswith("warpvis "):
             monkeypatch.setattr(sys, "argv", shlex.split(line))
@@ -47,7 +47,7 @@ def cells(notebook, kind):
 
 
 def run_notebook(name):
-    """Run a notebook's code in this process, and give the names that it leaves."""
+    """Run a notebook's code in this process and return its variables."""
     names = {}
     for number, cell in enumerate(cells(TUTORIALS / f"{name}.ipynb", "code")):
         exec(compile("".join(cell["source"]), f"{name}, code cell {number}", "exec"), names)
@@ -56,7 +56,7 @@ def run_notebook(name):
 
 @pytest.mark.docs
 @pytest.mark.parametrize("name", PAGES)
-def test_a_page_prints_what_it_shows(name, elsewhere, monkeypatch, capsys):
+def test_page_prints_what_it_shows(name, elsewhere, monkeypatch, capsys):
     text = (TUTORIALS / f"{name}.md").read_text()
     names, printed = {}, ""
     fences = re.findall(r"^```(python|bash|text)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
@@ -80,8 +80,8 @@ def test_every_page_is_run():
 
 
 @pytest.mark.docs
-def test_a_kinect_in_ten_minutes(elsewhere):
-    """Noise grows as the text says, some 1.4 mm at a metre, and the point by hand is the rendered one."""
+def test_kinect_notebook(elsewhere):
+    """Noise at 1 m is about 1.4 mm as the text says, and the manually projected point equals the rendered one."""
     names = run_notebook("kinect_in_ten_minutes")
     assert 1.35 < names["square"] < 1.45
     assert np.allclose(names["rotation"] @ names["in_camera"] + names["pose"][:3], [0.5363, 0.5588, 0.8778], atol=1e-4)
@@ -91,8 +91,8 @@ def test_a_kinect_in_ten_minutes(elsewhere):
 
 
 @pytest.mark.docs
-def test_who_sees_what(elsewhere):
-    """The robot sees both things from the proposed place, and does not see the bowl any more."""
+def test_perspective_notebook(elsewhere):
+    """From the proposed pose the robot sees both objects, and no longer the bowl."""
     names = run_notebook("who_sees_what")
     proposal, objects = names["proposal"], names["objects"]
     assert proposal.fractions == {"red cup": 1.0, "salt": 1.0}
@@ -109,13 +109,13 @@ def test_notebooks_are_stored_without_outputs(notebook):
 
 
 @NOTEBOOK
-def test_links_of_notebooks_lead_somewhere(notebook):
+def test_notebook_links_resolve(notebook):
     text = "\n".join("".join(cell["source"]) for cell in cells(notebook, "markdown"))
     links = re.findall(r"\]\(([^)#:]+)[^)]*\)", text)
     assert links and all((TUTORIALS / link).exists() for link in links)
 
 
-def test_the_index_names_every_tutorial():
+def test_index_lists_every_tutorial():
     text = (TUTORIALS / "index.md").read_text()
     for page in [*TUTORIALS.glob("[!i]*.md"), *NOTEBOOKS]:
         assert f"({page.name})" in text and f"\n{page.stem}\n" in text, page.name

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Incidence, intensity and returns of lidars' beams: in closed form, and against the kernels' twins."""
+"""Incidence, intensity and returns of lidar beams, against closed forms and kernel references."""
 
 import math
 
@@ -19,7 +19,7 @@ AT_ORIGIN = np.array([0.0, 0, 0, 0, 0, 0, 1])
 
 
 def room(device):
-    """A box of 8 x 6 x 4 m about the origin, and a wall in it at x = 2, on the left half."""
+    """Return a box of 8 x 6 x 4 m around the origin with a wall at x = 2 in its left half."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((8, 6, 4)), name="room", label=wv.Label.OBSTACLE)
     wall = trimesh.creation.box((0.1, 3, 4))
@@ -31,7 +31,7 @@ def turned(yaw, place=(0.0, 0.0, 0.0)):
     return np.array([*place, 0, 0, math.sin(yaw / 2), math.cos(yaw / 2)])
 
 
-def test_ranges_in_a_box_are_those_of_its_closed_form(device):
+def test_ranges_in_a_box_match_the_closed_form(device):
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((8, 6, 4)), name="room")
     rays = sensors.lidars.even(16, (-0.5, 0.5))
@@ -47,8 +47,8 @@ def test_ranges_in_a_box_are_those_of_its_closed_form(device):
     np.testing.assert_allclose(incidence, np.abs(np.take_along_axis(d, side[..., None], -1)[..., 0]), atol=1e-5)
 
 
-def test_points_in_a_sphere_are_at_its_radius(device):
-    """Between those of the spheres that are inscribed in its triangles' planes and drawn about its corners."""
+def test_points_in_a_sphere_have_its_radius(device):
+    """Between the radii of the sphere inscribed in the triangles' planes and of the one through the vertices."""
     ball = trimesh.creation.icosphere(5, 3.0)
     least = np.abs((ball.face_normals * ball.triangles[:, 0]).sum(-1)).min()
     scene = wv.Scene(device=device)
@@ -62,7 +62,7 @@ def test_points_in_a_sphere_are_at_its_radius(device):
         assert 3.0 - least < 1.1e-3
 
 
-def test_kernels_are_their_twins(device):
+def test_kernels_match_their_references(device):
     scene, rays = room(device), sensors.lidars.even(8, (-0.4, 0.4), increment=0.1)
     poses = np.stack([turned(0.0), turned(0.7, (-1, 0.5, 0.2))])
     views = wv.render(scene, rays, poses, outputs=OUTPUTS)
@@ -80,7 +80,7 @@ def test_kernels_are_their_twins(device):
 
 
 @pytest.mark.parametrize("keep", ["strongest", "last", "dual"])
-def test_returns_are_their_twins(device, keep):
+def test_returns_match_their_reference(device, keep):
     rng = np.random.default_rng(7)
     depth = rng.choice([1.0, 1.2, 1.6, 3.0, 3.3, 9.0, np.inf, -np.inf], (2, 5, 12 * 7)).astype(np.float32)
     depth += np.where(np.isfinite(depth), rng.uniform(0, 0.01, depth.shape), 0).astype(np.float32)
@@ -96,7 +96,7 @@ def test_returns_are_their_twins(device, keep):
     assert again is found
 
 
-def test_a_beam_at_an_edge_returns_twice(device):
+def test_beam_at_an_edge_returns_twice(device):
     """The wall's edge is at y = 0, 2 m ahead; the room's wall is 4 m ahead."""
     scene = room(device)
     ahead = sensors.Rays(np.array([[[1.0, 0, 0], [1.0, 0.2, 0], [1.0, -0.2, 0]]]) / [[[1], [1.04**0.5], [1.04**0.5]]])
@@ -109,7 +109,7 @@ def test_a_beam_at_an_edge_returns_twice(device):
     strength = sensors.reflect(scene, views, incidence, {"wall": 0.5})
     dual = sensors.gather_returns(views.depth, strength, 64, keep="dual")
     ranges, strengths = dual.range.numpy()[0, :, 0], dual.intensity.numpy()[0, :, 0]
-    np.testing.assert_allclose(ranges[:, 0], [4, 2], atol=2e-3)  # the room's wall returns twice as much of its half
+    np.testing.assert_allclose(ranges[:, 0], [4, 2], atol=2e-3)  # the room's wall has twice the reflectivity
     np.testing.assert_allclose(strengths[:, 0], [0.5, 0.25], atol=0.02)
     np.testing.assert_allclose(ranges[:, 1], [2 * 1.04**0.5, np.inf], atol=2e-3)
     np.testing.assert_allclose(ranges[:, 2], [4 * 1.04**0.5, np.inf], atol=2e-3)
@@ -119,7 +119,7 @@ def test_a_beam_at_an_edge_returns_twice(device):
     np.testing.assert_allclose(weak, [4, np.inf], atol=2e-3)
 
 
-def test_a_list_of_rays_is_an_image_of_one_row(device):
+def test_ray_list_equals_an_image_of_one_row(device):
     scene, pose = room(device), turned(0.3)
     image = sensors.lidars.even(1, (0.0, 0.0), increment=0.05)
     row = sensors.Rays(image.directions[0], axes="ros_body")
@@ -137,8 +137,8 @@ def test_a_list_of_rays_is_an_image_of_one_row(device):
         np.testing.assert_array_equal(one, other)
 
 
-def test_incidence_takes_poses_of_any_axes(device):
-    """A lidar's pose, and that of a camera which looks where its x does."""
+def test_incidence_supports_pose_conventions(device):
+    """A lidar pose, and a camera pose whose optical axis is the lidar's x axis."""
     scene, rays, pose = room(device), sensors.lidars.even(4, (-0.4, 0.4), increment=0.1), turned(0.3, (0.5, 0.2, 0.1))
     optical = wv.look_at(pose[:3], pose[:3] + [math.cos(0.3), math.sin(0.3), 0])
     views = wv.render(scene, rays, pose, outputs=OUTPUTS)
@@ -181,7 +181,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_told_in_one_sentence(name):
+def test_invalid_arguments_raise_one_sentence(name):
     call, message = BAD[name]
     scene, rays = room("cpu"), sensors.lidars.even(2, (-0.1, 0.1), increment=0.1)
     with pytest.raises(wv.WarpvisError, match=message) as found:
@@ -189,7 +189,7 @@ def test_bad_input_is_told_in_one_sentence(name):
     assert "\n" not in str(found.value)
 
 
-def test_each_part_of_a_cone_has_as_many_rays(device):
+def test_rays_are_evenly_distributed_in_the_cone(device):
     middle = sensors.lidars.laser_scan(0.0, 3.0, 1.0)
     beams = sensors.spread_beams(middle, 0.1, 400)
     angle = np.arccos((beams.directions.reshape(4, 400, 3) * middle.directions.reshape(4, 1, 3)).sum(-1))
@@ -208,7 +208,7 @@ def test_beams_keep_origins_times_and_rings():
     assert (beams.near, beams.far) == (rays.near, rays.far)
 
 
-def test_ranges_are_those_of_mujocos_rays(device):
+def test_ranges_match_mujoco_rays(device):
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(
@@ -232,5 +232,5 @@ def test_ranges_are_those_of_mujocos_rays(device):
             expected = found if 0 <= found <= 50 else np.inf
             differences.append(0.0 if expected == depth[row, column] else abs(expected - depth[row, column]))
     assert np.median(differences) < 1e-6
-    # Rounded geoms' silhouettes are those of their triangles: a ray may just miss one.
+    # Rounded geoms have the silhouettes of their triangles: a ray may just miss one.
     assert np.mean(np.array(differences) < 1e-4) > 0.99

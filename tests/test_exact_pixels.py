@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rays through corners and edges, past slivers, along planes: packets against all triangles in double precision.
+"""Packets against all triangles in double precision: rays through vertices and edges, past slivers, along planes.
 
-`bench/exact_pixels.py` does the same with as many pixels as there is time for.
+`bench/exact_pixels.py` does the same with as many pixels as time allows.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def test_every_pixel_shows_the_nearest_triangle(family, device):
     assert [wrong for wrong in check.wrong[family] if wrong.kind == "hole"] == []
 
 
-def test_a_wrong_pixel_is_found(device):
-    """The bench itself: what is drawn a hair beside its place is told from what is right, and how far beside it is."""
+def test_wrong_pixels_are_detected(device):
+    """Checks the benchmark: a slightly displaced image is recognized as wrong."""
     check = Check(str(device), "packets", 1 << 12)
     case = FAMILIES["closed"](np.random.default_rng(0), 40, 30, 2)
     depth = wv.render(case.scene(str(device)), case.camera, case.poses, outputs=("depth",)).depth
@@ -47,7 +47,7 @@ def test_a_wrong_pixel_is_found(device):
 
 
 @pytest.mark.parametrize("movable", [False, True], ids=["still", "movable"])
-def test_no_ray_slips_through_a_corner(movable, device):
+def test_no_ray_passes_through_a_vertex(movable, device):
     holes = 0
     for seed in range(30):
         camera, pose, vertices, faces = wall(seed)
@@ -58,8 +58,8 @@ def test_no_ray_slips_through_a_corner(movable, device):
     assert holes == 0
 
 
-def test_no_ray_to_a_point_slips_through_a_corner():
-    """Points of the image, and points of the world that are behind the wall; a GPU casts rays for these."""
+def test_no_ray_to_a_point_passes_through_a_vertex():
+    """Image points, and world points behind the wall, which a GPU tests by single rays."""
     seen_through = visible = 0
     for seed in range(30):
         camera, pose, vertices, faces = wall(seed)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The example scripts run as they are, and say what their scenes show."""
+"""The example scripts run unchanged and print the expected results."""
 
 import importlib.util
 import re
@@ -36,7 +36,7 @@ SAYS = {
 }
 
 
-def test_there_are_no_others():
+def test_every_example_is_tested():
     assert {path.relative_to(EXAMPLES).as_posix() for path in EXAMPLES.rglob("*.py")} == set(SAYS)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's four experiments show what they have to show."""
+"""The paper's four experiments have the published results."""
 
 import dataclasses
 
@@ -15,7 +15,7 @@ from warpvis.cli.demo import format_states, run_experiment
 from warpvis.scenes import experiments
 from warpvis.visibility import State
 
-# Experiment: whether ball and person are visible, and whether the floor plan calls them so.
+# Experiment: whether ball and person are visible, and whether the floor plan shows them as visible.
 TABLE = {
     1: {"ball": (True, True), "person": (True, True)},
     2: {"ball": (False, False), "person": (True, True)},
@@ -23,7 +23,7 @@ TABLE = {
     4: {"ball": (False, False), "person": (True, False)},
 }
 
-# Who sees the ball: the robot is the first, the person the second.
+# Visibility of the ball: the robot is the first agent, the person the second.
 STATES = {1: State.BOTH, 2: State.SECOND, 3: State.FIRST, 4: State.NEITHER}
 
 
@@ -36,15 +36,15 @@ def number_of(result):
     return int(result.experiment.name[-1])
 
 
-def test_the_table(result):
+def test_results_match_the_papers_table(result):
     for sighting in result.sightings:
         assert (sighting.visible, sighting.visible_on_plan) == TABLE[sighting.experiment][sighting.object]
         assert (sighting.pixels_by_sphere > 0) == sighting.visible
 
 
 @pytest.mark.parametrize("level", [1.0, 4.0])
-def test_a_kinect_with_noise_gives_the_same_answers(result, level):
-    """By the depth image alone: pixels within the spheres that are not ground."""
+def test_noisy_kinect_gives_the_same_answers(result, level):
+    """Uses the depth image alone: pixels inside the spheres and above the ground."""
     kinect = wv.sensors.kinect_v1(320, 240)
     sensor = dataclasses.replace(kinect, sigma=level * kinect.sigma, subpixel=round(8 / level))
     experiment, poses = result.experiment, result.experiment.poses()
@@ -63,19 +63,19 @@ def test_a_kinect_with_noise_gives_the_same_answers(result, level):
         assert (views.reasons.numpy() == wv.sensors.Reason.SHADOW).sum() > 100
 
 
-def test_the_presets_state_the_table():
+def test_presets_contain_the_table():
     for number, experiment in enumerate(scenes.EXPERIMENTS, start=1):
         rows = TABLE[number]["ball"], TABLE[number]["person"]
         assert tuple(zip(experiment.visible, experiment.plan_visible, strict=True)) == rows
 
 
-def test_what_is_visible_is_plainly_so(result):
-    """Hidden means not one pixel; visible means hundreds."""
+def test_visible_objects_have_many_pixels(result):
+    """Hidden objects have no pixel; visible ones have hundreds."""
     for sighting in result.sightings:
         assert sighting.pixels == 0 or sighting.pixels > 300
 
 
-def test_who_sees_the_ball_and_the_obstacles(result):
+def test_visibility_states_of_ball_and_obstacles(result):
     assert result.experiment.states["ball"] == STATES[number_of(result)]
     states = result.seen.states("robot", "human")[0]
     for name, state in result.experiment.states.items():
@@ -83,7 +83,7 @@ def test_who_sees_the_ball_and_the_obstacles(result):
 
 
 def test_rendered_images_confirm_the_states(result):
-    """By counts of pixels in images that are rendered here, of all the person's faces and of the robot's camera."""
+    """Counts pixels of images rendered here, for all of the person's faces and the robot's camera."""
     counts = []
     for agent in result.experiment.agents():
         images = [
@@ -96,13 +96,13 @@ def test_rendered_images_confirm_the_states(result):
         robot, human = (int(count[result.scene.index(name)]) for count in counts)
         assert (robot > 0) == (state in (State.FIRST, State.BOTH)), name
         assert (human > 0) == (state in (State.SECOND, State.BOTH)), name
-        assert min(robot or 1000, human or 1000) > 100  # seen plainly or not at all
+        assert min(robot or 1000, human or 1000) > 100  # clearly visible or not at all
     ball = result.scene.index("ball")
     assert counts[0][ball] == result.sightings[0].pixels
     assert counts[1][ball] == result.shared.human_pixels
 
 
-def test_the_demo_says_who_sees_the_ball(result):
+def test_demo_states_match(result):
     shared = result.shared
     words = {State.BOTH: "both", State.FIRST: "robot only", State.SECOND: "human only", State.NEITHER: "neither"}
     assert shared.state == words[STATES[shared.experiment]]
@@ -113,7 +113,7 @@ def test_the_demo_says_who_sees_the_ball(result):
     assert line == [str(shared.experiment), "ball", yes[shared.robot], yes[shared.human], shared.state]
 
 
-def test_the_persons_eyes_are_in_their_head(result):
+def test_persons_eyes_are_inside_the_head(result):
     eyes = np.array(result.experiment.human_pose[:3])
     low, high = result.scene["person"].bounds
     np.testing.assert_allclose(eyes[:2], (low + high)[:2] / 2, atol=0.02)
@@ -124,7 +124,7 @@ def test_the_persons_eyes_are_in_their_head(result):
     assert (robot.body, human.body) == (("robot",), ("person",))
 
 
-def test_the_camera_is_between_the_obstacles(result):
+def test_camera_height_is_between_the_obstacles(result):
     eye = result.experiment.poses()[0, 2]
     tops = [result.scene[name].bounds[1, 2] for name in ("low obstacle", "high obstacle")]
     assert tops[0] < eye < tops[1]
@@ -133,7 +133,7 @@ def test_the_camera_is_between_the_obstacles(result):
 
 
 def test_tops_of_obstacles(result):
-    """Where it is in view, the low obstacle's top is seen; the high one's never is."""
+    """The low obstacle's top is visible where it is in view; the high one's is never visible."""
     points, objects = result.views.points.numpy()[0], result.views.segmentation.numpy()[0]
 
     def pixels_on_top(name):
@@ -143,7 +143,7 @@ def test_tops_of_obstacles(result):
 
     assert pixels_on_top("high obstacle") == 0
     assert pixels_on_top("low obstacle") > 100
-    # And so it is on the map: cells inside the low obstacle's outline are brown.
+    # On the map too, cells inside the low obstacle's outline are obstacle cells.
     cells = result.floor_map.cells.numpy()[0]
     rows, columns = np.nonzero(cells == wv.Label.OBSTACLE)
     left, _, bottom, _ = result.floor_map.bounds
@@ -157,7 +157,7 @@ def test_tops_of_obstacles(result):
     assert covered("low obstacle") > 50
 
 
-def test_hidden_things_have_no_colour_on_the_map(result):
+def test_hidden_objects_are_not_on_the_map(result):
     cells = result.floor_map.cells.numpy()[0]
     ball, person = result.sightings
     assert (cells == wv.Label.OBJECT).any() == ball.visible
@@ -165,7 +165,7 @@ def test_hidden_things_have_no_colour_on_the_map(result):
     assert (cells == wv.Label.ROBOT).any()
 
 
-def test_nothing_stands_inside_something_else():
+def test_objects_do_not_overlap():
     for experiment in scenes.EXPERIMENTS:
         boxes = {item.name: item.bounds for item in experiment.build() if item.name != "floor"}
         for name, (low, high) in boxes.items():
@@ -175,8 +175,8 @@ def test_nothing_stands_inside_something_else():
                 assert name == other or (low > high_other).any() or (high < low_other).any()
 
 
-def test_a_wall_hides_on_the_plan_what_it_hides():
-    """The plan's answer for a world in which it is right: a wall, a thing before, one behind, one beside."""
+def test_wall_occludes_on_the_plan():
+    """A scene in which the plan is right: a wall, an object in front of it, one behind it, and one next to it."""
     scene = wv.Scene()
     for name, place in {"before": (1, 0), "behind": (3, 0), "beside": (3, 1.2)}.items():
         scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name=name, pose=(*place, 0.1, 0, 0, 0, 1))
@@ -191,7 +191,7 @@ def test_a_wall_hides_on_the_plan_what_it_hides():
     assert without.visible[0].tolist() == [False, True, True, False]
 
 
-def test_the_plan_knows_the_range():
+def test_plan_uses_the_cameras_range():
     scene = wv.Scene()
     scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="far", pose=(4.7, 0, 0.1, 0, 0, 0, 1))
     pose = wv.look_at((0, 0, 1), (3, 0, 1))

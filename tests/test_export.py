@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `Scene.export` writes, as our reader and trimesh's read it back, and what it takes."""
+"""`Scene.export`, read back by our reader and by trimesh, and its cost."""
 
 import json
 import sys
@@ -25,7 +25,7 @@ def poses(count):
 
 
 def all_kinds(up="z"):
-    """A scene with an object of every kind, of which the rug deforms."""
+    """Return a scene with an object of every kind, including a deforming one."""
     scene = wv.Scene(up=up, label_names={40: "toy"})
     scene.add(BOX, name="world", label="ground")
     scene.add(BALL, name="lamp", pose=TURNED)
@@ -41,7 +41,7 @@ def all_kinds(up="z"):
 
 
 def content_of(path):
-    """The JSON of a binary glTF file, and its length."""
+    """Return the JSON of a binary glTF file, and the file's length."""
     file = path.read_bytes()
     assert file[:8] == b"glTF\2\0\0\0"
     assert int.from_bytes(file[8:12], "little") == len(file)
@@ -51,7 +51,7 @@ def content_of(path):
 
 
 @pytest.mark.parametrize("up", ["z", "y"])
-def test_every_kind_of_object_comes_back(tmp_path, up):
+def test_every_kind_of_object_round_trips(tmp_path, up):
     scene = all_kinds(up)
     scene.export(tmp_path / "scene.glb")
     back = wv.Scene.load(tmp_path / "scene.glb", up=up)
@@ -62,20 +62,20 @@ def test_every_kind_of_object_comes_back(tmp_path, up):
         np.testing.assert_array_equal(back[item.name].faces, item.faces)
 
 
-def test_others_read_it_y_up(tmp_path):
+def test_trimesh_reads_it_y_up(tmp_path):
     scene = all_kinds()
     scene.export(tmp_path / "scene.glb")
     other = trimesh.load_scene(tmp_path / "scene.glb", process=False)
     for item in scene:
         x, y, z = item.vertices.T
-        if item.name == "world":  # which is what trimesh calls its root
+        if item.name == "world":  # trimesh's name for its root
             continue
         matrix, geometry = other.graph[item.name]
         corners = trimesh.transform_points(other.geometry[geometry].vertices, matrix)
         np.testing.assert_allclose(corners, np.stack([x, z, -y], axis=1), atol=2e-6)
 
 
-def test_a_mesh_is_written_once(tmp_path):
+def test_shared_mesh_is_written_once(tmp_path):
     scene = all_kinds()
     scene.export(tmp_path / "few.glb")
     scene.add_instances(BALL, poses(100), names="more")
@@ -110,13 +110,13 @@ def calls_of_export(path, count):
     return calls
 
 
-def test_exporting_takes_as_much_as_there_is(tmp_path):
-    """Four times as many objects take at most four times as many calls; they took sixteen times as many."""
+def test_export_takes_linear_time(tmp_path):
+    """Four times as many objects take at most four times as many calls; once it was sixteen times as many."""
     few, many = (calls_of_export(tmp_path / "scene.glb", count) for count in (100, 400))
     assert 100 < few < many <= 4 * few
 
 
-def test_what_cannot_be_written_leaves_no_file(tmp_path, monkeypatch):
+def test_failed_export_leaves_no_file(tmp_path, monkeypatch):
     scene = all_kinds()
     with pytest.raises(FileFormatError, match=r"scene.glb: vertices of 'rug' must be finite"):
         with monkeypatch.context() as patch:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The output ``faces``: the triangle of the object's own mesh, as it was added, in which the seen point lies."""
+"""Output ``faces``: index of the hit triangle in the object's original mesh."""
 
 import pickle
 
@@ -26,8 +26,8 @@ STILL = (0, 0, 0, 0, 0, 0, 1)
 few_share = instance_scenes.shared  # a fixture
 
 
-def test_in_worlds(device, caster, few_share):
-    """With instances, pieces, solids, and what is excluded: of what stays, what is a piece, and what moves alone."""
+def test_faces_in_worlds(device, caster, few_share):
+    """With instances, attached objects, solids, and exclusion of static, attached and movable objects."""
     scene, given = build(device)
     worlds, names = worlds_of(scene), {item.name: number for number, item in enumerate(scene)}
     assert instance_scenes.instances_of(scene) == COUNT
@@ -47,8 +47,8 @@ def _round(given):
     return [index for index, mesh in enumerate(given) if mesh is None]
 
 
-def test_against_the_reference(device, caster):
-    """The triangle that is nearest in double precision, but where a ray passes an edge."""
+def test_faces_match_the_reference(device, caster):
+    """The nearest triangle in double precision, except where a ray passes through an edge."""
     scene, given = build(device, moving=False)
     views, pose = wv.render(scene, SMALL, eyes(1), outputs=FACES, caster=caster), eyes(1)[0]
     expected = reference.cast_rays(scene, SMALL, pose)
@@ -56,13 +56,13 @@ def test_against_the_reference(device, caster):
     assert same.mean() > 0.5
     faces = np.array([views.faces.numpy()[0][same], expected.faces[same]])
     of = expected.objects[same]
-    # Triangles that come twice are alike.
+    # Duplicate triangles are equivalent.
     corners = [np.sort(np.array([given[index][1][face] for index, face in zip(of, row, strict=True)])) for row in faces]
     assert (corners[0] != corners[1]).any(axis=1).mean() <= 1e-3
 
 
-def test_they_cost_others_nothing(device, caster):
-    """Nobody else's images change by a bit, and a scene knows of faces only once they are asked for."""
+def test_faces_do_not_affect_other_outputs(device, caster):
+    """Other outputs are bit-identical, and face data is built on first request."""
     scene, _ = build(device)
     worlds = worlds_of(scene)
     before = wv.render(scene, SMALL, eyes(2), outputs=ALL, object_poses=worlds, caster=caster)
@@ -77,8 +77,8 @@ def test_they_cost_others_nothing(device, caster):
     assert "faces" not in wv.Renderer(scene, SMALL).outputs
 
 
-def test_points_of_the_image(device, caster):
-    """In a list, in and outside of the image; in a map; at pixels' centres as in an image."""
+def test_faces_of_image_points(device, caster):
+    """A list with points inside and outside the image; a map; pixel centers as in an image."""
     scene, given = build(device)
     worlds = worlds_of(scene)
     renderer = wv.Renderer(scene, SMALL, outputs=FACES, caster=caster)
@@ -91,7 +91,7 @@ def test_points_of_the_image(device, caster):
 
 
 @pytest.mark.parametrize("kind", ["wide", "list", "parallel"])
-def test_rays_of_other_cameras(kind, device, few_share):
+def test_faces_of_other_cameras(kind, device, few_share):
     scene, given = build(device)
     worlds = worlds_of(scene)
     if kind == "parallel":
@@ -108,8 +108,8 @@ def test_rays_of_other_cameras(kind, device, few_share):
 
 
 @pytest.mark.parametrize("rounded", [False, True])
-def test_rays_that_begin_beside_each_other(rounded, device):
-    """In packets on CPU cores, but where there are solids: then ray by ray."""
+def test_faces_of_rays_with_distinct_origins(rounded, device):
+    """Cast in packets on CPU cores, but as single rays if there are solids."""
     scene, given = build(device, rounded=rounded)
     worlds = worlds_of(scene)
     directions = sphere_of_rays(2000)
@@ -118,8 +118,8 @@ def test_rays_that_begin_beside_each_other(rounded, device):
     assert len(assert_faces_hold(views, scene, given, worlds)) > 5
 
 
-def test_what_moves_within_a_frame(device):
-    """A shutter that rolls; and objects that a motion leaves where they are, by the kernel of those that move."""
+def test_faces_with_motion_within_a_frame(device):
+    """A rolling shutter, and objects whose motion leaves them in place, which use the kernel of moving objects."""
     scene, given = build(device)
     worlds = worlds_of(scene, 1)
     shutter = RollingShutter(SMALL, 0.04)
@@ -134,7 +134,7 @@ def test_what_moves_within_a_frame(device):
     assert (again.faces.numpy() != views.faces.numpy()).mean() <= 1e-3
 
 
-def test_of_the_exact_ray_beside_a_sensor(device):
+def test_faces_with_a_sensor_are_exact(device):
     scene, _ = build(device)
     outputs = ("depth", "faces", "reasons")
     sensed = wv.render(scene, SMALL, eyes(1), outputs=outputs, frame=0, sensor=Corruptions())
@@ -142,8 +142,8 @@ def test_of_the_exact_ray_beside_a_sensor(device):
     np.testing.assert_array_equal(sensed.faces.numpy(), exact.faces.numpy())
 
 
-def test_of_meshes_that_change(device, caster):
-    """Vertices that deform, a mesh that is exchanged, an object that is added, a copy in another process."""
+def test_faces_of_changing_meshes(device, caster):
+    """Deformed vertices, a replaced mesh, an added object, and a pickled copy."""
     scene, given = build(device)
     worlds = worlds_of(scene)
     renderer = wv.Renderer(scene, SMALL, outputs=FACES, caster=caster)
@@ -169,8 +169,8 @@ def test_of_meshes_that_change(device, caster):
     check()
 
 
-def test_a_solid_has_none_from_inside_either(device, caster):
-    """There its triangles are seen, which are none of the user's."""
+def test_solid_has_no_faces_from_inside(device, caster):
+    """From inside, the solid's internal triangles are rendered, which have no user index."""
     scene = wv.Scene(device=device)
     scene.add(solids.sphere(3.0), name="dome", movable=True)
     scene.add(BOX, name="box", pose=(0, 0, 2, 0, 0, 0, 1))
@@ -182,8 +182,8 @@ def test_a_solid_has_none_from_inside_either(device, caster):
     assert set(np.unique(objects)) == {0, 1}
 
 
-def test_a_batch_of_mujoco_has_those_of_the_later_of_coinciding_geoms():
-    """The later mesh has the same triangles in the opposite order."""
+def test_mujoco_batch_shows_faces_of_the_later_coinciding_geom():
+    """The later mesh has the same triangles in reverse order."""
     vertex, faces = "0 0 0 1 0 0 0 1 0 0 0 1", ("0 2 1 0 1 3 0 3 2 1 2 3", "1 2 3 0 3 2 0 1 3 0 2 1")
     meshes = "".join(f'<mesh name="m{k}" vertex="{vertex}" face="{some}"/>' for k, some in enumerate(faces))
     text = """<mujoco><asset>{}</asset><worldbody><camera pos="2 2 2" xyaxes="-1 1 0 -1 -1 2"/>

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Nearer surfaces that spread over what is behind them, held to a twin in double precision and to closed forms."""
+"""Fattening of foreground surfaces against a double-precision reference and closed forms."""
 
 import dataclasses
 import re
@@ -25,15 +25,15 @@ ENDLESS = dataclasses.replace(CAMERA, near=0.0, far=np.inf)
 
 
 @pytest.mark.parametrize(("reach", "step"), [(1, 1.0), (4, 0.5), (9, 2.0), (3, 0.0)])
-def test_the_twin_agrees(device, reach, step):
-    """Without noise depth is the exact one of the pixel that the twin names, bit for bit."""
+def test_fattening_matches_the_reference(device, reach, step):
+    """Without noise, depth is bit-identical to that of the pixel selected by the reference."""
     model = dataclasses.replace(PLAIN, fattening=reach, edge_step=step)
     views = wv.render(make_scene(device), ENDLESS, POSES, outputs=("depth", "true_depth"), frame=0, sensor=model)
     exact = views.true_depth.numpy()
     shown, margin = reference_fattening.fatten_surfaces(exact, SCALE, step, reach)
     expected = np.take_along_axis(exact.reshape(3, -1), shown.reshape(3, -1), axis=1).reshape(exact.shape)
     sure = margin > 1e-5
-    if step == 0.0:  # each pixel is itself before all others
+    if step == 0.0:  # no pixel is nearer than itself
         sure, expected = np.ones_like(sure), exact
     assert sure.mean() > 0.99
     assert ((expected != exact).mean() > 0.01) == (step > 0)
@@ -41,7 +41,7 @@ def test_the_twin_agrees(device, reach, step):
 
 
 @pytest.mark.parametrize("reach", [0, 1, 7, 40])
-def test_the_nearest_of_rows_are_those_of_the_twin(device, reach):
+def test_nearest_in_rows_matches_the_reference(device, reach):
     depth = np.random.default_rng(reach).uniform(0.1, 9.0, (2, 5, 31)).astype(np.float32)
     depth[0, 1:3] = np.inf
     model, window = FatteningModel(), Window()
@@ -54,8 +54,8 @@ def test_the_nearest_of_rows_are_those_of_the_twin(device, reach):
 
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize("reach", [2, 5])
-def test_a_plate_is_wider_and_its_shadow_narrower(device, side, reach):
-    """By as many pixels at each edge, and at its shadow's."""
+def test_plate_is_wider_and_its_shadow_narrower(device, side, reach):
+    """Each edge of the plate and of its shadow moves by `reach` pixels."""
     near, far, baseline = 1.0, 2.5, 0.08
     scene = wall_scene((near, -0.2, 0.2), (far, -10, 10), device=device)
     camera = wv.Camera.from_fov(320, 24, hfov=1.2)
@@ -77,19 +77,21 @@ def test_a_plate_is_wider_and_its_shadow_narrower(device, side, reach):
     np.testing.assert_array_equal(band, plain["reasons"][0] == Reason.BAND)
 
 
-def test_the_sky_is_behind_all(device):
+def test_foreground_spreads_over_the_sky(device):
     scene = wall_scene((1.0, -0.2, 0.2), device=device)
     model = dataclasses.replace(PLAIN, fattening=3)
     seen = images(wv.render(scene, CAMERA, AHEAD, outputs=OUTPUTS, frame=0, sensor=model))
     exact = np.isfinite(seen["true_depth"][0])
     np.testing.assert_array_equal(seen["reasons"][0] == Reason.VALID, ndimage.binary_dilation(exact, np.ones((7, 7))))
     assert set(np.unique(seen["reasons"])) == {Reason.VALID, Reason.EMPTY}
-    # What is exact is not moved.
+    # Exact outputs are not shifted.
     np.testing.assert_array_equal(seen["segmentation"][0] >= 0, exact)
 
 
-def test_a_surface_that_spreads_has_its_own_light(device):
-    """Its normals and its reflectivity: a white plate's edge is seen over a black wall, and not the other way about."""
+def test_fattened_pixels_use_the_foregrounds_reflectivity(device):
+    """Normals and reflectivity come from the foreground: a white plate's edge hides a black wall, and vice versa it is
+    lost.
+    """
     scene = wall_scene((1.0, -0.2, 0.2), (2.5, -10, 10), device=device)
     for dark, lost in (("plate 1", False), ("plate 0", True)):
         model = StereoDepth(
@@ -107,7 +109,7 @@ def test_a_surface_that_spreads_has_its_own_light(device):
         np.testing.assert_array_equal(seen["reasons"][0] == Reason.DROPOUT, plate == lost)
 
 
-def test_splits_threads_and_order(device):
+def test_batching_threads_and_order(device):
     model = dataclasses.replace(FULL, fattening=3)
     scene, options = make_scene(device), {"outputs": OUTPUTS, "sensor": model, "seed": 4}
     whole = images(wv.render(scene, CAMERA, POSES, threads=1, frame=0, **options))
@@ -121,14 +123,14 @@ def test_splits_threads_and_order(device):
     assert model.bytes_per_pixel == FULL.bytes_per_pixel + 24
 
 
-def test_what_is_refused():
+def test_invalid_parameters_raise():
     for value, message in ((-1, "fattening must be a whole number from 0 up"), (32, "fattening must be at most 31 px")):
         with pytest.raises(wv.errors.ArrayError, match=message):
             dataclasses.replace(PLAIN, fattening=value)
 
 
 @pytest.mark.slow
-def test_nothing_is_fused_for_a_gpu(tmp_path):
+def test_gpu_code_has_no_fused_operations(tmp_path):
     body = gpu_code("warpvis.kernels.fattening", tmp_path)
     assert re.search(r"\bdiv\.rn\.f32", body)
     assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", body)

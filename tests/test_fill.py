@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth images without infinities, for what learns from them."""
+"""Depth images without infinities, for learning."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ NUMBERS = {"far": (3.0, 0.5), 0.0: (0.0, 0.0), 7: (7.0, 7.0), -1.5: (-1.5, -1.5)
 
 
 @pytest.mark.parametrize("fill", NUMBERS)
-def test_pixels_without_depth_hold_what_was_asked_for(fill, device, caster):
+def test_pixels_without_depth_have_the_fill_value(fill, device, caster):
     options = {"caster": caster, "outputs": ("depth", "segmentation")}
     before = wv.render(scene(device), CAMERA, POSES, **options)
     views = wv.render(scene(device), CAMERA, POSES, fill=fill, **options)
@@ -45,21 +45,21 @@ def test_infinities_are_the_default(device):
     assert np.array_equal(depth, same) and np.isinf(depth).any()
 
 
-def test_points_of_an_image_are_filled(device):
+def test_render_at_fills_depth(device):
     renderer = wv.Renderer(scene(device), CAMERA, outputs=("depth",), fill="far")
     pixels = np.array([[[20.0, 15.0], [-5.0, 3.0], [1.5, 1.5]]] * 2)
     depth = renderer.render_at(POSES, pixels).depth.numpy()
     assert depth == pytest.approx(np.array([[1.2, 3, 3], [0.5, 3, 0.5]]))
 
 
-def test_an_image_that_nobody_asked_for_is_not_filled():
+def test_unrequested_depth_is_not_filled():
     views = wv.render(scene(), CAMERA, POSES, outputs=("depth", "labels"))
     before = views.depth.numpy().copy()
     wv.Renderer(scene(), CAMERA, outputs=("labels",), fill=0.0).render(POSES, out=views)
     assert np.array_equal(views.depth.numpy(), before)
 
 
-def test_images_that_go_to_the_host_in_parts_are_filled(device):
+def test_images_copied_to_the_host_in_chunks_are_filled(device):
     if device == "cpu":
         pytest.skip("parts are of a GPU's images")
     whole = wv.Renderer(scene(device), CAMERA, outputs=("depth",), fill=0.0).render(POSES).depth.numpy()
@@ -68,11 +68,11 @@ def test_images_that_go_to_the_host_in_parts_are_filled(device):
 
 
 @pytest.mark.parametrize("fill", ["zero", "", None, True, np.nan, np.inf, [0.0], 1j])
-def test_what_nothing_can_be_filled_with_is_named(fill):
+def test_invalid_fill_raises(fill):
     with pytest.raises(wv.WarpvisError, match="fill must be"):
         wv.Renderer(scene(), CAMERA, fill=fill)
 
 
-def test_a_camera_that_sees_any_distance_has_no_far():
+def test_fill_far_requires_a_finite_range():
     with pytest.raises(wv.WarpvisError, match='the camera\'s far must be finite for fill="far", got inf'):
         wv.Renderer(scene(), wv.Camera.from_fov(8, 6, hfov=1.0), fill="far")

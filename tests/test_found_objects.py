@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Objects that are found in images before packets are drawn, and sorted into tiles."""
+"""Objects found in images before packets are cast, and sorted into tiles."""
 
 import numpy as np
 import trimesh
@@ -38,8 +38,8 @@ def test_objects_are_sorted_into_tiles():
     assert (order[ends[-1] :] == -1).all() and (found.tile_counts.numpy() == 0).all()
 
 
-def test_objects_are_found_where_they_are(cuda):
-    """None is left out that has a pixel, and none that is in front of the camera is looked for far from where it is."""
+def test_found_objects_have_tight_image_bounds(cuda):
+    """No visible object is missed, and bounds of objects in front of the camera are tight."""
     rng, count, views = np.random.default_rng(0), 600, 3
     scene, camera = wv.Scene(device=cuda), wv.Camera.from_fov(133, 77, hfov=1.2, near=0.05, far=15.0)
     box = trimesh.creation.box((0.2, 0.3, 0.4))

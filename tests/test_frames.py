@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames: poses with times and worlds, checked, cut into parts, and the same to the last bit when saved."""
+"""Frames: poses with times and worlds, validation, slicing, and bit-identical round trips."""
 
 import json
 import pickle
@@ -25,7 +25,7 @@ def worlds(count, objects=2):
     return unit(np.random.default_rng(1).normal(size=(count, objects, 7)))
 
 
-def test_rows_are_normalised_and_times_count_by_default():
+def test_rows_are_normalized_and_timestamps_default_to_indices():
     rows = random_rows(50)
     frames = Frames.from_poses(rows)
     assert len(frames) == 50
@@ -52,14 +52,14 @@ def test_matrices_and_conventions(convention):
     assert len(Frames.from_poses(matrices[0], convention=convention)) == 1
 
 
-def test_what_was_normalised_stays_the_same_to_the_last_bit():
+def test_normalization_is_idempotent():
     once = Frames.from_poses(random_rows(10_000), object_poses=worlds(1))
     twice = Frames.from_poses(once.camera_to_world, object_poses=once.object_poses)
     assert once.camera_to_world.tobytes() == twice.camera_to_world.tobytes()
     assert once.object_poses.tobytes() == twice.object_poses.tobytes()
 
 
-def test_what_is_given_is_not_changed_or_shared():
+def test_input_arrays_are_copied():
     rows = random_rows(3)
     rows[:, 3:] /= np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
     before = rows.copy()
@@ -68,7 +68,7 @@ def test_what_is_given_is_not_changed_or_shared():
     np.testing.assert_array_equal(rows, before)
 
 
-def test_slices_cut_worlds_along():
+def test_slices_include_worlds():
     own = Frames.from_poses(random_rows(5), object_poses=worlds(5), timestamps=np.arange(5) * 0.1)
     part = own[1:4]
     np.testing.assert_array_equal(part.camera_to_world, own.camera_to_world[1:4])
@@ -87,7 +87,7 @@ def test_slices_cut_worlds_along():
     assert len(named[9:]) == 0
 
 
-def test_object_poses_are_single_precision_as_given():
+def test_object_poses_are_stored_in_single_precision():
     given = worlds(2)
     frames = Frames.from_poses(random_rows(2), object_poses=given)
     np.testing.assert_array_equal(frames.object_poses, given.astype(np.float32))
@@ -95,7 +95,7 @@ def test_object_poses_are_single_precision_as_given():
     np.testing.assert_array_equal(Frames.from_poses(random_rows(2), object_poses=device).object_poses, device.numpy())
 
 
-def test_frames_pickle_and_their_source_is_json():
+def test_frames_can_be_pickled_and_source_is_json():
     source = {"generator": "orbit", "target": (0, 0, 1), "seed": 3}
     frames = Frames.from_poses([POSE], source=source)
     assert frames.source == {"generator": "orbit", "target": [0, 0, 1], "seed": 3}
@@ -172,7 +172,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input(case):
+def test_invalid_arguments_raise(case):
     arguments, options, said = BAD[case]
     with pytest.raises(wv.WarpvisError) as error:
         Frames.from_poses(*arguments, **options)
@@ -180,7 +180,7 @@ def test_bad_input(case):
     assert "\n" not in str(error.value)
 
 
-def test_frames_are_cut_by_slices():
+def test_frames_are_indexed_by_slices_only():
     with pytest.raises(wv.WarpvisError, match=r"frames must be indexed by a slice, frames\[a:b\], got 0"):
         Frames.from_poses([POSE])[0]
 
@@ -216,7 +216,7 @@ HAND_MADE = {
 
 
 @pytest.mark.parametrize("case", HAND_MADE)
-def test_frames_made_by_hand_fit_together(case):
+def test_inconsistent_frames_raise(case):
     changes, said = HAND_MADE[case]
     whole = Frames.from_poses([POSE] * 4)
     arrays = {"camera_to_world": whole.camera_to_world, "timestamps": whole.timestamps, **changes}
@@ -225,7 +225,7 @@ def test_frames_made_by_hand_fit_together(case):
     assert str(error.value).startswith(said)
 
 
-def test_frames_that_fit_are_cut_anywhere():
+def test_consistent_frames_can_be_sliced_anywhere():
     for more in ({}, {"object_poses": worlds(1)}, {"object_poses": worlds(4)}):
         frames = Frames.from_poses([POSE] * 4, **more)
         assert [len(frames[k:]) for k in range(6)] == [4, 3, 2, 1, 0, 0]

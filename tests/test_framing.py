@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras that see all of a scene, depth to look at, and what ``warpvis render`` and ``info`` do with them."""
+"""Cameras that frame a whole scene, depth colors, and their use in ``warpvis render`` and ``info``."""
 
 import math
 import subprocess
@@ -33,7 +33,7 @@ def corners_in_image(scene, camera, pose):
 @pytest.mark.parametrize("up", ["z", "y"])
 @pytest.mark.parametrize("camera", [wv.Camera.kinect(), LENS])
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 5e3])
-def test_all_of_a_scene_just_fits(up, camera, scale):
+def test_whole_scene_fits_tightly(up, camera, scale):
     scene = wv.Scene(up=up)
     scene.add(trimesh.creation.box(scale * np.array([3, 2, 0.1])), name="floor", pose=(5 * scale, 0, 0, 0, 0, 0, 1))
     scene.add(trimesh.creation.icosphere(radius=0.3 * scale), name="ball", pose=(4 * scale, scale, 0, 0, 0, 0, 1))
@@ -41,13 +41,13 @@ def test_all_of_a_scene_just_fits(up, camera, scale):
         pose = framing(scene, camera, azimuth=azimuth, elevation=elevation)
         at = corners_in_image(scene, camera, pose)
         assert (at > 0.0299).all() and (at < 0.9701).all()
-        assert min(at.min(), 1 - at.max()) == pytest.approx(0.03, abs=1e-4)  # and no farther away
+        assert min(at.min(), 1 - at.max()) == pytest.approx(0.03, abs=1e-4)  # as close as possible
     middle, height = 4.85 * scale, 1 if up == "y" else 2
     towards = framing(scene, camera, azimuth=0.0, elevation=0.5)[:3] - unit((middle, 0, 0, 0, 0, 0, 1))[:3]
     assert towards[height] > 0
 
 
-def test_what_cannot_be_framed_is_said():
+def test_invalid_framing_raises():
     with pytest.raises(wv.WarpvisError, match="the scene has no objects"):
         framing(wv.Scene(), LENS)
     aside = wv.Camera(100, 100, 90, 90, 0.0, 50)
@@ -55,7 +55,7 @@ def test_what_cannot_be_framed_is_said():
         framing(wv.scenes.PRESETS["room"].build(), aside)
 
 
-def test_colours_of_depth(tmp_path):
+def test_depth_colors(tmp_path):
     depth = np.array([[1.0, 2.0, 3.0], [np.inf, -np.inf, 9.0]], dtype=np.float32)
     colors = depth_colors(depth, (1.0, 3.0)).astype(int)
     assert colors[0, 0, 2] > colors[0, 0, 0] and colors[0, 2, 0] > colors[0, 2, 2]  # blue is near, red is far
@@ -66,13 +66,13 @@ def test_colours_of_depth(tmp_path):
     picture = np.asarray(Image.open(tmp_path / "one.png"))
     assert picture.shape == (40 + 22, 200, 3)
     assert np.array_equal(picture[:40], depth_colors(image, (1.0, 3.0)))
-    assert np.array_equal(picture[44, ::40], picture[20, ::40])  # the scale below has the colours of these depths
+    assert np.array_equal(picture[44, ::40], picture[20, ::40])  # the color scale below shows these depths
     save_contact_sheet([image] * 5, [f"{k}" for k in range(5)], tmp_path / "sheet.png", (1.0, 3.0))
     sheet = Image.open(tmp_path / "sheet.png")
     assert sheet.width == 4 * 206 + 6 and sheet.height > 2 * 54
 
 
-def test_render_writes_pictures_beside_and_refuses_what_is_there(tmp_path, monkeypatch, capsys):
+def test_render_writes_images_and_does_not_overwrite(tmp_path, monkeypatch, capsys):
     poses = "orbit target=0,0,0.3 radius=2 height=1.2 count=3"
     arguments = ("render", "experiment_1", "--poses", poses, "--out", "out")
     code, printed, _ = run_here(monkeypatch, capsys, tmp_path, *arguments)
@@ -86,18 +86,18 @@ def test_render_writes_pictures_beside_and_refuses_what_is_there(tmp_path, monke
     assert code in (0, None) and [path.name for path in (tmp_path / "bare").iterdir()] == ["npz"]
 
 
-def test_a_scene_is_framed_on_the_command_line(tmp_path, monkeypatch, capsys):
+def test_frame_option_of_the_command_line(tmp_path, monkeypatch, capsys):
     trimesh.creation.box((3000, 2000, 1500)).export(tmp_path / "mm.stl")
     code, _, _ = run_here(
         monkeypatch, capsys, tmp_path, "render", "mm.stl", "--frame", "--out", "out", "--format", "npz"
     )
     assert code in (0, None)
     frame = wv.open_dataset(tmp_path / "out" / "npz")[0]
-    assert np.isfinite(frame["depth"]).mean() > 0.2  # at any range
+    assert np.isfinite(frame["depth"]).mean() > 0.2  # with unlimited range
     arguments = ("render", "mm.stl", "--frame", "--camera", "kinect", "--out", "none", "--format", "npz")
     code, _, said = run_here(monkeypatch, capsys, tmp_path, *arguments)
     assert code in (0, None) and "1 of 1 frame sees nothing" in said
-    save_preview(np.full((240, 320), np.inf), tmp_path / "wanted.png", (0.3, 4.5))  # the scale says what was searched
+    save_preview(np.full((240, 320), np.inf), tmp_path / "wanted.png", (0.3, 4.5))  # the scale shows the camera's range
     shown, wanted = (np.asarray(Image.open(tmp_path / name)) for name in ("none/preview/000000.png", "wanted.png"))
     assert np.array_equal(shown, wanted)
     arguments = ("render", "mm.stl", "--frame", "--device-name", "eye", "--out", "other")
@@ -109,7 +109,7 @@ def test_a_scene_is_framed_on_the_command_line(tmp_path, monkeypatch, capsys):
     assert code in (0, None) and "ball" in printed
 
 
-def test_info_says_size_labels_memory_and_the_likely_unit(tmp_path, monkeypatch, capsys):
+def test_info_prints_size_labels_memory_and_likely_unit(tmp_path, monkeypatch, capsys):
     trimesh.creation.box((3000, 2000, 1500)).export(tmp_path / "mm.stl")
     _, printed, _ = run_here(monkeypatch, capsys, tmp_path, "info", "mm.stl")
     assert "spans   3000 x 2000 x 1500 m, from -1500 -1000 -750 to 1500 1000 750" in printed
@@ -120,7 +120,7 @@ def test_info_says_size_labels_memory_and_the_likely_unit(tmp_path, monkeypatch,
     assert "labels  obstacle 2, ground 1, object 1, human 1, robot 1" in printed
 
 
-def test_info_of_a_mesh_leaves_mujoco_alone(tmp_path):
+def test_info_of_a_mesh_does_not_import_mujoco(tmp_path):
     trimesh.creation.box().export(tmp_path / "box.stl")
     code = """import sys
 from warpvis.cli import main
@@ -132,7 +132,7 @@ print("mujoco" in sys.modules)
     assert done.stdout.splitlines()[-1] == "False"
 
 
-def test_eyes_inside_of_an_object_are_said(tmp_path, monkeypatch, capsys):
+def test_eyes_inside_an_object_are_reported(tmp_path, monkeypatch, capsys):
     scene = trimesh.Scene()
     scene.add_geometry(trimesh.creation.box((4, 4, 0.1)), node_name="floor", geom_name="floor")
     for name, mesh, place in (

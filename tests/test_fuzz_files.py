@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""`fuzz_files` finds what it is for: crashes, hangs, memory, other exceptions, files elsewhere."""
+"""`fuzz_files` detects crashes, hangs, memory use, unexpected exceptions and writes elsewhere."""
 
 import re
 import subprocess
@@ -50,7 +50,7 @@ def make_seeds(root):
 
 
 def run(*options, **environment):
-    """What ``make fuzz-files`` prints, and its exit status."""
+    """Return the output and exit status of ``make fuzz-files``."""
     import os
 
     command = [sys.executable, str(FUZZ), *options]
@@ -60,7 +60,7 @@ def run(*options, **environment):
 
 
 @pytest.mark.slow
-def test_what_is_wrong_is_found_and_named(tmp_path):
+def test_failures_are_found_and_named(tmp_path):
     (tmp_path / "bad_seeds.py").write_text(BAD_SEEDS)
     options = ("--seeds", "bad_seeds", "--count", "11", "--seconds", "2", "--gigabytes", "2")
     said, status = run(*options, PYTHONPATH=str(tmp_path))
@@ -83,7 +83,7 @@ def test_what_is_wrong_is_found_and_named(tmp_path):
 
 
 @pytest.mark.slow
-def test_changed_files_are_read_or_refused():
+def test_mutated_files_are_read_or_raise():
     said, status = run("--count", "430")
     assert status == 0, said
     assert re.search(r"^430 files of (4[1-9]|50) formats: \d\d+ read, \d\d+ refused, 0 wrong;", said, re.MULTILINE), (
@@ -92,7 +92,7 @@ def test_changed_files_are_read_or_refused():
 
 
 @pytest.mark.parametrize("name", ["a.txt", "a.json", "a.stl"])
-def test_a_number_says_all_of_a_changed_file(name):
+def test_mutations_follow_from_their_number(name):
     data = b'{"frames": [1, 2.5, {"name": "x"}]}\n' * 3
     made = [mutate(np.random.default_rng(number), name, data) for number in range(200)]
     assert made == [mutate(np.random.default_rng(number), name, data) for number in range(200)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Calls that `fuzz_calls` found to end in something else than a result or a sentence, one of each kind."""
+"""Calls found by `fuzz_calls` that once raised something other than a `WarpvisError`, one of each kind."""
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ import warpvis as wv
 
 
 @pytest.mark.parametrize("dtype", [np.int64, np.int32, np.uint8])
-def test_pictures_from_outside_of_whole_metres(dtype):
+def test_view_from_outside_accepts_integer_depth(dtype):
     """Integers have no infinity, and unsigned ones no -1."""
     outside = wv.Camera.from_fov(16, 12, hfov=1.0)
     world, depth = scene(), np.full((CAMERA.height, CAMERA.width), 2)
@@ -22,7 +22,7 @@ def test_pictures_from_outside_of_whole_metres(dtype):
 
 
 @pytest.mark.parametrize("options", [{"max_geom": 3.15}, {"max_geom": None}, {"max_geom": 10**30}, {"font_scale": 3}])
-def test_options_of_a_fallback_that_mujoco_refuses(options, monkeypatch):
+def test_invalid_mujoco_fallback_options_raise(options, monkeypatch):
     def refuse(*given, max_geom, font_scale=mujoco.mjtFontScale.mjFONTSCALE_150):
         font_scale.value  # noqa: B018
         np.int32(max_geom) if isinstance(max_geom, int) else mujoco.MjvScene(maxgeom=max_geom)

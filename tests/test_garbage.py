@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever a public function is given for a parameter, it takes it or says what is wrong with it: a `WarpvisError`."""
+"""For any argument, a public function succeeds or raises a `WarpvisError` that describes the problem."""
 
 import math
 
@@ -47,7 +47,7 @@ BAD = {
 }
 
 
-# What calls give back, made by hand for its own sake: nobody's input; and lists of constants.
+# Results of calls, not meant to be constructed by users, and lists of constants.
 RESULTS = {
     "Snapshot",
     "BatchSummary",
@@ -83,7 +83,7 @@ RESULTS = {
     "WorldPoses",
 }
 
-# Drawing takes its time: some of the bad values will do.
+# Drawing is slow: only some of the bad values are used.
 DRAWN = {
     "view",
     "Viewer",
@@ -100,7 +100,7 @@ DRAWN = {
 FEW = ("None", "a word", "NaN", "minus one", "an object", "an array")
 
 
-# Our own modules' ways in, of what was checked before.
+# Internal entry points, whose arguments are validated before.
 OURS = {
     "ViewerState.colors",
     "MujocoStage.set_joint",
@@ -137,7 +137,7 @@ OURS = {
     "FrameRenderer.render",
     "Agent.face_poses",
     "Agent.angles_to",
-    # Gymnasium's own arguments.
+    # Arguments of Gymnasium.
     "DepthObservation.reset",
     "PoseObservation.reset",
     "VectorDepthObservation.reset",
@@ -149,13 +149,13 @@ OURS = {
 def table(tmp_path_factory):
     folder = files_for_cases(tmp_path_factory.mktemp("files"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder / "out")  # a path that is but a word must not leave a file in the checkout
-        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path: None)  # drawn it is; that suffices
+        patch.chdir(folder / "out")  # a path that is a plain word must not create a file in the checkout
+        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path: None)  # only drawing is tested
         yield cases(folder)
 
 
-def test_all_that_is_public_is_here(table):
-    """A new function, class or method needs a line above."""
+def test_all_public_names_are_covered(table):
+    """A new function, class or method needs an entry above."""
     names = {
         name.partition(",")[0].partition(" of ")[0].removeprefix("mujoco.").removeprefix("gymnasium.") for name in table
     }
@@ -163,8 +163,8 @@ def test_all_that_is_public_is_here(table):
     assert not {name for name in missing if name.partition(".")[0] not in {"Node", "ScenePreset", "Experiment"}}
 
 
-def test_the_arguments_are_well(table):
-    """Else the others would not be looked at."""
+def test_valid_arguments_are_accepted(table):
+    """Otherwise the tests of bad arguments would be meaningless."""
     for function, arguments in table.values():
         function(**arguments)
 
@@ -184,8 +184,8 @@ NAMES = (
 
 @pytest.mark.parametrize("begin", [pytest.param(n, marks=pytest.mark.slow) if n == "save_" else n for n in NAMES])
 @pytest.mark.filterwarnings("ignore")
-def test_what_is_wrong_is_said(table, begin):
-    """Names that begin so: every parameter is given every bad value, and either takes it or says a sentence."""
+def test_bad_arguments_are_accepted_or_raise(table, begin):
+    """For names with this prefix, every parameter accepts each bad value or raises an error with a message."""
     chosen = [name for name in table if name.startswith(begin)]
     assert chosen
     failures = []
@@ -204,11 +204,11 @@ def test_what_is_wrong_is_said(table, begin):
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_few_random_calls_are_taken_or_refused(table):
-    """`make fuzz` makes a hundred thousand."""
+def test_random_calls_succeed_or_raise(table):
+    """`make fuzz` makes a hundred thousand calls."""
     failures = [call_once(table, seed) for seed in range(300)]
     assert not [failure for failure in failures if failure[2] is not None]
 
 
-def test_every_name_is_tried(table):
+def test_every_name_has_a_prefix(table):
     assert not [name for name in table if not name.startswith(tuple(NAMES))]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Instances of glTF (EXT_mesh_gpu_instancing), and nodes that name one mesh: they share it in the scene."""
+"""glTF instances (EXT_mesh_gpu_instancing) and nodes of one mesh share it in the scene."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from warpvis.scene import _traversal_plan
 from support import instances as instance_scenes
 from support.many_objects import calls_of
 
-PART = trimesh.creation.icosphere(subdivisions=1)  # an egg, beside its origin
+PART = trimesh.creation.icosphere(subdivisions=1)  # an ellipsoid away from its origin
 PART.vertices = PART.vertices * (0.2, 0.3, 0.5) + (0.1, 0.2, 0)
 COUNT = 40
 CAMERA = wv.Camera.from_fov(80, 60, hfov=1.0)
@@ -26,7 +26,7 @@ few_share = instance_scenes.shared  # a fixture
 
 
 def rotation(quaternion):
-    """Of a unit quaternion ``x y z w``."""
+    """Return the matrix of a unit quaternion ``x y z w``."""
     x, y, z, w = quaternion
     return np.array(
         [
@@ -38,7 +38,7 @@ def rotation(quaternion):
 
 
 def rows_of(count, sizes=((1, 1, 1),)):
-    """Places, turns and sizes of instances."""
+    """Return positions, rotations and scales of instances."""
     rng = np.random.default_rng(0)
     turns = rng.normal(size=(count, 4))
     turns /= np.linalg.norm(turns, axis=1)[:, None]
@@ -47,7 +47,7 @@ def rows_of(count, sizes=((1, 1, 1),)):
 
 
 def write(path, rows, mesh=PART, **node):
-    """A file of one node with instances."""
+    """Write a file with one node with instances."""
     writer = GltfWriter(extensionsUsed=["EXT_mesh_gpu_instancing"])
     keys = ("TRANSLATION", "ROTATION", "SCALE")
     attributes = {key: writer.accessor(values) for key, values in zip(keys, rows, strict=True)}
@@ -58,7 +58,7 @@ def write(path, rows, mesh=PART, **node):
 
 
 def flattened(rows, mesh=PART, above=None, **options):
-    """The same scene of as many meshes in the world, y up."""
+    """Return the equivalent scene of separate meshes in world coordinates, y up."""
     scene, above = wv.Scene(up="y", **options), np.eye(4) if above is None else above
     for number, (place, turn, size) in enumerate(zip(*map(np.float64, rows), strict=True)):
         linear = rotation(turn / np.linalg.norm(turn)) * size
@@ -69,7 +69,7 @@ def flattened(rows, mesh=PART, above=None, **options):
 
 
 def assert_alike(scene, twin, **options):
-    """The same vertices, and images within the bounds of rounding."""
+    """Check equal vertices, and images equal up to rounding."""
     assert [item.name for item in scene] == [item.name for item in twin]
     for item in twin:
         there = scene[item.name]
@@ -104,8 +104,8 @@ def test_instances_share_a_mesh_and_a_tree(few_share, tmp_path, device, cull_bac
 SIZES = [(1, 1, 1), (2, 1, 0.5), (1, -1, 1), (1, 1, 1), (-2, -1, -0.5)]
 
 
-def test_a_mesh_is_kept_once_in_every_size(few_share, tmp_path):
-    """Mirrored ones are of sizes of their own, and face outwards."""
+def test_mesh_is_stored_once_per_size(few_share, tmp_path):
+    """Mirrored instances count as separate sizes and face outwards."""
     scene = wv.Scene.load(write(tmp_path / "many.glb", rows_of(COUNT, SIZES)), up="y")
     assert len({id(item.faces) for item in scene}) == len(meshes_of(scene)) == 4
     assert_alike(scene, flattened(rows_of(COUNT, SIZES)), cull_backfaces=True)
@@ -113,7 +113,7 @@ def test_a_mesh_is_kept_once_in_every_size(few_share, tmp_path):
         assert trimesh.Trimesh(item.vertices, item.faces, process=False).volume > 0
 
 
-def test_what_is_sheared_or_flat_has_triangles_of_its_own(tmp_path):
+def test_sheared_and_flat_instances_share_no_mesh(tmp_path):
     above = np.array(SHEARED["matrix"]).reshape(4, 4).T
     scene = wv.Scene.load(write(tmp_path / "many.glb", rows_of(COUNT), **SHEARED), up="y")
     assert not meshes_of(scene)
@@ -125,7 +125,7 @@ def test_what_is_sheared_or_flat_has_triangles_of_its_own(tmp_path):
 
 
 @pytest.mark.parametrize("scale", [0.1, (1, 2, 0.5)])
-def test_instances_upright_and_in_metres(tmp_path, scale):
+def test_instances_with_up_axis_and_scale(tmp_path, scale):
     """The whole file is scaled, not only each mesh."""
     scene = wv.Scene.load(write(tmp_path / "many.glb", rows_of(COUNT)), scale=scale)
     assert len(meshes_of(scene)) == (1 if scale == 0.1 else 0)
@@ -134,7 +134,7 @@ def test_instances_upright_and_in_metres(tmp_path, scale):
         np.testing.assert_allclose(item.vertices, np.stack([x, -z, y], axis=1) * scale, atol=2e-6)
 
 
-def test_movable_instances_begin_where_the_file_has_them(tmp_path, device):
+def test_movable_instances_start_at_their_poses_in_the_file(tmp_path, device):
     rows = rows_of(COUNT)
     scene = wv.Scene.load(write(tmp_path / "many.glb", rows), up="y", movable=["part_1*"], device=device)
     moving = [number for number in range(COUNT) if str(number).startswith("1")]
@@ -153,7 +153,7 @@ def test_names_and_labels_of_instances(tmp_path):
 
 
 def shared_by_nodes():
-    """Two nodes of one mesh, one of another, and one more of the first that deforms it."""
+    """Return two nodes of one mesh, one of another, and one more of the first that deforms it."""
     writer = GltfWriter()
     move = np.ones_like(PART.vertices, dtype=np.float32)
     part = writer.primitive(PART.vertices, PART.faces, targets=[{"POSITION": writer.accessor(move)}])
@@ -168,8 +168,8 @@ def shared_by_nodes():
 
 
 @pytest.mark.parametrize("movable", [False, "t*"])
-def test_nodes_of_one_mesh_share_it_where_they_stay(tmp_path, movable):
-    """One that is movable is at the identity where the file has it, as if no other node had its mesh."""
+def test_static_nodes_of_one_mesh_share_it(tmp_path, movable):
+    """A movable node has the identity pose where the file places it, as if no other node shared its mesh."""
     (tmp_path / "nodes.glb").write_bytes(shared_by_nodes().bytes())
     scene = wv.Scene.load(tmp_path / "nodes.glb", up="y", movable=movable)
     x, y, z = PART.vertices.T
@@ -192,8 +192,8 @@ def test_nodes_of_one_mesh_share_it_where_they_stay(tmp_path, movable):
         assert scene["other"].faces is not scene["one"].faces
 
 
-def test_placements_of_nodes_are_split_at_once(tmp_path, monkeypatch):
-    """One by one takes a quarter of a millisecond each."""
+def test_node_transforms_are_split_in_one_call(tmp_path, monkeypatch):
+    """Splitting them one by one takes a quarter of a millisecond each."""
     calls, whole = [], _gltf.split
     monkeypatch.setattr(_gltf, "split", lambda matrices: calls.append(len(matrices)) or whole(matrices))
     (tmp_path / "nodes.glb").write_bytes(shared_by_nodes().bytes())
@@ -201,13 +201,13 @@ def test_placements_of_nodes_are_split_at_once(tmp_path, monkeypatch):
     assert calls == [3]
 
 
-def test_poses_of_instances_are_turned_at_once(tmp_path):
-    """Also of those whose sizes take turns, which are added one by one."""
+def test_instance_quaternions_are_computed_in_few_calls(tmp_path):
+    """Includes instances of several sizes, which are added one by one."""
     path = write(tmp_path / "many.glb", rows_of(COUNT, SIZES))
     assert calls_of("_quaternions", lambda: wv.Scene.load(path)) < 5
 
 
-def test_exported_instances_share_their_mesh_again(few_share, tmp_path):
+def test_exported_instances_share_their_mesh(few_share, tmp_path):
     scene = wv.Scene.load(write(tmp_path / "many.glb", rows_of(COUNT)))
     scene.export(tmp_path / "again.glb")
     again = wv.Scene.load(tmp_path / "again.glb")
@@ -217,8 +217,8 @@ def test_exported_instances_share_their_mesh_again(few_share, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_instances_take_little(tmp_path):
-    """They had to have less than 100 million corners, of which each was read."""
+def test_one_hundred_thousand_instances_share_one_mesh(tmp_path):
+    """The former limit was 100 million vertices, and each vertex was read."""
     rng, count = np.random.default_rng(0), 100_000
     rows = rng.uniform(-50, 50, (count, 3)), np.tile([0, 0, 0, 1], (count, 1)), np.ones((count, 3))
     mesh = trimesh.creation.icosphere(subdivisions=4)
@@ -230,7 +230,7 @@ def test_a_hundred_thousand_instances_take_little(tmp_path):
     np.testing.assert_allclose(plan.instance_poses[7, :3], rows[0][7][[0, 2, 1]] * (1, -1, 1), atol=1e-5)
 
 
-def test_instances_of_very_many_sizes_are_refused(tmp_path, monkeypatch):
+def test_instances_of_too_many_sizes_raise(tmp_path, monkeypatch):
     monkeypatch.setattr("warpvis.io._gltf._MAX_CORNERS", 10 * len(PART.vertices))
     path = write(tmp_path / "many.glb", rows_of(COUNT, [(size, 1, 1) for size in range(1, 12)]))
     with pytest.raises(FileFormatError, match="the 40 instances of node 0 have more than"):
@@ -238,8 +238,8 @@ def test_instances_of_very_many_sizes_are_refused(tmp_path, monkeypatch):
     wv.Scene.load(write(tmp_path / "few.glb", rows_of(COUNT, [(size, 1, 1) for size in range(1, 11)])))
 
 
-def test_a_part_without_joints_stays_at_a_skinned_node(tmp_path):
-    """After a part with joints, whose node does not count, it was put at the origin, too."""
+def test_part_without_joints_keeps_the_skinned_nodes_transform(tmp_path):
+    """After a skinned part, whose node transform is ignored, it was once placed at the origin too."""
     writer = GltfWriter()
     writer.node(name="joint", translation=[0, 0, 5])
     writer.content["skins"] = [{"joints": [0]}]

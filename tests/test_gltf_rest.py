@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""glTF's skins and morph targets as they are while nothing is animated, which is not how vertices are stored."""
+"""glTF skins and morph targets in the unanimated state, which differs from the stored vertices."""
 
 import warnings
 
@@ -23,11 +23,11 @@ def load(path, writer, **options):
 
 @pytest.mark.parametrize("weights", [WHOLE, np.uint8(255 * WHOLE), np.uint16(65535 * WHOLE), 3 * WHOLE])
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
-def test_skins_of_one_joint_each(tmp_path, weights, kind):
+def test_skins_with_one_joint_per_vertex(tmp_path, weights, kind):
     scene = load(tmp_path / "a.glb", skinned(FIRST, weights, kind=kind), roots=[0, 2])
     np.testing.assert_allclose(scene["arm"].vertices, ROWS + (0, 0, 5), atol=1e-6)
     scene = load(tmp_path / "a.glb", skinned(SECOND, weights, kind=kind), roots=[0, 2])
-    # About (0, 2, 0): (x, y) goes to (-(y - 2), x + 2).
+    # Rotation about (0, 2, 0): (x, y) maps to (-(y - 2), x + 2).
     np.testing.assert_allclose(scene["arm"].vertices, [(2, 2, 5), (2, 3, 5), (0, 2, 5)], atol=1e-6)
 
 
@@ -69,14 +69,14 @@ def test_skins_without_matrices_and_meshes_without_joints(tmp_path):
     ],
     ids=["loop", "few joints", "no node", "few matrices", "no skin", "few weights"],
 )
-def test_skins_that_are_refused(tmp_path, change, wanted):
+def test_invalid_skins_raise(tmp_path, change, wanted):
     writer = skinned(SECOND, WHOLE)
     change(writer.content)
     with pytest.raises(FileFormatError, match=f"cannot be read as GLB: {wanted}"):
         load(tmp_path / "a.glb", writer, roots=[2])
 
 
-def test_morph_targets_by_their_weights(tmp_path):
+def test_morph_target_weights(tmp_path):
     writer = GltfWriter()
     move = [np.float32(step * np.ones((3, 3))) for step in (1, 10, 100)]
     targets = [{"POSITION": writer.accessor(rows)} for rows in move] + [{"NORMAL": 0}]
@@ -90,7 +90,7 @@ def test_morph_targets_by_their_weights(tmp_path):
         np.testing.assert_allclose(scene[name].vertices, ROWS + off, atol=1e-5)
 
 
-def test_morph_targets_that_are_refused(tmp_path):
+def test_invalid_morph_targets_raise(tmp_path):
     writer = GltfWriter()
     targets = [{"POSITION": writer.accessor(np.zeros((2, 3), np.float32))}]
     writer.node(writer.primitive(ROWS, targets=targets), mesh={"weights": [1]}, name="mesh")
@@ -100,8 +100,8 @@ def test_morph_targets_that_are_refused(tmp_path):
         load(tmp_path / "a.glb", writer)
 
 
-def test_a_skin_of_a_compressed_mesh(tmp_path):
-    """Joints and weights may be compressed with the positions, or not."""
+def test_skin_of_a_compressed_mesh(tmp_path):
+    """Joints and weights may be compressed with the positions or not."""
     DracoPy = pytest.importorskip("DracoPy")
     writer = skinned(SECOND, WHOLE)
     places = writer.content["meshes"][0]["primitives"][0]["attributes"]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Observations of Gymnasium's environments: alone, in vectors, in workers, and through resets."""
+"""Observations of Gymnasium environments: single, in vectors, in workers, and across resets."""
 
 import importlib
 import pickle
@@ -55,7 +55,7 @@ def assert_same(one, other):
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("dictionary", [False, True])
 @pytest.mark.parametrize("camera", ["front", ["front", -1]])
-def test_gymnasiums_own_check(camera, dictionary):
+def test_gymnasium_env_checker(camera, dictionary):
     env, observation = observed(camera, Cup(dictionary=dictionary), **ALL)
     check_env(env, skip_render_check=True)
     assert set(observation) == {"joints" if dictionary else "state", "depth", "segmentation", "visible_fraction"}
@@ -63,7 +63,7 @@ def test_gymnasiums_own_check(camera, dictionary):
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_gymnasiums_own_environment():
+def test_registered_gymnasium_environment():
     pytest.importorskip("imageio")
     env = DepthObservation(gym.make("Reacher-v5"), objects=["target"], **SIZE)
     check_env(env, skip_render_check=True)
@@ -72,7 +72,7 @@ def test_gymnasiums_own_environment():
     assert_same(env.reset(seed=1)[0], again.reset(seed=1)[0])
 
 
-def test_depth_is_what_the_renderer_makes():
+def test_depth_equals_the_renderers():
     env, _ = observed("chase")
     observation, *_ = env.step(ACTION)
     simulation = env.unwrapped
@@ -87,7 +87,7 @@ def test_depth_is_what_the_renderer_makes():
     assert not near.all() and (observation["depth"][~near] == 20).all(), "MuJoCo's far plane where nothing is"
 
 
-def test_it_follows_the_model():
+def test_observations_follow_model_changes():
     env, before = observed(**ALL)
     simulation = env.unwrapped
     simulation.set_model("body_pos", simulation.model.body("shelf").id, [0, 1, 0.6])
@@ -101,7 +101,7 @@ def test_it_follows_the_model():
     ).argmax()
 
 
-def test_images_are_the_callers():
+def test_images_are_owned_by_the_caller():
     env, first = observed(["front", "chase"], **ALL)
     kept = {name: value.copy() for name, value in first.items()}
     second, *_ = env.step(ACTION)
@@ -115,7 +115,7 @@ def test_images_are_the_callers():
 @pytest.mark.parametrize(
     ("fill", "empty", "bounds"), [("far", 20, (0, 20)), (-1.0, -1, (-1, 20)), ("inf", np.inf, (0, np.inf))]
 )
-def test_empty_pixels(fill, empty, bounds):
+def test_fill_of_empty_pixels(fill, empty, bounds):
     env, observation = observed(fill=fill, outputs=("depth", "segmentation"))
     space = env.observation_space["depth"]
     assert (space.low.min(), space.high.max()) == bounds and space.contains(observation["depth"])
@@ -124,7 +124,7 @@ def test_empty_pixels(fill, empty, bounds):
 
 
 @pytest.mark.parametrize("segmentation", ["geom", "body", {"*": 0, "cup": 3, "handle": 7}])
-def test_numbers_of_pixels(segmentation):
+def test_segmentation_values(segmentation):
     env, observation = observed(segmentation=segmentation, outputs=["segmentation"])
     model = env.unwrapped.model
     geoms = observed(outputs=["segmentation"])[1]["segmentation"]
@@ -137,8 +137,8 @@ def test_numbers_of_pixels(segmentation):
     assert "depth" not in observation
 
 
-def test_fractions_are_of_whole_bodies():
-    """Of one geom as `object_visibility` has it; of two, of the silhouette that both have together."""
+def test_visible_fraction_of_whole_bodies():
+    """For one geom it equals `object_visibility`; for two, it uses their joint silhouette."""
     env, observation = observed(
         objects=["ball", "handle", "cup", "foot"], outputs=["segmentation"], width=80, height=64
     )
@@ -163,7 +163,7 @@ def test_fractions_are_of_whole_bodies():
     assert env.observation({})["visible_fraction"][2] < 0.35
 
 
-def test_copies_see_the_same():
+def test_pickled_copies_return_the_same():
     env, _ = observed(**ALL)
     again = pickle.loads(pickle.dumps(env))
     assert_same(env.reset(seed=5)[0], again.reset(seed=5)[0])
@@ -171,7 +171,7 @@ def test_copies_see_the_same():
     env.close()
 
 
-def test_other_homes_of_models():
+def test_models_of_other_environment_classes():
     cup = Cup()
     cup.reset(seed=0)
     sim = SimpleNamespace(model=SimpleNamespace(_model=cup.model), data=SimpleNamespace(_data=cup.data))
@@ -191,12 +191,12 @@ def test_other_homes_of_models():
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("camera", ["front", ["chase", -1]])
-def test_a_vector_sees_what_each_environment_does(mode, camera):
+def test_vector_matches_single_environments(mode, camera):
     compare_vectors("sync", mode, camera)
 
 
 @parametrize(("kind", "count"), [("fork", 2), ("spawn", 1)])
-def test_workers(kind, count):
+def test_worker_processes(kind, count):
     compare_vectors(kind, "SameStep", "front", count)
 
 
@@ -220,7 +220,7 @@ def compare_vectors(kind, mode, camera, count=3):
     all_.close()
 
 
-def test_sites_show_if_asked_for():
+def test_sites_are_rendered_on_request():
     every = mujoco.MjvOption()
     look = {"camera": "front", "objects": ["mark"], "outputs": ["segmentation"], **SIZE}
     look["segmentation"] = {"*": 0, "mark": 5}
@@ -234,7 +234,7 @@ def test_sites_show_if_asked_for():
     assert (observed(outputs=["segmentation"], scene_option=every)[1]["segmentation"] == -1).any()
 
 
-def test_a_vector_without_automatic_resets():
+def test_vector_without_autoreset():
     envs = VectorDepthObservation(vector("sync", "PoseObservation", 2, "Disabled", 2), camera="front", **SIZE)
     first, _ = envs.reset(seed=0)
     for _ in range(2):
@@ -245,7 +245,7 @@ def test_a_vector_without_automatic_resets():
     np.testing.assert_array_equal(after["depth"][1], observations["depth"][1])
 
 
-def test_a_vector_shows_what_differs_between_models():
+def test_vector_shows_differences_between_models():
     envs = vector("sync", "PoseObservation")
     images = VectorDepthObservation(envs, camera="front", movable=["shelf"], **ALL)
     alone = [DepthObservation(env.unwrapped, camera="front", **ALL) for env in envs.envs]
@@ -260,7 +260,7 @@ def test_a_vector_shows_what_differs_between_models():
             assert_same(env.observation(seen["state"][index]), {name: part[index] for name, part in seen.items()})
 
 
-def test_what_a_vector_cannot_show_is_said():
+def test_unsupported_model_differences_raise():
     def stepped(change, **options):
         envs = vector("sync", "PoseObservation", 2)
         images = VectorDepthObservation(envs, camera="front", **SIZE, **options)
@@ -291,7 +291,7 @@ def test_what_a_vector_cannot_show_is_said():
         images.reset(seed=0)
 
 
-def test_what_is_no_environment_is_said():
+def test_invalid_environments_and_arguments_raise():
     class NoModel(gym.Env):
         observation_space = action_space = gym.spaces.Discrete(2)
 
@@ -310,7 +310,7 @@ def test_what_is_no_environment_is_said():
         DepthObservation(Cup(), camera="rear")
 
 
-def test_gymnasium_is_needed_for_it_alone(monkeypatch):
+def test_missing_gymnasium_raises_on_import(monkeypatch):
     for name in [name for name in sys.modules if name.startswith("warpvis.mujoco.gymnasium")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "gymnasium", None)

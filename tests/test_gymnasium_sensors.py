@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What depth cameras say in observations of Gymnasium's environments: noise by the seed, alone and in vectors."""
+"""Depth-camera models in Gymnasium observations: noise by seed, in single and vector environments."""
 
 import pickle
 from functools import partial
@@ -23,7 +23,7 @@ from warpvis.mujoco.gymnasium._draws import as_halves, from_halves  # noqa: E402
 NOISY = StereoDepth(0.06, sigma=0.1, dropout=0.05, shadow=False)
 LOOK = {"camera": "front", "width": 40, "height": 32, "sensor": NOISY}
 ALL = LOOK | {"outputs": ("depth", "reasons", "true_depth", "segmentation"), "objects": ("cup",)}
-WALL = (slice(10, 20), slice(24, 30))  # which no joint moves
+WALL = (slice(10, 20), slice(24, 30))  # not moved by any joint
 STILL = np.zeros(1, dtype=np.float32)
 
 
@@ -33,7 +33,7 @@ def vector(wrapper, mode="NextStep", length=1000, **options):
 
 
 def assert_same(one, other):
-    """To a digit of what is computed of poses; what is lost is lost in both."""
+    """Check equality up to rounding of poses; lost pixels are lost in both."""
     assert set(one) == set(other)
     for name, value in one.items():
         assert np.isclose(value, other[name], rtol=1e-3, atol=1e-3).mean() > 0.995, name
@@ -41,7 +41,7 @@ def assert_same(one, other):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("camera", ["front", ["front", "chase"]])
-def test_gymnasiums_own_check(camera):
+def test_gymnasium_env_checker(camera):
     env = DepthObservation(Cup(), **(ALL | {"camera": camera}))
     check_env(env, skip_render_check=True)
     observation, _ = env.reset(seed=1)
@@ -51,28 +51,28 @@ def test_gymnasiums_own_check(camera):
     assert (depth[reasons > 0] == 20).all() and (depth[reasons == 0] < 20).all()
     true = observation["true_depth"]
     errors = np.abs(depth - true)[reasons == 0]
-    assert 0.01 < np.median(errors) < 0.2  # of 0.1 px, 6 cm and 34 px at 3 m: 0.3 m
+    assert 0.01 < np.median(errors) < 0.2  # 0.1 px with 6 cm and 34 px at 3 m: 0.3 m
     np.testing.assert_array_equal(true == np.inf, observation["segmentation"] == -1)
 
 
-def test_noise_follows_from_the_seed_and_the_step():
+def test_noise_depends_on_seed_and_step():
     env = DepthObservation(Cup(), **LOOK)
     other = DepthObservation(Cup(), **LOOK)
     episodes = [[env.reset(seed=seed)[0]["depth"], env.step(STILL)[0]["depth"]] for seed in (3, 3, 4)]
     np.testing.assert_array_equal(*episodes[:2])
     np.testing.assert_array_equal(other.reset(seed=3)[0]["depth"], episodes[0][0])
-    # What is still has other noise in the next step, with another seed, and after a reset that says none.
+    # Static pixels have different noise in the next step, with another seed, and after an unseeded reset.
     images = [*episodes[0], *episodes[2], env.reset()[0]["depth"], DepthObservation(Cup(), **LOOK).reset()[0]["depth"]]
     for index, image in enumerate(images):
         for before in images[:index]:
             assert (image[WALL] != before[WALL]).mean() > 0.5
     with np.errstate(divide="ignore"):
-        errors = [1 / image[WALL].ravel() for image in images[:-1]]  # which are the same in each run
+        errors = [1 / image[WALL].ravel() for image in images[:-1]]  # those that are the same in each run
     alike = np.corrcoef(errors) - np.eye(len(errors))
     assert np.abs(alike).max() < 0.5
 
 
-def test_a_copy_goes_on():
+def test_pickled_copy_continues_the_noise():
     env = DepthObservation(Cup(), **LOOK)
     first = env.reset(seed=5)[0]["depth"]
     again = pickle.loads(pickle.dumps(env))
@@ -83,7 +83,7 @@ def test_a_copy_goes_on():
 
 @parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("camera", ["front", ["chase", "front"]])
-def test_an_environment_has_its_noise_alone_and_in_a_vector(mode, camera):
+def test_noise_is_equal_alone_and_in_a_vector(mode, camera):
     one = vector("DepthObservation", mode, 3, **(ALL | {"camera": camera}))
     all_ = VectorDepthObservation(vector("PoseObservation", mode, 3), **(ALL | {"camera": camera}))
     assert one.observation_space == all_.observation_space
@@ -99,7 +99,7 @@ def test_an_environment_has_its_noise_alone_and_in_a_vector(mode, camera):
             assert_same(last, other)
 
 
-def test_seeds_of_a_vector_follow_each_other():
+def test_vector_seeds_are_consecutive():
     envs = VectorDepthObservation(vector("PoseObservation"), **LOOK)
     first = envs.reset(seed=7)[0]["depth"]
     np.testing.assert_array_equal(envs.reset(seed=[7, 8, 9])[0]["depth"], first)
@@ -107,8 +107,8 @@ def test_seeds_of_a_vector_follow_each_other():
     np.testing.assert_array_equal(shifted[:2], first[1:])
 
 
-def test_episodes_have_sensors_of_their_own():
-    """Whose offset is a part of what they are: the same in all steps of an episode, and in the same one of a seed."""
+def test_randomized_sensor_is_drawn_per_episode():
+    """The offset is a property of the episode: constant in its steps, and reproducible from the seed."""
     sensor = randomized(TimeOfFlight(1e7, mixing=False), offset=(-0.05, 0.05))
     env = DepthObservation(Cup(), **(LOOK | {"sensor": sensor, "outputs": ("depth", "true_depth")}))
 
@@ -128,7 +128,7 @@ def test_episodes_have_sensors_of_their_own():
     assert (differences[~np.eye(6, dtype=bool)] > 1e-4).all()
 
 
-def test_words_pass_through_single_precision():
+def test_words_round_trip_through_single_precision():
     words = np.random.default_rng(0).integers(0, 2**32, (500, 3), dtype=np.uint32)
     words[:2] = [0, 1, 2**32 - 1], [2**16, 2**16 - 1, 2**31]
     rows = np.array([as_halves(row) for row in words])
@@ -136,7 +136,7 @@ def test_words_pass_through_single_precision():
     np.testing.assert_array_equal(from_halves(rows), words)
 
 
-def test_environments_that_are_not_reset_go_on():
+def test_environments_without_reset_continue():
     envs = VectorDepthObservation(vector("PoseObservation", "Disabled"), **LOOK)
     first = envs.reset(seed=0)[0]["depth"]
     before = envs.step(np.zeros((3, 1), dtype=np.float32))[0]["depth"]
@@ -146,7 +146,7 @@ def test_environments_that_are_not_reset_go_on():
     np.testing.assert_array_equal(after[1:], before[1:])
 
 
-def test_what_is_refused():
+def test_invalid_arguments_raise():
     with pytest.raises(wv.errors.ArrayError, match='fill must be "far" or a number with a sensor, got "inf"'):
         DepthObservation(Cup(), **LOOK, fill="inf")
     with pytest.raises(wv.errors.ArrayError, match="sensor must be a model of"):
