@@ -83,6 +83,8 @@ lint: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/clang-format --dry-run -Werror $(NATIVE)
 	$(BIN)/python scripts/check_kernels.py
+	$(BIN)/python scripts/check_prose.py
+	$(BIN)/codespell
 	$(BIN)/python scripts/typecheck.py
 	$(BIN)/lint-imports
 

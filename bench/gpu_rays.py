@@ -197,7 +197,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default="cuda:0")
-    parser.add_argument("--views", type=int, help="of all cases, instead of their own")
+    parser.add_argument("--views", type=int, help="number of views of all cases")
     parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
     parser.add_argument("--scenes", nargs="+", choices=wv.scenes.PRESETS, default=SCENES)
     arguments = parser.parse_args()

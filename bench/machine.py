@@ -58,7 +58,9 @@ class OtherWork:
     def warning(self) -> str:
         """Return a sentence about it, or an empty string if it is negligible."""
         share = self.share()
-        return f"Other processes took {share:.0%} of this machine's cores meanwhile." if share > 0.05 else ""
+        return (
+            f"Other processes took {share:.0%} of this machine's cores during the measurement." if share > 0.05 else ""
+        )
 
 
 def _processor_time() -> tuple[float, float]:

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Find phrases in docstrings, comments, messages and documents that read like no other project's.
+"""Find stilted phrases in docstrings, comments, messages and documents.
 
     python scripts/check_prose.py [PATH ...]
 
-Prints ``file:line: phrase`` for each, and exits with 1 if there are any. A sentence is rewritten by naming its noun; see
-"Language" in CONTRIBUTING.md.
+Prints ``file:line: phrase`` for each, and exits with 1 if there are any. Rewrite the sentence: subject, verb, object, and
+a noun for the thing that it is about.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ FOLDERS = ("warpvis", "kernels", "scenes", "bench", "examples", "scripts", "docs
 PHRASES = re.compile(
     r"\b(?:nobody|somebody|whoever|amiss|meanwhile)\b"
     r"|\bwhat (?:it|they) (?:has|have) to be\b"
-    r"|\bof (?:its|their|one's|our|your) own\b"
+    r"|\bof (?:its|their|one's|our|your) own(?=[.,;:)]| (?:and|that|with|which)\b|$)"
     r"|\b[Ss]o (?:many|few) \w+ (?:at|of|are|as)\b"
-    r"|\b(?:is|are|was|be) none\b"
+    r"|(?<!there )\b(?:is|are|was) none\b"
     r"|\b(?:says|said) (?:it|so|that|nothing|which|where|how|what|whether)\b"
     r"|\bby who\b|\bfor those who\b|\bwho (?:asks|calls|casts|reads|renders|takes|waits)\b"
     r"|\bin place of\b|\btaken for\b|\bby lot\b"
@@ -63,11 +63,7 @@ def main() -> int:
     files = [path for place in chosen for path in ([place] if place.is_file() else sorted(place.rglob("*")))]
     found = 0
     for path in files:
-        if (
-            path.suffix not in (".py", ".h", ".cpp", ".md")
-            or "_build" in path.parts
-            or path == Path(__file__).resolve()
-        ):
+        if path.suffix not in (".py", ".h", ".cpp", ".md") or "_build" in path.parts or path.name == "check_prose.py":
             continue
         for line, text in texts(path):
             for match in PHRASES.finditer(re.sub(r"\s+", " ", text)):

@@ -71,7 +71,7 @@ def save_sightings(
     path: str | os.PathLike[str],
     *,
     objects: Sequence[str | int] | None = None,
-    title: str = "What is seen of the objects",
+    title: str = "Visible parts of the objects",
     object_poses: ObjectPoses = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",

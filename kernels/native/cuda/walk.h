@@ -327,8 +327,7 @@ struct Walk {
         packet.refresh();
     }
 
-    // Traverse until all is rasterized, or so many pixels are uncertain that their memory may overflow. Returns whether
-    // it is the latter.
+    // Traverse until all is rasterized, or until the memory of uncertain pixels may overflow. Returns whether it may.
     static inline bool go_on(const Bvh& bvh, const Camera& camera, Packet& packet, Level* levels, Memory& memory) {
         const int lane = Warp::lane();
         TriangleQueue queue = {memory.triangles, memory.queued};

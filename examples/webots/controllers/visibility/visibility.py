@@ -20,7 +20,7 @@ BOUNDS = ((-2, -2), (2, 2))  # of the map of the floor [m]
 MARGIN = 1.1  # points on an object's surface must be inside its sphere
 MOVING = {"low obstacle": "LOW_OBSTACLE", "high obstacle": "HIGH_OBSTACLE", "ball": "BALL", "person": "PERSON"}
 MOVING["robot"] = "ROBOT"  # names in the scene, in its order, and DEF names in the world
-WHO = ("nobody sees", "the robot sees", "the person sees", "both see")
+WHO = ("neither sees", "the robot sees", "the person sees", "both see")
 COLORS = np.array([wv.maps.MAP_LEGEND[label][1] for label in wv.Label], dtype=np.uint8)
 LOOK = wv.Camera.from_fov(200, 200, hfov=np.radians(60))  # the person's view
 
