@@ -4,8 +4,8 @@
 
     python scripts/check_prose.py [PATH ...]
 
-Prints ``file:line: phrase`` for each, and exits with 1 if there are any. Rewrite the sentence: subject, verb, object, and
-a noun for the thing that it is about.
+Prints ``file:line: phrase`` for each, and exits with 1 if there are any. Rewrite the sentence with a
+subject, a verb and an object.
 """
 
 from __future__ import annotations
