@@ -146,7 +146,7 @@ def run_one(index: int, steps: int, size: int) -> dict[str, Any]:
 def main() -> None:
     """Run all cases, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--steps", type=int, default=5000, help="vectorised steps of two environments")
+    parser.add_argument("--steps", type=int, default=5000, help="vectorized steps of two environments")
     parser.add_argument("--size", type=int, default=84, help="image width and height [px]")
     parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()

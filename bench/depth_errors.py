@@ -44,9 +44,9 @@ def say_icl_nuim(depth: NDArray, rng: np.random.Generator) -> NDArray[np.float64
         np.clip(np.rint(at + rng.normal(scale=0.5, size=depth.shape)), 0, size - 1).astype(int)
         for at, size in ((y, height), (x, width))
     )
-    centimetres = 100.0 * depth[view, row, column].astype(np.float64)
+    centimeters = 100.0 * depth[view, row, column].astype(np.float64)
     with np.errstate(divide="ignore"):  # the sky has infinite depth
-        return 351.30 / np.floor(35130 / centimetres + rng.normal(scale=1 / 6, size=depth.shape) + 0.5)
+        return 351.30 / np.floor(35130 / centimeters + rng.normal(scale=1 / 6, size=depth.shape) + 0.5)
 
 
 def measure(views: int) -> tuple[NDArray, dict[str, NDArray]]:
@@ -104,7 +104,7 @@ def draw(exact: NDArray, errors: dict[str, NDArray], path: str) -> None:
         row[0].set_ylabel(f"{low:g} to {high:g} m", fontsize=8)
     for axis, name in zip(axes[0], names, strict=True):
         axis.set_title(name, fontsize=9)
-    figure.supxlabel("error, mm; grey: ICL-NUIM's formula", fontsize=8)
+    figure.supxlabel("error, mm; gray: ICL-NUIM's formula", fontsize=8)
     figure.savefig(path, dpi=70)
 
 

@@ -78,10 +78,10 @@ def looking(eyes: NDArray[np.float64], targets: NDArray[np.float64], up: NDArray
     return poses_to_opencv(matrices).astype(np.float32)
 
 
-def around(rng: Generator, centre: NDArray[np.float64], distance: float, views: int) -> NDArray[np.float32]:
+def around(rng: Generator, center: NDArray[np.float64], distance: float, views: int) -> NDArray[np.float32]:
     """Return poses that look at points near a center, from about a distance."""
-    eyes = centre + rng.normal(size=(views, 3)) * distance
-    targets = centre + rng.normal(size=(views, 3)) * 0.3 * distance
+    eyes = center + rng.normal(size=(views, 3)) * distance
+    targets = center + rng.normal(size=(views, 3)) * 0.3 * distance
     return looking(eyes, targets, rng.normal(size=3))
 
 

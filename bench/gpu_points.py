@@ -54,7 +54,7 @@ def _in_no_order(count: int) -> Make:
 
 # name: views, their points
 CASES: dict[str, tuple[int, Make]] = {
-    "pixels' centres": (512, _centers),
+    "pixels' centers": (512, _centers),
     "the other eye": (512, _other_eye),
     "76,800 in no order": (64, _in_no_order(76_800)),
     "10,000 in no order": (64, _in_no_order(10_000)),
@@ -130,7 +130,7 @@ def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]
         return Contest(runs["auto"], {"bare": [runs["bare"]]}, timer_of(device))
 
     for scene in ("room", "blobs_77k"):
-        for case in ("pixels' centres", "the other eye", "76,800 in no order"):
+        for case in ("pixels' centers", "the other eye", "76,800 in no order"):
             yield Workload(f"points {scene} {case}", partial(in_images, scene, case))
         for count in (1000, 1_000_000):
             yield Workload(f"point_visibility {scene} {count:,}", partial(in_the_world, scene, count))

@@ -228,7 +228,7 @@ def main() -> int:
     parser.add_argument("--worlds", type=int, default=4096)
     parser.add_argument("--sizes", type=int, nargs="+", default=[64, 128])
     parser.add_argument("--cameras", nargs="*", default=[])
-    parser.add_argument("--tolerance", type=float, default=DEFAULT_TOLERANCE, help="of round shapes, in metres")
+    parser.add_argument("--tolerance", type=float, default=DEFAULT_TOLERANCE, help="of round shapes, in meters")
     parser.add_argument("--device", default="cuda:0")
     options = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING

@@ -179,7 +179,7 @@ def main() -> int:
     """Compare and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--configurations", type=int, default=50)
-    parser.add_argument("--tolerance", type=float, default=DEFAULT_TOLERANCE, help="of round shapes, in metres")
+    parser.add_argument("--tolerance", type=float, default=DEFAULT_TOLERANCE, help="of round shapes, in meters")
     parser.add_argument("--rounds", type=int, default=30, help="of timing")
     options = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING

@@ -38,7 +38,7 @@ class NguyenModel:
 
 @wp.func
 def steepness(angle: float) -> float:
-    """Return the factor by which noise grows towards grazing angles: angle / (90 degrees - angle)."""
+    """Return the factor by which noise grows toward grazing angles: angle / (90 degrees - angle)."""
     return angle / (RIGHT_ANGLE - angle)
 
 

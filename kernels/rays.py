@@ -106,8 +106,8 @@ def nearest_instance(
     """Return the nearest hit among static objects with a shared mesh, up to `max_t` along the ray."""
     hit = no_hit()
     nearest = float(max_t)
-    towards = wp.quat_rotate(in_world.rotation, ray)
-    inverse, origin = inverses_of(towards), wp.vec3(in_world.origin)
+    toward = wp.quat_rotate(in_world.rotation, ray)
+    inverse, origin = inverses_of(toward), wp.vec3(in_world.origin)
     steps = steps_of(scene)
     step = next_instance(steps, 0, origin, inverse, nearest)
     while step >= 0:

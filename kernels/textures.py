@@ -75,7 +75,7 @@ def wrapped(index: int, size: int, mode: int) -> int:
     if mode == WRAP_CLAMP:
         return wp.clamp(index, 0, size - 1)
     repetition = index // size
-    if index < repetition * size:  # division rounds towards 0
+    if index < repetition * size:  # division rounds toward 0
         repetition -= 1
     offset = index - repetition * size
     if mode == WRAP_MIRROR and (repetition & 1) != 0:

@@ -420,7 +420,7 @@ def tools_cases(folder):
                 "strict": False,
             },
         ),
-        "quantise": (wv.webots.quantise, {"values": DEPTH[0], "resolution": 0.1}),
+        "quantize": (wv.webots.quantize, {"values": DEPTH[0], "resolution": 0.1}),
         "range_values": (
             wv.webots.range_values,
             {
@@ -433,7 +433,7 @@ def tools_cases(folder):
                 "near_bias": False,
             },
         ),
-        "recognise": (wv.webots.recognise, {"world": world, "camera_name": "camera", "threads": 1}),
+        "recognize": (wv.webots.recognize, {"world": world, "camera_name": "camera", "threads": 1}),
         "render_lidar": (
             wv.webots.render_lidar,
             {

@@ -155,7 +155,7 @@ def top_cases(folder):
             lambda **given: scene().add(**given),
             {"mesh": MESH, "name": "new", "label": "human", "pose": POSE, "scale": 2.0, "movable": False},
         ),
-        "Scene.add, with a colour": (lambda **given: scene().add(MESH, **given), {"appearance": (1.0, 0.5, 0.0)}),
+        "Scene.add, with a color": (lambda **given: scene().add(MESH, **given), {"appearance": (1.0, 0.5, 0.0)}),
         "Scene.add, attached": (lambda **given: scene().add(MESH, **given), {"attach_to": "cart"}),
         "Scene.add_instances": (
             lambda **given: scene().add_instances(**given),

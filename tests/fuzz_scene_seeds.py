@@ -36,14 +36,14 @@ def see(scene: wv.Scene) -> None:
     from warpvis.pose_generators import framing
 
     describe(scene)
-    _ask_for_colours(scene)
+    _ask_for_colors(scene)
     assert all(np.isfinite(light.strength(np.full((1, 3), 7.5))).all() for light in scene.lights)
     if len(scene):
         whole = wv.Camera.from_fov(12, 9, hfov=1.0)
         wv.render(scene, whole, framing(scene, whole))
 
 
-def _ask_for_colours(scene: wv.Scene) -> None:
+def _ask_for_colors(scene: wv.Scene) -> None:
     """Read the appearance of objects: damaged image files only warn."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -72,7 +72,7 @@ def _see_world(name: str, *search_path: str) -> Callable[[Path], None]:
 
 
 def meshes(root: Path) -> Iterator[Item]:
-    from support.appearance_files import MTL, OBJ as COLOURED, png as picture
+    from support.appearance_files import MTL, OBJ as COLORED, png as picture
     from support.damaged_files import ply
     from support.mesh_files import OBJ, SOLIDS, dae, threemf
 
@@ -81,18 +81,18 @@ def meshes(root: Path) -> Iterator[Item]:
     relative = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nf -3/1/1 -2//1 -1 \\\n 1\n"
     for text in (f"mtllib a.mtl\n{OBJ}", box, relative):
         yield "OBJ and MTL", {"a.obj": text, "a.mtl": mtl}, (), _see_file("a.obj")
-    seen = {"a.obj": COLOURED, "m.mtl": MTL, "my tex.png": picture()}
+    seen = {"a.obj": COLORED, "m.mtl": MTL, "my tex.png": picture()}
     yield "OBJ and MTL", seen, (), _see_file("a.obj")
     yield "STL", {"a.stl": _BOX.export(file_type="stl")}, (), _see_file("a.stl")
     for text in (SOLIDS, _BOX.export(file_type="stl_ascii")):
         yield "STL", {"a.stl": text}, (), _see_file("a.stl")
     cloud = trimesh.PointCloud(_BALL.vertices).export(file_type="ply")
-    colours = trimesh.creation.box()
-    colours.visual.vertex_colors = np.arange(32).reshape(8, 4).astype(np.uint8)
+    colors = trimesh.creation.box()
+    colors.visual.vertex_colors = np.arange(32).reshape(8, 4).astype(np.uint8)
     for data in (
         _BALL.export(file_type="ply"),
         _BOX.export(file_type="ply", encoding="ascii"),
-        colours.export(file_type="ply"),
+        colors.export(file_type="ply"),
         cloud,
         ply("<", [(0, 1, 2, 3), (0, 1, 4), (0, 1, 5, 2, 3)]),
         ply(">", [(0, 1, 2, 3), (0, 1, 4)], more="property uchar red\n", tail=b"\7"),
@@ -121,9 +121,9 @@ def gltf(root: Path) -> Iterator[Item]:
         (_see_file("model.gltf")),
     )
     yield "glTF", {"a.gltf": _embedded(plain)}, (), _see_file("a.gltf")
-    coloured = triangle({"index": 0, "extensions": {"KHR_texture_transform": {"rotation": 1, "scale": [2, 1]}}}).bytes()
+    colored = triangle({"index": 0, "extensions": {"KHR_texture_transform": {"rotation": 1, "scale": [2, 1]}}}).bytes()
     for data in (
-        coloured,
+        colored,
         lit_file(),
         car(),
         scene.export(file_type="glb"),
@@ -189,10 +189,10 @@ def labels(root: Path) -> Iterator[Item]:
         writer.node(writer.primitive(corners, faces=[0, 1, 2]), name=name, extras={"label": label})
     street = writer.bytes()
     for name, text in TEXTS.items():
-        yield "labels", {name: text, "a.glb": street}, (name,), _labelled(name)
+        yield "labels", {name: text, "a.glb": street}, (name,), _labeled(name)
 
 
-def _labelled(name: str) -> Callable[[Path], None]:
+def _labeled(name: str) -> Callable[[Path], None]:
     return lambda folder: see(wv.Scene.load(folder / "a.glb", labels=folder / name))
 
 

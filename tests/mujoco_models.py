@@ -31,8 +31,8 @@ SHAPES = """
     <geom name="field" type="sdf" mesh="wedge" pos="-1 -.2 .1" euler="0 0 70"/>
     <geom name="hidden" type="sphere" size=".5" pos="0 0 .5" rgba="1 0 0 0"/>
     <geom name="hidden_by_material" type="sphere" size=".5" pos="0 0 .5" material="unseen"/>
-    <geom name="own_colour" type="sphere" size=".07" pos="-.2 -.9 .07" material="unseen" rgba="0 1 0 .4"/>
-    <geom name="no_colour" type="sphere" size=".6" pos="0 0 .5" material="seen" rgba="0 1 0 0"/>
+    <geom name="own_color" type="sphere" size=".07" pos="-.2 -.9 .07" material="unseen" rgba="0 1 0 .4"/>
+    <geom name="no_color" type="sphere" size=".6" pos="0 0 .5" material="seen" rgba="0 1 0 0"/>
     <geom name="collision" type="sphere" size=".7" pos="0 0 .5" group="3"/>
     <body name="ball" pos=".5 0 .3">
       <freejoint/>

@@ -74,9 +74,9 @@ def rank_ranges(counts: NDArray) -> NDArray:
 
 def bins_of(low: NDArray, high: NDArray, grid: NDArray) -> NDArray:
     """Return the bin of each item along each axis, (n, 3), in single precision as the kernel assigns them."""
-    centres, size = np.float32(low) + np.float32(high), np.float32(grid[1]) - np.float32(grid[0])
+    centers, size = np.float32(low) + np.float32(high), np.float32(grid[1]) - np.float32(grid[0])
     scale = np.where(size > 1e-30, np.float32(BINS) / np.where(size > 1e-30, size, 1), 0).astype(np.float32)
-    return np.clip(np.trunc((centres - np.float32(grid[0])) * scale), 0, BINS - 1).astype(int)
+    return np.clip(np.trunc((centers - np.float32(grid[0])) * scale), 0, BINS - 1).astype(int)
 
 
 def fill_bins(low: NDArray, high: NDArray, grid: NDArray) -> tuple[NDArray, NDArray]:

@@ -25,7 +25,7 @@ def eyes(camera: OrthographicCamera, pose: NDArray, pixels: NDArray) -> NDArray[
     return aside @ matrix[:3, :2].T + matrix[:3, 3]
 
 
-def centres(camera: OrthographicCamera) -> NDArray[np.float64]:
+def centers(camera: OrthographicCamera) -> NDArray[np.float64]:
     """Return the pixel centers, shape (H, W, 2)."""
     y, x = np.mgrid[: camera.height, : camera.width] + 0.5
     return np.stack([x, y], axis=-1)
@@ -43,7 +43,7 @@ def cast_parallel_rays(
     """Return `reference.Images` of all pixels, or of image points, shape (H, W, 2)."""
     import reference
 
-    pixels = centres(camera) if pixels is None else pixels
+    pixels = centers(camera) if pixels is None else pixels
     range_only = Camera(1, 1, 1.0, 1.0, 0.5, 0.5, camera.near, camera.far)
     rows = np.repeat(np.asarray(pose, dtype=np.float64)[None], pixels[..., 0].size, axis=0)
     rows[:, :3] = eyes(camera, pose, pixels).reshape(-1, 3)
@@ -62,6 +62,6 @@ def show_later_from_plane(
     **options: Any,
 ) -> NDArray:
     """As `reference_coinciding.show_later`, along parallel rays."""
-    origins = eyes(camera, pose, centres(camera))
+    origins = eyes(camera, pose, centers(camera))
     rays = np.broadcast_to(poses_to_matrices(pose)[:3, 2], origins.shape)
     return show_later_along(scene, origins, rays, segmentation, depth, **options)

@@ -27,8 +27,8 @@ def split_cost(left: NDArray, right: NDArray, lanes: int) -> float:
 
 def split_range(boxes: NDArray, lanes: int) -> float:
     """Return the smallest cost of any split of boxes ordered by their centers along an axis."""
-    centres = boxes[:, :3] + boxes[:, 3:]
-    orders = [np.argsort(centres[:, axis], kind="stable") for axis in range(3)]
+    centers = boxes[:, :3] + boxes[:, 3:]
+    orders = [np.argsort(centers[:, axis], kind="stable") for axis in range(3)]
     return min(split_cost(boxes[o[:i]], boxes[o[i:]], lanes) for o in orders for i in range(1, len(boxes)))
 
 

@@ -41,7 +41,7 @@ RENAMED_NAMES = {
     "wv.panorama.render_wide": "wv.rendering.render_wide",
     "wv.webots.world.load_webots": "wv.webots.load_webots",
     "wv.webots.devices.render_range": "wv.webots.render_range",
-    "wv.webots.recognition.recognise": "wv.webots.recognise",
+    "wv.webots.recognition.recognize": "wv.webots.recognize",
     "wv.webots.controller.DepthEye": "wv.webots.DepthEye",
 }
 """New names by old names."""

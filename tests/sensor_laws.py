@@ -157,14 +157,14 @@ def _simkinect(
     """Evaluate the distribution at dots, over all shifts with which they are detected."""
     at, found, kept = see_dots(model, camera, exact)
     weights = kept / kept.sum(axis=1, keepdims=True)
-    centres = 35130 / np.rint(_disparity_scale(model, camera) / found * model.units) + 0.5
+    centers = 35130 / np.rint(_disparity_scale(model, camera) / found * model.units) + 0.5
     rows, columns = np.nonzero(np.asarray(model.pattern)[: camera.height, : camera.width])
 
     def below(level: NDArray) -> NDArray:
         shares = np.full(level.shape, np.nan)
         for place, column in enumerate(at):
             of_column = rows[columns == column]
-            away = level[:, of_column, column][..., None] - centres[place]
+            away = level[:, of_column, column][..., None] - centers[place]
             shares[:, of_column, column] = ndtr(away / model.sigma) @ weights[place]
         return shares
 

@@ -129,10 +129,10 @@ def test_albedo_does_not_change_other_outputs(device):
     scene = wv.scenes.PRESETS["room"].build(device)
     pose = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     names = ("depth", "points", "normals", "labels", "segmentation", "faces")
-    with_colours = wv.render(scene, CAMERA, pose, outputs=(*names, "albedo"))
+    with_colors = wv.render(scene, CAMERA, pose, outputs=(*names, "albedo"))
     without = wv.render(scene, CAMERA, pose, outputs=names)
     for name in names:
-        np.testing.assert_array_equal(getattr(with_colours, name).numpy(), getattr(without, name).numpy())
+        np.testing.assert_array_equal(getattr(with_colors, name).numpy(), getattr(without, name).numpy())
 
 
 def test_albedo_does_not_depend_on_batching_threads_or_pixel_lists(device):
@@ -158,7 +158,7 @@ def test_lens_cameras_and_lidars_return_albedo(device):
     lens = wv.Camera.from_opencv([[40.0, 0, 17.5], [0, 40.0, 13.5], [0, 0, 1]], [1e-9, 0, 0, 0], 36, 28)
     pinhole = wv.Camera(36, 28, 40, 40, 18, 14)
     one, other = (wv.render(scene, camera, POSE, outputs="albedo").albedo.numpy() for camera in (lens, pinhole))
-    # Pixels of a lens cover equal angles; a pinhole's pixels cover smaller angles towards the border.
+    # Pixels of a lens cover equal angles; a pinhole's pixels cover smaller angles toward the border.
     assert np.abs(one.astype(int) - other).mean() < 6
     rays = lens.rays.reshape(-1, 3)
     scan = Rays(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
@@ -233,5 +233,5 @@ def test_albedo_of_moving_camera_raises():
     scene = wv.Scene(device="cpu")
     scene.add(BOX, name="box")
     motion = Motion([POSE, POSE], [0.0, 1.0])
-    with pytest.raises(CameraError, match="colours are of poses that stay within a frame"):
+    with pytest.raises(CameraError, match="colors are of poses that stay within a frame"):
         wv.render(scene, CAMERA, motion, outputs="albedo")

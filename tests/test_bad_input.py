@@ -85,7 +85,7 @@ CASES = {
     "K of another shape": (lambda: Camera.from_K(np.eye(4), 3, 2), r"K must have shape \(3, 3\), got \(4, 4\)"),
     "K with skew": (lambda: Camera.from_K([[1, 0.1, 0], [0, 1, 0], [0, 0, 1]], 3, 2), "without skew"),
     "K of words": (lambda: Camera.from_K("K", 3, 2), "K must be an array of numbers"),
-    "unknown pixel centre": (lambda: Camera.from_K(K, 3, 2, pixel_center=1), "pixel_center must be 0.5 or 0.0, got 1"),
+    "unknown pixel center": (lambda: Camera.from_K(K, 3, 2, pixel_center=1), "pixel_center must be 0.5 or 0.0, got 1"),
     "points of two": (lambda: KINECT.project([1, 2]), r"points must have shape \(..., 3\), got \(2,\)"),
     "image points of three": (lambda: KINECT.back_project([1, 2, 3], 1), r"pixels must have shape \(..., 2\)"),
     # Poses
@@ -249,7 +249,7 @@ CASES = {
         "world_index must be from 0 to 0",
     ),
     # Classification
-    "depth of millimetres": (lambda: wv.classify(DEPTH.astype(np.uint16), KINECT, POSE), "in meters.*divide"),
+    "depth of millimeters": (lambda: wv.classify(DEPTH.astype(np.uint16), KINECT, POSE), "in meters.*divide"),
     "depth of another size": (lambda: wv.classify(DEPTH[:, :9], KINECT, POSE), r"\(V, 240, 320\), got \(1, 9, 320\)"),
     "depth of no image": (lambda: wv.classify(None, KINECT, POSE), "depth must be an array of numbers"),
     "more poses than depth": (

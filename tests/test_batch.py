@@ -103,8 +103,8 @@ def test_frame_renderer():
     np.testing.assert_array_equal(again["depth"], wv.render(make_scene(), CAMERA, make_poses(2)).depth.numpy())
     with pytest.raises(wv.errors.ArrayError, match="batch must contain camera_to_world, got poses"):
         renderer({"poses": make_poses(2)})
-    with pytest.raises(wv.errors.ArrayError, match=r"outputs must be some of depth, .*visibility, got colour"):
-        FrameRenderer(make_scene(), CAMERA, outputs=("colour",))
+    with pytest.raises(wv.errors.ArrayError, match=r"outputs must be some of depth, .*visibility, got tint"):
+        FrameRenderer(make_scene(), CAMERA, outputs=("tint",))
 
 
 def test_scenes_can_be_pickled():
@@ -199,7 +199,7 @@ def test_parse_devices():
 BAD = {
     "format": ({"format": "tiff"}, "format must be one of npz, zarr, .*, got 'tiff'"),
     "engine": ({"engine": "spark"}, 'engine must be "local" or "ray", got \'spark\''),
-    "output": ({"outputs": ["colour"]}, "outputs must be some of depth, .*, got colour"),
+    "output": ({"outputs": ["tint"]}, "outputs must be some of depth, .*, got tint"),
     "no output": ({"outputs": []}, "outputs must be some of .*, got none"),
     "unfit output": (
         {"format": "tum", "outputs": ["labels"]},

@@ -141,7 +141,7 @@ BAD = {
     "resumed folder": ({"out": "taken", "resume": True}, r"taken: contains other files \(thesis.tex\)"),
     "file": ({"out": "file"}, "file: is a file, but a dataset must be a folder"),
     "format": ({"format": "tiff"}, "^format must be one of npz, zarr, .*, got 'tiff'"),
-    "output": ({"outputs": ("depth,colour",)}, "^outputs must be some of depth, .*, got colour"),
+    "output": ({"outputs": ("depth,tint",)}, "^outputs must be some of depth, .*, got tint"),
     "option": ({"option": ("fast",)}, "^--option must be given as KEY=VALUE, .*, got 'fast'"),
     "unknown option": ({"option": ("fast=1",)}, "format 'npz' has no option 'fast'"),
     "camera": ({"camera": "lens"}, "lens: no such file; a camera is"),

@@ -33,7 +33,7 @@ OUTPUTS = {
 }
 FRAMES = 5
 SHARD_FRAMES = 2
-MILLIMETRE = 1e-3
+MILLIMETER = 1e-3
 
 
 def make_scene(up="z"):
@@ -182,7 +182,7 @@ def test_png_images(tmp_path, rendered):
         np.testing.assert_array_equal(objects.astype(int) - 1, images["segmentation"][frame])
     assert load_camera(str(tmp_path / "camera.json")) == CAMERA
     meaning = json.loads((tmp_path / "images.json").read_text())
-    assert meaning["depth"] == {"kind": "planar", "units_per_metre": 1000.0, "no_depth": 0}
+    assert meaning["depth"] == {"kind": "planar", "units_per_meter": 1000.0, "no_depth": 0}
     assert meaning["labels"]["values"]["3"] == "object"
     assert [item["name"] for item in meaning["segmentation"]["objects"]] == ["floor", "ball", "box"]
 
@@ -224,9 +224,9 @@ def test_tum_points_equal_the_rendered_points(tmp_path, rendered):
     assert write(tmp_path, rendered, "tum") == {}
     for frame in range(FRAMES):
         points = rendered["z"][2]["points"][frame]
-        assert seen_error(tum_points(tmp_path, frame), points).max() < MILLIMETRE
+        assert seen_error(tum_points(tmp_path, frame), points).max() < MILLIMETER
         for shift in (-0.5, 0.5):  # principal point of the other convention
-            assert np.median(seen_error(tum_points(tmp_path, frame, cx_shift=shift), points)) > 5 * MILLIMETRE
+            assert np.median(seen_error(tum_points(tmp_path, frame, cx_shift=shift), points)) > 5 * MILLIMETER
 
 
 def test_evo_reads_tum(tmp_path, rendered):
@@ -269,8 +269,8 @@ def test_nerfstudio_points_equal_the_rendered_points(tmp_path, rendered, up):
     images = rendered[up][2]
     for frame in range(FRAMES):
         points = images["points"][frame] @ applied[:, :3].T + applied[:, 3]
-        assert seen_error(nerfstudio_points(tmp_path, frame), points).max() < MILLIMETRE
-        assert np.median(seen_error(nerfstudio_points(tmp_path, frame, pixel_center=0), points)) > 5 * MILLIMETRE
+        assert seen_error(nerfstudio_points(tmp_path, frame), points).max() < MILLIMETER
+        assert np.median(seen_error(nerfstudio_points(tmp_path, frame, pixel_center=0), points)) > 5 * MILLIMETER
         floor = images["segmentation"][frame] == 0
         assert np.abs(nerfstudio_points(tmp_path, frame)[floor][:, 2]).max(initial=0) < 0.101  # horizontal floor
         mode, labels = read_image(tmp_path / meta["frames"][frame]["file_path"])

@@ -254,7 +254,7 @@ def test_command_line(tmp_path):
         (["--sensor-seed", "3"], "without --sensor, give no --sensor-seed"),
         (["--sensor-vary", "sigma=0:1"], "without --sensor, give no --sensor-vary"),
         (["--sensor", "d435", "--sensor-vary", "sigma=0.1"], "NAME=MIN:MAX once, as in sigma=0.05:0.15, got"),
-        (["--sensor", "d435", "--sensor-vary", "colour=0:1"], "StereoDepth has no parameter 'colour'"),
+        (["--sensor", "d435", "--sensor-vary", "color=0:1"], "StereoDepth has no parameter 'color'"),
         (["--sensor", "d435", "--lidar", "vlp16"], "with --lidar no camera is rendered: give no --sensor"),
     ):
         done = run_inside("render", "box.stl", "--poses", "poses.npy", *wrong, "--out", "no", cwd=tmp_path)

@@ -11,4 +11,4 @@ from warpvis.batch import warmup
 def test_warmup(device):
     assert warmup(device, outputs=["depth"], casters=["packets"]) > 0
     with pytest.raises(wv.errors.ArrayError, match="outputs must be some of"):
-        warmup(device, outputs=["colour"])
+        warmup(device, outputs=["tint"])

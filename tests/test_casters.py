@@ -147,7 +147,7 @@ def test_axis_aligned_rays_on_box_faces_and_slabs(device, caster):
 
 
 def test_back_faces_are_rendered(device, caster):
-    """Surfaces are two-sided, and normals point towards the camera."""
+    """Surfaces are two-sided, and normals point toward the camera."""
     triangle = (np.array([[2.0, -1, -1], [2, 1, -1], [2, 0, 1]]), np.array([[0, 1, 2]]))
     scene = wv.Scene(device=device)
     scene.add(triangle)

@@ -96,9 +96,9 @@ def test_render_writes_meters_and_millimeters(tmp_path):
     for view in range(4):
         image = Image.open(tmp_path / "out" / "png" / "depth" / "000000" / f"{view:06d}.png")
         assert image.mode == "I;16"
-        millimetres = np.asarray(image)
-        metres = np.where(np.isfinite(depth[view]) & (depth[view] < 65.5355), depth[view], 0)
-        assert np.abs(millimetres / 1000 - metres).max() <= 0.000501
+        millimeters = np.asarray(image)
+        meters = np.where(np.isfinite(depth[view]) & (depth[view] < 65.5355), depth[view], 0)
+        assert np.abs(millimeters / 1000 - meters).max() <= 0.000501
 
 
 def test_conventions_reach_the_renderer(tmp_path):

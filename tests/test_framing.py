@@ -43,8 +43,8 @@ def test_whole_scene_fits_tightly(up, camera, scale):
         assert (at > 0.0299).all() and (at < 0.9701).all()
         assert min(at.min(), 1 - at.max()) == pytest.approx(0.03, abs=1e-4)  # as close as possible
     middle, height = 4.85 * scale, 1 if up == "y" else 2
-    towards = framing(scene, camera, azimuth=0.0, elevation=0.5)[:3] - unit((middle, 0, 0, 0, 0, 0, 1))[:3]
-    assert towards[height] > 0
+    toward = framing(scene, camera, azimuth=0.0, elevation=0.5)[:3] - unit((middle, 0, 0, 0, 0, 0, 1))[:3]
+    assert toward[height] > 0
 
 
 def test_invalid_framing_raises():
@@ -115,7 +115,7 @@ def test_info_prints_size_labels_memory_and_likely_unit(tmp_path, monkeypatch, c
     assert "spans   3000 x 2000 x 1500 m, from -1500 -1000 -750 to 1500 1000 750" in printed
     assert "possibly millimeters: with --scale 0.001 it spans 3 x 2 x 1.5 m" in printed
     _, printed, _ = run_here(monkeypatch, capsys, tmp_path, "info", "mm.stl", "--scale", "0.001")
-    assert "millimetres" not in printed and "MB with its trees" in printed
+    assert "millimeters" not in printed and "MB with its trees" in printed
     _, printed, _ = run_here(monkeypatch, capsys, tmp_path, "info", "experiment_1")
     assert "labels  obstacle 2, ground 1, object 1, human 1, robot 1" in printed
 

@@ -71,7 +71,7 @@ RESULTS = {
     "PlanVisibility",
     "Proposal",
     "Livox",
-    "Recognised",
+    "Recognized",
     "Returns",
     "Samples",
     "SceneObject",

@@ -110,8 +110,8 @@ def test_nguyen_error_at_walls_is_white_and_normal(device, distance, angle):
 def test_nguyen_published_figures():
     """Expected values are computed by hand from equations (2) to (4)."""
     model = NguyenNoise()
-    for depth, angle, millimetres in [(0.4, 30, 1.2), (1.0, 10, 1.884), (2.0, 60, 6.34684271), (3.0, 45, 14.044)]:
-        assert 1000 * twins.nguyen_axial(model, depth, math.radians(angle)) == pytest.approx(millimetres, rel=1e-6)
+    for depth, angle, millimeters in [(0.4, 30, 1.2), (1.0, 10, 1.884), (2.0, 60, 6.34684271), (3.0, 45, 14.044)]:
+        assert 1000 * twins.nguyen_axial(model, depth, math.radians(angle)) == pytest.approx(millimeters, rel=1e-6)
     assert 1000 * twins.nguyen_axial(model, 1.0, math.radians(80)) == pytest.approx(1.884 + 6.4)
     for angle, pixels in [(0, 0.8), (45, 0.835), (60, 0.87), (80, 1.08)]:
         assert twins.nguyen_lateral(model, math.radians(angle)) == pytest.approx(pixels)

@@ -403,7 +403,7 @@ def test_label_files_may_contain_only_patterns(street_file, tmp_path):
         ("rules.json", "[" * 100_000, "is not JSON: "),
         ("rules.json", '{"a": 1, "a": 2}', "is not JSON: 'a' is there twice"),
         ("rules.json", "[1]", "must hold labels by names or patterns of objects, got list"),
-        ("rules.json", '{"labels": {"a": 1}, "colours": {}}', "must have labels, label_names, .* got 'colours'"),
+        ("rules.json", '{"labels": {"a": 1}, "colors": {}}', "must have labels, label_names, .* got 'colors'"),
         ("rules.json", '{"labels": [1]}', "labels must be a mapping"),
         ("rules.json", '{"label_names": ["road"]}', "label_names must be a mapping"),
         ("rules.json", '{"label_names": {"x": "road"}}', "label_names must have numbers from 0 to 255, got 'x'"),

@@ -464,9 +464,9 @@ def test_invalid_archives_are_rejected(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("unit", "metres"), [("", 0.001), (' unit="meter"', 1), (" unit='inch'", 0.0254), (' unit="micron"', 1e-6)]
+    ("unit", "meters"), [("", 0.001), (' unit="meter"', 1), (" unit='inch'", 0.0254), (' unit="micron"', 1e-6)]
 )
-def test_3mf_units_and_order(tmp_path, monkeypatch, unit, metres):
+def test_3mf_units_and_order(tmp_path, monkeypatch, unit, meters):
     names = ["zebra", "apple", "a &amp; b", "mid"]
     file = threemf(unit, names)
     try:
@@ -479,7 +479,7 @@ def test_3mf_units_and_order(tmp_path, monkeypatch, unit, metres):
         monkeypatch.setattr(trimesh, "available_formats", lambda: {"3mf"})
     scene = load(write(tmp_path, file, "x.3mf"))
     assert [item.name for item in scene] == ["zebra", "apple", "a & b", "mid"]
-    np.testing.assert_allclose(scene["mid"].vertices, metres * np.diag([1, 2, 3]), rtol=1e-6)
+    np.testing.assert_allclose(scene["mid"].vertices, meters * np.diag([1, 2, 3]), rtol=1e-6)
 
 
 def test_invalid_3mf_is_rejected(tmp_path, monkeypatch):

@@ -56,7 +56,7 @@ def test_mjcf_matches_compiled_model(tmp_path, device):
         if expected[item.name].solid is None or item.movable:
             other = expected[item.name]
             assert (item.movable, item.parent is None) == (other.movable, other.parent is None)
-    assert {item.name for item in expected if item.movable and not moving[item.name].movable} == {"own_colour"}
+    assert {item.name for item in expected if item.movable and not moving[item.name].movable} == {"own_color"}
 
 
 def test_aloha_matches_compiled_model():

@@ -51,7 +51,7 @@ def assert_same(batch, views, worlds, cameras, device):
     return len({image.tobytes() for image in depth})
 
 
-def randomised(count):
+def randomized(count):
     """Return models with different values of all fields that poses depend on, and their data."""
     rng, worlds = np.random.default_rng(2), []
     for _ in range(count):
@@ -74,7 +74,7 @@ def fields(worlds, names=FIELDS):
 
 
 def test_static_bodies_and_cameras_differ_between_worlds(device):
-    worlds = randomised(4)
+    worlds = randomized(4)
     batch = batch_of(task()[0], movable="all", device=device)
     qpos = np.stack([data.qpos for _, data in worlds])
     views = batch.render(qpos, cameras=["front", "wrist"], model=fields(worlds))
@@ -87,7 +87,7 @@ def test_static_bodies_and_cameras_differ_between_worlds(device):
 
 
 def test_movable_selects_static_bodies(device):
-    worlds = randomised(3)
+    worlds = randomized(3)
     for model, _ in worlds:
         model.geom("pole").quat[:] = task()[0].geom("pole").quat
         model.geom("handle").pos[:] = task()[0].geom("handle").pos
@@ -100,7 +100,7 @@ def test_movable_selects_static_bodies(device):
 
 
 def test_moved_static_geoms_are_rejected():
-    worlds = randomised(2)
+    worlds = randomized(2)
     qpos = np.stack([data.qpos for _, data in worlds])
     for _, data in worlds:
         data.qpos[:] = qpos[0]
@@ -161,14 +161,14 @@ def test_visibility_of_geoms_differs_between_worlds(device):
     batch = batch_of(task()[0], device=device)
     batch.scene.add(trimesh.creation.box((0.1, 0.1, 0.1)), name="mine", pose=(0.5, -0.4, 0.5, 0, 0, 0, 1))
     before = batch.render(task()[1].qpos, cameras="front")
-    qpos, colours = np.stack([data.qpos for _, data in worlds]), fields(worlds, ["geom_rgba", "mat_rgba"])
-    views = batch.render(qpos, cameras=["front", "wrist"], model=colours)
+    qpos, colors = np.stack([data.qpos for _, data in worlds]), fields(worlds, ["geom_rgba", "mat_rgba"])
+    views = batch.render(qpos, cameras=["front", "wrist"], model=colors)
     seen = views.by_world().segmentation.numpy()
     for world, name in enumerate(("case", "palm", "knob", "lid")):
         index = batch.scene.index(name)
         assert not (seen[world] == index).any() and (before.segmentation.numpy() == index).any()
     assert (seen[:, 0] == batch.scene.index("mine")).any(axis=(1, 2)).all()
-    views = batch.render(qpos, cameras="front", worlds=[3, 0], model=colours)
+    views = batch.render(qpos, cameras="front", worlds=[3, 0], model=colors)
     assert np.array_equal(views.segmentation.numpy(), seen[[3, 0], 0])
     plain = batch.render(qpos, cameras="front")  # no color of the previous call remains
     assert np.array_equal(plain.segmentation.numpy()[0], before.segmentation.numpy()[0])
@@ -338,13 +338,13 @@ BAD = {
     ),
     "one mesh": ({"geom_dataid": 2}, "geom_dataid must equal that of the renderer's model"),
     "no rotation": ({"geom_quat": np.zeros((1, MODEL.ngeom, 4))}, "geom_quat must be quaternions, got one of length 0"),
-    "unknown": ({"geom_colour": RGBA}, "model must have keys among body_pos, .*, got geom_colour"),
+    "unknown": ({"geom_color": RGBA}, "model must have keys among body_pos, .*, got geom_color"),
     "a model": (MODEL, "got an MjModel"),
     "a word": ("model", "model must have attributes among body_pos, .*, got str"),
     "shape": ({"cam_fovy": np.ones((2, 9))}, r"cam_fovy must be numbers of shape \(W, 2\), got float64 of shape"),
     "worlds": ({"cam_fovy": np.ones((3, 2))}, "cam_fovy must be of 1 world or of 2, like the poses, got 3"),
-    "colours": ({"geom_rgba": RGBA[:, :3]}, "geom_rgba must have shape"),
-    "colours of worlds": ({"geom_rgba": RGBA[[0, 0, 0]]}, "geom_rgba must be of 1 world or of 2"),
+    "colors": ({"geom_rgba": RGBA[:, :3]}, "geom_rgba must have shape"),
+    "colors of worlds": ({"geom_rgba": RGBA[[0, 0, 0]]}, "geom_rgba must be of 1 world or of 2"),
     "NaN": ({"body_pos": np.full((2, MODEL.nbody, 3), np.nan)}, "body_pos must be finite"),
     "half a turn": ({"cam_fovy": [[50, 180], [50, 50]]}, "from 0 to 180 degrees, got 180.0 for camera 1 in world 0"),
 }

@@ -163,7 +163,7 @@ def test_visible_geoms_become_objects():
     geoms = scene_from_mujoco(model)
     scene = geoms.scene
     assert isinstance(geoms, MujocoScene) and geoms.geom_count == model.ngeom
-    left_out = {"hidden", "hidden_by_material", "no_colour", "collision"}
+    left_out = {"hidden", "hidden_by_material", "no_color", "collision"}
     names = [model.geom(geom).name for geom in range(model.ngeom)]
     assert geoms.geom_ids.tolist() == [geom for geom, name in enumerate(names) if name not in left_out]
     assert {int(model.geom_type[geom]) for geom in geoms.geom_ids} == set(range(9))  # all types of geoms
@@ -206,11 +206,11 @@ def test_movable_geoms():
     moving = {item.name for item in scene if item.movable}
     still = {"the_floor", "shelf", "hills", "fixed_box", "field"}
     assert moving == {item.name for item in scene} - still
-    assert "own_colour" in moving and scene["own_colour"].solid  # shapes with poses are exact surfaces
+    assert "own_color" in moving and scene["own_color"].solid  # shapes with poses are exact surfaces
     assert {"target", "under_target"} <= moving  # a mocap body and its child
     assert geoms.movable_geoms.tolist() == [geoms.geom_ids[index] for index in scene.movable]
     assert len(scene_from_mujoco(model, movable="all").movable_geoms) == len(scene)
-    assert {item.name for item in scene_from_mujoco(model, static=False).scene} == moving - {"own_colour"}
+    assert {item.name for item in scene_from_mujoco(model, static=False).scene} == moving - {"own_color"}
 
 
 def test_rigidly_attached_geoms_share_a_pose():
@@ -372,7 +372,7 @@ def test_kernels_match_reference(device):
 @pytest.mark.parametrize("camera", ["front", "side", "follower", "wrist", "lens"])
 def test_pixels_match_mj_ray(camera, device, caster, tolerance=2e-4):
     model, data = shapes_model()
-    for name in ("field", "hidden", "hidden_by_material", "own_colour", "no_colour"):
+    for name in ("field", "hidden", "hidden_by_material", "own_color", "no_color"):
         model.geom(
             name
         ).group = 4  # rays hit another surface of signed distance fields, and colors are handled differently

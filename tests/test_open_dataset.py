@@ -24,7 +24,7 @@ FRAMES, SHARD_FRAMES = 7, 3
 READ = [name for name in FORMATS if name != "ply"]
 BESIDE = {"camera_to_world", "K", "distortion", "timestamp", "frame", "object_poses", "world"}
 IMAGES = ("depth", "points", "normals", "labels", "segmentation", "faces", "color", "albedo")
-MILLIMETRE = 1e-3
+MILLIMETER = 1e-3
 
 
 def make_scene():
@@ -81,7 +81,7 @@ def assert_as_rendered(frame, rendered, index):
         assert got.flags.owndata and got.flags.writeable
         if name == "depth":
             assert np.array_equal(~np.isfinite(got), no_depth)
-            np.testing.assert_allclose(got[~no_depth], expected[~no_depth], atol=0.501 * MILLIMETRE)
+            np.testing.assert_allclose(got[~no_depth], expected[~no_depth], atol=0.501 * MILLIMETER)
         elif name == "normals":
             np.testing.assert_allclose(got, expected, atol=1e-6)
         else:
@@ -208,7 +208,7 @@ def test_unfinished_zarr_can_be_opened(written, tmp_path, monkeypatch):
     assert group["depth"].shape == (FRAMES, 18, 24) and np.isposinf(group["depth"][0]).all()
     assert np.array_equal(group["camera_to_world"][:], make_frames().camera_to_world)
     said = group.attrs
-    assert (said["near"], said["far"], said["pixel_center"], said["units"]) == (0.5, 6.0, 0.5, "metres")
+    assert (said["near"], said["far"], said["pixel_center"], said["units"]) == (0.5, 6.0, 0.5, "meters")
     assert len(wv.open_dataset(out)) == 0
     monkeypatch.undo()
     wv.render_batch(make_scene(), CAMERA, make_frames(), out, format="zarr", outputs=["depth"], resume=True)

@@ -164,7 +164,7 @@ def test_batches_support_orthographic_cameras(device):
     model.cam_fovy[model.camera("flat").id] = 4.0
     other = BatchRenderer(model, height=HEIGHT, width=WIDTH, device=device)
     assert np.array_equal(wide.depth.numpy(), other.render(data, cameras="flat").depth.numpy())
-    with pytest.raises(wv.WarpvisError, match=r"cam_fovy must be a number of metres above 0, got 0.0 for camera"):
+    with pytest.raises(wv.WarpvisError, match=r"cam_fovy must be a number of meters above 0, got 0.0 for camera"):
         fovy = np.array([[45.0] * model.ncam])
         fovy[0, model.camera("flat").id] = 0.0
         batch.render(data, cameras="flat", model={"cam_fovy": fovy})

@@ -270,7 +270,7 @@ CASES = {
     "far before near": ({"near": 2.0, "far": 1.0}, "the depth range needs 0 <= near < far, got near=2.0, far=1.0"),
     "negative near": ({"near": -1.0}, "the depth range needs 0 <= near < far, got near=-1.0"),
     "outputs": (
-        {"outputs": ("depth", "colour")},
+        {"outputs": ("depth", "tint")},
         "outputs must be some of depth, points, normals, labels, segm",
     ),
     "no outputs": ({"outputs": ()}, "outputs must be some of"),

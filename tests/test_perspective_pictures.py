@@ -49,8 +49,8 @@ def test_colors_are_distinct_under_color_blindness(colors, sight):
     """Colors differ from each other and from the grays of pictures; a difference of 2.3 is just noticeable."""
     shades = [lab(color, sight) for color in colors.values()]
     assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(shades, 2)) > 25
-    greys = [lab([round(255 * grey)] * 3, sight) for grey in (0.45, 0.7, 0.88)]
-    assert min(np.linalg.norm(a - b) for a in shades for b in greys) > 20
+    grays = [lab([round(255 * gray)] * 3, sight) for gray in (0.45, 0.7, 0.88)]
+    assert min(np.linalg.norm(a - b) for a in shades for b in grays) > 20
 
 
 @pytest.fixture(scope="module", params=scenes.EXPERIMENTS, ids=lambda experiment: experiment.name)
@@ -160,8 +160,8 @@ def test_maps_show_objects_visible_to_each_agent(case):
         rgb = floor_map.colors
         ball = np.abs(rgb * 255 - STATE_COLORS[state]).max(axis=2) < 0.5
         assert ball.any() == its
-        grey = (rgb == rgb[..., :1]).all(axis=2)
-        assert (grey | ball).all()
+        gray = (rgb == rgb[..., :1]).all(axis=2)
+        assert (gray | ball).all()
         rows, columns = np.nonzero(ball)
         left, _, bottom, _ = floor_map.bounds
         places = np.stack(

@@ -88,8 +88,8 @@ ORBIT = "orbit target=0,0,0 radius=1 height=1 count=3"
         ("orbit", "orbit needs target, radius, height, count; its keys are target, radius, height, count, [start]"),
         ("orbit radius=1", "orbit needs target, height, count; its keys are target, radius, height, count, [start]"),
         (
-            ORBIT + " colour=1",
-            "orbit has no 'colour'; its keys are target, radius, height, count, [start], each as key",
+            ORBIT + " color=1",
+            "orbit has no 'color'; its keys are target, radius, height, count, [start], each as key",
         ),
         (ORBIT + " 5", "orbit has no '5'; its keys are"),
         (ORBIT + " count=3", "count of orbit must be given once, got it twice"),

@@ -24,9 +24,9 @@ EYE_FRAME = "camera_depth_optical_frame"
 
 URDF = """
 <robot name="arm">
-  <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
+  <material name="gray"><color rgba="0.5 0.5 0.5 1"/></material>
   <link name="base">
-    <visual><origin xyz="0 0 0.1"/><geometry><box size="0.2 0.2 0.2"/></geometry><material name="grey"/></visual>
+    <visual><origin xyz="0 0 0.1"/><geometry><box size="0.2 0.2 0.2"/></geometry><material name="gray"/></visual>
     <visual><origin xyz="0 0 0.25" rpy="0 0 0"/><geometry><box size="0.1 0.1 0.1"/></geometry></visual>
     <collision><geometry><box size="9 9 9"/></geometry></collision>
   </link>

@@ -168,11 +168,11 @@ def test_other_objects_than_camera_info_raise():
 @given(
     size=st.tuples(st.integers(1, 5000), st.integers(1, 5000)),
     focal=st.tuples(st.floats(1, 1e5), st.floats(1, 1e5)),
-    centre=st.tuples(st.floats(0.25, 1), st.floats(0.25, 1)),
+    center=st.tuples(st.floats(0.25, 1), st.floats(0.25, 1)),
 )
-def test_camera_info_round_trips_exactly(size, focal, centre):
+def test_camera_info_round_trips_exactly(size, focal, center):
     """Principal points at least a quarter of a pixel from the edge: half a pixel is exact there."""
-    cx, cy = (max(0.25, share * side) for share, side in zip(centre, size, strict=True))
+    cx, cy = (max(0.25, share * side) for share, side in zip(center, size, strict=True))
     camera = wv.Camera(*size, *focal, cx, cy, near=0.1, far=7.0)
     message = camera.to_camera_info(**FRAME)
     for rectified in (True, False):
@@ -372,8 +372,8 @@ def test_clouds_accept_points_of_any_frame():
     assert cloud.header.frame_id == "map" and cloud.header.stamp.sec == 3
     points[2] = math.nan
     assert not to_pointcloud2(points, **FRAME).is_dense
-    organised = to_pointcloud2(points.reshape(1, 2, 2, 3), **FRAME)
-    assert (organised.height, organised.width) == (2, 2)
+    organized = to_pointcloud2(points.reshape(1, 2, 2, 3), **FRAME)
+    assert (organized.height, organized.width) == (2, 2)
     empty = to_pointcloud2(np.zeros((0, 3)), **FRAME)
     assert (empty.width, len(empty.data)) == (0, 0)
 

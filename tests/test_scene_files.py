@@ -43,8 +43,8 @@ def load(path, **options):
 
 def test_load_creates_one_scene(folder, monkeypatch):
     made = []
-    initialise = Scene.__init__
-    monkeypatch.setattr(Scene, "__init__", lambda self, **given: (made.append(given), initialise(self, **given))[1])
+    initialize = Scene.__init__
+    monkeypatch.setattr(Scene, "__init__", lambda self, **given: (made.append(given), initialize(self, **given))[1])
     scene = load(folder / "box.wbt")
     assert len(made) == 1 and [item.name for item in scene] == ["tall"]
 

@@ -41,12 +41,12 @@ def pictures(sensor, walls=WALLS, seed=3, camera=CAMERA):
     return np.concatenate([view.depth.numpy() for view in views])
 
 
-def millimetres(depth):
+def millimeters(depth):
     return np.rint(np.where(np.isfinite(depth), depth, 0) * 1000) / 1000
 
 
 @parametrize("given", [{"baseline": BASELINE}, {"subpixel": "own"}, {}], ids=["baseline", "subpixel", "band"])
-@parametrize("rounded", [False, True], ids=["metres", "millimetres"])
+@parametrize("rounded", [False, True], ids=["meters", "millimeters"])
 @pytest.mark.parametrize(
     "numbers",
     [
@@ -64,7 +64,7 @@ def test_fit_recovers_sensor_parameters(numbers, rounded, given):
             pytest.skip("no steps to tell f b by")
         given = {"subpixel": sensor.subpixel}
     images = pictures(sensor)
-    found = fit(millimetres(images) if rounded else images, CAMERA, resolution=0.001 if rounded else 0.0, **given)
+    found = fit(millimeters(images) if rounded else images, CAMERA, resolution=0.001 if rounded else 0.0, **given)
     assert found.focal_baseline == pytest.approx(CAMERA.fx * BASELINE, rel=0.02)
     assert found.sigma == pytest.approx(sensor.sigma, rel=0.05)
     assert found.noise_spacing == sensor.noise_spacing
@@ -128,7 +128,7 @@ def test_report_and_figure(tmp_path):
         assert np.asarray(picture.convert("L")).std() > 20
 
 
-@parametrize("kind", ["png", "npy", "npy of millimetres"])
+@parametrize("kind", ["png", "npy", "npy of millimeters"])
 def test_command_line_fits(tmp_path, monkeypatch, capsys, kind):
     images = pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32))
     folder = tmp_path / "walls"
@@ -207,12 +207,12 @@ def test_invalid_depth_files_raise(tmp_path):
             wv.io.read_depth(tmp_path / name)
     (tmp_path / "bad.png").write_bytes(b"PNG")
     (tmp_path / "bad.npy").write_bytes(b"NUMPY")
-    Image.fromarray(np.zeros((4, 5, 3), dtype=np.uint8)).save(tmp_path / "colour.png")
+    Image.fromarray(np.zeros((4, 5, 3), dtype=np.uint8)).save(tmp_path / "color.png")
     np.save(tmp_path / "cube.npy", np.zeros((2, 3, 4)))
     expected = {
         "bad.png": "not a PNG image",
         "bad.npy": "cannot be read as NPY",
-        "colour.png": "expected a grey PNG of 16 bits, as depth cameras' programs write, got mode RGB",
+        "color.png": "expected a gray PNG of 16 bits, as depth cameras' programs write, got mode RGB",
         "cube.npy": r"expected a depth image of shape \(H, W\), got float64 of \(2, 3, 4\)",
     }
     for name, message in expected.items():

@@ -190,8 +190,8 @@ def test_gpu_mesh_is_copied_and_fetched_lazily(monkeypatch):
     for one in (item, pickle.loads(pickle.dumps(item))):
         for name in ("mesh_vertices", "faces", "vertices", "pose", "bounds"):
             np.testing.assert_array_equal(getattr(one, name), getattr(expected, name))
-    with pytest.raises(AttributeError, match="no attribute 'colour'"):
-        _ = item.colour
+    with pytest.raises(AttributeError, match="no attribute 'color'"):
+        _ = item.color
     mesh = _new_mesh.build_warp_mesh(item, wp.get_device("cpu"))
     np.testing.assert_array_equal(mesh.points.numpy(), expected.mesh_vertices)
 

@@ -237,8 +237,8 @@ def test_model_provides_cameras_and_joints(tmp_path):
         assert "joint turn" in viewer.page.panel.sliders
     human = View(file=tmp_path / "arm.xml", robot="head", human="0 -2 1 0 0 0.4").load().agents["human"]
     assert human.camera == wv.Agent.human("human", human.pose).camera and tuple(human.poses[0, :3]) == (0, -2, 1)
-    labelled = View(file=tmp_path / "arm.xml", labels=("arm=object",)).load()
-    assert labelled.scene["arm"].label == wv.Label.OBJECT and list(labelled.agents) == ["robot"]
+    labeled = View(file=tmp_path / "arm.xml", labels=("arm=object",)).load()
+    assert labeled.scene["arm"].label == wv.Label.OBJECT and list(labeled.agents) == ["robot"]
     (tmp_path / "bad.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
     with pytest.raises(wv.WarpvisError, match=r"bad\.xml"):
         View(file=tmp_path / "bad.xml").load()

@@ -14,7 +14,7 @@ import pytest
 import warpvis as wv
 from warpvis.cli import main
 from warpvis.errors import FileFormatError, IntrinsicsWarning, SceneError
-from warpvis.webots import load_webots, recognise, render_range, segmentation_image
+from warpvis.webots import load_webots, recognize, render_range, segmentation_image
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
 SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"
@@ -183,11 +183,11 @@ def test_equal_names_are_numbered(tmp_path):
 def test_kinect_without_proto_file(tmp_path, version, at, apart):
     kinect = 'Kinect { translation 1 0 0 width 150 height 100 maxRange 4 cameraName "k" }'
     world = load_text(tmp_path, f"Robot {{ children {kinect} }}" + wall(3), version)
-    ranges, colours = world.devices["k range"], world.devices["k color"]
-    assert (ranges.kind, colours.kind) == ("kinect", "camera")
+    ranges, colors = world.devices["k range"], world.devices["k color"]
+    assert (ranges.kind, colors.kind) == ("kinect", "camera")
     assert (ranges.width, ranges.height, ranges.fov, ranges.max_range) == (150, 100, 1.0, 4.0)
     np.testing.assert_allclose(ranges.pose[:3], at, atol=1e-5)
-    assert np.linalg.norm(ranges.pose[:3] - colours.pose[:3]) == pytest.approx(apart)
+    assert np.linalg.norm(ranges.pose[:3] - colors.pose[:3]) == pytest.approx(apart)
     assert world.robots["robot"] == ("Kinect",)
     # It does not see its own housing, which encloses it.
     depth = render_range(world, "k range")
@@ -355,15 +355,15 @@ def ball(x, y, name, radius=0.1):
     )
 
 
-def recognised(tmp_path, fields, text, version="R2023b"):
+def recognized(tmp_path, fields, text, version="R2023b"):
     return [
-        item.name for item in recognise(load_text(tmp_path, finder(CAMERA % fields, "Camera") + text, version), "eye")
+        item.name for item in recognize(load_text(tmp_path, finder(CAMERA % fields, "Camera") + text, version), "eye")
     ]
 
 
 def test_recognition_in_the_paper_experiment(device):
     world = load_webots(WORLDS / "experiment_3_R2023b.wbt", device=device)
-    (found,) = recognise(world, "camera")  # the person is behind the high obstacle
+    (found,) = recognize(world, "camera")  # the person is behind the high obstacle
     assert (found.name, found.objects) == ("ball", ("ball",))
     eye = world.devices["camera"]
     np.testing.assert_allclose(found.colors, [[0.9, 0.2, 0.2]])
@@ -378,21 +378,21 @@ def test_recognition_in_the_paper_experiment(device):
 
 def test_only_visible_solids_with_recognition_colors_are_recognized(tmp_path):
     text = ball(2, 0.3, "left") + ball(2, 5, "outside") + ball(-2, 0, "behind") + wall(4)
-    assert recognised(tmp_path, "", text) == ["left"]
+    assert recognized(tmp_path, "", text) == ["left"]
 
 
 def test_recognition_range(tmp_path):
     text = ball(2, 0.3, "near") + ball(3, -0.3, "far")
-    assert recognised(tmp_path, "", text) == ["near", "far"]
-    assert recognised(tmp_path, "maxRange 2.5", text) == ["near"]
+    assert recognized(tmp_path, "", text) == ["near", "far"]
+    assert recognized(tmp_path, "maxRange 2.5", text) == ["near"]
 
 
 def test_largest_objects_are_recognized(tmp_path):
     text = ball(2, 0.5, "small", 0.05) + ball(2, 0, "large", 0.2) + ball(2, -0.5, "middle", 0.1)
-    assert recognised(tmp_path, "", text) == ["large", "middle", "small"]
-    assert recognised(tmp_path, "maxObjects 2", text) == ["large", "middle"]
+    assert recognized(tmp_path, "", text) == ["large", "middle", "small"]
+    assert recognized(tmp_path, "maxObjects 2", text) == ["large", "middle"]
     with pytest.warns(UserWarning, match="maxObjects 0 of Recognition is replaced by -1"):
-        assert recognised(tmp_path, "maxObjects 0", text) == ["large", "middle", "small"]
+        assert recognized(tmp_path, "maxObjects 0", text) == ["large", "middle", "small"]
 
 
 def test_occlusion_modes(tmp_path):
@@ -401,10 +401,10 @@ def test_occlusion_modes(tmp_path):
     for y, width in ((0, 0.05), (-0.3, 0.2)):
         box = f"Box {{ size 0.02 {width} 9 }}"
         text += f"Solid {{ translation 1 {y} 0 children Shape {{ geometry {box} }} boundingObject {box} }}"
-    assert recognised(tmp_path, "occlusion 0", text) == ["seen", "half", "hidden"]
-    assert recognised(tmp_path, "occlusion 1", text) == ["seen"]
-    assert recognised(tmp_path, "", text) == ["seen"]
-    assert recognised(tmp_path, "occlusion 2", text) == ["seen", "half"]
+    assert recognized(tmp_path, "occlusion 0", text) == ["seen", "half", "hidden"]
+    assert recognized(tmp_path, "occlusion 1", text) == ["seen"]
+    assert recognized(tmp_path, "", text) == ["seen"]
+    assert recognized(tmp_path, "occlusion 2", text) == ["seen", "half"]
 
 
 def test_occlusion_was_a_flag_in_old_versions(tmp_path):
@@ -413,8 +413,8 @@ def test_occlusion_was_a_flag_in_old_versions(tmp_path):
         'Solid { translation 0 0 -2 name "ball" recognitionColors 1 0 0 '
         "children Shape { geometry Sphere { radius 0.1 } } }"
     )
-    assert recognised(tmp_path, "occlusion FALSE", text, "R2019a") == ["ball"]
-    assert recognised(tmp_path, "occlusion TRUE", text, "R2019a") == []
+    assert recognized(tmp_path, "occlusion FALSE", text, "R2019a") == ["ball"]
+    assert recognized(tmp_path, "occlusion TRUE", text, "R2019a") == []
 
 
 def test_child_solids_belong_to_the_recognized_solid(tmp_path):
@@ -424,7 +424,7 @@ def test_child_solids_belong_to_the_recognized_solid(tmp_path):
         f"children [ Shape {{ geometry Sphere {{ radius 0.1 }} }} {hat} ] }}"
     )
     world = load_text(tmp_path, finder(CAMERA % "", "Camera") + text)
-    (found,) = recognise(world, "eye")
+    (found,) = recognize(world, "eye")
     assert (found.name, found.objects) == ("doll", ("doll", "hat"))
     assert found.box[3] > 1.5 * found.box[2]
 
@@ -439,7 +439,7 @@ BAD = {
         "'eye' is a camera, which has no ranges in Webots: omit webots_version",
     ),
     "recognition of a range finder": (
-        lambda tmp: recognise(plain(tmp), "eye"),
+        lambda tmp: recognize(plain(tmp), "eye"),
         "'eye' must be a Camera with a Recognition node, got a range-finder without",
     ),
     "segmentation without": (lambda tmp: segmentation_image(plain(tmp, "Camera"), "eye"), "with a Recognition node"),

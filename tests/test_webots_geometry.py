@@ -58,8 +58,8 @@ def test_solids_are_closed_and_face_outward(text, version):
     assert len(mesh.faces) == faces
     assert mesh.is_watertight and mesh.is_winding_consistent
     assert mesh.volume > 0 if volume is None else mesh.volume == pytest.approx(volume)
-    centres = mesh.triangles_center
-    assert (np.einsum("nx,nx->n", mesh.face_normals, centres) > 0).all()  # all are convex
+    centers = mesh.triangles_center
+    assert (np.einsum("nx,nx->n", mesh.face_normals, centers) > 0).all()  # all are convex
 
 
 @pytest.mark.parametrize(
@@ -383,7 +383,7 @@ def test_mirrored_collada_nodes_face_outward(tmp_path):
 
 def test_invalid_collada_units_raise(tmp_path):
     pytest.importorskip("collada")
-    for unit in ("0", "-1", "nan", "metre"):
+    for unit in ("0", "-1", "nan", "meter"):
         (tmp_path / f"a{unit}.dae").write_text(COLLADA.format(f'<unit meter="{unit}"/>'))
         with pytest.raises(FileFormatError, match=r"a.*\.dae: cannot be read as DAE: "):
             tessellate(parse(f'Mesh {{ url "a{unit}.dae" }}', file=tmp_path / "lab.wbt"))

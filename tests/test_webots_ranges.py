@@ -8,7 +8,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.webots import add_noise, distort_pixels, quantise, range_values
+from warpvis.webots import add_noise, distort_pixels, quantize, range_values
 from warpvis.webots._nodes import Version
 
 INF = np.inf
@@ -65,7 +65,7 @@ def test_limits_of_projections_that_are_put_together(projection, version, beyond
 
 @pytest.mark.parametrize("version", ["V8.5", "R2018b", "R2021b", "R2022a"])
 def test_the_bias_of_a_near_plane(version):
-    """f = 4.5: with n = 0.01 up to 9 mm too low, with n = 0.3 a quarter of a metre."""
+    """f = 4.5: with n = 0.01 up to 9 mm too low, with n = 0.3 a quarter of a meter."""
     depth = (0.5, 1.0, 2.0, 3.0, 4.0)
     biased = values_of(depth, version, near_bias=True)
     np.testing.assert_allclose(biased, [0.49109, 0.99220, 1.99443, 2.99666, 3.99889], atol=5e-6)
@@ -116,7 +116,7 @@ def test_noise_is_seeded_and_gaussian():
 
 
 @pytest.mark.parametrize("version", ["V8.6", "R2019a", "R2021b", "R2022a", "R2025a"])
-def test_noise_is_in_metres_in_all_releases(version):
+def test_noise_is_in_meters_in_all_releases(version):
     noisy = add_noise(np.full(40_000, 2.0), 0.05, 10.0, version, 0)
     assert noisy.std() == pytest.approx(0.05, rel=0.03)
 
@@ -134,13 +134,13 @@ def test_noise_of_what_is_out_of_range():
 def test_resolution():
     """Halves go up; infinity stays."""
     values = np.array([0.0, 0.124, 0.125, 0.374, 0.375, 1.0, 2.26, INF], dtype=np.float32)
-    steps = quantise(values, 0.25)
+    steps = quantize(values, 0.25)
     assert steps.dtype == np.float32
     np.testing.assert_array_equal(steps, np.array([0, 0, 0.25, 0.25, 0.5, 1.0, 2.25, INF], dtype=np.float32))
-    np.testing.assert_array_equal(quantise(values, -1), values)
+    np.testing.assert_array_equal(quantize(values, -1), values)
 
 
-def test_a_lens_without_distortion_looks_at_pixel_centres():
+def test_a_lens_without_distortion_looks_at_pixel_centers():
     pixels = distort_pixels(5, 3, (0.5, 0.5), (0, 0), (0, 0))
     assert pixels.shape == (3, 5, 2) and pixels.dtype == np.float32
     y, x = np.mgrid[:3, :5] + 0.5
@@ -163,7 +163,7 @@ def test_a_lens_by_hand():
     # p2 = 0.1: x: 0.1 (r2 + 2 x^2) = 0.025; y: 0.2 x y = -0.0125; 1 / c = 1.2.
     pixels = distort_pixels(2, 2, (0.5, 0.5), (0, 0), (0, 0.1))
     np.testing.assert_allclose(pixels[0, 1], [2 * (0.75 - 0.025 / 1.2), 2 * (0.25 + 0.0125 / 1.2)], rtol=1e-6)
-    # Around another centre: this pixel is the centre.
+    # Around another center: this pixel is the center.
     pixels = distort_pixels(2, 2, (0.75, 0.25), (0.8, 0.3), (0.1, 0.2))
     np.testing.assert_allclose(pixels[0, 1], [1.5, 0.5], rtol=1e-6)
 
@@ -218,8 +218,8 @@ ONE = np.ones((1, 1, 1), dtype=np.float32)
         (lambda: add_noise(ONE, 1, 0, "R2023b", 0), "max_range must be a positive number of meters, got 0"),
         (lambda: add_noise(ONE, 1, 4.5, "R2023b", 0.5), "seed must be a whole number from 0 up, got 0.5"),
         (lambda: add_noise("far", 1, 4.5, "R2023b", 0), "values must be an array of numbers"),
-        (lambda: quantise(ONE, 0), "resolution must be a positive number of meters, got 0"),
-        (lambda: quantise(ONE, -2), "resolution must be a positive number of meters, got -2"),
+        (lambda: quantize(ONE, 0), "resolution must be a positive number of meters, got 0"),
+        (lambda: quantize(ONE, -2), "resolution must be a positive number of meters, got -2"),
         (lambda: distort_pixels(0, 2, (0, 0), (0, 0), (0, 0)), "width must be a whole number of pixels from 1 up"),
         (lambda: distort_pixels(2, 2, (0, 0, 0), (0, 0), (0, 0)), "center must be two finite numbers"),
         (lambda: distort_pixels(2, 2, (0, 0), (np.nan, 0), (0, 0)), "radial must be two finite numbers"),

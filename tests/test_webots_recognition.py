@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a camera recognises, by Webots' rules: bounds, frustum, range and the three kinds of occlusion."""
+"""What a camera recognizes, by Webots' rules: bounds, frustum, range and the three kinds of occlusion."""
 
 import math
 
 import numpy as np
 import pytest
 
-from warpvis.webots import load_webots, recognise, segmentation_image
+from warpvis.webots import load_webots, recognize, segmentation_image
 
 SLOPE = math.tan(0.5)  # half of the field of view
 
@@ -25,7 +25,7 @@ def world_of(folder, text, fields="", robot="", version="R2023b", camera="width 
 
 
 def found(folder, text, fields="", **options):
-    return recognise(world_of(folder, text, fields, **options), "eye")
+    return recognize(world_of(folder, text, fields, **options), "eye")
 
 
 def names(*arguments, **options):
@@ -226,7 +226,7 @@ def test_pixels_of_wide_images_lie_where_the_boxes_are(tmp_path, projection):
     ]
     camera = f'width 300 height 150 fieldOfView 4.4 projection "{projection}"'
     world = world_of(tmp_path, "".join(balls), camera=camera)
-    items, image = recognise(world, "eye"), segmentation_image(world, "eye")
+    items, image = recognize(world, "eye"), segmentation_image(world, "eye")
     assert {item.name for item in items} == {f"ball{index}" for index in range(len(angles))}
     for item in items:
         rows, columns = np.nonzero(image == world.scene.index(item.objects[0]))

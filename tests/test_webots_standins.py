@@ -13,7 +13,7 @@ import trimesh
 import warpvis as wv
 from warpvis import Label
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.webots import load_webots, recognise
+from warpvis.webots import load_webots, recognize
 from warpvis.webots._urls import webots_cache
 from warpvis.webots.protos._known import KNOWN
 
@@ -50,13 +50,13 @@ def test_a_pedestrian_stands_on_the_ground_by_default(tmp_path):
     assert world.scene["pedestrian"].bounds[1, 0] > 0.3  # it is turned: its arms are along x
 
 
-def test_a_pedestrian_is_recognised(tmp_path):
+def test_a_pedestrian_is_recognized(tmp_path):
     text = (
         'Robot { translation 0 0 1 children Camera { name "eye" recognition Recognition { } } } '
         "Pedestrian { translation 4 0 1.27 shirtColor 1 0 0 }"
     )
     with pytest.warns(UserWarning, match="used stand-ins for Pedestrian"):
-        (person,) = recognise(load(tmp_path, text), "eye")
+        (person,) = recognize(load(tmp_path, text), "eye")
     np.testing.assert_allclose(person.colors, [[1, 0, 0], [0.24, 0.25, 0.5]])
 
 

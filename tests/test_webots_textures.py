@@ -28,7 +28,7 @@ def test_webots_textures(tmp_path, version, info):
         return place if scene.up == "z" else [x, -z, y]
 
     textured, plain = scene["old"].appearance.materials
-    assert (textured.base_color, textured.alpha_mode) == ((1, 1, 1, 0.5), "blend")  # as a texture replaces the colour
+    assert (textured.base_color, textured.alpha_mode) == ((1, 1, 1, 0.5), "blend")  # as a texture replaces the color
     assert (textured.texture.wrap_u, textured.texture.wrap_v, textured.texture.filter) == ("clamp", "repeat", "nearest")
     np.testing.assert_array_equal(textured.texture.image, IMAGE)
     assert plain.texture is None

@@ -347,7 +347,7 @@ def test_an_instance_is_one_object(tmp_path):
     world = load_text(tmp_path, text, strict=True)
     counts = {item.name: len(item.faces) for item in world.scene}
     assert counts == {"bench": 36, "lamp": 80, "cup": 12, "b": 36, "lamp (2)": 80}
-    assert list(world.devices) == ["eye", "eye (2)"] and list(world.recognisable) == ["lamp", "lamp (2)"]
+    assert list(world.devices) == ["eye", "eye (2)"] and list(world.recognizable) == ["lamp", "lamp (2)"]
     np.testing.assert_allclose(world.scene["bench"].bounds, [[-0.25, -1, -0.55], [0.25, 1, 0.05]], atol=1e-6)
 
 

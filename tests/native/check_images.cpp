@@ -6,13 +6,13 @@
 #include "check.h"
 
 // Ground truth of a ray: the results that are consistent with its hits. Depth is at most that of the first certain hit.
-struct Judgement {
+struct Judgment {
     const Truth& truth;
     const std::vector<Hit>& hits;
     double u, v;
     double limit = ENDLESS;
 
-    Judgement(const Truth& of, const std::vector<Hit>& met, double at_u, double at_v)
+    Judgment(const Truth& of, const std::vector<Hit>& met, double at_u, double at_v)
         : truth(of), hits(met), u(at_u), v(at_v) {
         for (const Hit& hit : hits)
             if (hit.certain) limit = std::min(limit, hit.high);
@@ -42,10 +42,10 @@ struct Judgement {
         const char* fault = "no such surface";
         for (const Hit& hit : hits) {
             if (!may_see(hit, depth) || (made.objects.data && made.objects[at] != hit.object)) continue;
-            const bool labelled = !made.labels.data || made.labels[at] == scene.objects[hit.object].label;
+            const bool labeled = !made.labels.data || made.labels[at] == scene.objects[hit.object].label;
             const bool faces = !made.normals.data || faces_as(hit, &made.normals[3 * at]);
-            if (labelled && faces) return made.points.data && !is_at(&made.points[3 * at], depth) ? "point" : nullptr;
-            fault = labelled ? "normal" : "label";
+            if (labeled && faces) return made.points.data && !is_at(&made.points[3 * at], depth) ? "point" : nullptr;
+            fault = labeled ? "normal" : "label";
         }
         return fault;
     }
@@ -124,9 +124,9 @@ static void check_rays(const Setting& set, uint64_t seed, const Pictures& made, 
             const bool inside = x >= 0 && x < lens.width && y >= 0 && y < lens.height;
             hits.clear();
             if (inside) truth.meet(x - lens.cx, y - lens.cy, hits);
-            const Judgement judgement(truth, hits, x - lens.cx, y - lens.cy);
-            const char* fault = judgement.fault(made, at, made.depth[at], set.scene);
-            if (!fault) fault = judgement.fault(more, at, made.depth[at], set.scene);
+            const Judgment judgment(truth, hits, x - lens.cx, y - lens.cy);
+            const char* fault = judgment.fault(made, at, made.depth[at], set.scene);
+            if (!fault) fault = judgment.fault(more, at, made.depth[at], set.scene);
             if (set.scene.is_room && !lens.clips && inside && !set.worlds.excluded.data && made.depth[at] > lens.far)
                 fault = lens.far < INFINITY ? fault : "a ray leaves a closed room";
             if (fault)

@@ -149,9 +149,9 @@ def save_depth_png(depth: ArrayLike, path: str | os.PathLike[str]) -> None:
         raise ArrayError(f"depth must be in meters, a float array, got {image.dtype}; divide millimeters by 1000")
     if image.ndim != 2:
         raise ArrayError(f"depth must have shape (H, W), got {image.shape}")
-    millimetres = depth_to_units(image, 1000)
-    warn_of_lost(image, millimetres, 1000)
+    millimeters = depth_to_units(image, 1000)
+    warn_of_lost(image, millimeters, 1000)
     try:
-        as_path(path).write_bytes(encode_png(millimetres))
+        as_path(path).write_bytes(encode_png(millimeters))
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None

@@ -62,7 +62,7 @@ def _read(path: Path) -> NDArray:
         raise FileFormatError(f"{path}: not a PNG image: {describe_exception(error)}") from None
     if mode not in ("I;16", "I;16B", "I"):
         raise FileFormatError(
-            f"{path}: expected a grey PNG of 16 bits, as depth cameras' programs write, got mode {mode}"
+            f"{path}: expected a gray PNG of 16 bits, as depth cameras' programs write, got mode {mode}"
         )
     return image.astype(np.uint16)  # Pillow returns 32 bits for some of these files
 

@@ -268,20 +268,20 @@ class _Textures:
 
 def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
     """Read COLLADA in meters, with the vertical axis defined in the file; files with x up are rotated to y up."""
-    metres, axis = unit_and_axis(file)
+    meters, axis = unit_and_axis(file)
     found = _load_by_trimesh(without_skins(file), "dae", resolver=_Textures(locate))
     rotation = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
-    found.meshes = [mesh._replace(vertices=metres * mesh.vertices @ rotation.T) for mesh in found.meshes]
+    found.meshes = [mesh._replace(vertices=meters * mesh.vertices @ rotation.T) for mesh in found.meshes]
     found.up = "z" if axis == "Z_UP" else "y"
     return found
 
 
 def _load_3mf(path: Path, file: bytes) -> FileMeshes:
     """Read 3MF in meters, in the file's order; z is up, as specified by the format."""
-    metres, names = unit_and_names(unpack(path, file))
+    meters, names = unit_and_names(unpack(path, file))
     found = _load_by_trimesh(file, "3mf")
     order = {name: number for number, name in enumerate(names)}
-    found.meshes = [mesh._replace(vertices=metres * mesh.vertices) for mesh in found.meshes]
+    found.meshes = [mesh._replace(vertices=meters * mesh.vertices) for mesh in found.meshes]
     found.meshes.sort(key=lambda mesh: order.get(mesh.name, len(order)))
     found.up = "z"
     return found

@@ -24,7 +24,7 @@ from warpvis.io._depth import depth_to_units, units_to_depth, warn_of_lost
 DepthEncoding = Literal["32FC1", "16UC1"]
 """Encoding of depth in an Image, as defined by REP 118."""
 
-_MILLIMETRES = 1000.0
+_MILLIMETERS = 1000.0
 
 # NumPy types of pixels; some drivers call 16UC1 mono16.
 _PIXELS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2"}
@@ -58,8 +58,8 @@ def to_image_msg(
     image = _read_image(depth)
     pixels: NDArray[Any]
     if encoding == "16UC1":
-        units = depth_to_units(image, _MILLIMETRES)
-        warn_of_lost(image, units, _MILLIMETRES)
+        units = depth_to_units(image, _MILLIMETERS)
+        warn_of_lost(image, units, _MILLIMETERS)
         pixels = np.ascontiguousarray(units, dtype="<u2")
     else:
         pixels = np.array(image, dtype="<f4", order="C")  # a copy, since renderers reuse their arrays
@@ -106,7 +106,7 @@ def from_image_msg(message: Message) -> NDArray[np.float32]:
     pixels = rows.view(kind)
     if kind.kind == "f":
         return pixels.astype(np.float32)
-    return units_to_depth(pixels, 1 / _MILLIMETRES)
+    return units_to_depth(pixels, 1 / _MILLIMETERS)
 
 
 def to_pointcloud2(

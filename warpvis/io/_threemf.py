@@ -8,7 +8,7 @@ import html
 import re
 
 # The 3MF core specification, section 3.4: a model without a unit is in millimeters.
-_METRES = {
+_METERS = {
     b"micron": 1e-6,
     b"millimeter": 1e-3,
     b"centimeter": 1e-2,
@@ -36,7 +36,7 @@ def unit_and_names(files: dict[str, bytes]) -> tuple[float, list[str]]:
         match = re.search(rb"""\sunit\s*=\s*["']([^"']*)["']""", root[0]) if root else None
         unit = match[1] if match else unit
         found |= {html.unescape((a or b).decode(errors="replace")): None for a, b in _NAME.findall(model)}
-    if unit not in _METRES:
-        known = ", ".join(name.decode() for name in _METRES)
+    if unit not in _METERS:
+        known = ", ".join(name.decode() for name in _METERS)
         raise ValueError(f"the unit must be one of {known}, got {unit.decode(errors='replace')!r}")
-    return _METRES[unit], list(found)
+    return _METERS[unit], list(found)

@@ -98,7 +98,7 @@ def check_fovy(model: mujoco.MjModel, fovy: NDArray[np.float64]) -> None:
     bad = np.argwhere(~((fovy > 0) & (fovy < upper)))
     if len(bad):
         world, camera = bad[0].tolist()
-        limits = "from 0 to 180 degrees" if upper[camera] == 180 else "a number of metres above 0"
+        limits = "from 0 to 180 degrees" if upper[camera] == 180 else "a number of meters above 0"
         raise ArrayError(f"cam_fovy must be {limits}, got {fovy[world, camera]} for camera {camera} in world {world}")
 
 

@@ -56,12 +56,12 @@ def framing(
     vertical = check_up(scene.up)
     level = math.cos(elevation)
     direction = [level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)]
-    towards = np.roll(direction, vertical + 1)
+    toward = np.roll(direction, vertical + 1)
     boxes = np.array([item.bounds for item in scene.objects], dtype=np.float64)
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     middle = (low + high) / 2
-    pose = poses_along(middle[None], -towards[None], vertical)[0]
-    pose[:3] = middle + towards * fitting_distance(pinhole, pose, middle, low, high)
+    pose = poses_along(middle[None], -toward[None], vertical)[0]
+    pose[:3] = middle + toward * fitting_distance(pinhole, pose, middle, low, high)
     return pose
 
 

@@ -53,7 +53,7 @@ class Exposure:
     true_depth: wp.array
     """Planar depth of the first surface at any distance, ``(V, H, W)``; +inf without a surface."""
     normals: wp.array | None
-    """Unit normals of the first surface in the world frame, towards the camera, if the model needs them."""
+    """Unit normals of the first surface in the world frame, toward the camera, if the model needs them."""
     segmentation: wp.array | None
     """Objects of the first surface, -1 without one, if the model needs them."""
     depth_out: wp.array

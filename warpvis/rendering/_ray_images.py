@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of packets of rays on a GPU, each rotated towards its rays and scaled to their spacing.
+"""Images of packets of rays on a GPU, each rotated toward its rays and scaled to their spacing.
 
 Computed in double precision, once per ray table. Rays that are neighbors in rows and columns each pass near the center
 of one pixel (`fit_grid`); other rays have arbitrary positions in the image (`fit_points`).

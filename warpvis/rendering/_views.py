@@ -58,7 +58,7 @@ class Views:
     points: wp.array = None
     """Seen points in the world frame [m], ``(V, H, W)`` vec3."""
     normals: wp.array = None
-    """Unit normals of the seen triangles in the world frame, towards the camera, ``(V, H, W)`` vec3."""
+    """Unit normals of the seen triangles in the world frame, toward the camera, ``(V, H, W)`` vec3."""
     labels: wp.array = None
     """`Label` values, ``(V, H, W)`` uint8."""
     segmentation: wp.array = None

@@ -13,7 +13,7 @@ from warpvis.scene._object import (
 from warpvis.scene._parts import Y_UP_TO_Z_UP as Y_UP_TO_Z_UP, Axis as Axis, FileParts as FileParts, Part as Part
 from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
 from warpvis.scene._units import (
-    fits_millimetres as fits_millimetres,
+    fits_millimeters as fits_millimeters,
     looks_like_millimeters as looks_like_millimeters,
     too_large_for as too_large_for,
 )

@@ -40,7 +40,7 @@ def provably_closed(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
         faces: Corner indices of the triangles, shape ``(m, 3)``.
     """
     return has_no_boundary(vertices, faces) and any(
-        _is_star_shaped(vertices, faces, centre) for centre in _centres(vertices)
+        _is_star_shaped(vertices, faces, center) for center in _centers(vertices)
     )
 
 
@@ -100,13 +100,13 @@ def _mix(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return x
 
 
-def _centres(vertices: NDArray[np.float32]) -> list[NDArray[np.float64]]:
+def _centers(vertices: NDArray[np.float32]) -> list[NDArray[np.float64]]:
     points = np.asarray(vertices, dtype=np.float64)
     return [points.mean(axis=0), (points.min(axis=0) + points.max(axis=0)) / 2]
 
 
-def _is_star_shaped(vertices: NDArray[np.float32], faces: NDArray[np.int32], centre: NDArray[np.float64]) -> bool:
-    points = np.ascontiguousarray((vertices - centre).T)  # structure of arrays: coordinates are gathered separately
+def _is_star_shaped(vertices: NDArray[np.float32], faces: NDArray[np.int32], center: NDArray[np.float64]) -> bool:
+    points = np.ascontiguousarray((vertices - center).T)  # structure of arrays: coordinates are gathered separately
     lengths = np.sqrt((points * points).sum(axis=0))
     indices = [np.ascontiguousarray(faces[:, corner]) for corner in range(3)]
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = ([np.take(axis, index) for axis in points] for index in indices)

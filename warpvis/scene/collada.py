@@ -25,8 +25,8 @@ def frame_of(file: bytes) -> NDArray[np.float64]:
     Raises:
         ValueError: If the unit is not a positive length.
     """
-    metres, axis = unit_and_axis(file)
-    return metres * np.array(_AXES[axis], dtype=np.float64)
+    meters, axis = unit_and_axis(file)
+    return meters * np.array(_AXES[axis], dtype=np.float64)
 
 
 def unit_and_axis(file: bytes) -> tuple[float, str]:
@@ -38,11 +38,11 @@ def unit_and_axis(file: bytes) -> tuple[float, str]:
     head = file.partition(b"</asset>")[0]
     unit = re.search(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""", head)
     axis = re.search(rb"<up_axis>\s*(\w+)\s*</up_axis>", head)
-    metres = float(unit[1]) if unit else 1.0
-    if not 0 < metres < np.inf:
-        raise ValueError(f"the unit must be above zero, got {metres:g} m")
+    meters = float(unit[1]) if unit else 1.0
+    if not 0 < meters < np.inf:
+        raise ValueError(f"the unit must be above zero, got {meters:g} m")
     name = axis[1].decode() if axis else "Y_UP"
-    return metres, name if name in _AXES else "Y_UP"
+    return meters, name if name in _AXES else "Y_UP"
 
 
 def without_skins(file: bytes) -> bytes:

@@ -127,7 +127,7 @@ class Light:
         - It is divided by ``a + b d + c d**2``, and zero beyond `reach`.
         - ``"opengl"``: times ``cos(t) ** exponent``, zero where ``t > o``; a spot with ``o = pi`` is a point light.
         - ``"webots"``: times ``(o - t) / (o - i)`` between i and o, zero beyond o.
-        - ``"gltf"``: times ``clip((cos t - cos o) / max(cos i - cos o, 0.001), 0, 1) ** 2``; and towards `reach` times
+        - ``"gltf"``: times ``clip((cos t - cos o) / max(cos i - cos o, 0.001), 0, 1) ** 2``; and toward `reach` times
           ``clip(1 - (d / reach) ** 4, 0, 1)``.
 
         Args:

@@ -197,7 +197,7 @@ class Agent:
         brow, 50 to 70 up and 70 to 80 down (the largest in Traquair, Clinical Perimetry, 1938); the CIE's vocabulary
         (e-ILV, "field of vision") gives nearly 190 degrees for both eyes. The field of attention is a square 60 degrees
         wide, the central field of perimetry, within 30 degrees of fixation. The distinction between seeing and
-        attending follows Marin-Urias et al., Towards Shared Attention through Geometric Reasoning for Human Robot
+        attending follows Marin-Urias et al., Toward Shared Attention through Geometric Reasoning for Human Robot
         Interaction, Humanoids 2009.
 
         Args:

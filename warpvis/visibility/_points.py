@@ -91,13 +91,13 @@ def point_visibility(
     if scene.device.is_cpu and renderer.caster == "packets":
         rows = host_poses(camera_to_world, convention=convention)
         places = as_points(points, "points", "N", scene.device)
-        status, hidden_by = _empty_judgement((len(rows), len(places)), occluders, scene.device)
+        status, hidden_by = _empty_judgment((len(rows), len(places)), occluders, scene.device)
         worlds = parse_worlds(scene, len(rows), **arrangement)
         judge_by_packets(scene, camera, rows, worlds, places, tolerance, status, hidden_by, renderer.threads)
     else:
         poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
         pixels, depth = _project(camera, poses, points, threads)
-        status, hidden_by = _empty_judgement(depth.shape, occluders, scene.device)
+        status, hidden_by = _empty_judgment(depth.shape, occluders, scene.device)
         if depth.size:
             seen = renderer.render_at(poses, pixels, **arrangement)
             _judge(camera, pixels, depth, seen, tolerance, status, hidden_by, threads)
@@ -186,7 +186,7 @@ def _project(camera: Camera, poses: wp.array, points: ArrayInput, threads: int |
     return pixels, depth
 
 
-def _empty_judgement(shape: tuple[int, ...], occluders: bool, device: wp.Device) -> tuple[wp.array, wp.array | None]:
+def _empty_judgment(shape: tuple[int, ...], occluders: bool, device: wp.Device) -> tuple[wp.array, wp.array | None]:
     status = empty(shape, wp.uint8, name="status", device=device)
     return status, empty(shape, wp.int32, name="occluders", device=device) if occluders else None
 

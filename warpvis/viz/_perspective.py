@@ -205,7 +205,7 @@ def _draw_poses(axes: Axes, data: PanelData, floor_map: _Floor, proposed: ArrayL
     for agent, pose in zip(data.agents, poses, strict=True):
         _draw_pose(axes, pose, floor, length, "-")
         position, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
-        # Write the name opposite the arrow; near the map's border, towards its center.
+        # Write the name opposite the arrow; near the map's border, toward its center.
         x, y = (position - [left, bottom]) / [right - left, top - bottom]
         above = heading[1] < 0 if abs(heading[1]) > 0.2 and 0.15 < y < 0.85 else y < 0.5
         side = "left" if x < 0.15 else "right" if x > 0.85 else "center"

@@ -10,8 +10,8 @@ from warpvis.webots._lidar_images import find_lidar, render_lidar
 from warpvis.webots._lidars import Lidar
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._range_images import find_device, render_range
-from warpvis.webots._ranges import add_noise, distort_pixels, quantise, range_values
-from warpvis.webots._recognition import Recognised, recognise, segmentation_image
+from warpvis.webots._ranges import add_noise, distort_pixels, quantize, range_values
+from warpvis.webots._recognition import Recognized, recognize, segmentation_image
 from warpvis.webots._world import WebotsWorld, load_webots, read_world as read_world
 
 __all__ = [
@@ -20,7 +20,7 @@ __all__ = [
     "Lens",
     "Lidar",
     "Node",
-    "Recognised",
+    "Recognized",
     "Version",
     "WebotsWorld",
     "add_noise",
@@ -28,9 +28,9 @@ __all__ = [
     "find_device",
     "find_lidar",
     "load_webots",
-    "quantise",
+    "quantize",
     "range_values",
-    "recognise",
+    "recognize",
     "render_lidar",
     "render_range",
     "segmentation_image",

@@ -95,8 +95,8 @@ class Extent:
 class Bounds(NamedTuple):
     """Extents of all Solids of a world."""
 
-    recognised: dict[str, Extent]
-    """Solids with `recognitionColors`, by their keys in `WebotsWorld.recognisable`."""
+    recognized: dict[str, Extent]
+    """Solids with `recognitionColors`, by their keys in `WebotsWorld.recognizable`."""
     solids: list[Extent]
     """All Solids."""
     resolve: Resolve

@@ -92,4 +92,4 @@ def render_lidar(
     )
     if seed is not None:
         values = ranges.add_noise(values, lidar.noise, lidar.max_range, version, seed)
-    return ranges.quantise(values, lidar.resolution)[0]
+    return ranges.quantize(values, lidar.resolution)[0]

@@ -54,7 +54,7 @@ class Solid:
     robots: tuple[str, ...] = ()
     human: bool = False
     ground: bool = False
-    recognised: bool = False
+    recognized: bool = False
     arena: bool = False
     parts: list[Triangles] = field(default_factory=list)
     surfaces: list[Surface] = field(default_factory=list)  # per part
@@ -70,7 +70,7 @@ class Solid:
         called = ("floor" in name or "ground" in name) and "light" not in name and "lamp" not in name
         if self.ground or called or all(self.level):
             return Label.GROUND
-        return Label.OBJECT if self.recognised else Label.OBSTACLE
+        return Label.OBJECT if self.recognized else Label.OBSTACLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class Step:
     owner: Solid | None = None
     """The Solid to which its shapes are added."""
     robots: tuple[str, ...] = ()
-    recognised: tuple[str, ...] = ()
+    recognized: tuple[str, ...] = ()
     human: bool = False
     called: str = ""
     """The nearest DEF name, for shapes outside of any Solid."""

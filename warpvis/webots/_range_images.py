@@ -109,7 +109,7 @@ def render_range(
         values[0, ~((pixels >= 0) & (pixels < size)).all(axis=2)] = 0
     if seed is not None:
         values = ranges.add_noise(values, device.noise, device.max_range, version, seed)
-    return ranges.quantise(values, device.resolution)[0]
+    return ranges.quantize(values, device.resolution)[0]
 
 
 def _depth(

@@ -133,7 +133,7 @@ def add_noise(
     return noisy
 
 
-def quantise(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
+def quantize(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
     """Round range values to steps of a range finder's resolution: ``floor(d / resolution + 0.5) * resolution``.
 
     Args:

@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Recognised:
+class Recognized:
     """A Solid recognized by a camera."""
 
     name: str
-    """Its key in `WebotsWorld.recognisable`."""
+    """Its key in `WebotsWorld.recognizable`."""
     objects: tuple[str, ...]
     """Names of its objects in the scene."""
     position: NDArray[np.float64]
@@ -56,7 +56,7 @@ class Recognised:
     """Its `recognitionColors`, shape ``(n, 3)``."""
 
 
-def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = None) -> list[Recognised]:
+def recognize(world: WebotsWorld, camera_name: str, *, threads: int | None = None) -> list[Recognized]:
     """List the objects recognized by a camera's Recognition node, by decreasing size in the image.
 
     The rules are those of Webots (``WbObjectDetection.cpp``, ``WbCamera.cpp``). They apply to Solids with
@@ -83,9 +83,9 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
         SceneError: If there is no such camera, or it has no Recognition node.
         FileFormatError: If a field of the Recognition node has a wrong type.
     """
-    device, node = _recognising(world, camera_name)
+    device, node = _recognizing(world, camera_name)
     reach, max_objects, occlusion = _limits(node)
-    groups = {name: names for name, (_, names) in world.recognisable.items() if names}
+    groups = {name: names for name, (_, names) in world.recognizable.items() if names}
     if not groups:
         return []
     frustum, matrix = Frustum.of(device), poses_to_matrices(device.pose)
@@ -95,7 +95,7 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
     obstacles = _obstacles(world.bounds) if occlusion else None
     found = []
     for name, names in groups.items():
-        extent = world.bounds.recognised[name]
+        extent = world.bounds.recognized[name]
         box = _detected(world, device, frustum, (eye, axes), extent, reach)
         if box is None:
             continue
@@ -104,9 +104,9 @@ def recognise(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
             continue
         pixels = int(sum(counts[world.scene.index(item)] for item in names))
         silhouette = _union([boxes[item] for item in names]) or (0, 0, 0, 0)
-        colors = world.recognisable[name][0].numbers("recognitionColors").reshape(-1, 3)
+        colors = world.recognizable[name][0].numbers("recognitionColors").reshape(-1, 3)
         middle, lengths = box.middle[[1, 2, 0]] * (-1, -1, 1), box.size[[1, 2, 0]]
-        found.append(Recognised(name, names, middle, lengths, place, size, silhouette, pixels, colors))
+        found.append(Recognized(name, names, middle, lengths, place, size, silhouette, pixels, colors))
     found.sort(key=lambda item: item.image_size[0] * item.image_size[1], reverse=True)
     return found if max_objects < 0 else found[:max_objects]
 
@@ -190,13 +190,13 @@ def segmentation_image(world: WebotsWorld, camera_name: str, *, threads: int | N
     Raises:
         SceneError: If there is no such camera, or it has no Recognition node.
     """
-    device, _ = _recognising(world, camera_name)
+    device, _ = _recognizing(world, camera_name)
     image = _object_image(world, device, threads)
-    known = [world.scene.index(name) for _, names in world.recognisable.values() for name in names]
+    known = [world.scene.index(name) for _, names in world.recognizable.values() for name in names]
     return np.where(np.isin(image, known), image, np.int32(-1)).astype(np.int32)
 
 
-def _recognising(world: WebotsWorld, name: str) -> tuple[Device, Node]:
+def _recognizing(world: WebotsWorld, name: str) -> tuple[Device, Node]:
     device = find_device(world, name)
     if device.recognition is None:
         raise SceneError(f"{name!r} must be a Camera with a Recognition node, got a {device.kind} without")

@@ -81,7 +81,7 @@ class Reader:
         self.devices: dict[str, Device] = {}
         self.lidars: dict[str, Lidar] = {}
         self.robots: dict[str, list[Solid]] = {}
-        self.recognisable: dict[str, tuple[Node, list[Solid]]] = {}
+        self.recognizable: dict[str, tuple[Node, list[Solid]]] = {}
         self.extents: list[Extent] = []  # all Solids
         self.bounds: dict[str, Extent] = {}  # Solids with recognitionColors
         self.lights: list[Light] = []
@@ -98,7 +98,7 @@ class Reader:
         self._lines: list[tuple[int, str, Solid | None]] = []
         self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by id of the node, with the node to keep it alive
         self._triangles = 0
-        self._taken = {kind: Names() for kind in ("recognised", "devices", "lidars", "robots")}
+        self._taken = {kind: Names() for kind in ("recognized", "devices", "lidars", "robots")}
         with self._leaving_out():
             self.up, notes = vertical_axis(world)
             self.notes += notes
@@ -270,21 +270,21 @@ class Reader:
         """Begin an object, and register it with its robots and recognizable Solid."""
         node = step.node
         human = step.human or any(fnmatch.fnmatchcase(name.lower(), pattern) for pattern in HUMANS)
-        robots, recognised = step.robots, step.recognised
+        robots, recognized = step.robots, step.recognized
         if node.type in ROBOTS:
             robots = (*robots, self._add_robot(name))
         if len(node.numbers("recognitionColors")):
-            known = self._taken["recognised"].take(name)
-            self.recognisable[known] = (node, [])
-            recognised = (known,)
+            known = self._taken["recognized"].take(name)
+            self.recognizable[known] = (node, [])
+            recognized = (known,)
         types = {instance.type for instance in step.instances}
-        solid = Solid(name, robots, human, bool(types & _GROUNDS), bool(recognised), bool(types & _ARENAS))
+        solid = Solid(name, robots, human, bool(types & _GROUNDS), bool(recognized), bool(types & _ARENAS))
         self.solids.append(solid)
         for robot in robots:
             self.robots[robot].append(solid)
-        for known in recognised:
-            self.recognisable[known][1].append(solid)
-        return dataclasses.replace(step, owner=solid, robots=robots, recognised=recognised, human=human)
+        for known in recognized:
+            self.recognizable[known][1].append(solid)
+        return dataclasses.replace(step, owner=solid, robots=robots, recognized=recognized, human=human)
 
     def _begin_extent(self, step: Step, transform: Transform) -> Step:
         """Collect the extent of a Solid, which recognition and its occlusion tests use."""
@@ -300,8 +300,8 @@ class Reader:
         self.extents.append(extent)
         if outer is not None:
             outer.parts.append(extent)
-        if step.recognised and len(node.numbers("recognitionColors")):
-            self.bounds[step.recognised[0]] = extent
+        if step.recognized and len(node.numbers("recognitionColors")):
+            self.bounds[step.recognized[0]] = extent
         return dataclasses.replace(step, extent=extent)
 
     def _add_shape(self, step: Step) -> None:
@@ -329,7 +329,7 @@ class Reader:
         faces = keep_winding(faces, step.transform.linear)
         owner.parts.append((placed, faces))
         owner.surfaces.append(Surface(shape_appearance(node), geometry, mesh, mirrored=faces is not mesh[1]))
-        if step.recognised and step.extent is not None:
+        if step.recognized and step.extent is not None:
             step.extent.parts.append(ball_about(placed))
         owner.level.append(is_level(placed, faces, "xyz".index(self.up)))
 

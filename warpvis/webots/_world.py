@@ -41,10 +41,10 @@ class WebotsWorld:
     """Lidars by name; duplicate names become ``"name (2)"``, ..."""
     robots: dict[str, tuple[str, ...]]
     """Names of the objects of each robot, including objects that it carries."""
-    recognisable: dict[str, tuple[Node, tuple[str, ...]]]
+    recognizable: dict[str, tuple[Node, tuple[str, ...]]]
     """Node and object names of each Solid with `recognitionColors`."""
     bounds: Bounds
-    """Extents of Solids, for `warpvis.webots.recognise`."""
+    """Extents of Solids, for `warpvis.webots.recognize`."""
     skipped: dict[str, int]
     """PROTOs and meshes whose files were not found, with the number of occurrences."""
     stand_ins: dict[str, int]
@@ -123,7 +123,7 @@ def load_webots(
         reader.devices,
         reader.lidars,
         {name: names_of(names, solids) for name, solids in reader.robots.items()},
-        {name: (node, names_of(names, solids)) for name, (node, solids) in reader.recognisable.items()},
+        {name: (node, names_of(names, solids)) for name, (node, solids) in reader.recognizable.items()},
         Bounds(reader.bounds, reader.extents, reader.find_mesh),
         dict(reader.skipped),
         dict(reader.stand_ins),

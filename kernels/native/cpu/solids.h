@@ -162,7 +162,7 @@ struct LinearForm {
 // A unit ball or an infinite cylinder: w = (distance * p + sqrt(p^2 - t^2)) / C, where t = sqrt(C) s.
 struct Quadric {
     Expansion local;
-    LinearForm towards, across[2];  // p, and the two components of t
+    LinearForm toward, across[2];  // p, and the two components of t
     float distance, inverse;  // sqrt(C + 1), 1 / C
 
     // All zero, which no ray hits, for the side of a solid if the camera is inside the infinite cylinder, beyond an
@@ -177,7 +177,7 @@ struct Quadric {
         const double n[3] = {-o[0] * scale, -o[1] * scale, -o[2] * scale};
         q.distance = (float)distance;
         q.inverse = (float)(1.0 / rest);
-        q.towards = LinearForm::of(n, solid, local);
+        q.toward = LinearForm::of(n, solid, local);
         // Two directions perpendicular to n (Duff et al. 2017); of a cylinder, only the one perpendicular to its axis.
         const double sign = n[2] < 0 ? -1.0 : 1.0, a = -1.0 / (sign + n[2]), b = n[0] * n[1] * a;
         if (solid.is_side(part)) {
@@ -268,7 +268,7 @@ struct SolidSetup {
         const Quadric& q = quadric[PART_SIDE];
         if (!(q.distance > 0)) return Lanes::all_ints(-1);
         const Floats dx = x - q.local.x, dy = y - q.local.y, none = Lanes::all(0.0f);
-        const Floats p = q.towards.at(dx, dy) + q.towards.change(away);
+        const Floats p = q.toward.at(dx, dy) + q.toward.change(away);
         const Floats right = Lanes::max(Lanes::abs(q.across[0].at(dx, dy)) - q.across[0].change(away), none);
         const Floats down = Lanes::max(Lanes::abs(q.across[1].at(dx, dy)) - q.across[1].change(away), none);
         return (p > none) & (p * p >= right * right + down * down);
@@ -276,7 +276,7 @@ struct SolidSetup {
 
     static inline Floats ball(const Quadric& q, Floats x, Floats y) {
         const Floats dx = x - q.local.x, dy = y - q.local.y, none = Lanes::all(0.0f);
-        const Floats p = q.towards.at(dx, dy), right = q.across[0].at(dx, dy), down = q.across[1].at(dx, dy);
+        const Floats p = q.toward.at(dx, dy), right = q.across[0].at(dx, dy), down = q.across[1].at(dx, dy);
         const Floats square = p * p - (right * right + down * down);
         const Floats inv_z = (q.distance * p + __builtin_elementwise_sqrt(Lanes::max(square, none))) * q.inverse;
         return ((square >= none) & (p > none)) ? inv_z : none;
@@ -292,7 +292,7 @@ struct SolidSetup {
         static inline Side of(const SolidSetup& setup, Floats x, Floats y) {
             const Quadric& q = setup.quadric[PART_SIDE];
             const Floats dx = x - q.local.x, dy = y - q.local.y, none = Lanes::all(0.0f);
-            const Floats p = q.towards.at(dx, dy), across = q.across[0].at(dx, dy);
+            const Floats p = q.toward.at(dx, dy), across = q.across[0].at(dx, dy);
             const Floats square = p * p - across * across;
             const Floats root = __builtin_elementwise_sqrt(Lanes::max(square, none));
             const Floats reach = q.distance * p + root;

@@ -191,7 +191,7 @@ struct TableWriter {
         return Points{at[0], at[1], at[2]};
     }
     inline Points normals(int packet, Ints id, Ints seen) {
-        if (RAY_ORIGINS) return towards(packet, writer.triangle_normals(id, Lanes::bits(seen)));
+        if (RAY_ORIGINS) return toward(packet, writer.triangle_normals(id, Lanes::bits(seen)));
         if (!writer.lookup.moving) return writer.triangle_normals(id, Lanes::bits(seen));
         Points round = {Lanes::all(0.0f), Lanes::all(0.0f), Lanes::all(0.0f)};
         const Ints solid = writer.lookup.solid_normals(id, seen, RayRaster::exact_u(tree, packet),
@@ -201,7 +201,7 @@ struct TableWriter {
     }
 
     // Flip normals toward the origins of the rays, which may see another side than the eye does.
-    inline Points towards(int packet, Points n) const {
+    inline Points toward(int packet, Points n) const {
         const Rays& rays = writer.rays;
         const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
         Floats ray[3];

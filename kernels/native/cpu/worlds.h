@@ -227,9 +227,9 @@ struct Lookup {
         const float* corners = bvh.leaf((unsigned)slot / LANES);
         ExactTriangle t = ExactTriangle::of(from, corners, (unsigned)slot % LANES);
         double* c = t.normal;
-        const double towards = t.volume() > 0 ? -1.0 : 1.0;
+        const double toward = t.volume() > 0 ? -1.0 : 1.0;
         for (int k = 0; k < 3 && shrink; ++k) c[k] *= shrink[k];
         const double length = __builtin_sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
-        for (int k = 0; k < 3; ++k) n[k] = (float)(c[k] * towards / length);
+        for (int k = 0; k < 3; ++k) n[k] = (float)(c[k] * toward / length);
     }
 };

@@ -51,8 +51,8 @@ struct Write {
                            p.u * camera.exact_rays[0].z + p.v * camera.exact_rays[1].z + camera.exact_rays[2].z};
         const int m = scene.movables.owner_of(id);
         const Vec3d n = m < 0 ? Vec3d::normal(scene.bvh.corners(id)) : moved_normal(scene, camera, m, id, ray);
-        const double towards = Vec3d::dot(n, ray);
-        return Vec3d::times(n, (towards > 0.0 ? -1.0 : 1.0) / sqrt(Vec3d::dot(n, n))).rounded();
+        const double toward = Vec3d::dot(n, ray);
+        return Vec3d::times(n, (toward > 0.0 ? -1.0 : 1.0) / sqrt(Vec3d::dot(n, n))).rounded();
     }
 
     // Normal of a movable object in the world, not normalized.

@@ -97,7 +97,7 @@ class Png(Layout):
     def _meaning(self) -> dict[str, Json]:
         depth: dict[str, Json] = {
             "kind": "planar" if self.plan.camera.kind == "z" else "range",
-            "units_per_metre": self._scale,
+            "units_per_meter": self._scale,
             "no_depth": 0,
         }
         meaning: dict[str, Json] = {

@@ -183,7 +183,7 @@ class Zarr(Format):
             "camera_axes": "opencv: x right, y down, z forward",
             "camera_to_world": "rows x y z qx qy qz qw",
             "up": plan.up,
-            "units": "metres",
+            "units": "meters",
             "depth": f"{along}; inf: nothing or beyond far; -inf: nearer than near",
             "labels": {plan.label_names.word(number): number for number in plan.label_names},
             "object_names": list(plan.object_names),

@@ -112,8 +112,8 @@ def _nerfstudio_numbers(
     fx, fy = (one if one is not None else other for one, other in (focal, focal[::-1]))
     if fx is None or fy is None:
         return None
-    centre = [_number(path, fields, name) for name in ("cx", "cy")]
-    return size, (fx, fy, *(side / 2 if value is None else value for value, side in zip(centre, size, strict=True)))
+    center = [_number(path, fields, name) for name in ("cx", "cy")]
+    return size, (fx, fy, *(side / 2 if value is None else value for value, side in zip(center, size, strict=True)))
 
 
 def _nerfstudio_focal(path: Path, fields: Mapping[str, Json], axis: str, side: float) -> float | None:

@@ -17,7 +17,7 @@ from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._json import bop_images_camera
 from warpvis.io.poses._file_poses import FilePoses
 
-_MILLIMETRES = 1000.0
+_MILLIMETERS = 1000.0
 
 
 def parse_bop(path: Path, data: Json) -> FilePoses:
@@ -43,7 +43,7 @@ def parse_bop(path: Path, data: Json) -> FilePoses:
     poses = np.tile(np.eye(4), (len(images), 1, 1))
     poses[:, :3, :3] = rotations.swapaxes(1, 2)
     with np.errstate(over="ignore", invalid="ignore"):  # overflow is reported with the frames
-        poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations / _MILLIMETRES)
+        poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations / _MILLIMETERS)
     times = np.array(images, dtype=np.float64)
     camera = bop_images_camera(path, data)
     return FilePoses(poses, lambda index: f"{path}: image {images[index]}", timestamps=times, camera=camera)

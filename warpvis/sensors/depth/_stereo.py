@@ -108,7 +108,7 @@ class StereoDepth(Device):
     subpixel: int = 0
     """Steps of disparity per pixel, such as 8 or 32; 0 for no rounding."""
     locking: float = 0.0
-    """Amplitude of the systematic error of disparity towards whole pixels, or away from them if negative [px]."""
+    """Amplitude of the systematic error of disparity toward whole pixels, or away from them if negative [px]."""
     shadow: bool = True
     """Whether points that are hidden from the other eye have no depth."""
     band: bool = True

@@ -173,7 +173,7 @@ class RadialLens(Lens):
 
 
 def rays_of(angle: Floats, x: Floats, y: Floats, radius: Floats) -> Floats:
-    """Return unit vectors at an angle from the axis [rad], towards ``(x, y)`` with that radius."""
+    """Return unit vectors at an angle from the axis [rad], toward ``(x, y)`` with that radius."""
     scale = np.where(radius > 0, np.sin(angle) / np.where(radius > 0, radius, 1.0), 0.0)
     return np.stack([scale * x, scale * y, np.cos(angle)], axis=-1)
 

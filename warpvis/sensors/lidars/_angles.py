@@ -17,7 +17,7 @@ def directions_at(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float6
     """Return unit vectors of the sensor frame (x forward, y left, z up), shape ``(..., 3)``.
 
     Args:
-        azimuth: Angles from x towards y, that is to the left [rad].
+        azimuth: Angles from x toward y, that is to the left [rad].
         elevation: Angles above the horizontal plane [rad]. Both are broadcast against each other.
     """
     azimuth, elevation = np.broadcast_arrays(

@@ -46,7 +46,7 @@ class Livox:
     ) -> None:
         """Create a pattern from the angles of its samples [rad] in scan order; see the attributes."""
         self.azimuth = azimuth
-        """Angles of all samples from x towards y, that is to the left [rad]."""
+        """Angles of all samples from x toward y, that is to the left [rad]."""
         self.elevation = elevation
         """Angles of all samples above the horizontal plane [rad]."""
         self.samples_per_second = samples_per_second

@@ -31,7 +31,7 @@ def laser_scan(
     """Return the rays of a planar scanner, defined like ROS's ``sensor_msgs/LaserScan``.
 
     Args:
-        angle_min: Angle of the first ray, from x towards y, that is to the left [rad].
+        angle_min: Angle of the first ray, from x toward y, that is to the left [rad].
         angle_max: Angle of the last ray, or an upper bound if it is not a multiple of the increment away [rad].
         angle_increment: Angle between consecutive rays [rad]; negative for a scanner that rotates clockwise, with
             `angle_max` below `angle_min`.
