@@ -80,7 +80,7 @@ def test_colmap_camera_models(tmp_path):
     same_lens(load_camera(tmp_path / "cameras.bin", distortion=True), lenses.FOV(*F, 0.9))
     colmap_text(tmp_path, "7 FOV 64 48 60 58 31.3 25.1 0.9\n8 FOV 64 48 60 58 31.3 25.1 0.8")
     with (
-        pytest.warns(IntrinsicsWarning, match="of 64x48 pixels, FOV"),
+        pytest.warns(IntrinsicsWarning, match="have different cameras, such as 64x48 pixels, FOV"),
         pytest.raises(FileFormatError, match="no camera"),
     ):
         load_camera(tmp_path / "cameras.txt", distortion=True)
