@@ -38,9 +38,7 @@ with mujoco.Renderer(model, 8, 8) as renderer:
 
 
 def _probe_gl() -> str:
-    """Return why `mujoco.Renderer` does not work here, or an empty string. Runs in a subprocess: GL libraries may
-    abort.
-    """
+    """Return why `mujoco.Renderer` fails here, or an empty string. Uses a subprocess: GL libraries may abort."""
     environment = {**os.environ, "MUJOCO_GL": "egl"}
     result = subprocess.run([sys.executable, "-c", _PROBE], env=environment, capture_output=True, text=True)
     return "" if result.returncode == 0 else (result.stderr.strip().splitlines() or ["it crashed"])[-1]
@@ -54,9 +52,7 @@ if not _NO_GL:
 
 @dataclass(frozen=True)
 class Need:
-    """A requirement of tests with a marker. If it is missing, they are skipped, or fail if an environment variable is
-    set.
-    """
+    """A requirement of marked tests. If it is missing, they skip, or fail if an environment variable is set."""
 
     variable: str
     missing: Callable[[], str]

@@ -211,9 +211,7 @@ class EmulatedCaster(RaysCaster):
         self._emulator.launch(self._variant, size, arguments)
 
     def _room(self, views: int, count: int) -> Any:
-        """Return scratch arrays for found objects: a GPU fills them by a kernel, the emulator in the first packet of a
-        view.
-        """
+        """Return scratch arrays for found objects: filled by a kernel on a GPU, by a view's first packet here."""
         room, camera, tile = packets_cuda.FoundObjects(), self._camera, 1 << packets_cuda.TILE_BITS
         if self._variant.found:
             room.tiles_y, room.tiles_x = -(-camera.height // tile), -(-camera.width // tile)

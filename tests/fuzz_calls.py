@@ -86,9 +86,7 @@ class Draw:
         return self.pick(kinds)()
 
     def spoiled(self, value):
-        """Return a valid value with one change: scaled, cropped, repeated, transposed, of another dtype, or with a bad
-        entry.
-        """
+        """Return a valid value with one change: scaled, cropped, repeated, transposed, recast, or with a bad entry."""
         if isinstance(value, bool) or value is None or isinstance(value, str):
             return self.anything()
         if isinstance(value, int | float):

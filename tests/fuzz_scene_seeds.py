@@ -145,9 +145,7 @@ def _embedded(files: dict[str, bytes]) -> str:
 
 
 def _varied():
-    """Return a file with strips, fans, sparse and normalized accessors, morph targets, instances and all node
-    transforms.
-    """
+    """Return a file with strips, fans, sparse and normalized accessors, morph targets, instances and transforms."""
     from gltf_files import GltfWriter
 
     writer = GltfWriter(extensionsUsed=["KHR_mesh_quantization"])

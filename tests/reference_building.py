@@ -54,9 +54,7 @@ def mark_ranges(counts: NDArray) -> NDArray:
 
 
 def count_ranges(info: NDArray, sums: NDArray) -> list[int]:
-    """Return the next level's first node, node count, large ranges and ranges, and the first node of the level after
-    it.
-    """
+    """Return the next level's first node, nodes, large ranges and ranges, and the first node of the level after it."""
     *_, first, count = info
     return [first, count, *sums, first + count, 2 * sums[1]]
 
@@ -154,9 +152,7 @@ def part_small(low: NDArray, high: NDArray, middle: int) -> list[NDArray]:
 
 
 def find_costs(child: NDArray, area: NDArray, first: int) -> NDArray:
-    """Return the smallest node area of each subtree split into at most 1, 2, ..., 32 parts, (nodes, 32), from `first`
-    on.
-    """
+    """Return the smallest node area of each subtree in at most 1, 2, ..., 32 parts, (nodes, 32), from `first` on."""
     costs = np.zeros((len(child), LANES))
     for node in reversed(range(first, len(child))):
         if child[node] >= 0:

@@ -15,9 +15,7 @@ from warpvis.sensors import LensCamera
 
 
 def pixel_rays(camera: Camera) -> NDArray[np.float64]:
-    """Return rays of all pixels in the camera frame, shape (H, W, 3): z = 1 for a pinhole camera, depth 1 or NaN for a
-    lens.
-    """
+    """Return camera-frame rays of all pixels, shape (H, W, 3): z = 1 for a pinhole, depth 1 or NaN for a lens."""
     if isinstance(camera, LensCamera):
         rays = camera.lens.unproject(np.stack(np.mgrid[: camera.height, : camera.width][::-1], axis=-1) + 0.5)
         return rays / rays[..., 2:] if camera.kind == "z" else rays

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 
 def nearest_surface(corners: NDArray, points: NDArray, most: float = np.inf) -> NDArray[np.float64]:
-    """Return distances to the nearest triangle, shape (N,): to its plane if the point projects into it, else to its
-    edges.
-    """
+    """Return distances to the nearest triangle, shape (N,): to its plane above its interior, else to its edges."""
     corners, points = np.asarray(corners, dtype=np.float64), np.asarray(points, dtype=np.float64)
     nearest = np.full(len(points), np.inf)
     for triangle in corners:

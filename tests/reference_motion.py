@@ -50,9 +50,7 @@ def turn_of(rotation: NDArray) -> NDArray[np.float64]:
 def begin_legs(
     poses: NDArray, linear: NDArray | None = None, angular: NDArray | None = None
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Return origins, rotation matrices, translations and rotation vectors of segments, for poses (T, rows, columns,
-    7).
-    """
+    """Return origins, rotation matrices, translations and rotation vectors of segments; poses (T, rows, columns, 7)."""
     matrices = poses_to_matrices(poses)
     path, turn = np.zeros((2, *poses.shape[:-1], 3))
     if linear is not None and angular is not None:

@@ -82,9 +82,7 @@ def number_edges(edges: NDArray, count: int) -> tuple[NDArray[np.int32], NDArray
 
 
 def place_sub_rays(pixels: NDArray, width: int) -> NDArray[np.float64]:
-    """Return sixteen sample positions [px] per pixel index, (..., 16, 2): stratified in 4 x 4 cells and in 16 rows and
-    columns.
-    """
+    """Return 16 stratified sample positions [px] per pixel index, (..., 16, 2): one per 4 x 4 cell, row and column."""
     place = np.arange(16)
     column, row = place % 4, place // 4
     within = np.stack([column / 4 + (row + 0.5) / 16, row / 4 + (column + 0.5) / 16], axis=-1)

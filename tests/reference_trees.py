@@ -85,9 +85,7 @@ def refit_leaves(vertices: NDArray, leaf_vertices: NDArray) -> tuple[NDArray, ND
 
 
 def refit_nodes(boxes: NDArray, children: NDArray) -> tuple[NDArray, NDArray]:
-    """Return boxes of the children, shape (N, 6, lanes), and of the root from the leaves' boxes; `children` is (N,
-    lanes).
-    """
+    """Return boxes of the children, shape (N, 6, lanes), and of the root; `children` is (N, lanes)."""
     rows = np.empty((len(children), 6, children.shape[1]), dtype=boxes.dtype)
     rows[:, :3], rows[:, 3:] = 3e38, -3e38
     box = np.empty((len(children), 6), dtype=boxes.dtype)

@@ -116,13 +116,13 @@ def read_json(path):
 
 
 def meet(vertices, faces, directions):
-    """Return the depth at which rays ``(n, 3)`` from the origin with z = 1 hit triangles, +inf for a miss, and
-    uncertain rays.
+    """Return the depth at which rays ``(n, 3)`` from the origin with z = 1 hit triangles, and uncertain rays.
 
-    A ray hits a triangle if the signed volumes with its three edges have the same sign (Moller and Trumbore 1997
-    without
-    the division); the depth is that of the triangle's plane. A ray is uncertain if it passes so close to an edge that
-    single precision may differ.
+    Depth is +inf for a miss. A ray hits a triangle if the signed volumes with its three edges have the same sign
+    (Moller
+    and Trumbore 1997 without the division); the depth is that of the triangle's plane. A ray is uncertain if it passes
+    so
+    close to an edge that single precision may differ.
     """
     depth, doubtful = np.full(len(directions), np.inf), np.zeros(len(directions), dtype=bool)
     for a, b, c in vertices[faces]:
@@ -171,9 +171,9 @@ def judge(alone_canvas, depth, directions, delta=15.0, missing_is_visible=True):
 
 
 def test_counts_boxes_and_masks_match_bops_definition(dataset):
-    """All values are equal if no ray of the canvas passes within 3e-4 px of an edge and no depth is within rounding of
-    delta;
-    otherwise all other pixels are equal.
+    """Values are equal if no ray of the canvas is within 3e-4 px of an edge and no depth within rounding of delta.
+
+    Otherwise all other pixels are equal.
     """
     folder, _, frames = dataset
     models = [trimesh.load(folder / f"models/obj_{k:06d}.ply", process=False) for k in range(1, 5)]

@@ -99,7 +99,7 @@ def test_lock_of_another_machine_holds_until_its_lease_ends(url):
     assert run(url).rendered_frames == 20 and not is_locked(url)
 
 
-def test_a_lock_ends_with_its_process(url):
+def test_lock_ends_with_its_process(url):
     child = subprocess.Popen([sys.executable, "-c", ""])
     child.wait()
     write_lock(url, process=child.pid)

@@ -146,9 +146,7 @@ def world_of(transform, points):
 
 
 def test_depth_and_tf_back_project_to_the_world(bags):
-    """As in `image_geometry`, pixel centers are at whole numbers; an offset of half a pixel shifts points by
-    millimeters.
-    """
+    """As in `image_geometry`, pixel centers are at whole numbers; half a pixel shifts points by millimeters."""
     _, depth, messages = bags
     truth = wv.render(scene(), CAMERA, poses(), outputs=("points",)).points.numpy()
     x, y = np.meshgrid(np.arange(40), np.arange(30))

@@ -89,9 +89,7 @@ def test_foreground_spreads_over_the_sky(device):
 
 
 def test_fattened_pixels_use_the_foregrounds_reflectivity(device):
-    """Normals and reflectivity come from the foreground: a white plate's edge hides a black wall, and vice versa it is
-    lost.
-    """
+    """Normals and reflectivity are the foreground's, in its widened edge too."""
     scene = wall_scene((1.0, -0.2, 0.2), (2.5, -10, 10), device=device)
     for dark, lost in (("plate 1", False), ("plate 0", True)):
         model = StereoDepth(

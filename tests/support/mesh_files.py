@@ -15,9 +15,7 @@ TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
 
 
 def car():
-    """Return meshes of several primitives, duplicate and missing node names, and names that collide with generated
-    ones.
-    """
+    """Return meshes of several primitives, duplicate and missing names, and names like the generated ones."""
     writer = GltfWriter()
     body = [writer.primitive(TRIANGLE + k) for k in range(3)]
     wheels = writer.node(writer.primitive(TRIANGLE), name="wheel")

@@ -26,9 +26,7 @@ def away_from_silhouettes(depth, reach=2, step=0.03):
 
 
 def assert_same_images(ours, theirs, tolerance):
-    """Check agreement by section 6 of the design: away from silhouettes, within the tessellation tolerance of round
-    shapes.
-    """
+    """Check agreement by section 6 of the design: away from silhouettes, within tessellation tolerance."""
     (depth, segmentation), (expected, expected_segmentation) = ours, theirs
     assert (depth.dtype, depth.shape) == (expected.dtype, expected.shape)
     assert (segmentation.dtype, segmentation.shape) == (expected_segmentation.dtype, expected_segmentation.shape)
