@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tests of solids of revolution: rays hit the exact surface of movable solids, near and far, with all casters."""
+"""Tests of balls, ellipsoids, capsules and cylinders: rays hit the exact surface of movable solids with all casters."""
 
 import numpy as np
 import pytest

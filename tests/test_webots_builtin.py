@@ -215,13 +215,7 @@ def test_windows_have_a_pane_and_a_sill(version, size, frame):
     assert len(windows) == 8
     points = points_of(
         version,
-        *(
-            (0, 0, 1.4),
-            (0, 0.03, 1.4),
-            (0, 0.09, 0.3),
-            (0, 0, 2.3),
-            (0.48, 0.11, 1.4),
-        ),  # pane, its front, walls, post
+        *((0, 0, 1.4), (0, 0.03, 1.4), (0, 0.09, 0.3), (0, 0, 2.3), (0.48, 0.11, 1.4)),  # pane, its front, walls, post
         *((0, 0.21, 0.72), (0.49, 0.21, 0.72), (0, 0.11, 0.77), (0, 0.11, 2.08)),  # sill, and the bars of the frame
     )
     assert inside(windows, points) == [True, False] + [True] * 7

@@ -97,7 +97,7 @@ def test_defaults_of_a_camera(tmp_path):
 
 
 def test_pixels_are_square(tmp_path):
-    """The manual of 2018 gives vfov = fov * height / width; the code of R2018 is that of later releases."""
+    """The manual of 2018 gives vfov = fov * height / width, but its code agrees with later ones."""
     camera = device_of(tmp_path, 'name "eye" fieldOfView 0.994837 width 320 height 240', "R2019a").camera
     assert camera.fx == camera.fy == pytest.approx(294.684, abs=1e-3)
     assert camera.vfov == pytest.approx(0.773424, abs=1e-6)
@@ -376,7 +376,7 @@ def test_recognition_in_the_paper_experiment(device):
     assert (seen >= 0).sum() == found.visible_pixels
 
 
-def test_only_visible_solids_with_recognition_colors_are_recognized(tmp_path):
+def test_only_visible_solids_with_colors_are_recognized(tmp_path):
     text = ball(2, 0.3, "left") + ball(2, 5, "outside") + ball(-2, 0, "behind") + wall(4)
     assert recognized(tmp_path, "", text) == ["left"]
 

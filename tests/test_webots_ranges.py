@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Range values of every class of Webots releases, and noise, resolution and lens, against values worked out by hand."""
+"""Tests of range values for all Webots releases, noise, resolution and lenses, against values computed by hand."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def values_of(row, version, **changed):
     return range_values(image(*row), **(KINECT | {"version": version} | changed))[0, 0]
 
 
-# Too near, the least and the greatest that are measured, too far by a hair, too far, nothing.
+# Too near, the smallest and largest measured values, slightly too far, too far, nothing.
 EDGES = (0.0, 0.1, below(0.3), 0.3, 2.0, below(4.5), 4.5, 9.0, INF)
 
 
@@ -57,15 +57,15 @@ def test_limits_by_release(version, too_near, too_far, parsed):
 
 @pytest.mark.parametrize("projection", ["cylindrical", "spherical"])
 @pytest.mark.parametrize(("version", "beyond"), [("R2020b", 4.5), ("R2021a", INF), ("R2021b", INF), ("R2023b", INF)])
-def test_limits_of_projections_that_are_put_together(projection, version, beyond):
+def test_limits_of_stitched_projections(projection, version, beyond):
     values = values_of(EDGES, version, projection=projection)
     expected = [*[beyond] * 3, 0.3, 2.0, below(4.5), *[beyond] * 3]
     np.testing.assert_array_equal(values, np.array(expected, dtype=np.float32))
 
 
 @pytest.mark.parametrize("version", ["V8.5", "R2018b", "R2021b", "R2022a"])
-def test_the_bias_of_a_near_plane(version):
-    """f = 4.5: with n = 0.01 up to 9 mm too low, with n = 0.3 a quarter of a meter."""
+def test_near_plane_bias(version):
+    """f = 4.5: up to 9 mm too low with n = 0.01, a quarter of a meter with n = 0.3."""
     depth = (0.5, 1.0, 2.0, 3.0, 4.0)
     biased = values_of(depth, version, near_bias=True)
     np.testing.assert_allclose(biased, [0.49109, 0.99220, 1.99443, 2.99666, 3.99889], atol=5e-6)
@@ -82,12 +82,12 @@ def test_later_releases_have_no_bias(version):
     np.testing.assert_array_equal(values_of(EDGES, version, near_bias=True), values_of(EDGES, version))
 
 
-def test_no_bias_unless_asked_for():
+def test_bias_is_off_by_default():
     np.testing.assert_array_equal(values_of((0.5, 1.0, 4.0), "R2019a"), image(0.5, 1, 4)[0, 0])
 
 
-def test_what_was_rendered_goes_in_unchanged(device):
-    """A plate at 0.2 m within a wall at 2 m, and nothing beside it."""
+def test_rendered_depth_is_accepted_and_unchanged(device):
+    """A plate at 0.2 m in front of a wall at 2 m, with empty space around."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((1, 1, 0.1)), pose=(0, 0, 2.05, 0, 0, 0, 1))
     scene.add(trimesh.creation.box((0.02, 0.02, 0.1)), pose=(0, 0, 0.25, 0, 0, 0, 1))
@@ -109,7 +109,7 @@ def test_noise_is_seeded_and_gaussian():
     np.testing.assert_array_equal(noisy, add_noise(values, 0.05, 4.5, "R2023b", 7))
     assert (noisy != add_noise(values, 0.05, 4.5, "R2023b", 8)).mean() > 0.99
     error = noisy.astype(np.float64) - 2.0
-    # 40 000 numbers: bounds are six standard errors.
+    # 40,000 numbers: bounds are six standard errors.
     assert abs(error.mean()) < 6 * 0.05 / 200
     assert error.std() == pytest.approx(0.05, abs=6 * 0.05 / np.sqrt(80_000))
     assert (np.abs(error) < 0.05).mean() == pytest.approx(0.6827, abs=0.015)
@@ -121,7 +121,7 @@ def test_noise_is_in_meters_in_all_releases(version):
     assert noisy.std() == pytest.approx(0.05, rel=0.03)
 
 
-def test_noise_of_what_is_out_of_range():
+def test_noise_of_values_out_of_range():
     values = np.array([INF, 4.5, 1.0], dtype=np.float32)
     late, early = (add_noise(values, 0.1, 4.5, version, 3) for version in ("R2022a", "R2021b"))
     assert np.isposinf(late[:2]).all() and np.isfinite(late[2]) and late[2] != 1
@@ -131,8 +131,8 @@ def test_noise_of_what_is_out_of_range():
         np.testing.assert_array_equal(add_noise(values, 0.0, 4.5, version, 3), values)
 
 
-def test_resolution():
-    """Halves go up; infinity stays."""
+def test_resolution_rounds_half_up():
+    """Infinity is kept."""
     values = np.array([0.0, 0.124, 0.125, 0.374, 0.375, 1.0, 2.26, INF], dtype=np.float32)
     steps = quantize(values, 0.25)
     assert steps.dtype == np.float32
@@ -140,15 +140,15 @@ def test_resolution():
     np.testing.assert_array_equal(quantize(values, -1), values)
 
 
-def test_a_lens_without_distortion_looks_at_pixel_centers():
+def test_lens_without_distortion_samples_pixel_centers():
     pixels = distort_pixels(5, 3, (0.5, 0.5), (0, 0), (0, 0))
     assert pixels.shape == (3, 5, 2) and pixels.dtype == np.float32
     y, x = np.mgrid[:3, :5] + 0.5
     np.testing.assert_allclose(pixels, np.stack([x, y], axis=-1), rtol=1e-6)
 
 
-def test_a_lens_by_hand():
-    """The pixel at (0.75, 0.25) of 2x2: x = 0.25, y = -0.25 from the middle, r2 = 1/8."""
+def test_lens_values_computed_by_hand():
+    """The pixel at (0.75, 0.25) of 2x2: x = 0.25, y = -0.25 from the center, r2 = 1/8."""
     # k1 = 0.8: bent = 0.1, 1 / c = 1.4.
     pixels = distort_pixels(2, 2, (0.5, 0.5), (0.8, 0), (0, 0))
     shift = 0.1 * 0.25 / 1.4
@@ -163,13 +163,13 @@ def test_a_lens_by_hand():
     # p2 = 0.1: x: 0.1 (r2 + 2 x^2) = 0.025; y: 0.2 x y = -0.0125; 1 / c = 1.2.
     pixels = distort_pixels(2, 2, (0.5, 0.5), (0, 0), (0, 0.1))
     np.testing.assert_allclose(pixels[0, 1], [2 * (0.75 - 0.025 / 1.2), 2 * (0.25 + 0.0125 / 1.2)], rtol=1e-6)
-    # Around another center: this pixel is the center.
+    # With another center: this pixel is the center.
     pixels = distort_pixels(2, 2, (0.75, 0.25), (0.8, 0.3), (0.1, 0.2))
     np.testing.assert_allclose(pixels[0, 1], [1.5, 0.5], rtol=1e-6)
 
 
-def test_a_lens_undoes_browns_model():
-    """Where a pixel looks, Brown's model moves to the pixel, but for terms of the second order."""
+def test_lens_inverts_browns_model():
+    """Brown's model maps the sampled position to the pixel, up to terms of second order."""
     (k1, k2), (p1, p2) = (0.02, -0.01), (0.003, -0.002)
     pixels = distort_pixels(40, 40, (0.5, 0.5), (k1, k2), (p1, p2)).astype(np.float64) / 40 - 0.5
     x, y = pixels[..., 0], pixels[..., 1]
@@ -183,7 +183,7 @@ def test_a_lens_undoes_browns_model():
     assert moved > 5e-3 and error < 0.05 * moved
 
 
-def test_a_lens_without_an_inverse_gives_nan_and_nothing_is_seen(device):
+def test_lens_without_inverse_gives_nan_and_empty_depth(device):
     """k1 = -2 at r2 = 1/8: 1 / c is 0."""
     pixels = distort_pixels(2, 2, (0.5, 0.5), (-2, 0), (0, 0))
     assert np.isnan(pixels).all()
@@ -226,7 +226,7 @@ ONE = np.ones((1, 1, 1), dtype=np.float32)
         (lambda: distort_pixels(2, 2, (0, 0), (0, 0), 1), "tangential must be two finite numbers, got 1.0"),
     ],
 )
-def test_bad_input(call, said):
+def test_invalid_input_raises(call, said):
     with pytest.raises(wv.WarpvisError) as error:
         call()
     assert said in str(error.value)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a camera recognizes, by Webots' rules: bounds, frustum, range and the three kinds of occlusion."""
+"""Tests of recognition by Webots' rules: bounds, frustum, range and the three kinds of occlusion."""
 
 import math
 
@@ -13,7 +13,7 @@ SLOPE = math.tan(0.5)  # half of the field of view
 
 
 def world_of(folder, text, fields="", robot="", version="R2023b", camera="width 80 height 60 fieldOfView 1"):
-    """Make a world with a camera at the origin that looks along x."""
+    """Return a world with a camera at the origin that looks along x."""
     camera = f'Camera {{ name "eye" {camera} recognition Recognition {{ {fields} }} }}'
     path = folder / "world.wbt"
     path.write_text(
@@ -50,20 +50,20 @@ def block(x, size="0.02 2 2", y=0, kind="boundingObject"):
 # ------------------------------------------------------------------------------------------------------------- range
 
 
-def test_half_of_the_size_counts_in_the_range(tmp_path):
-    """A train of 2 m whose middle is 10 m away begins 9 m away."""
+def test_range_includes_half_of_the_size(tmp_path):
+    """A train of 2 m whose center is 10 m away begins 9 m away."""
     train = target((10, 0, 0), "Box { size 2 1 1 }", "Box { size 2 1 1 }")
     assert names(tmp_path, train, "maxRange 9.01") == ["it"] and names(tmp_path, train, "maxRange 8.99") == []
 
 
-def test_the_range_is_ahead(tmp_path):
-    """And not along the ray, but for a sphere about the shapes, which may not be beyond it altogether."""
+def test_range_is_measured_along_the_axis(tmp_path):
+    """Not along the ray; but the bounding sphere of the shapes must reach into the range."""
     aside = target((4, 1.8, 0), "Box { size 0.1 0.1 0.1 }", "Box { size 0.1 0.1 0.1 }")
     assert names(tmp_path, aside, "maxRange 4.3") == ["it"]
     assert names(tmp_path, aside, "maxRange 4.2") == []  # 4.39 m away, and the sphere's radius is 0.09 m
 
 
-def test_what_is_reset(tmp_path):
+def test_invalid_fields_are_reset(tmp_path):
     with pytest.warns(UserWarning, match="maxRange 0 of Recognition is replaced by 100"):
         assert names(tmp_path, target((40, 0, 0)), "maxRange 0") == ["it"]
     with pytest.warns(UserWarning, match="occlusion 3 of Recognition is replaced by 1"):
@@ -73,8 +73,8 @@ def test_what_is_reset(tmp_path):
 # ----------------------------------------------------------------------------------------------------------- frustum
 
 
-def test_a_wall_across_the_image_is_cut_at_its_sides(tmp_path):
-    """None of its corners is in the image; each moves to the nearest place on the side."""
+def test_wall_across_the_image_is_clipped_at_its_sides(tmp_path):
+    """No corner is in the image; each moves to the nearest point on the side."""
     (wall,) = found(tmp_path, target((5, 0, 0), "Box { size 1 20 0.2 }", "Box { size 1 20 0.2 }"))
     reach = SLOPE * (5.5 + 10 * SLOPE) / (1 + SLOPE**2)
     assert wall.size[0] == pytest.approx(2 * reach) and wall.size[1] == pytest.approx(0.2)
@@ -82,22 +82,22 @@ def test_a_wall_across_the_image_is_cut_at_its_sides(tmp_path):
     assert names(tmp_path, target((5, 15, 0), "Box { size 1 20 0.2 }", "Box { size 1 20 0.2 }")) == []
 
 
-def test_a_ball_on_a_side_is_cut_by_its_distance(tmp_path):
+def test_sphere_on_a_side_is_clipped_by_its_distance(tmp_path):
     (ball,) = found(tmp_path, target((4, 4 * SLOPE, 0)))
     np.testing.assert_allclose(ball.size, [0.5, 1, 1], atol=1e-3)
     np.testing.assert_allclose(ball.position, [-(4 * SLOPE - 0.25), 0, 4], atol=1e-3)
     assert names(tmp_path, target((4, 4 * SLOPE + 0.7, 0))) == []
 
 
-def test_behind_is_not_seen(tmp_path):
+def test_objects_behind_the_camera_are_not_recognized(tmp_path):
     assert names(tmp_path, target((-4, 0, 0)) + target((-4, 0, 0), "Box { }", "Box { }", "box")) == []
 
 
 CYLINDER = "Cylinder { radius 0.5 height 2 }"
 
 
-def test_boxes_are_about_bounding_objects(tmp_path):
-    """Not about shapes; about the sphere of the shapes where there is none."""
+def test_bounds_enclose_bounding_objects(tmp_path):
+    """Not the shapes; without a bounding object, the bounding sphere of the shapes."""
     group = (
         "Group { children [ Pose { translation 0 1 0 children Shape { geometry Box { size 1 1 1 } } } Sphere { } ] }"
     )
@@ -113,15 +113,15 @@ def test_boxes_are_about_bounding_objects(tmp_path):
     np.testing.assert_allclose(item.size, [2 * math.hypot(0.5, 1)] * 3, atol=2e-3)
 
 
-def test_solids_in_a_solid_belong_to_it(tmp_path):
-    """Their bounding objects too, and then no sphere about the rest."""
+def test_child_solids_belong_to_their_parent(tmp_path):
+    """Their bounding objects replace the sphere of the shapes."""
     hand = "Solid { translation 0 2 0 boundingObject Box { size 1 1 1 } }"
     (item,) = found(tmp_path, target((9, 0, 0), more=hand))
     np.testing.assert_allclose(item.size, [1, 1, 1])
     np.testing.assert_allclose(item.position, [-2, 0, 9], atol=1e-9)
 
 
-def test_place_and_size_on_the_image(tmp_path):
+def test_position_and_size_in_the_image(tmp_path):
     (item,) = found(tmp_path, target((5, 0.5, 0), "Box { size 1 1 1 }", "Box { size 1 1 1 }"))
     u = [int(79 * (0.5 - 0.5 * y / 4.5 / SLOPE)) for y in (1, 0)]
     v = [int(59 * (0.5 - 0.5 * z / 4.5 / (SLOPE * 0.75))) for z in (0.5, -0.5)]
@@ -129,7 +129,7 @@ def test_place_and_size_on_the_image(tmp_path):
     assert item.image_position == (math.floor((u[0] + u[1]) / 2 + 0.5), math.floor((v[0] + v[1]) / 2 + 0.5))
 
 
-def test_what_is_smaller_than_a_pixel_is_not_seen(tmp_path):
+def test_objects_below_one_pixel_are_not_recognized(tmp_path):
     assert names(tmp_path, target((40, 0.3, 0.3), "Box { size 0.01 0.01 0.01 }", "Box { size 0.01 0.01 0.01 }")) == []
 
 
@@ -142,21 +142,21 @@ def test_old_worlds_look_along_minus_z(tmp_path):
 # --------------------------------------------------------------------------------------------------------- occlusion
 
 
-def test_what_is_near_the_target_does_not_hide_it(tmp_path):
-    """Within half of its size before its origin."""
+def test_surfaces_near_the_target_do_not_occlude_it(tmp_path):
+    """Within half of its size in front of its origin."""
     assert names(tmp_path, target((4, 0, 0)) + block(3.6)) == ["it"]
     assert names(tmp_path, target((4, 0, 0)) + block(3.4)) == []
     assert names(tmp_path, target((4, 0, 0)) + block(3.4), "occlusion 0") == ["it"]
 
 
-def test_bounding_objects_hide_and_shapes_do_not(tmp_path):
+def test_bounding_objects_occlude_and_shapes_do_not(tmp_path):
     (item,) = found(tmp_path, target((4, 0, 0)) + block(2, "0.02 9 9", kind="shape"))
     assert item.name == "it" and item.visible_pixels == 0
     assert names(tmp_path, target((4, 0, 0)) + block(2, "0.02 9 9")) == []
 
 
-def test_its_own_parts_and_the_robot_hide_nothing(tmp_path):
-    """The camera is within its robot's bounding object."""
+def test_target_parts_and_robot_do_not_occlude(tmp_path):
+    """The camera is inside its robot's bounding object."""
     shield = "Solid { translation -1 0 0 boundingObject Box { size 0.1 2 2 } }"
     text = target((4, 0, 0), bounds="Sphere { radius 0.5 }", more=shield)
     assert names(tmp_path, text, robot="Solid { translation 1 0 0 boundingObject Box { size 0.1 9 9 } }") == ["it"]
@@ -164,8 +164,8 @@ def test_its_own_parts_and_the_robot_hide_nothing(tmp_path):
     assert names(tmp_path, text + other) == []
 
 
-def test_one_ray_or_one_for_every_corner(tmp_path):
-    """A post before the middle hides it from one ray, and not the corners; a wall hides all."""
+def test_occlusion_with_one_ray_or_one_per_corner(tmp_path):
+    """A post in front of the center blocks the single ray, but not the corners; a wall blocks all."""
     box = target((6, 0, 0), "Box { size 1 1 1 }", "Box { size 1 1 1 }")
     for obstacle, one, many in (("0.02 0.2 2", [], ["it"]), ("0.02 2 2", [], [])):
         text = box + block(3, obstacle)
@@ -174,20 +174,20 @@ def test_one_ray_or_one_for_every_corner(tmp_path):
     assert names(tmp_path, aside, "occlusion 1") == ["it"]
 
 
-def test_occlusion_of_spheres_has_six_rays(tmp_path):
+def test_spheres_use_six_occlusion_rays(tmp_path):
     ball = target((6, 0, 0))
     assert names(tmp_path, ball + block(3, "0.02 0.4 0.4"), "occlusion 2") == ["it"]
     assert names(tmp_path, ball + block(3, "0.02 0.8 0.8"), "occlusion 2") == []
 
 
-def test_planes_hide_what_is_below(tmp_path):
+def test_planes_occlude_objects_below(tmp_path):
     floor = "Solid { translation 0 0 -0.6 boundingObject Plane { } }"
     assert names(tmp_path, target((4, 0, -1.5)) + floor, "occlusion 1") == []
     assert names(tmp_path, target((4, 0, 0)) + floor, "occlusion 1") == ["it"]
 
 
-def test_the_robots_own_solids_are_not_listed(tmp_path):
-    """But for those within those."""
+def test_solids_of_the_robot_are_not_listed(tmp_path):
+    """Except recognizable solids inside those."""
     inner = target((1, 0, 0), "Sphere { radius 0.1 }", name="inner")
     arm = target((3, 0.5, 0), "Sphere { radius 0.1 }", name="arm", more=inner)
     assert names(tmp_path, "", "occlusion 0", robot=arm) == ["inner"]
@@ -200,8 +200,8 @@ CYLINDRICAL = 'width 256 height 256 fieldOfView 3 projection "cylindrical"'
 LONG_BOX, POST = "Box { size 0.1 0.9 0.1 }", "Capsule { radius 0.05 height 1 }"
 
 
-def test_wide_images_are_as_webots_own_test_has_them(tmp_path):
-    """Two Solids where tests/api/controllers/camera_recognition of Webots has them, and what it expects, to 1 px."""
+def test_wide_images_match_webots_own_test(tmp_path):
+    """Two Solids placed as in Webots' tests/api/controllers/camera_recognition, and its values, within 1 px."""
     text = target((-0.55, 0, 0.429), LONG_BOX, LONG_BOX, "box") + target((0.369, 1.65, 0.899), POST, POST, "post")
     known = {item.name: item for item in found(tmp_path, text, "maxRange 5", camera=SPHERICAL)}
     np.testing.assert_allclose(known["box"].position, [0, -0.429, -0.55], atol=1e-9)
@@ -217,8 +217,8 @@ def test_wide_images_are_as_webots_own_test_has_them(tmp_path):
 
 
 @pytest.mark.parametrize("projection", ["spherical", "cylindrical"])
-def test_pixels_of_wide_images_lie_where_the_boxes_are(tmp_path, projection):
-    """Balls around the camera, also somewhat behind it, and higher and lower."""
+def test_wide_image_pixels_match_the_boxes(tmp_path, projection):
+    """Balls around the camera, also slightly behind, above and below it."""
     angles = [(azimuth, (azimuth % 3 - 1) * 0.3) for azimuth in np.arange(-1.8, 1.9, 0.6)]
     balls = [
         target(3 * np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)]), name=f"ball{index}")
@@ -234,13 +234,13 @@ def test_pixels_of_wide_images_lie_where_the_boxes_are(tmp_path, projection):
         left, top, width, height = item.box
         assert (left, left + width) == (columns.min(), columns.max() + 1)
         assert (top, top + height) == (rows.min(), rows.max() + 1)
-        # A box about a ball, or the ends of its axes, on the image that bends.
+        # The box of a ball, or the ends of its axes, in the wide image.
         np.testing.assert_allclose(item.image_position, (left + width / 2, top + height / 2), atol=3)
         np.testing.assert_allclose(item.image_size, (width, height), atol=6)
 
 
-def test_what_is_behind_is_seen_as_far_as_the_field_of_view_reaches(tmp_path):
-    """Round ones are cut by nothing, and a box is not seen where all of its corners are outside."""
+def test_wide_images_include_objects_behind_within_the_fov(tmp_path):
+    """Round shapes are not clipped; a box is omitted if all its corners are outside."""
     wide = 'width 200 height 100 projection "cylindrical" fieldOfView '
 
     def seen(azimuth, fov, shape="Sphere { radius 0.3 }"):
@@ -255,7 +255,7 @@ def test_what_is_behind_is_seen_as_far_as_the_field_of_view_reaches(tmp_path):
 
 
 def test_narrow_wide_images_are_stretched(tmp_path):
-    """Below 90 degrees Webots' places have steps of azimuth as of 90 degrees."""
+    """Below 90 degrees, Webots uses the azimuth step of 90 degrees."""
     for projection in ("cylindrical", "spherical"):
         camera = f'width 101 height 101 fieldOfView 1 projection "{projection}"'
         (item,) = found(tmp_path, target((4, 0.4, 0), "Sphere { radius 0.05 }"), camera=camera)
@@ -265,8 +265,8 @@ def test_narrow_wide_images_are_stretched(tmp_path):
         assert item.image_position[1] == pytest.approx(50 - 100 * math.atan(0.1), abs=1)
 
 
-def test_old_worlds_say_that_a_camera_is_spherical(tmp_path):
-    """Which is cylindrical, and looks along -z."""
+def test_old_spherical_cameras_are_cylindrical(tmp_path):
+    """They look along -z."""
     camera = "width 200 height 100 fieldOfView 3 spherical TRUE"
     (item,) = found(tmp_path, target((4, 0, -2)), camera=camera, version="R2021b")
     assert item.image_position[0] == pytest.approx(199 * (0.5 + math.atan(2) / 3), abs=2)

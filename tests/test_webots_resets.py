@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds with a bad node in them: what Webots resets is reset, what cannot be read is left out, and warnings say so."""
+"""Tests of worlds with invalid nodes: Webots' replacement values, skipped nodes, and warnings."""
 
 import re
 import warnings
@@ -19,7 +19,7 @@ GOOD = 'Solid { name "good" translation 9 0 0 children Shape { geometry Box { si
 
 
 def load(folder, text, version="R2023b", **options):
-    """Load a world of the text after a good box; return it and the warnings."""
+    """Load a world of a valid box and the text; return it and the warnings."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "world.wbt"
     path.write_text(f"#VRML_SIM {version} utf8\n{GOOD}{text}")
@@ -33,7 +33,7 @@ def shape(geometry):
     return f'Solid {{ name "it" children Shape {{ geometry {geometry} }} }}'
 
 
-# Geometry, the same with what Webots takes, and what the warning says (src/webots/nodes/Wb*.cpp, sanitizeFields).
+# Geometry, the equivalent valid geometry, and the warning (src/webots/nodes/Wb*.cpp, sanitizeFields).
 RESETS = {
     "box": ("Box { size 3 -1 3 }", "Box { size 1 1 1 }", "size 3 -1 3 of Box is replaced by 1 1 1"),
     "flat box": ("Box { size 3 3 0 }", "Box { size 1 1 1 }", "size 3 3 0 of Box is replaced by 1 1 1"),
@@ -80,7 +80,7 @@ RESETS = {
 
 
 @pytest.mark.parametrize("case", RESETS)
-def test_values_are_reset_as_webots_resets_them(case, tmp_path):
+def test_invalid_values_are_reset_as_in_webots(case, tmp_path):
     wrong, right, message = RESETS[case]
     world, said = load(tmp_path / "a", shape(wrong))
     wanted, nothing = load(tmp_path / "b", shape(right))
@@ -94,20 +94,20 @@ def test_values_are_reset_as_webots_resets_them(case, tmp_path):
         load(tmp_path / "a", shape(wrong), strict=True)
 
 
-def test_a_grid_of_fewer_than_no_points_is_not_drawn(tmp_path):
+def test_grid_of_negative_dimension_is_omitted(tmp_path):
     world, said = load(tmp_path, shape("ElevationGrid { xDimension -3 yDimension 2 }"))
     assert "xDimension -3 of ElevationGrid is replaced by 0" in said[0] and [item.name for item in world.scene] == [
         "good"
     ]
 
 
-def test_boxes_of_old_worlds_still_show_their_inside(tmp_path):
+def test_negative_boxes_of_old_worlds_face_inward(tmp_path):
     world, said = load(tmp_path, shape("Box { size -3 -3 -3 }"), "R2018b")
     item = world.scene["it"]
     assert not said and trimesh.Trimesh(item.vertices, item.faces).volume == pytest.approx(-27)
 
 
-def test_one_bad_body_of_many_instances_is_named_once(tmp_path):
+def test_invalid_proto_body_is_named_once(tmp_path):
     (tmp_path / "Rod.proto").write_text(
         "#VRML_SIM R2023b utf8\nPROTO Rod [ field SFFloat h 1 ] {\n"
         "Solid { children Shape { geometry Cylinder { height IS h } } } }\n"
@@ -120,7 +120,7 @@ def test_one_bad_body_of_many_instances_is_named_once(tmp_path):
     )
 
 
-def test_very_many_corrections_are_counted(tmp_path):
+def test_long_lists_of_corrections_are_truncated(tmp_path):
     world, said = load(tmp_path, "\n".join(shape("Sphere { radius 0 }") for _ in range(50)))
     assert (
         len(world.notes) == 50
@@ -129,7 +129,7 @@ def test_very_many_corrections_are_counted(tmp_path):
     )
 
 
-# What cannot be read, and what the warning says of it.
+# Unreadable nodes, and the warning for each.
 REFUSED = {
     "words for numbers": (shape('Box { size "a" }'), "expected numbers in 'size' of Box"),
     "two numbers of three": (shape("Box { size 1 1 }"), "expected 3 numbers in 'size' of Box, got 2"),
@@ -146,7 +146,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_read_is_left_out(case, tmp_path):
+def test_unreadable_nodes_are_skipped(case, tmp_path):
     text, message = REFUSED[case]
     world, said = load(tmp_path, text)
     assert [item.name for item in world.scene] == ["good"]
@@ -167,7 +167,7 @@ def test_walls_and_boxes_without_extent_have_the_default_size(text, usual, tmp_p
     )
 
 
-def test_the_rest_of_a_solid_stays(tmp_path):
+def test_rest_of_a_solid_is_kept(tmp_path):
     world, said = load(
         tmp_path,
         'Robot { name "car" children [ Camera { name "eye" width "wide" } Shape { geometry Box { size 1 } } '
@@ -179,7 +179,7 @@ def test_the_rest_of_a_solid_stays(tmp_path):
     assert "projection flat of RangeFinder is replaced by planar" in said[1]
 
 
-def test_the_vertical_axis_is_reset(tmp_path):
+def test_invalid_vertical_axis_is_reset(tmp_path):
     world, said = load(tmp_path, 'WorldInfo { coordinateSystem "UNE" }')
     assert world.scene.up == "z" and "coordinateSystem UNE of WorldInfo is replaced by ENU" in said[0]
     world, said = load(tmp_path, 'WorldInfo { gravity "down" }')
@@ -197,7 +197,7 @@ def test_scene_load_warns_alike(tmp_path):
 # ------------------------------------------------------------------------------------------------------------- meshes
 
 
-def test_a_mesh_that_does_not_read_is_left_out(tmp_path):
+def test_unreadable_meshes_are_skipped(tmp_path):
     (tmp_path / "a.stl").write_bytes(b"nothing of the kind")
     (tmp_path / "a.obj").write_text("v 0 0 0\n")
     world, said = load(tmp_path, shape('Mesh { url "a.stl" }') + shape('Mesh { url "a.obj" }'))
@@ -215,7 +215,7 @@ PLACES = {
 
 
 @pytest.mark.parametrize("case", PLACES)
-def test_meshes_of_the_project_are_found(case, tmp_path):
+def test_project_meshes_are_found(case, tmp_path):
     place, url = PLACES[case]
     (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / place).write_text(TETRAHEDRON)
@@ -236,7 +236,7 @@ FROM_PROTOS = {
 
 
 @pytest.mark.parametrize("case", FROM_PROTOS)
-def test_meshes_of_protos_are_found(case, tmp_path):
+def test_proto_meshes_are_found(case, tmp_path):
     place, text = FROM_PROTOS[case]
     for folder in ("protos", "worlds"):
         (tmp_path / folder).mkdir()
@@ -274,8 +274,8 @@ SKINNED = """<?xml version="1.0" encoding="utf-8"?>
 """
 
 
-def test_skinned_collada_is_read_at_rest(tmp_path):
-    """A person with bones: the mesh as the file lists it, at its node, which is what Webots draws."""
+def test_skinned_collada_is_read_in_bind_pose(tmp_path):
+    """The mesh as listed in the file, at its node, as Webots draws it."""
     pytest.importorskip("collada")
     tmp_path.joinpath("man.dae").write_text(SKINNED)
     world, said = load(
@@ -290,7 +290,7 @@ def test_skinned_collada_is_read_at_rest(tmp_path):
 
 
 def test_lua_templates_have_maxn(tmp_path):
-    """Of Lua 5.1, which soccer fields of RoboCup use."""
+    """A function of Lua 5.1 used by RoboCup's soccer fields."""
     pytest.importorskip("lupa")
     (tmp_path / "Posts.proto").write_text(
         "#VRML_SIM R2019a utf8\nPROTO Posts [ ] {\n%{ local n = table.maxn({[1] = 1, [5] = 1, x = 9}) }%\n"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Our own Webots worlds of every node that makes triangles, in both conventions of axes, against the same by hand."""
+"""Tests of worlds with every node that creates triangles, in both axis conventions, against manual placement."""
 
 import importlib.util
 from pathlib import Path
@@ -21,7 +21,7 @@ ENGINES = {"R2021b": "lupa", "R2023b": "quickjs"}
 
 
 def by_hand(version, text, *places):
-    """A geometry node's triangles at places of ``(translation, rotation, scale)``, the outermost first."""
+    """Return a geometry node's triangles after placements ``(translation, rotation, scale)``, the outermost first."""
     node = parse_text(f"#VRML_SIM {version} utf8\n{text}", str(WORLDS / "by_hand.wbt")).nodes[0]
     vertices, faces = tessellate(node)
     for translation, rotation, scale in reversed(places):
@@ -48,7 +48,7 @@ OLD_CAPSULE = at(2, 0.4, 1.5, turn=(1, 0, 0, np.pi / 2))
 OLD_COLUMN = at(-2, 0.6, -1, turn=(0, 0, 1, -0.3))
 OLD_ARM, OLD_STAIRS = at(0, 0.5, 2, turn=(0, 1, 0, 0.4)), at(-2.8, 0, 0, turn=(0, 1, 0, 1.2))
 
-# By object: the geometry nodes that it is made of, and where they are. What is robots comes last.
+# Geometry nodes and placements for each object. Robots come last.
 OBJECTS = {
     "R2023b": {
         "GROUND_PLANE": [("Plane { size 8 6 }",)],
@@ -86,7 +86,7 @@ OBJECTS = {
         "STAIRS": [(f"Box {{ size .2 .5 {0.1 * k} }}", STAIRS, at(0.2 * (k - 0.5), 0, 0.05 * k)) for k in (1, 2, 3, 4)],
         "arm": [
             (LINK, ARM),
-            # The name LINK is given twice: the last one counts.
+            # The name LINK is defined twice: the last one counts.
             ("Box { size .02 .02 .02 }", ARM),
             ("Box { size .02 .02 .02 }", ARM, at(0, 0, 1)),
         ],
@@ -147,7 +147,7 @@ def volume(scene, name):
 
 
 @pytest.mark.parametrize("version", OBJECTS)
-def test_all_objects_are_there(worlds, version):
+def test_all_objects_are_loaded(worlds, version):
     world, names = worlds[version], list(OBJECTS[version])
     assert {item.name for item in world.scene} == set(names)
     assert world.robots["arm"] == tuple(names[names.index("arm") :])
@@ -156,7 +156,7 @@ def test_all_objects_are_there(worlds, version):
 
 
 @pytest.mark.parametrize(("version", "name"), EVERY)
-def test_every_node_is_where_it_was_put(worlds, version, name):
+def test_each_node_has_its_position(worlds, version, name):
     parts = [by_hand(version, *part) for part in OBJECTS[version][name]]
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in parts])
     faces = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=False)])
@@ -165,7 +165,7 @@ def test_every_node_is_where_it_was_put(worlds, version, name):
     np.testing.assert_allclose(item.vertices, np.concatenate([vertices for vertices, _ in parts]), atol=1e-6)
 
 
-def test_shapes_face_outwards(worlds):
+def test_shapes_face_outward(worlds):
     new, old = worlds["R2023b"].scene, worlds["R2021b"].scene
     assert volume(new, "cad") == pytest.approx(0.3**3 / 6, rel=1e-5)
     assert volume(new, "MIRRORED") == pytest.approx(0.3**3 / 6, rel=1e-5)
@@ -180,7 +180,7 @@ def test_shapes_face_outwards(worlds):
 
 
 @pytest.mark.parametrize("version", OBJECTS)
-def test_the_image_is_that_of_the_scene_by_hand(worlds, version, device):
+def test_image_equals_manually_placed_scene(worlds, version, device):
     world, scene = worlds[version], Scene(device=device)
     for name, parts in OBJECTS[version].items():
         for k, part in enumerate(parts):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in for PROTOs whose files are not at hand: people of capsules, furniture of boxes."""
+"""Tests of stand-ins for PROTOs without files: capsules for people, boxes for furniture, and Webots' cache."""
 
 import hashlib
 import os
@@ -25,8 +25,8 @@ def load(folder, text, version="R2023b", **options):
 
 
 @pytest.mark.parametrize(("version", "up"), [("R2023b", 2), ("R2021b", 1)])
-def test_a_pedestrian_is_a_human_of_capsules(version, up, tmp_path):
-    """As tall as Webots' own, with the soles on the ground, and wider than thick."""
+def test_pedestrian_is_a_human_of_capsules(version, up, tmp_path):
+    """As tall as Webots' pedestrian, with the soles on the ground, and wider than deep."""
     place = "3 0 1.27" if up == 2 else "3 1.27 0"
     with pytest.warns(
         UserWarning, match=r"used stand-ins for Pedestrian \(1\), .*: boxes, cylinders, and capsules for people"
@@ -43,14 +43,14 @@ def test_a_pedestrian_is_a_human_of_capsules(version, up, tmp_path):
     assert person.bounds.mean(axis=0)[along] == pytest.approx(3 if up == 1 else 0, abs=0.01)
 
 
-def test_a_pedestrian_stands_on_the_ground_by_default(tmp_path):
+def test_pedestrian_stands_on_the_ground_by_default(tmp_path):
     with pytest.warns(UserWarning, match="used stand-ins for Pedestrian"):
         world = load(tmp_path, "Pedestrian { rotation 0 0 1 1.5708 }")
     assert world.scene["pedestrian"].bounds[0, 2] == pytest.approx(0, abs=0.02)
-    assert world.scene["pedestrian"].bounds[1, 0] > 0.3  # it is turned: its arms are along x
+    assert world.scene["pedestrian"].bounds[1, 0] > 0.3  # rotated: the arms are along x
 
 
-def test_a_pedestrian_is_recognized(tmp_path):
+def test_pedestrian_is_recognized(tmp_path):
     text = (
         'Robot { translation 0 0 1 children Camera { name "eye" recognition Recognition { } } } '
         "Pedestrian { translation 4 0 1.27 shirtColor 1 0 0 }"
@@ -85,8 +85,8 @@ def test_furniture_stands_on_its_origin(kind, tmp_path):
 
 @pytest.mark.parametrize("kind", sorted(KNOWN))
 @pytest.mark.parametrize("version", ["R2023b", "R2021b"])
-def test_what_is_known_is_as_high_in_old_worlds(kind, version, tmp_path):
-    """And as long and as wide, in whichever axes."""
+def test_stand_ins_have_equal_size_in_old_worlds(kind, version, tmp_path):
+    """Height, length and width, in either axis convention."""
     with pytest.warns(UserWarning, match=rf"used stand-ins for {kind} \(1\)"):
         world = load(tmp_path, f"{kind} {{ translation 0 0 0 }}", version)
     up = 2 if version == "R2023b" else 1
@@ -106,8 +106,8 @@ def height_at(scene, x, y):
     return 5 - float(depth[0, 0, 0])
 
 
-def test_a_sofa_has_a_seat_before_its_back(tmp_path):
-    """Its seat is at knee height, its back behind it, where x is less; so it is with other seats."""
+def test_seats_are_in_front_of_their_backs(tmp_path):
+    """The seat is at knee height; the back is behind it, at smaller x."""
     heights = {"Sofa": (0.45, 0.7), "Armchair": (0.45, 0.7), "Chair": (0.5, 1.0), "Toilet": (0.46, 1.018)}
     for kind, (seat, back) in heights.items():
         with pytest.warns(UserWarning, match="used stand-ins"):
@@ -117,15 +117,15 @@ def test_a_sofa_has_a_seat_before_its_back(tmp_path):
         assert height_at(scene, low + 0.02, 0) == pytest.approx(back, abs=1e-3), kind
 
 
-def test_furniture_is_where_webots_puts_it_by_default(tmp_path):
+def test_furniture_has_the_default_position_of_webots(tmp_path):
     for kind, bottom in (("WashingMachine", 0.005), ("Can", -0.0011), ("Sofa", 0.0)):
         with pytest.warns(UserWarning, match="used stand-ins"):
             world = load(tmp_path, f"{kind} {{ }}")
         assert world.scene.bounds[0, 2] == pytest.approx(bottom, abs=1e-4), kind
 
 
-def test_cars_and_small_robots_are_robots(tmp_path):
-    """With or without a controller; before R2022a a car's front was ahead of it along z."""
+def test_cars_and_small_robots_are_labeled_robots(tmp_path):
+    """With or without a controller; before R2022a, a car's front points along z."""
     text = 'BmwX5Simple { translation 0 0 0.4 } E-puck { translation 9 0 0 controller "walk" sensors Camera { } }'
     with pytest.warns(UserWarning) as caught:
         world = load(tmp_path, text)
@@ -140,15 +140,15 @@ def test_cars_and_small_robots_are_robots(tmp_path):
     np.testing.assert_allclose(old.scene["vehicle"].bounds, [[-0.9, 0.3, -0.9], [0.9, 1.9, 3.6]], atol=1e-6)
 
 
-def test_a_long_list_of_what_is_missing_is_cut_short(tmp_path):
-    """World.skipped has it all."""
+def test_long_lists_of_missing_files_are_truncated(tmp_path):
+    """World.skipped contains all."""
     box = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
     with pytest.warns(UserWarning, match=r"skipped Thing0 \(2\), .*Thing11 \(1\), and 8 others, whose files") as caught:
         world = load(tmp_path, box + " ".join(f"Thing{k} {{ }}" for k in [*range(20), 0]))
     assert len(world.skipped) == 20 and "Thing12" not in str(caught[0].message)
 
 
-def test_what_says_its_size_is_a_box_as_large(tmp_path):
+def test_unknown_nodes_with_a_size_are_boxes(tmp_path):
     text = (
         'Crate { name "floor" translation 0 0 0 size 1 2 3 } Crate { name "air" translation 0 0 4 size 1 2 3 } '
         'Silo { name "silo" translation 9 0 0 radius 2 height 5 } Ghost { name "none" } Ghost { size 1 2 }'
@@ -160,13 +160,13 @@ def test_what_says_its_size_is_a_box_as_large(tmp_path):
     np.testing.assert_allclose(world.scene["air"].bounds, [[-0.5, -1, 2.5], [0.5, 1, 5.5]], atol=1e-6)
     silo = world.scene["silo"]
     np.testing.assert_allclose(silo.bounds, [[7, -2, 0], [11, 2, 5]], atol=1e-6)
-    assert trimesh.Trimesh(silo.vertices, silo.faces).volume == pytest.approx(np.pi * 4 * 5, rel=0.01)  # it is round
+    assert trimesh.Trimesh(silo.vertices, silo.faces).volume == pytest.approx(np.pi * 4 * 5, rel=0.01)  # a cylinder
     with pytest.warns(UserWarning, match="used stand-ins for Silo"):
         old = load(tmp_path, "Silo { translation 9 0 0 radius 2 height 5 }", "R2021b")
     np.testing.assert_allclose(old.scene.bounds, [[7, 0, -2], [11, 5, 2]], atol=1e-6)
 
 
-def test_a_stack_of_pallets_is_as_high_as_it_says(tmp_path):
+def test_pallet_stack_has_the_given_height(tmp_path):
     text = 'WoodenPalletStack { } WoodenPalletStack { name "b" translation 5 0 0 palletNumber 3 palletSize 1 2 0.2 }'
     with pytest.warns(UserWarning, match=r"used stand-ins for WoodenPalletStack \(2\)"):
         world = load(tmp_path, text)
@@ -175,7 +175,7 @@ def test_a_stack_of_pallets_is_as_high_as_it_says(tmp_path):
     assert world.scene.bounds[0, 2] == pytest.approx(0)
 
 
-def test_the_ground_and_what_is_hollow_are_no_boxes(tmp_path):
+def test_terrain_and_hollow_objects_get_no_boxes(tmp_path):
     box = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
     text = box + "UnevenTerrain { size 50 50 5 } Pit { size 1 1 1 } SolidPipe { radius 1 height 1 }"
     with pytest.warns(UserWarning, match=r"skipped UnevenTerrain \(1\), Pit \(1\), SolidPipe \(1\)"):
@@ -183,7 +183,7 @@ def test_the_ground_and_what_is_hollow_are_no_boxes(tmp_path):
     assert len(world.scene) == 1 and not world.stand_ins
 
 
-def test_geometry_that_says_its_size_is_a_box(tmp_path):
+def test_unknown_geometry_with_a_size_is_a_box(tmp_path):
     text = 'Solid { name "it" children Shape { geometry TexturedBox { size 1 2 3 mapping "flat" } } }'
     with pytest.warns(UserWarning, match=r"used stand-ins for TexturedBox \(1\)"):
         world = load(tmp_path, text)
@@ -191,7 +191,7 @@ def test_geometry_that_says_its_size_is_a_box(tmp_path):
     assert trimesh.Trimesh(item.vertices, item.faces).volume == pytest.approx(6)
 
 
-def test_devices_in_the_slots_of_a_stand_in_are_known(tmp_path):
+def test_devices_in_slots_of_a_stand_in_are_loaded(tmp_path):
     slot = 'slot Solid { children Camera { name "eye" } }'
     with pytest.warns(UserWarning) as caught:
         world = load(tmp_path, f"Cart {{ translation 2 0 0 size 1 1 1 {slot} }}")
@@ -199,14 +199,14 @@ def test_devices_in_the_slots_of_a_stand_in_are_known(tmp_path):
     assert list(world.devices) == ["eye"] and len(world.scene) == 1
 
 
-def test_strict_refuses_them(tmp_path):
+def test_strict_rejects_stand_ins(tmp_path):
     box = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
     for text in ("Sofa { }", "Pedestrian { }", "Crate { size 1 1 1 }"):
         with pytest.raises(FileFormatError, match=r"skipped \w+ \(1\)"):
             load(tmp_path, box + text, strict=True)
 
 
-def test_webots_own_files_are_found_by_webots_home(tmp_path, monkeypatch):
+def test_webots_home_provides_proto_files(tmp_path, monkeypatch):
     folder = tmp_path / "home" / "projects" / "objects" / "protos"
     folder.mkdir(parents=True)
     (folder / "Sofa.proto").write_text(
@@ -250,7 +250,7 @@ CACHED = {
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
-    """Webots' cache, in which files are named after the SHA-1 of their urls."""
+    """Create a Webots cache, in which files are named by the SHA-1 of their URLs."""
     folder = tmp_path / "assets"
     folder.mkdir()
     for url, text in CACHED.items():
@@ -262,8 +262,8 @@ def cache(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("root", [RELEASE, "webots://"])
-def test_what_webots_has_downloaded_is_found(cache, root, tmp_path):
-    """A PROTO, a mesh of its own, and PROTOs beside it and in Webots' tree with meshes there."""
+def test_downloaded_files_are_found(cache, root, tmp_path):
+    """A PROTO, a mesh next to it, other PROTOs by relative path and in Webots' tree, with meshes."""
     text = f'EXTERNPROTO "{root}projects/objects/sofa/protos/Sofa.proto"\nSofa {{ }}'
     world = load(tmp_path / "lab", text, strict=True)
     assert len(world.scene) == 1 and not world.stand_ins
@@ -271,7 +271,7 @@ def test_what_webots_has_downloaded_is_found(cache, root, tmp_path):
     np.testing.assert_allclose(world.scene.bounds, [[0, 0, -2], [1, 1, 1]], atol=1e-6)
 
 
-def test_downloads_of_another_release_are_found_for_urls_without_one(cache, tmp_path):
+def test_cache_serves_other_releases_for_urls_without_one(cache, tmp_path):
     text = 'Solid { children Shape { geometry Mesh { url "webots://projects/a.obj" } } }'
     assert len(load(tmp_path / "lab", text, "R2022b", strict=True).scene["solid"].faces) == 4
     named = text.replace("webots://", RELEASE.replace("R2023b", "R2022b"))
@@ -279,15 +279,15 @@ def test_downloads_of_another_release_are_found_for_urls_without_one(cache, tmp_
         load(tmp_path / "lab", named, "R2022b")
 
 
-def test_a_warning_says_where_downloads_come_from(tmp_path):
-    """Of worlds that Webots downloads things for."""
+def test_warning_suggests_download_by_webots(tmp_path):
+    """For releases that download files."""
     for version, said in (("R2023b", True), ("R2022a", False)):
         with pytest.raises(SceneError) as caught:
             load(tmp_path, "Spaceship { }", version)
         assert ("or open the world once in Webots, which downloads them" in str(caught.value)) == said
 
 
-def test_the_search_path_comes_before_the_cache(cache, tmp_path):
+def test_search_path_precedes_the_cache(cache, tmp_path):
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "Sofa.proto").write_text(
         SOFA.split("EXTERN", maxsplit=1)[0] + 'PROTO Sofa [ ] { Solid { name "mine" children '
@@ -297,7 +297,7 @@ def test_the_search_path_comes_before_the_cache(cache, tmp_path):
     assert "mine" in load(tmp_path / "lab", text, search_path=[tmp_path / "own"], strict=True).scene
 
 
-def test_a_message_of_a_download_names_its_url(cache, tmp_path):
+def test_messages_name_the_url_of_a_download(cache, tmp_path):
     url = RELEASE + "projects/objects/sofa/protos/Sofa.proto"
     (cache / hashlib.sha1(url.encode()).hexdigest()).write_text(SOFA.replace("Solid {", "Solid ["))
     with pytest.warns(UserWarning, match=rf"ignored the file of Sofa: {url}:5: expected"):
@@ -305,8 +305,8 @@ def test_a_message_of_a_download_names_its_url(cache, tmp_path):
     assert world.stand_ins == {"Sofa": 1}
 
 
-def test_where_the_cache_is(tmp_path, monkeypatch):
-    """As Webots' guide says, for each system."""
+def test_cache_location_by_system(tmp_path, monkeypatch):
+    """According to Webots' user guide."""
     places = {
         "linux": ({"XDG_CACHE_HOME": str(tmp_path / "x")}, "x/Cyberbotics/Webots/assets"),
         "darwin": ({"HOME": str(tmp_path)}, "Library/Caches/Cyberbotics/Webots/assets"),
@@ -341,16 +341,16 @@ def lacking(folder, kind, children, fields=""):
     (folder / f"{kind}.proto").write_text(LACKING % (kind, fields, f"children [ {children} ]"))
 
 
-def test_joints_with_backlash_are_not_missing_in_a_file(tmp_path):
-    """So that a robot whose box is known, and whose file is at hand, is what its file says."""
+def test_backlash_joints_do_not_count_as_missing(tmp_path):
+    """The robot's own file is preferred to its stand-in."""
     ball = "Shape { geometry Sphere { radius 9 } }"
     lacking(tmp_path, "Sofa", f"HingeJointWithBacklash {{ endPoint Solid {{ children {ball} }} }}")
     world = load(tmp_path, "Sofa { }")
     assert not world.stand_ins and world.scene.bounds[1, 2] == pytest.approx(9)
 
 
-def test_furniture_whose_meshes_are_missing_has_a_stand_in(tmp_path):
-    """Not the half of it that is there."""
+def test_furniture_without_meshes_has_a_stand_in(tmp_path):
+    """Not the incomplete object."""
     lacking(tmp_path, "Sofa", f"Shape {{ geometry Sphere {{ radius 9 }} }} {LOST}")
     with pytest.warns(UserWarning) as caught:
         world = load(tmp_path, "Sofa { translation 1 0 0 } Sofa { translation 4 0 0 }")
@@ -363,14 +363,14 @@ def test_furniture_whose_meshes_are_missing_has_a_stand_in(tmp_path):
         load(tmp_path, "Sofa { }", strict=True)
 
 
-def test_a_pedestrian_whose_meshes_are_missing_is_a_human(tmp_path):
+def test_pedestrian_without_meshes_is_a_human(tmp_path):
     lacking(tmp_path, "Pedestrian", f"Pose {{ children [ {LOST} {LOST} ] }}")
     with pytest.warns(UserWarning, match=r"its Mesh meshes/lost\.obj and 1 more not found"):
         world = load(tmp_path, "Pedestrian { translation 0 0 1.27 }")
     assert world.scene["pedestrian"].label == Label.HUMAN and world.stand_ins == {"Pedestrian": 1}
 
 
-def test_what_is_known_exactly_comes_before_a_file_without_its_parts(tmp_path):
+def test_builtin_types_precede_incomplete_files(tmp_path):
     lacking(tmp_path, "Wall", "WallBoard { }")
     with pytest.warns(UserWarning, match=r"ignored the file of Wall: .*: its WallBoard not found") as caught:
         world = load(tmp_path, "Wall { size 0.2 3 2 }")
@@ -378,7 +378,7 @@ def test_what_is_known_exactly_comes_before_a_file_without_its_parts(tmp_path):
     np.testing.assert_allclose(np.ptp(world.scene["wall"].bounds, axis=0), [0.2, 3, 2], atol=1e-6)
 
 
-def test_whatever_says_its_size_is_a_box_only_if_nothing_of_it_is_there(tmp_path):
+def test_size_box_replaces_only_fully_missing_objects(tmp_path):
     lacking(tmp_path, "Crate", LOST, "field SFVec3f size 1 1 1")
     lacking(tmp_path, "Cart", f"{LOST} Shape {{ geometry Box {{ size 1 1 1 }} }}", "field SFVec3f size 5 5 5")
     with pytest.warns(UserWarning, match=r"skipped Mesh meshes/lost\.obj \(1\).*used stand-ins for Crate \(1\)"):
@@ -388,8 +388,8 @@ def test_whatever_says_its_size_is_a_box_only_if_nothing_of_it_is_there(tmp_path
     np.testing.assert_allclose(sizes, [[1, 1, 1], [1, 2, 3]], atol=1e-6)
 
 
-def test_a_file_with_a_camera_is_kept(tmp_path):
-    """Nothing else knows where that is."""
+def test_incomplete_file_with_a_camera_is_kept(tmp_path):
+    """No stand-in contains the camera's pose."""
     for kind in ("E-puck", "Crate"):
         lacking(tmp_path, kind, f'{LOST} Camera {{ name "eye" }}', "field SFVec3f size 1 1 1")
         box = 'Solid { name "box" children Shape { geometry Box { size 1 1 1 } } }'

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The process that templates run in: what an engine's own limits do not reach ends with it, and it with its parent."""
+"""Tests of the process that runs templates: limits beyond those of the engines, and its end with the parent."""
 
 import importlib.util
 import json
@@ -27,7 +27,7 @@ needs_engines = pytest.mark.skipif(
 )
 pytestmark = needs_engines
 JAVASCRIPT = "# template language: javascript\n"
-LONG = 60  # s; a process that is not ended would take minutes or for ever
+LONG = 60  # s; a process that does not end would run for minutes or forever
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def sphere(radius):
     return f'Solid {{ name "it" children Shape {{ geometry Sphere {{ radius {radius} }} }} }}'
 
 
-# C code within the engines, which their own limits did not end.
+# C code inside the engines, which their own limits do not interrupt.
 ENDLESS = {
     "lua pattern": ("", '%{ local _ = ("a"):rep(20000):find(".-.-.-.-.-b") }%'),
     "what is thrown": (JAVASCRIPT, "%< throw {toString() { while (true) { } }}; >%"),
@@ -51,7 +51,7 @@ ENDLESS = {
 
 
 @parametrize("case", ENDLESS)
-def test_code_in_c_ends_with_the_clock(case, project, monkeypatch):
+def test_native_code_is_stopped_by_the_time_limit(case, project, monkeypatch):
     monkeypatch.setattr(templates, "SECONDS", 1)
     head, program = ENDLESS[case]
     project.proto("Endless", "", program + sphere(1), head=head)
@@ -66,7 +66,7 @@ def test_code_in_c_ends_with_the_clock(case, project, monkeypatch):
     protos.close()
 
 
-def test_a_world_survives_its_templates(project, monkeypatch):
+def test_world_loads_despite_endless_templates(project, monkeypatch):
     monkeypatch.setattr(templates, "SECONDS", 1)
     project.proto("Endless", "", ENDLESS["lua pattern"][1] + sphere(1))
     path = project.root / "worlds" / "w.wbt"
@@ -77,7 +77,7 @@ def test_a_world_survives_its_templates(project, monkeypatch):
 
 
 def test_memory_is_limited(project, monkeypatch):
-    """Of the process as a whole, for what an engine does not count."""
+    """For the whole process, including memory that an engine does not count."""
     monkeypatch.setattr(templates, "_MEMORY", 64 << 20)
     monkeypatch.setattr(templates, "_HEAP", 4 << 30)
     program = "%< let s = []; for (let i = 0; i < 100; ++i) s.push(new Uint8Array(2 ** 24).fill(i)); >%"
@@ -92,7 +92,7 @@ def test_one_process_runs_all_templates_of_a_world(project, monkeypatch):
     class Popen(subprocess.Popen):
         def __init__(self, *arguments, **options):
             super().__init__(*arguments, **options)
-            if str(engines._SCRIPT) in self.args:  # Warp asks for the processor's name when it starts
+            if str(engines._SCRIPT) in self.args:  # Warp queries the processor's name at startup
                 started.append(self)
 
     monkeypatch.setattr(engines.subprocess, "Popen", Popen)
@@ -108,7 +108,7 @@ def test_one_process_runs_all_templates_of_a_world(project, monkeypatch):
     assert len(started) == 1  # a world without templates needs none
 
 
-def test_a_frozen_program_is_not_started_for_templates(project, monkeypatch):
+def test_frozen_program_is_not_started_for_templates(project, monkeypatch):
     # Its executable is the program itself, which would start, read the world, and start itself again.
     monkeypatch.setattr(sys, "frozen", True, raising=False)
     monkeypatch.setattr(engines.subprocess, "Popen", None)
@@ -119,7 +119,7 @@ def test_a_frozen_program_is_not_started_for_templates(project, monkeypatch):
         project.expand("Ball { }")
 
 
-def test_templates_of_a_world_share_a_time(project, monkeypatch):
+def test_templates_of_a_world_share_a_time_limit(project, monkeypatch):
     monkeypatch.setattr(engines, "WORLD_SECONDS", 0.5)
     busy = "%< let n = 0; for (let i = 0; i < 3e7; ++i) n += i; >%"
     project.proto("Slow", "field SFInt32 k 0", busy + sphere("%<= fields.k.value + 1 >%"), head=JAVASCRIPT)
@@ -131,7 +131,7 @@ def test_templates_of_a_world_share_a_time(project, monkeypatch):
     protos.close()
 
 
-def test_a_template_that_failed_is_not_run_again(project, monkeypatch):
+def test_failed_template_is_not_run_again(project, monkeypatch):
     asked = []
     run = engines.TemplateEngine.run
     monkeypatch.setattr(engines.TemplateEngine, "run", lambda self, job: asked.append(job) or run(self, job))
@@ -145,8 +145,8 @@ def test_a_template_that_failed_is_not_run_again(project, monkeypatch):
     protos.close()
 
 
-def test_protos_that_double_end(project, monkeypatch):
-    """26 of them stand for 67 million."""
+def test_number_of_proto_instances_is_limited(project, monkeypatch):
+    """26 nested pairs stand for 67 million instances."""
     monkeypatch.setattr(expansion, "MAX_INSTANCES", 2000)
     for k in range(26):
         project.proto(f"D{k}", "", f"Group {{ children [ D{k + 1} {{ }} D{k + 1} {{ }} ] }}")
@@ -158,7 +158,7 @@ def test_protos_that_double_end(project, monkeypatch):
     assert 900 < len(world.scene) < 2000
 
 
-# --------------------------------------------------------------------------------------- processes, threads, the end
+# ---------------------------------------------------------------------------------- processes, threads, termination
 
 
 def load_ball(path, queue):
@@ -173,8 +173,8 @@ def ball_world(project):
 
 
 @parametrize("method", ["fork", "spawn"])
-def test_other_processes_have_their_own(method, project):
-    """Forked ones too, from a process whose own is running."""
+def test_other_processes_start_separate_engines(method, project):
+    """Also processes forked while the parent's engine runs."""
     path = ball_world(project)
     world = project.world("Ball { r 1 } Ball { r 2 }")
     protos = Protos(world)
@@ -193,7 +193,7 @@ def test_other_processes_have_their_own(method, project):
     protos.close()
 
 
-def test_a_forked_copy_starts_its_own(project):
+def test_forked_copy_starts_a_separate_engine(project):
     path = project.root / "worlds" / "w.wbt"
     ball_world(project)
     world = project.world("Ball { r 1 } Ball { r 2 }")
@@ -215,7 +215,7 @@ def test_a_forked_copy_starts_its_own(project):
     protos.close()
 
 
-def test_threads_load_worlds_at_once(project):
+def test_threads_load_worlds_concurrently(project):
     path = ball_world(project)
     counts = []
     threads = [threading.Thread(target=lambda: counts.append(len(load_webots(path).scene))) for _ in range(4)]
@@ -253,8 +253,8 @@ def is_alive(pid):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
 @pytest.mark.parametrize("case", ["idle", pytest.param("busy", marks=pytest.mark.slow), "held"])
-def test_it_ends_with_its_parent(case):
-    """Killed while it waits, while it is busy, and while another process of the parent holds its pipe."""
+def test_process_ends_with_its_parent(case):
+    """Kill the parent while the process is idle, busy, or its pipe is held by another child."""
     parent = subprocess.Popen([sys.executable, "-c", PARENT, case], stdout=subprocess.PIPE, text=True)
     pid, _ = json.loads(next(line for line in parent.stdout if line.startswith("[")))
     holder = None
@@ -266,7 +266,7 @@ def test_it_ends_with_its_parent(case):
                 for name in os.listdir("/proc")
                 if name.isdigit() and _parent_of(name) == parent.pid and int(name) != pid
             )
-        time.sleep(0.3)  # so that the job has begun
+        time.sleep(0.3)  # let the job start
         parent.kill()
         parent.wait()
         end = time.monotonic() + LONG

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Templates of PROTO files: JavaScript and Lua make nodes, with Webots' modules, and have limits."""
+"""Tests of PROTO templates in JavaScript and Lua: generated nodes, Webots' modules, and limits."""
 
 import importlib.util
 import math
@@ -24,18 +24,18 @@ JAVASCRIPT = "# template language: javascript\n"
 
 @pytest.fixture
 def project(tmp_path):
-    """A project folder with a world and PROTO files of one's own."""
+    """Return a project folder with a world and PROTO files."""
     return Project(tmp_path)
 
 
 def values_of(project, program, *, interface="", fields="", head=JAVASCRIPT):
-    """What expressions of a template give, as a node's fields a, b, ..."""
+    """Return a node whose fields a, b, ... hold the values of a template's expressions."""
     project.proto("Maker", interface, f"Solid {{ {program} }}", head=head)
     return project.expand(f"Maker {{ {fields} }}")
 
 
 @needs_javascript
-def test_javascript_makes_nodes(project):
+def test_javascript_generates_nodes(project):
     project.proto(
         "Stairs",
         'field SFInt32 steps 2 field SFVec3f size 1 2 3 field SFString name "stairs" field SFVec3f translation 0 0 0',
@@ -70,7 +70,7 @@ def test_javascript_makes_nodes(project):
 
 
 @needs_javascript
-def test_javascript_sees_fields_of_every_type(project):
+def test_javascript_reads_fields_of_every_type(project):
     interface = """
         field SFBool flag TRUE field SFFloat real 0.5 field SFString text "a\\"b" field SFVec2f two 1 2
         field SFColor color 0.1 0.2 0.3 field SFRotation turn 1 2 3 4 field SFNode none NULL
@@ -96,7 +96,7 @@ def test_javascript_sees_fields_of_every_type(project):
 
 
 @needs_javascript
-def test_javascript_knows_where_it_is(project):
+def test_javascript_context(project):
     text = 'a "%<= context.webots_version.major >%" b "%<= context.coordinate_system >%"'
     node = values_of(project, text + ' c "%<= context.proto >%" d "%<= context.os >%"')
     path = str(project.root / "protos" / "Maker.proto")
@@ -104,7 +104,7 @@ def test_javascript_knows_where_it_is(project):
 
 
 @needs_javascript
-def test_the_modules_of_javascript(project):
+def test_javascript_modules(project):
     node = values_of(
         project,
         """
@@ -167,7 +167,7 @@ def test_the_modules_of_javascript(project):
         ("%< import * as fs from 'fs.js'; fs.x(); >%", "7: .* got TypeError: "),
     ],
 )
-def test_javascript_that_fails(project, monkeypatch, program, message):
+def test_javascript_errors_raise(project, monkeypatch, program, message):
     monkeypatch.setattr(templates, "SECONDS", 1)
     start = time.perf_counter()
     with pytest.raises(FileFormatError, match=rf"Maker.proto:{message}"):
@@ -176,7 +176,7 @@ def test_javascript_that_fails(project, monkeypatch, program, message):
 
 
 @needs_javascript
-def test_a_template_gets_no_more_than_it_can_hold(project, monkeypatch):
+def test_template_input_is_limited(project, monkeypatch):
     monkeypatch.setattr(templates, "_MAX_VALUES", 10_000)
     defs = "Group { children [ DEF N0 A { } ] }" + "".join(
         f"DEF N{i} Group {{ children [ {f'USE N{i - 1} ' * 10} ] }}" for i in range(1, 7)
@@ -199,12 +199,12 @@ def test_a_template_gets_no_more_than_it_can_hold(project, monkeypatch):
         ("", "a [ %{ for i = 1, 1e5 do }% %{= i }% %{ end }% ]" + " b %{= 1 }%" * 5000),
     ],
 )
-def test_a_large_text(project, head, program):
+def test_large_output(project, head, program):
     np.testing.assert_array_equal(values_of(project, program, head=head).numbers("a"), 1 + np.arange(1e5))
 
 
 @needs_javascript
-def test_a_template_is_run_once_for_equal_fields(project, monkeypatch):
+def test_template_runs_once_for_equal_fields(project, monkeypatch):
     runs = []
     render = templates.render
     monkeypatch.setattr("warpvis.webots.protos._expansion.render", lambda *given: runs.append(given) or render(*given))
@@ -218,7 +218,7 @@ def test_a_template_is_run_once_for_equal_fields(project, monkeypatch):
 
 
 @needs_lua
-def test_lua_makes_nodes(project):
+def test_lua_generates_nodes(project):
     project.proto(
         "Stairs",
         "field SFInt32 steps 2 field SFVec3f size 1 2 3 field SFNode physics NULL field MFFloat reals [ 4 5 ]",
@@ -262,7 +262,7 @@ def test_lua_makes_nodes(project):
         ("\n%{ require('gd') }%", "7: .* got module 'gd' not found"),
     ],
 )
-def test_lua_that_fails(project, monkeypatch, program, message):
+def test_lua_errors_raise(project, monkeypatch, program, message):
     monkeypatch.setattr(templates, "_LUA_STEPS", 10_000_000)
     start = time.perf_counter()
     with pytest.raises(FileFormatError, match=rf"Maker.proto:{message}"):
@@ -274,7 +274,7 @@ def test_lua_that_fails(project, monkeypatch, program, message):
     ("module", "program", "engine"),
     [("quickjs", "%<= 1 >%", "JavaScript engine quickjs-ng"), ("lupa", "%{= 1 }%", "Lua engine lupa")],
 )
-def test_without_the_engine_the_extra_is_named(project, monkeypatch, module, program, engine):
+def test_missing_engine_error_names_the_extra(project, monkeypatch, module, program, engine):
     monkeypatch.setitem(sys.modules, module, None)
     message = (
         rf"Maker.proto:5: expected the {engine} for the PROTO's template, got none: pip install 'warpvis\[webots\]'"
@@ -286,7 +286,7 @@ def test_without_the_engine_the_extra_is_named(project, monkeypatch, module, pro
 @needs_javascript
 @needs_lua
 @pytest.mark.parametrize("lua", [False, True])
-def test_templates_see_the_defaults_of_protos_in_fields(project, lua):
+def test_templates_read_defaults_of_protos_in_fields(project, lua):
     interface = "field SFNode line Line { } field MFNode lines Line { width 3 } field SFNode other Unknown { width 5 }"
     project.proto("Line", 'field SFFloat width 0.5 field MFString url "a" field SFNode tip Tip { }', "Group { }")
     project.proto("Tip", "field SFVec3f size 1 2 3", "Group { }")
@@ -302,7 +302,7 @@ def test_templates_see_the_defaults_of_protos_in_fields(project, lua):
 
 
 @needs_javascript
-def test_protos_whose_defaults_are_themselves_end(project):
+def test_recursive_proto_defaults_raise(project):
     project.proto(
         "Loop", "field SFNode next Loop { }", 'Solid { a "%<= fields.next.value.node_name >%" }', head=JAVASCRIPT
     )
@@ -311,15 +311,16 @@ def test_protos_whose_defaults_are_themselves_end(project):
 
 
 @needs_javascript
-def test_templates_get_six_digits(project):
-    """As Webots hands numbers over; those that IS takes have all of theirs."""
+def test_templates_receive_six_digits(project):
+    """As in Webots; IS keeps all digits."""
     interface = "field SFFloat real 0 field SFVec2f two 0 0 field SFInt32 whole 0"
     program = "a %<= fields.real.value >% b %<= fields.two.value.y >% c %<= fields.whole.value >% d IS real"
     node = values_of(project, program, interface=interface, fields="real 1.23456789 two 0 1234567.5 whole 12345678")
     assert [node.number(name, 0) for name in "abcd"] == [1.23457, 1234570, 12345678, 1.23456789]
 
 
-# What Lua and JavaScript name it, with points p, q, r, s in space, their shadows p2 to s2, and rotations t and u.
+# Equivalent Lua and JavaScript expressions, with points p, q, r, s in space, their projections p2 to s2, and rotations
+# t and u.
 MODULES = {
     "wbgeometry.bspline2D(flat, 3)": "wbgeometry.bSpline2(flat, 3)",
     "wbgeometry.bspline3D(points, 2)": "wbgeometry.bSpline3(points, 2)",
@@ -355,7 +356,7 @@ SETUP = """%<
 
 @needs_javascript
 @needs_lua
-def test_the_modules_of_lua_give_what_those_of_javascript_give(project):
+def test_lua_and_javascript_modules_agree(project):
     names = "wbvector2 wbvector3 wbrotation wbrandom wbgeometry".split()
     program = LUA_SETUP + " ".join(f"local {name} = require('{name}')" for name in names) + " }%"
     program += "".join(f" v{i} [ %{{= show({text}) }}% ]" for i, text in enumerate(MODULES))
@@ -370,7 +371,7 @@ def test_the_modules_of_lua_give_what_those_of_javascript_give(project):
 
 
 @needs_lua
-def test_the_other_modules_of_lua(project):
+def test_other_lua_modules(project):
     node = values_of(
         project,
         """%{

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Textures of Webots' shapes, and where they lie: src/wren/StaticMesh.cpp and TextureTransform.cpp of Webots."""
+"""Tests of textures of Webots' shapes and their coordinates (src/wren/StaticMesh.cpp and TextureTransform.cpp)."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from support.webots_textures import ROUND, SHAPES
 
 
 def by_place(scene, name):
-    """The coordinates of each corner of an object's triangles, by the place in the object."""
+    """Return texture coordinates with the position of each corner of an object's triangles."""
     item = scene[name]
     corners = item.vertices[item.faces].reshape(-1, 3)
     return list(zip(np.round(corners, 6).tolist(), item.appearance.corner_uv(item.faces).reshape(-1, 2), strict=True))
@@ -23,12 +23,12 @@ def test_webots_textures(tmp_path, version, info):
     Image.fromarray(IMAGE).save(tmp_path / "tex.png")
     scene = load(tmp_path / "a.wbt")
 
-    def upright(place):  # what Webots turned in older files
+    def upright(place):  # undo the rotation of older files
         x, y, z = place
         return place if scene.up == "z" else [x, -z, y]
 
     textured, plain = scene["old"].appearance.materials
-    assert (textured.base_color, textured.alpha_mode) == ((1, 1, 1, 0.5), "blend")  # as a texture replaces the color
+    assert (textured.base_color, textured.alpha_mode) == ((1, 1, 1, 0.5), "blend")  # a texture replaces the color
     assert (textured.texture.wrap_u, textured.texture.wrap_v, textured.texture.filter) == ("clamp", "repeat", "nearest")
     np.testing.assert_array_equal(textured.texture.image, IMAGE)
     assert plain.texture is None
@@ -58,7 +58,7 @@ def test_webots_textures(tmp_path, version, info):
         assert scene["missing"].appearance.materials[0].texture.image.shape == (1, 1, 3)
 
 
-def test_webots_textures_of_round_shapes_and_face_sets(tmp_path):
+def test_textures_of_round_shapes_and_face_sets(tmp_path):
     shapes = {
         "Cylinder": "radius 2 height 3 subdivision 8",
         "Cone": "bottomRadius 2 height 3 subdivision 8",
@@ -75,7 +75,7 @@ def test_webots_textures_of_round_shapes_and_face_sets(tmp_path):
     for name in ("Cylinder", "Cone", "Sphere"):
         item = scene[name]
         uv = item.appearance.uv
-        assert np.ptp(uv[..., 0], axis=1).max() <= 0.51  # no triangle goes back across the whole image
+        assert np.ptp(uv[..., 0], axis=1).max() <= 0.51  # no triangle spans the whole image
         for (x, y, z), (u, v) in by_place(scene, name):
             if name == "Sphere":
                 assert v == pytest.approx(0.5 + np.arcsin(z / 2) / np.pi, abs=1e-5)
@@ -89,7 +89,7 @@ def test_webots_textures_of_round_shapes_and_face_sets(tmp_path):
                 np.testing.assert_allclose(uvs[:, 1], places[:, 2] / 3 + 0.5, atol=1e-6)
     for (x, y, _), uv in by_place(scene, "ElevationGrid"):
         np.testing.assert_allclose(uv, [x / 2, y], atol=1e-6)
-    # A quad is two triangles, and one that has a point twice is none.
+    # A quad gives two triangles; one with a repeated point gives only one.
     assert len(scene["set"].faces) == 3
     triangle = [uv.tolist() for place, uv in by_place(scene, "set") if place[2] == 1 or uv.tolist() == [5, 6]]
     assert triangle == [[5, 6], [1, 0]]
@@ -99,7 +99,7 @@ def test_webots_textures_of_round_shapes_and_face_sets(tmp_path):
     assert scene["torn"].appearance.uv is None
 
 
-def test_webots_textures_go_with_their_corners_in_a_mirror(tmp_path):
+def test_textures_of_mirrored_shapes(tmp_path):
     shape = (
         'Shape { appearance PBRAppearance { baseColorMap ImageTexture { url "tex.png" } } geometry Plane { size 2 2 } }'
     )

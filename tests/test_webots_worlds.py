@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Webots worlds as scenes: geometry, places, names, labels, robots, and what cannot be read."""
+"""Tests of Webots worlds as scenes: geometry, poses, names, labels, robots, and errors."""
 
 import json
 import warnings
@@ -49,7 +49,7 @@ def paper():
     return {version: load_webots(WORLDS / f"experiment_3_{version}.wbt") for version in ("R2021b", "R2023b")}
 
 
-def test_both_syntaxes_give_the_same_image(paper):
+def test_both_versions_give_equal_images(paper):
     old, new = (render_range(world, "range-finder") for world in paper.values())
     assert old.shape == (240, 320) and 0.5 < np.isfinite(old).mean() < 0.9
     np.testing.assert_array_equal(np.isfinite(old), np.isfinite(new))
@@ -57,8 +57,8 @@ def test_both_syntaxes_give_the_same_image(paper):
     assert [paper[version].scene.up for version in paper] == ["y", "z"]
 
 
-def test_the_world_is_the_preset(paper):
-    """The floor and the obstacles are those of the scene built in Python, seen by the same camera."""
+def test_world_equals_the_preset(paper):
+    """The floor and the obstacles equal those of the scene built in Python, seen by the same camera."""
     preset = EXPERIMENTS[2]
     world = paper["R2023b"]
     device = world.devices["range-finder"]
@@ -70,11 +70,11 @@ def test_the_world_is_the_preset(paper):
     depth = wv.render(world.scene, device.camera, device.pose, exclude=others, cull_backfaces=True).depth.numpy()
     wanted = wv.render(preset.build(), preset.camera, preset.poses(), exclude=("ball", "person", "robot")).depth.numpy()
     same = np.isfinite(depth) == np.isfinite(wanted)
-    assert same.mean() > 0.9999  # of the floor's far edge and the slab's side, a row of pixels at most
+    assert same.mean() > 0.9999  # except at most a row of pixels at the floor's far edge and the slab's side
     np.testing.assert_allclose(depth[same], wanted[same], atol=2e-5)
 
 
-def test_the_ball_is_seen_over_the_low_obstacle(paper):
+def test_ball_is_visible_over_the_low_obstacle(paper):
     for world in paper.values():
         device = world.devices["range-finder"]
         seen = wv.object_visibility(world.scene, device.camera, device.pose, exclude=world.robots["robot"])
@@ -118,7 +118,7 @@ def test_names_labels_and_robots(paper):
         ("V8.6", "gravity 0 0 0", "y"),
     ],
 )
-def test_which_axis_is_up(tmp_path, version, info, up):
+def test_vertical_axis(tmp_path, version, info, up):
     assert load_text(tmp_path, f"WorldInfo {{ {info} }} {solid('')}", version).scene.up == up
 
 
@@ -171,13 +171,13 @@ def test_labels_by_rule(tmp_path, text, label):
     assert load_text(tmp_path, text).scene.objects[0].label == label
 
 
-def test_labels_of_the_user_come_first(tmp_path):
+def test_user_labels_take_precedence(tmp_path):
     text = solid('name "wall 1"') + solid('name "wall 2"') + solid('name "floor"')
     scene = load_text(tmp_path, text, labels={"wall*": "object", "*2": "human", "floor": 2}).scene
     assert [item.label for item in scene] == [Label.OBJECT, Label.HUMAN, Label.OBSTACLE]
 
 
-def test_an_arenas_floor_is_ground_and_its_walls_are_not(tmp_path):
+def test_only_the_floor_of_an_arena_is_ground(tmp_path):
     scene = load_text(tmp_path, "RectangleArena { floorSize 3 2 wallHeight 0.4 }").scene
     ground = [item for item in scene if item.label == Label.GROUND]
     assert len(scene) == 2 and len(ground) == 1
@@ -185,7 +185,7 @@ def test_an_arenas_floor_is_ground_and_its_walls_are_not(tmp_path):
     np.testing.assert_allclose(scene.bounds[1], [1.51, 1.01, 0.4], atol=1e-6)
 
 
-def test_scales_that_webots_corrects(tmp_path):
+def test_invalid_scales_are_corrected_as_in_webots(tmp_path):
     text = "Transform { scale -2 0 3 children Shape { geometry Box { size 1 1 1 } } }"
     with pytest.warns(UserWarning, match=r"world.wbt:2: scale -2 0 3 of Transform is replaced by 1 1 3"):
         world = load_text(tmp_path, text, "R2022a")
@@ -196,7 +196,7 @@ def test_scales_that_webots_corrects(tmp_path):
     assert volume(world.scene, "shape") == pytest.approx(6)
 
 
-def test_what_is_skipped_is_named_once(tmp_path):
+def test_skipped_nodes_are_named_once(tmp_path):
     text = "Spaceship { } Spaceship { } Group { children Comet { } }" + solid("", 'Mesh { url "none.obj" }') + solid("")
     (tmp_path / "protos").mkdir()
     with pytest.warns(UserWarning) as caught:
@@ -210,7 +210,7 @@ def test_what_is_skipped_is_named_once(tmp_path):
         load_text(tmp_path, text, strict=True)
 
 
-def test_lights_and_bounding_objects_are_not_drawn(tmp_path):
+def test_lights_and_bounding_objects_are_not_rendered(tmp_path):
     text = "PointLight { } Fog { } TexturedBackground { } TexturedBackgroundLight { }"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -218,7 +218,7 @@ def test_lights_and_bounding_objects_are_not_drawn(tmp_path):
     np.testing.assert_allclose(world.scene.bounds, [[-0.5] * 3, [0.5] * 3])
 
 
-def test_a_proto_file_comes_before_the_own_expander(tmp_path):
+def test_proto_file_precedes_the_builtin_type(tmp_path):
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "WoodenBox.proto").write_text(
         "#VRML_SIM R2023b utf8\nPROTO WoodenBox [ field SFVec3f size 1 1 1 field SFVec3f translation 0 0 0 "
@@ -243,13 +243,13 @@ ROTOR = "DEF ROTOR Pose { translation 0 0 7 children Shape { geometry Box { size
 
 
 def humanoid(kind, fields=""):
-    """A robot of a torso and, below two joints, two limbs."""
+    """Return a robot of a torso and two limbs, one below the other, at two joints."""
     limb = LIMB % ("arm", f"{kind} {{ {HINGE} {fields} {LIMB % ('hand', '')} }}")
     return f"Robot {{ children [ Shape {{ geometry Sphere {{ }} }} {kind} {{ {HINGE} {fields} {limb} }} ] }}"
 
 
 @pytest.mark.parametrize("kind", ["HingeJoint", "Hinge2Joint"])
-def test_joints_with_backlash_are_the_joints_that_they_wrap(tmp_path, kind):
+def test_backlash_joints_equal_plain_joints(tmp_path, kind):
     expected = load_text(tmp_path, humanoid(kind), strict=True)
     fields = "backlash 0.02 gearMass 0.1 outputSensor PositionSensor { }"
     with warnings.catch_warnings():
@@ -268,20 +268,20 @@ def test_joints_with_backlash_are_the_joints_that_they_wrap(tmp_path, kind):
     [
         ("startPoint", 7.5),
         ("backlash 0.5 startPoint", 7.5),
-        ("backlash -1 startPoint", 7.5),  # Webots takes the default
+        ("backlash -1 startPoint", 7.5),  # Webots uses the default
         ("backlash 0 startPoint", 1),
         ("startPoint2", 7.5),
         ("backlash 0 startPoint2", 7.5),
         ("backlash2 0 startPoint2", 1),
     ],
 )
-def test_start_points_of_joints_are_drawn_where_there_is_play(tmp_path, fields, highest):
+def test_start_points_are_rendered_if_joint_has_backlash(tmp_path, fields, highest):
     joint = f"Hinge2JointWithBacklash {{ {fields} {ROTOR} }}"
     scene = load_text(tmp_path, f"Solid {{ children [ {joint} Shape {{ geometry Sphere {{ }} }} ] }}").scene
     assert scene.bounds[1, 2] == pytest.approx(highest)
 
 
-def test_a_proto_file_of_a_joint_comes_first(tmp_path):
+def test_proto_file_of_a_joint_takes_precedence(tmp_path):
     (tmp_path / "HingeJointWithBacklash.proto").write_text(
         "#VRML_SIM R2023b utf8\nPROTO HingeJointWithBacklash [ field SFNode endPoint NULL ] { Pose { translation 0 0 9 "
         "children [ HingeJoint { endPoint IS endPoint } ] } }"
@@ -290,8 +290,8 @@ def test_a_proto_file_of_a_joint_comes_first(tmp_path):
     assert load_text(tmp_path, text, search_path=[tmp_path]).scene.bounds[1, 2] == pytest.approx(9.5)
 
 
-def test_nodes_in_what_is_skipped_are_counted(tmp_path):
-    """They are in no image: where the fields of a PROTO put them only its file says."""
+def test_nodes_in_skipped_nodes_are_counted(tmp_path):
+    """They are not rendered: only the PROTO's file defines their placement."""
     limb = solid("translation 1 0 0")
     text = f"{solid('')} OwnJoint {{ endPoint {limb} }} OwnJoint {{ endPoint {limb} other NULL }} Ghost {{ }}"
     with pytest.warns(UserWarning, match=r"skipped OwnJoint \(2 with 6 nodes in it\), Ghost \(1\), whose files"):
@@ -299,14 +299,14 @@ def test_nodes_in_what_is_skipped_are_counted(tmp_path):
     assert world.skipped == {"OwnJoint": 2, "Ghost": 1} and len(world.scene) == 1
 
 
-def test_a_proto_file_of_no_use_is_named(tmp_path):
+def test_malformed_proto_file_is_named(tmp_path):
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "WoodenBox.proto").write_text(
         "#VRML_SIM R2023b utf8\nPROTO WoodenBox [ ] {\n Solid { ] }\n}\n"
     )
     text, files = "WoodenBox { }", [tmp_path / "files"]
     with pytest.warns(UserWarning, match=r"ignored the file of WoodenBox: .*WoodenBox.proto:3: expected") as caught:
-        assert len(load_text(tmp_path, text, search_path=files).scene) == 1  # by the own expander
+        assert len(load_text(tmp_path, text, search_path=files).scene) == 1  # the builtin type
     assert len(caught) == 1
     with pytest.raises(FileFormatError, match=r"WoodenBox.proto:3: expected"):
         load_text(tmp_path, text, search_path=files, strict=True)
@@ -340,7 +340,7 @@ PROTO Bench [
 """
 
 
-def test_an_instance_is_one_object(tmp_path):
+def test_proto_instance_is_one_object(tmp_path):
     (tmp_path / "Bench.proto").write_text(BENCH)
     (tmp_path / "Slab.proto").write_text("#VRML_SIM R2023b utf8\nPROTO Slab [ ] {\n Box { size 0.5 2 0.1 }\n}\n")
     text = 'Bench { onTop Solid { name "cup" children Shape { geometry Box { size 1 1 1 } } } } Bench { name "b" }'
@@ -351,7 +351,7 @@ def test_an_instance_is_one_object(tmp_path):
     np.testing.assert_allclose(world.scene["bench"].bounds, [[-0.25, -1, -0.55], [0.25, 1, 0.05]], atol=1e-6)
 
 
-def test_geometry_without_triangles_and_without_a_file(tmp_path):
+def test_geometry_without_triangles_or_file(tmp_path):
     text = solid('name "dots"', "PointSet { }") + solid('name "what"', "Blob { }") + solid('name "box"')
     with pytest.warns(UserWarning, match=r"skipped Blob \(1\)"):
         world = load_text(tmp_path, text)
@@ -369,14 +369,14 @@ def test_meshes_are_found_on_the_search_path(tmp_path):
             load_text(tmp_path, text)
 
 
-def test_urls_of_webots_own_folders_do_not_lead_out_of_the_search_path(tmp_path):
+def test_webots_urls_do_not_escape_the_search_path(tmp_path):
     (tmp_path / "webots").mkdir()
     text = solid("", f'Mesh {{ url "webots://{(WORLDS / "tetrahedron.obj").resolve()}" }}')
     with pytest.raises(SceneError, match=r"skipped Mesh .*; no triangles remain"):
         load_text(tmp_path, text, search_path=[tmp_path / "webots"])
 
 
-def test_many_uses_of_uses_end(tmp_path):
+def test_exponential_use_raises(tmp_path):
     levels = ["DEF A0 Group { children [ Shape { geometry DEF B Box { } } ] }"]
     levels += [
         f"DEF A{k} Group {{ children [ {'USE A' + str(k - 1) + ' '} {'USE A' + str(k - 1)} ] }}" for k in range(1, 23)
@@ -385,7 +385,7 @@ def test_many_uses_of_uses_end(tmp_path):
         load_text(tmp_path, "\n".join(levels))
 
 
-def test_deep_trees_are_no_recursion(tmp_path):
+def test_deep_trees_load_without_recursion(tmp_path):
     text = "Pose { translation 0 0 1 children [ " * 140 + "Shape { geometry Box { } }" + "] }" * 140
     assert load_text(tmp_path, text).scene.bounds[1, 2] == 141
 
@@ -434,7 +434,7 @@ def write_world(folder):
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_worlds_are_one_sentence(case, tmp_path):
+def test_invalid_worlds_raise_one_line_message(case, tmp_path):
     act, message = BAD[case]
     with pytest.raises((FileFormatError, SceneError), match=message) as caught:
         act(tmp_path)
@@ -481,7 +481,7 @@ def test_render_writes_every_range_finder(tmp_path):
         assert (tmp_path / folder / "range-finder" / "depth" / "000000.png").is_file()
 
 
-def test_poses_and_a_camera_work_for_worlds_too(tmp_path):
+def test_render_accepts_poses_and_camera_for_worlds(tmp_path):
     pose = wv.look_at((-3, 0, 2), (0, 0, 0))
     (tmp_path / "poses.txt").write_text("0 " + " ".join(map(str, pose)))
     (tmp_path / "camera.json").write_text(json.dumps({"width": 32, "height": 24, "hfov": 1.0}))
@@ -504,14 +504,14 @@ def test_poses_and_a_camera_work_for_worlds_too(tmp_path):
         (("info", "none.wbt"), "none.wbt: no such file"),
     ],
 )
-def test_the_command_line_says_what_is_wrong(tmp_path, arguments, message):
+def test_command_line_errors(tmp_path, arguments, message):
     write_world(tmp_path)
     trimesh.creation.box().export(tmp_path / "box.stl")
     result = run_cli(*arguments, cwd=tmp_path, code=2)
     assert message in result.stderr and "Traceback" not in result.stderr
 
 
-# ------------------------------------------------------------------------------------------------ worlds of others
+# ------------------------------------------------------------------------------------------------ real worlds
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared/webots here")

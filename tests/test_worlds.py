@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Movable objects, worlds and exclusion: what is seen is what a scene shows that was built that way and stays so."""
+"""Tests of movable objects, worlds and exclusion: renders match static scenes built that way."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ from support.worlds import (
 )
 
 
-def test_a_scene_where_nothing_moved_shows_what_a_static_one_does(device, caster):
+def test_unmoved_scene_equals_static_scene(device, caster):
     rows = random_poses(np.random.default_rng(0), 5)
     still, movable = (build(device, rows, movable=movable) for movable in (False, True))
     assert movable.movable == (1, 2, 4, 5, 6)
@@ -40,7 +40,7 @@ def test_a_scene_where_nothing_moved_shows_what_a_static_one_does(device, caster
 
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("static", [True, False])
-def test_moved_objects_show_what_a_scene_built_there_does(static, cull_backfaces, device, caster):
+def test_moved_objects_match_scene_built_there(static, cull_backfaces, device, caster):
     rows, world = random_poses(np.random.default_rng(1), 3, 5), np.array([2, 0, 1, 1, 2])
     scene = build(device, np.tile(STILL, (5, 1)), movable=True, static=static)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster, cull_backfaces=cull_backfaces)
@@ -50,7 +50,7 @@ def test_moved_objects_show_what_a_scene_built_there_does(static, cull_backfaces
 
 
 @pytest.mark.parametrize("outputs", [("depth",), ("depth", "segmentation"), ("normals", "labels"), ("points",)])
-def test_outputs_do_not_depend_on_each_other(outputs, device, caster):
+def test_outputs_are_independent_of_each_other(outputs, device, caster):
     rows = random_poses(np.random.default_rng(2), 2, 5)
     scene = build(device, rows[0], movable=True)
     whole = wv.render(scene, SMALL, eyes(2), outputs=ALL, object_poses=rows, caster=caster)
@@ -72,7 +72,7 @@ def test_moving_rebuilds_nothing(device, caster):
     assert_bits_equal(first, again)
 
 
-def test_instances_of_one_mesh_share_its_tree(device, caster):
+def test_instances_share_one_tree(device, caster):
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.12)
     rows = random_poses(np.random.default_rng(4), 2, 40)
     scene = build(device, rows[0], movable=True, static=False, meshes=[ball] * 40)
@@ -85,15 +85,15 @@ def test_instances_of_one_mesh_share_its_tree(device, caster):
     assert len(np.unique(views.segmentation.numpy())) > 30
 
 
-def test_instances_in_one_place_show_the_first(device, caster):
+def test_coincident_instances_show_the_first(device, caster):
     scene = build(device, np.tile(STILL, (3, 1)), movable=True, static=False, meshes=[MESHES[1]] * 3)
     for outputs in (ALL, ("depth", "segmentation")):
         views = wv.render(scene, SMALL, eyes(1), outputs=outputs, caster=caster)
         assert set(np.unique(views.segmentation.numpy())) == {-1, 0}
 
 
-def test_worlds_of_a_call(device, caster):
-    """One for all views, each view its own, or as `world` says; poses of one world need no leading axis."""
+def test_world_index_and_single_worlds(device, caster):
+    """One world for all views, one per view, or by `world_index`; poses of one world need no leading axis."""
     rows = random_poses(np.random.default_rng(5), 3, 5)
     scene = build(device, rows[0], movable=True)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
@@ -120,8 +120,8 @@ def test_quaternions_need_not_be_exact(device, caster):
     assert wrong_depth(one.depth.numpy(), other.depth.numpy().astype(np.float64)).mean() <= 1e-4
 
 
-def test_a_world_that_is_not_there_shows_nothing(device, caster):
-    """On a GPU nobody looks at the numbers beforehand."""
+def test_invalid_world_index_on_device_is_empty(device, caster):
+    """On a GPU, indices are not validated."""
     rows = random_poses(np.random.default_rng(7), 2, 5)
     scene = build(device, rows[0], movable=True)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
@@ -135,8 +135,8 @@ def test_a_world_that_is_not_there_shows_nothing(device, caster):
     assert_bits_equal(view_of(views, 3), renderer.render(eyes(4)[3], object_poses=rows[0]))
 
 
-def test_excluded_objects_are_not_seen(device, caster):
-    """By name or index, what moves and what stays; a scene in which they are far away shows the same."""
+def test_excluded_objects_are_not_rendered(device, caster):
+    """By name or index, movable and static objects; equal to a scene where these are far away."""
     rows = random_poses(np.random.default_rng(8), 5)
     scene = build(device, rows, movable=True)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
@@ -152,7 +152,7 @@ def test_excluded_objects_are_not_seen(device, caster):
     assert (shifted != expected).mean() <= 1e-4
 
 
-def test_excluding_in_a_scene_where_nothing_moves(device, caster):
+def test_exclude_in_a_static_scene(device, caster):
     rows = random_poses(np.random.default_rng(9), 5)
     scene = build(device, rows, movable=False)
     views = wv.render(scene, SMALL, eyes(3), outputs=ALL, exclude=["moved_0", "moved_1"], caster=caster)
@@ -168,7 +168,7 @@ def test_excluding_in_a_scene_where_nothing_moves(device, caster):
 
 
 def boxes_on_a_floor(device, places):
-    """Boxes whose lower sides are in the floor's upper one."""
+    """Return boxes whose bottom faces coincide with the floor's top face."""
     scene = wv.Scene(device=device)
     scene.add(trimesh.creation.box((6, 6, 0.1)), name="floor", label="ground", pose=(0, 0, -0.05, 0, 0, 0, 1))
     for i, (x, y) in enumerate(places):
@@ -176,8 +176,8 @@ def boxes_on_a_floor(device, places):
     return scene
 
 
-def test_what_an_excluded_object_stands_on_is_seen(device, caster):
-    """The surface that coincides with one that is passed, by images and by points of them."""
+def test_surfaces_below_excluded_objects_are_rendered(device, caster):
+    """Surfaces that coincide with excluded ones, in images and with `render_at`."""
     eight = np.concatenate([eyes(4), eyes(4, radius=1.3, height=2.0)])
     scene = boxes_on_a_floor(device, [(0, 0), (0.9, 0.1), (-0.4, 0.8)])
     renderer = wv.Renderer(scene, SMALL, outputs=("depth", "segmentation"), caster=caster)
@@ -193,8 +193,8 @@ def test_what_an_excluded_object_stands_on_is_seen(device, caster):
         assert set(np.unique(views.segmentation.numpy())) == {-1, 0, 2}
 
 
-def test_what_a_culled_back_face_lies_on_is_seen(device, caster):
-    """From inside of a box, through its back faces."""
+def test_surfaces_behind_culled_faces_are_rendered(device, caster):
+    """From inside a box, through its back faces."""
     pose = np.array([wv.look_at((0.1, 0.05, 0.3), (0.3, 0, -0.3))], dtype=np.float32)
     options = {"outputs": ("depth", "segmentation"), "caster": caster, "cull_backfaces": True}
     views = wv.render(boxes_on_a_floor(device, [(0, 0)]), SMALL, pose, **options)
@@ -204,8 +204,8 @@ def test_what_a_culled_back_face_lies_on_is_seen(device, caster):
 
 
 @pytest.mark.parametrize("movable", [False, True])
-def test_a_camera_inside_an_excluded_body(movable, device, caster):
-    """It sees through the closed body around it, and the other objects as from outside."""
+def test_camera_inside_an_excluded_body(movable, device, caster):
+    """Rays pass through the closed body around the camera, and hit other objects from outside."""
     rows = np.array([(2.0, 0, 1.0, 0, 0, 0, 1), (0, 0, 0.5, 0, 0, 0, 1)])
     meshes = [trimesh.creation.box((1, 1, 1)), MESHES[1]]
     scene = build(device, rows, movable=movable, meshes=meshes)
@@ -217,8 +217,8 @@ def test_a_camera_inside_an_excluded_body(movable, device, caster):
     assert_matches_reference(outside, build("cpu", far_away(rows, 0), movable=False, meshes=meshes), SMALL, pose)
 
 
-def test_nothing_leaks_between_worlds_and_views(device, caster):
-    """Each of many views, with its own world and its own exclusions, equals a rendering of it alone."""
+def test_views_are_independent_of_other_worlds(device, caster):
+    """Each of many views, with a separate world and exclusions, equals its own rendering."""
     rng = np.random.default_rng(10)
     rows, world = random_poses(rng, 4, 5), rng.integers(0, 4, 9)
     scene = build(device, rows[0], movable=True)
@@ -231,7 +231,7 @@ def test_nothing_leaks_between_worlds_and_views(device, caster):
         assert not np.isin(views.segmentation.numpy()[index], np.flatnonzero(flags[index])).any()
 
 
-def test_points_of_the_image(device, caster):
+def test_render_at_with_worlds_and_exclude(device, caster):
     rows = random_poses(np.random.default_rng(11), 2, 5)
     scene = build(device, rows[0], movable=True)
     renderer = wv.Renderer(scene, SMALL, outputs=ALL, caster=caster)
@@ -253,7 +253,7 @@ def test_points_of_the_image(device, caster):
 
 @pytest.mark.parametrize("views", [1, 3])
 @pytest.mark.parametrize("outputs", [ALL, ("depth", "points", "labels", "segmentation"), ("depth",)])
-def test_runs_are_bit_identical_whatever_the_threads(outputs, views, device, caster):
+def test_results_are_bit_identical_for_any_thread_count(outputs, views, device, caster):
     rng = np.random.default_rng(12)
     rows = random_poses(rng, views, 60)
     scene = build(device, rows[0], movable=True, meshes=[MESHES[i % 5] for i in range(60)])
@@ -268,8 +268,8 @@ def test_runs_are_bit_identical_whatever_the_threads(outputs, views, device, cas
         assert_bits_equal(renderer.render(eyes(views), object_poses=rows, exclude=flags), first)
 
 
-def test_a_camera_among_objects_that_cross_its_plane(device, caster):
-    """Inside closed objects, before, beside and behind others."""
+def test_camera_plane_crosses_objects(device, caster):
+    """The camera is inside closed objects, and in front of, next to and behind others."""
     rng = np.random.default_rng(13)
     meshes = [trimesh.creation.box((3, 2, 1)), *MESHES, trimesh.creation.icosphere(subdivisions=2, radius=4.0)]
     rows = random_poses(rng, 6, 7, spread=0.8)
@@ -284,7 +284,7 @@ def test_a_camera_among_objects_that_cross_its_plane(device, caster):
         assert culling or np.isfinite(views.depth.numpy()).all()
 
 
-def test_objects_behind_the_camera_or_out_of_range_are_not_seen(device, caster):
+def test_objects_behind_the_camera_or_out_of_range(device, caster):
     scene = build(device, np.tile(STILL, (3, 1)), movable=True, static=False, meshes=[MESHES[0]] * 3)
     camera = wv.Camera.from_fov(64, 48, hfov=0.9, near=0.5, far=10.0)
     rows = np.array([(-1, 0, 0, 0, 0, 0, 1), (11, 0, 0, 0, 0, 0, 1), (3, 6, 0, 0, 0, 0, 1)])
@@ -299,8 +299,8 @@ def test_objects_behind_the_camera_or_out_of_range_are_not_seen(device, caster):
     assert not np.isfinite(depth).any()
 
 
-def test_far_from_the_world_s_origin_nothing_is_lost(device, caster):
-    """Camera and objects 8 km away, by the same power of two: not a bit of depth changes."""
+def test_depth_is_exact_far_from_the_origin(device, caster):
+    """Camera and objects 8 km away, by powers of two: not a bit of depth changes."""
     rng = np.random.default_rng(14)
     rows, poses = random_poses(rng, 5), eyes(2)
     rows[:, :3], poses[:, :3] = np.round(rows[:, :3] * 64) / 64, np.round(poses[:, :3] * 64) / 64
@@ -313,8 +313,8 @@ def test_far_from_the_world_s_origin_nothing_is_lost(device, caster):
 
 
 @pytest.mark.parametrize("offset", [100.0, 1e4])
-def test_a_mesh_far_from_its_own_origin(offset, device):
-    """A file's parts in coordinates of a site: their poses move them all the way back before the camera."""
+def test_mesh_far_from_its_own_origin(offset, device):
+    """Vertices in site coordinates, which the object's pose moves back in front of the camera."""
     turn = np.array([0.1, 0.2, 0.3, 0.9]) / np.linalg.norm([0.1, 0.2, 0.3, 0.9])
     ball = trimesh.creation.icosphere(subdivisions=3)
     ball.vertices += offset * np.array([1, -0.7, 0.4])
@@ -329,7 +329,7 @@ def test_a_mesh_far_from_its_own_origin(offset, device):
     assert_matches_reference(views, twin, SMALL, poses)
 
 
-def test_a_thousand_objects(device, caster):
+def test_thousand_objects(device, caster):
     rng = np.random.default_rng(15)
     meshes = [trimesh.creation.box((0.1, 0.2, 0.15)), trimesh.creation.icosphere(subdivisions=1, radius=0.1)] * 500
     rows = random_poses(rng, 2, 1000, spread=6.0)
@@ -341,11 +341,11 @@ def test_a_thousand_objects(device, caster):
         twin = build(device, row, movable=False, meshes=meshes)
         expected = wv.render(twin, SMALL, eyes(2)[index], outputs=outputs, caster="rays")
         wrong = wrong_depth(views.depth.numpy()[index], expected.depth.numpy()[0].astype(np.float64))
-        assert wrong.mean() <= 2e-3  # at silhouettes: vertices of the twin are rounded elsewhere
+        assert wrong.mean() <= 2e-3  # at silhouettes: vertices of the twin are rounded differently
         assert (views.segmentation.numpy()[index] != expected.segmentation.numpy()[0]).mean() <= 2e-3
 
 
-def test_objects_that_are_added_are_seen(device, caster):
+def test_added_objects_are_rendered(device, caster):
     scene = build(device, np.tile(STILL, (1, 1)), movable=True, meshes=MESHES[:1])
     renderer = wv.Renderer(scene, SMALL, caster=caster)
     renderer.render(eyes(1))
@@ -354,15 +354,15 @@ def test_objects_that_are_added_are_seen(device, caster):
     assert (renderer.render(eyes(1), object_poses=rows).segmentation.numpy() == index).any()
 
 
-def test_an_array_without_an_axis_excludes_nothing_in_a_sentence():
+def test_zero_dimensional_exclude_raises():
     scene = build("cpu", random_poses(np.random.default_rng(0), len(MESHES)), movable=False)
     with pytest.raises(wv.WarpvisError, match="exclude must be"):
         wv.render(scene, SMALL, STILL, exclude=np.array("floor"))
 
 
 @pytest.mark.parametrize("worlds", [1, 2])
-def test_rows_of_a_device_are_of_one_world_or_of_several(worlds):
-    """Floats on a GPU are taken as rows, as those of the host are: `(M, 7)` of one world was refused there."""
+def test_device_rows_of_one_or_several_worlds(worlds):
+    """Floats on a GPU are accepted as rows, as on the host."""
     rows = random_poses(np.random.default_rng(0), worlds, 5)
     given = wp.array(rows if worlds > 1 else rows[0], dtype=wp.float32, device="cpu")
     found = _check_device_poses(given, 5, wp.get_device("cpu"))
