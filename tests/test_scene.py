@@ -118,7 +118,7 @@ def test_mesh_instances_are_separate_objects(tmp_path):
     assert sorted(round(float(item.bounds[0, 0]), 3) for item in scene) == [-0.5, 1.5, 3.5]
 
 
-def test_a_scene_moves_to_another_device(device):
+def test_scene_moves_to_another_device(device):
     scene = Scene()
     scene.add(trimesh.creation.box(), name="box", pose=(3, 0, 0, 0, 0, 0, 1))
     depth = wv.render(scene.to(device), wv.Camera.kinect(), wv.look_at((0, 0, 0), (1, 0, 0))).depth
