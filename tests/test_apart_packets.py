@@ -23,6 +23,7 @@ from warpvis.rendering import casters
 from warpvis.sensors import Rays
 
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
+from support.sizes import SHAPES, build as build_scaled, random_scales
 from support.solids import build as build_solids
 from support.worlds import ALL, assert_bits_equal, random_poses
 
@@ -146,7 +147,7 @@ def test_depth_along_z_and_common_origin(packets_only):
     np.testing.assert_allclose(np.nan_to_num(beside, posinf=9), np.nan_to_num(plain, posinf=9), atol=1e-5)
 
 
-@pytest.mark.parametrize("reason", ["far apart", "solids", "clip"])
+@pytest.mark.parametrize("reason", ["far apart", "solids", "clip", "sizes"])
 def test_unsupported_inputs_are_cast_as_single_rays(reason):
     poses = random_poses(np.random.default_rng(3), 2, spread=0.3)
     scene = wv.scenes.PRESETS["room"].build("cpu")
@@ -155,6 +156,9 @@ def test_unsupported_inputs_are_cast_as_single_rays(reason):
         scene = build_solids("cpu", random_poses(np.random.default_rng(0), 10, spread=2.0))
     if reason == "clip":
         options["near_plane"] = "clip"
+    if reason == "sizes":
+        scene = build_scaled("cpu", random_poses(np.random.default_rng(1), 3, spread=2.0), shapes=SHAPES[4:])
+        options["object_scales"] = random_scales(np.random.default_rng(2), 2, 3)
     pattern = Rays(*spread_out(600, spread), near=0.5)
     one, other = (wv.render(scene, pattern, poses, caster=caster, **options) for caster in ("auto", "rays"))
     assert_bits_equal(one, other)

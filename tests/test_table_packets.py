@@ -98,6 +98,25 @@ def test_each_ray_has_one_lane(name):
         np.testing.assert_allclose(exact, direction / along[2] * focal, rtol=1e-13, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", PATTERNS)
+def test_bounds_contain_rays(name):
+    """Rows of bounds are the least u and v and the greatest u and v of sixteen children."""
+    struct = prepare_rays(PATTERNS[name].rays).struct
+    has_ray = struct.place.numpy().reshape(-1, 16, 16) >= 0
+    of_packets = struct.packet_bounds.numpy().reshape(-1, 4, 16)
+    of_tiles, of_groups = (bounds.numpy().reshape(-1, 4, 16) for bounds in (struct.tile_bounds, struct.group_bounds))
+    for axis, number in enumerate("uv"):
+        positions = getattr(struct, number).numpy().reshape(has_ray.shape)
+        low, high = of_packets[:, axis], of_packets[:, 2 + axis]
+        assert ((low[..., None] <= positions) & (positions <= high[..., None]))[has_ray].all()
+        for children, parents in ((of_packets, of_tiles), (of_tiles, of_groups)):
+            low, high = parents[:, axis].ravel(), parents[:, 2 + axis].ravel()
+            if len(low) == len(children):  # otherwise, groups of several bundles are padded
+                assert (low <= children[:, axis].min(axis=1)).all() and (
+                    high >= children[:, 2 + axis].max(axis=1)
+                ).all()
+
+
 @pytest.mark.parametrize("side", [0, 16, 32])
 @pytest.mark.parametrize("name", PATTERNS)
 def test_each_ray_has_one_pixel_of_a_packet(name, side):
