@@ -75,8 +75,8 @@ class Tum(Layout):
         write_lines(files, "groundtruth.txt", chain(["# timestamp tx ty tz qx qy qz qw"], poses))
         has_distortion = any(self._numbers[4:])
         values = numbers(self._numbers if has_distortion else self._numbers[:4])
-        names = "fx fy cx cy k1 k2 p1 p2 k3" if has_distortion else "fx fy cx cy"
-        files.write_text("calibration.txt", f"{values}\n# {names} [px], pixel centers at whole numbers\n")
+        parameters = "fx fy cx cy k1 k2 p1 p2 k3" if has_distortion else "fx fy cx cy"
+        files.write_text("calibration.txt", f"{values}\n# {parameters} [px], pixel centers at whole numbers\n")
         return ["depth.txt", "groundtruth.txt", "calibration.txt"]
 
     def _times(self) -> Iterator[float]:
