@@ -3,8 +3,8 @@
 """Measure image points on a GPU: `render_at` in packets against single rays, and against the image itself.
 
 Points of 320x240 images: pixel centers, their positions in the other eye of a stereo camera (nearly in the image's
-order), as many random points, and world points with `point_visibility`. Packets are switched on here;
-docs/internals/gpu.md explains why they are off elsewhere. Calls alternate, after a comparison of their results.
+order), as many random points, and world points with `point_visibility`. Calls alternate, after a comparison of their
+results.
 
   python bench/gpu_points.py                          a table in Markdown
   python bench/gpu_points.py --device cpu --views 2   whether all results agree, without a GPU
@@ -175,12 +175,10 @@ def main() -> None:
     parser.add_argument("--packets", type=int, nargs="+", choices=(64, 256, 1024), help="points of a packet")
     arguments = parser.parse_args()
     device = wp.get_device(arguments.device)
-    _cuda_points._IN_PACKETS = True
     with wp.ScopedDevice(device):
         for size in arguments.packets or [0]:
             if size:
                 _cuda_points._PACKETS, _cuda_points._MIN_POINTS = ((size, 0),), 0
-                _cuda_points._FEWEST_A_VIEW = _cuda_points._FEWEST_IN_FINE_TREES = 0
                 print(f"\nPackets of {size} points, however few there are\n")
             print("| | views a second | Gpoints/s | x `rays` | time by the image's, a point | same as `rays` |")
             print("|---|---:|---:|---:|---:|---:|")
