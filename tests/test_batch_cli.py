@@ -15,7 +15,7 @@ from batch_jobs import CAMERA, make_poses, make_scene, tree
 from command_line import run_apart, run_inside
 
 import warpvis as wv
-from warpvis.cli._datasets import Batch, Verify
+from warpvis.cli import Batch, Verify
 
 ORBIT = "orbit target=0,0,0.4 radius=3 height=1 count=9"
 

@@ -14,7 +14,7 @@ from batch_jobs import CAMERA, make_frames, make_scene, run
 
 import warpvis as wv
 from warpvis.batch._emptiness import count_empty
-from warpvis.cli._datasets import Batch, Render
+from warpvis.cli import Batch, Render
 
 ALL_OUTPUTS = ("depth", "points", "normals", "labels", "segmentation")
 

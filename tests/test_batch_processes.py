@@ -154,8 +154,7 @@ def test_no_process_outlives_a_killed_job(tmp_path):
 
 
 def test_poses_are_mapped_not_copied(tmp_path):
-    from warpvis.batch._render_batch import make_plan
-    from warpvis.batch.formats._base import find_format
+    from warpvis.batch import find_format, make_plan
     from warpvis.batch.writing._encoder import Target
     from warpvis.batch.writing._processes import _share as share, unshare
 

@@ -11,7 +11,7 @@ from batch_jobs import CAMERA, make_frames, make_scene, run, tree
 
 import warpvis as wv
 from warpvis.batch import render_batch, verify
-from warpvis.cli._datasets import Verify
+from warpvis.cli import Verify
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,10 @@ import trimesh
 import warpvis as wv
 from warpvis.batch import render_batch
 from warpvis.batch._job import Plan
-from warpvis.batch.formats._ros2 import Ros2, nanoseconds
+from warpvis.batch.formats._ros2 import Ros2
 from warpvis.batch.storage._output import ShardFiles
 from warpvis.core.frames import Frames
+from warpvis.core.messages import nanoseconds
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 typesys = pytest.importorskip("rosbags.typesys")

@@ -12,7 +12,7 @@ import trimesh
 from command_line import run_inside
 
 import warpvis as wv
-from warpvis.cli._output import name_options
+from warpvis.cli import name_options
 from warpvis.core.outputs import IMAGE_NAMES, SENSOR_NAMES, Output
 from warpvis.rendering import OUTPUTS, SENSOR_OUTPUTS
 
@@ -94,7 +94,8 @@ def test_lists_accept_commas_or_spaces(option, forms, tmp_path, monkeypatch):
     """Every list option accepts commas, spaces or both."""
     import tyro
 
-    from warpvis.cli._datasets import Batch, _parse_options, _parse_ranges
+    from warpvis.cli import Batch
+    from warpvis.cli._datasets import _parse_options, _parse_ranges
     from warpvis.cli._inputs import split_names
 
     monkeypatch.chdir(tmp_path)
@@ -112,7 +113,7 @@ def test_lists_accept_commas_or_spaces(option, forms, tmp_path, monkeypatch):
 
 
 def test_existing_folder_with_a_comma_is_not_split(tmp_path, monkeypatch):
-    from warpvis.cli._info import Info
+    from warpvis.cli import Info
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a,b").mkdir()
@@ -156,7 +157,7 @@ def test_warnings_name_options(folder, tmp_path):
 
 
 def test_messages_about_files_keep_their_keys():
-    from warpvis.cli._info import Info
+    from warpvis.cli import Info
 
     message = "rules.json: label_names must be a mapping"
     assert name_options(message, Info()) == name_options(message, None) == message

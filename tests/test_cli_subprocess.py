@@ -9,8 +9,7 @@ from functools import partial
 import pytest
 
 import warpvis as wv
-from warpvis.cli import run_command
-from warpvis.cli._datasets import Batch
+from warpvis.cli import Batch, run_command
 from warpvis.cli._subprocess import run_in_subprocess
 
 

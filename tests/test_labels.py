@@ -19,8 +19,9 @@ import warpvis as wv
 from warpvis.core.label_rules import LabelRules
 from warpvis.core.labels import LabelNames
 from warpvis.mujoco import BatchRenderer, Renderer, scene_from_mujoco
+from warpvis.viz import STATE_COLORS
 from warpvis.viz._perspective import _floor_map
-from warpvis.viz._states import GRAYS, STATE_COLORS, PanelData
+from warpvis.viz._states import GRAYS, PanelData
 from warpvis.webots import load_webots
 
 import reference

@@ -10,7 +10,7 @@ import pytest
 
 from warpvis.errors import CameraError
 from warpvis.sensors import lenses
-from warpvis.sensors.lenses._colmap import COLMAP_NUMBERS, lens_from_colmap, lens_to_colmap
+from warpvis.sensors.lenses import COLMAP_NUMBERS, lens_from_colmap, lens_to_colmap
 
 INTRINSICS = (300.0, 310.0, 161.0, 119.0)
 WIDTH, HEIGHT = 320, 240

@@ -14,7 +14,8 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis.batch.formats._base import FORMATS, VISIBILITY_ARRAYS, find_format
+from warpvis.batch import find_format
+from warpvis.batch.formats._base import FORMATS, VISIBILITY_ARRAYS
 from warpvis.rendering import SENSOR_OUTPUTS
 
 from support.slow import parametrize

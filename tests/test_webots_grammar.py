@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from warpvis.errors import FileFormatError
+from warpvis.webots import Node, Version
 from warpvis.webots._grammar import MAX_NESTED, MAX_NODES, World, parse_text, parse_world
-from warpvis.webots._nodes import Node, Version
 
 from support.webots_grammar import HEADER, SMALL
 

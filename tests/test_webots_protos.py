@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from warpvis.errors import FileFormatError
-from warpvis.webots._nodes import Version
+from warpvis.webots import Version
 from warpvis.webots.protos._expansion import MAX_PROTOS_NESTED, Protos
 
 from support.webots_protos import Project

@@ -8,8 +8,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.webots import add_noise, distort_pixels, quantize, range_values
-from warpvis.webots._nodes import Version
+from warpvis.webots import Version, add_noise, distort_pixels, quantize, range_values
 
 INF = np.inf
 KINECT = {"near": 0.01, "min_range": 0.3, "max_range": 4.5}

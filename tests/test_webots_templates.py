@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from warpvis.errors import FileFormatError
-from warpvis.webots._nodes import Version
+from warpvis.webots import Version
 from warpvis.webots.protos import _templates as templates
 from warpvis.webots.protos._expansion import Protos
 

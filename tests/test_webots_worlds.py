@@ -15,8 +15,7 @@ import warpvis as wv
 from warpvis import Label, Scene
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scenes import EXPERIMENTS
-from warpvis.webots import load_webots, render_range
-from warpvis.webots._nodes import Version
+from warpvis.webots import Version, load_webots, render_range
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
 SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"
