@@ -69,6 +69,21 @@ def test_delta_tolerates_surfaces_just_in_front(device):
     assert bop.fraction.numpy()[0, 0] == 1 and bop.occluder.numpy()[0, 0] == -1
 
 
+@pytest.mark.parametrize("delta", [0.0, BOP_DELTA])
+def test_large_object_behind_a_sheet(delta):
+    """Tiles inside the image, whose pixels are counted together: the wall's pixels are those of the segmentation."""
+    camera = wv.Camera.from_fov(128, 96, hfov=1.0)
+    scene = wv.Scene(device="cpu")
+    scene.add(trimesh.creation.box((3, 2.2, 0.01)), name="wall", pose=(0, 0, 4, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((0.9, 0.7, 0.01)), name="sheet", pose=(0.1, 0.05, 3, 0, 0, 0, 1))
+    pose = (0, 0, 0, 0, 0, 0, 1)
+    seen = wv.render(scene, camera, pose, outputs=("segmentation",)).segmentation.numpy()[0]
+    result = object_visibility(scene, camera, pose, delta=delta)
+    np.testing.assert_array_equal(result.visible_pixels.numpy()[0], [(seen == 0).sum(), (seen == 1).sum()])
+    assert result.silhouette_pixels.numpy()[0, 0] == (seen >= 0).sum()
+    assert result.occluder.numpy()[0].tolist() == [1, -1]
+
+
 @pytest.mark.parametrize(
     ("cube", "screen", "status", "occluder"),
     [
