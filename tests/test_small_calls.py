@@ -19,7 +19,7 @@ from warpvis.core.arrays import aligned_empty, aligned_zeros
 from warpvis.core.device_poses import _as_poses
 from warpvis.core.poses import host_poses, poses_to_matrices, poses_to_opencv
 from warpvis.rendering._cpu_packets import RayCosts
-from warpvis.rendering._prepared import FreeList
+from warpvis.rendering._prepared import CheckedImages, FreeList
 
 from support.slow import parametrize
 
@@ -86,6 +86,15 @@ def test_outputs_not_requested_are_not_written(device):
     renderer.render(eyes(1, 3), out=everything)
     assert (everything.depth.numpy() == depth).all()
     assert_identical(wv.Views(labels=everything.labels), wv.render(scene, CAMERA, eyes(1, 3), outputs=("labels",)))
+
+
+def test_checked_images_are_found_only_if_the_same():
+    checked, shape, outputs = CheckedImages(), (1, 2, 3), ("depth",)
+    depth = wp.zeros(shape, device="cpu")
+    checked.record([depth, None], shape, outputs)
+    found = checked.find(wv.Views(depth=depth), shape, outputs)
+    assert found is not None and found[0] is depth and found[1:] == [None]
+    assert checked.find(wv.Views(depth=wp.zeros_like(depth)), shape, outputs) is None
 
 
 def test_changed_out_images_are_validated_again(device):

@@ -7,9 +7,11 @@ import warnings
 import numpy as np
 import pytest
 import trimesh
+import warp as wp
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.rendering._blindness import seen_objects
 from warpvis.scenes import EXPERIMENTS
 from warpvis.scenes.shapes import floor
 
@@ -197,3 +199,12 @@ def test_camera_inside_the_floor_warns(call):
 @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda item: item.name)
 def test_experiments_do_not_warn(experiment, call):
     assert not said(lambda: call(experiment.build(), experiment.camera, experiment.poses()))
+
+
+def test_objects_excluded_from_a_view_are_not_seen():
+    scene = wv.scenes.PRESETS["room"].build("cpu")
+    excluded = np.zeros((2, len(scene)), dtype=np.uint8)
+    excluded[1, 1] = 1
+    seen = seen_objects(scene, wp.array(excluded, device="cpu"))
+    assert seen.tolist() == [index != 1 for index in range(len(scene))]
+    assert seen_objects(scene, None).all()
