@@ -123,7 +123,7 @@ def test_existing_folder_with_a_comma_is_not_split(tmp_path, monkeypatch):
 MESSAGES = {
     "bop": ("render", ["--format", "bop"], "Assign that label with --labels or choose objects with --objects to"),
     "outputs": ("render", ["--outputs", "foo"], "warpvis: --outputs must be some of depth, points"),
-    "no sensor": ("render", ["--outputs", "reasons"], "warpvis: --outputs must be without reasons"),
+    "no sensor": ("render", ["--outputs", "reasons"], "warpvis: --outputs must not contain reasons without a sensor"),
     "scale": ("render", ["--scale", "-1"], "warpvis: --scale of 'two.glb' must be one or three positive numbers"),
     "threads": ("batch", ["--threads", "0"], "warpvis: --threads must be a whole number"),
     "label": ("render", ["--labels", "ball=foo"], "got 'foo'; --label-names names others"),

@@ -177,7 +177,7 @@ def test_movable_model_selects_the_models_movable_bodies(run, tmp_path):
 def test_render_checks_all_formats_before_it_writes(run, tmp_path):
     given = ("render", "room.stl", "--poses", ORBIT, "--out", tmp_path / "out")
     for more, said in (
-        (("--outputs", "points"), "format 'png' holds"),
+        (("--outputs", "points"), "for format 'png', got 'points'"),
         (("--format", "npz,tiff"), "format must be one of"),
         (("--option", "scale=5"), "format 'npz' has no option 'scale'"),
     ):

@@ -307,7 +307,10 @@ BAD = {
         ),
         "distortion_model of camera_model omni must be none, got radtan with non-zero coefficients",
     ),
-    "nerfstudio": (lambda: wv.Camera.from_nerfstudio({"fl_x": 1}), "fl_y is missing"),
+    "nerfstudio": (
+        lambda: wv.Camera.from_nerfstudio({"fl_x": 1}),
+        "fields must contain fl_x, .*, missing fl_y",
+    ),
     "k4": (lambda: wv.Camera.from_nerfstudio(NERF | {"k4": 0.1}), "k4 of camera_model OPENCV"),
     "z": (
         lambda: LensCamera(WIDE, 64, 48, kind="z"),

@@ -332,7 +332,7 @@ def test_exclude_and_labels_apply_to_elements():
     assert (model.tendon("belt").id, TENDON) not in seen and (model.tendon("string").id, TENDON) in seen
     assert renderer.scene["string"].label == wv.Label.ROBOT and renderer.scene["d"].label == wv.Label.HUMAN
     assert "b" not in renderer.scene and "c" in renderer.scene
-    with pytest.raises(wv.WarpvisError, match="'nobody' in exclude fits no geom and no body"):
+    with pytest.raises(wv.WarpvisError, match="'nobody' in exclude must match a geom or body of the model"):
         Renderer(model, HEIGHT, WIDTH, exclude=["nobody"])
 
 

@@ -173,7 +173,7 @@ def test_colors_without_fallback_are_rejected():
     renderer, _, _ = ready()
     renderer.disable_depth_rendering()
     assert renderer.fallback is None
-    with pytest.raises(wv.WarpvisError, match=r"take mujoco\.Renderer for colors, or fallback=True"):
+    with pytest.raises(wv.WarpvisError, match=r"for colors, use mujoco\.Renderer or fallback=True"):
         renderer.render()
 
 

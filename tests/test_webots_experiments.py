@@ -26,7 +26,7 @@ PROJECT = ROOT / "examples" / "webots"
 NAMES = ["floor", "low obstacle", "high obstacle", "ball", "person", "robot"]
 AXES = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # forward, left and up in the axes of an OpenCV camera
 WORDS = {State.BOTH: "both see", State.FIRST: "the robot sees", State.SECOND: "the person sees"}
-WORDS[State.NEITHER] = "nobody sees"
+WORDS[State.NEITHER] = "neither sees"
 
 
 @pytest.fixture(scope="module", params=EXPERIMENTS, ids=lambda item: item.name)
