@@ -188,7 +188,7 @@ except BaseException:
 )
 def test_ctrl_c_ends_the_process(work, code, tmp_path):
     (tmp_path / "swallows.py").write_text(SWALLOWS)
-    script = f"from warpvis.cli._interrupts import exiting_on_interrupt\nwith exiting_on_interrupt():\n    {work}\n    print(1)"
+    script = f"{ENDING}    {work}\n    print(1)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (code, "") and "Traceback" not in done.stderr
 
