@@ -26,11 +26,9 @@ from native_build import cache_folder
 from warpvis import Camera, Scene
 from warpvis.core.ray_camera import RayCamera
 from warpvis.kernels import native_source, packets_cuda, point_packets_cuda, ray_packets_cuda
-from warpvis.rendering import Renderer
+from warpvis.rendering import OUTPUTS, Renderer
 from warpvis.rendering._cuda_points import list_points, packet_count
-from warpvis.rendering._found_objects import nothing_found
 from warpvis.rendering._ray_packets import prepare_all
-from warpvis.rendering._views import wants_faces
 from warpvis.rendering.casters import RaysCaster, RayTableCaster, as_images, images_struct
 from warpvis.scene.geometry import build_scene_bvh
 
@@ -184,7 +182,8 @@ def _build(sources: dict[str, str], compiler: str) -> Path:
 
 def _trees(scene: Scene, images: list[wp.array | None]) -> Any:
     """Return the trees of a scene that GPU casters read."""
-    return build_scene_bvh(scene.objects, scene.device, lanes=32, faces=wants_faces(images)).struct
+    faces = images[list(OUTPUTS).index("faces")] is not None
+    return build_scene_bvh(scene.objects, scene.device, lanes=32, faces=faces).struct
 
 
 class EmulatedCaster(RaysCaster):
@@ -212,7 +211,7 @@ class EmulatedCaster(RaysCaster):
 
     def _room(self, views: int, count: int) -> Any:
         """Return scratch arrays for found objects: filled by a kernel on a GPU, by a view's first packet here."""
-        room, camera, tile = packets_cuda.FoundObjects(), self._camera, 1 << packets_cuda.TILE_BITS
+        room, camera, tile = packets_cuda.packets_cuda.FoundObjects(), self._camera, 1 << packets_cuda.TILE_BITS
         if self._variant.found:
             room.tiles_y, room.tiles_x = -(-camera.height // tile), -(-camera.width // tile)
             tiles = views * room.tiles_y * room.tiles_x
@@ -237,7 +236,7 @@ class EmulatedTableCaster(RayTableCaster):
             "range": self._camera.device_struct(),
             "poses": poses,
             "worlds": worlds,
-            "found": nothing_found(),
+            "found": packets_cuda.FoundObjects(),
             "cull_backfaces": self._cull_backfaces,
             "images": images_struct(as_images(images)),
         }
@@ -267,7 +266,7 @@ class EmulatedPointCaster(RaysCaster):
             "camera": self._camera.device_struct(clip_near=self._clip_near),
             "poses": poses,
             "worlds": worlds,
-            "found": nothing_found(),
+            "found": packets_cuda.FoundObjects(),
             "points": lists,
             "cull_backfaces": self._cull_backfaces,
             "images": images_struct(images),

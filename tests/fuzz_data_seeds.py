@@ -11,12 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from batch_jobs import make_frames, make_scene
+from batch_jobs import FORMATS, make_frames, make_scene
 from fuzz_scene_seeds import Item, png
 
 import warpvis as wv
 from warpvis.batch import render_batch, verify
-from warpvis.batch.formats._base import FORMATS
 from warpvis.errors import WarpvisError
 from warpvis.io import load_camera, read_archive, read_depth, read_points, save_depth_png
 

@@ -3,6 +3,7 @@
 """Appearance from files: glTF, OBJ with MTL, PLY, COLLADA, MuJoCo and Webots."""
 
 import gc
+import tracemalloc
 import zipfile
 
 import mujoco
@@ -13,8 +14,6 @@ from gltf_files import GltfWriter
 from PIL import Image
 
 import warpvis as wv
-from warpvis.io._gltf_data import GltfData
-from warpvis.io._obj_materials import mtl_material, read_mtl
 
 from support.appearance_files import FACES, IMAGE, MTL, OBJ, ROWS, UV, load, png, triangle
 
@@ -138,10 +137,16 @@ def test_gltf_materials_are_read_lazily(tmp_path, monkeypatch):
 def test_gltf_without_textures_releases_the_file_data(tmp_path):
     writer = triangle()
     writer.content["materials"].append(dict(writer.content["materials"][0]))
+    writer.view(bytes(20_000_000))
     (tmp_path / "a.glb").write_bytes(writer.bytes())
+    load(tmp_path / "a.glb")  # imports modules
+    gc.collect()
+    tracemalloc.start()
     (item,) = load(tmp_path / "a.glb")
     gc.collect()
-    assert not [one for one in gc.get_objects() if isinstance(one, GltfData)]
+    stays, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert stays < 10_000_000 < peak
     assert item.appearance.materials[0].base_color == (1, 0.5, 0.25, 0.5)
 
 
@@ -185,11 +190,15 @@ def test_obj_faces_have_their_usemtl_materials(tmp_path):
     np.testing.assert_array_equal(blue.texture.image, IMAGE)
 
 
-def test_invalid_mtl_values_use_defaults():
-    green = mtl_material(read_mtl(MTL.encode())[2], lambda name: None)
+def test_invalid_mtl_values_use_defaults(tmp_path):
+    invalid = b"Kd 9 nan -3\nd inf\nmap_Kd -s 1\n"
+    (tmp_path / "m.mtl").write_bytes(MTL.encode() + b"\xff\0 Kd\nnewmtl\n" + invalid + b"newmtl invalid\n" + invalid)
+    (tmp_path / "a.obj").write_text(
+        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\no a\nusemtl green\nf 1 2 3\no b\nusemtl invalid\nf 1 2 3\n"
+    )
+    (green,), (invalid,) = (item.appearance.materials for item in load(tmp_path / "a.obj"))
     assert (green.base_color, green.shininess) == ((1, 1, 1, 0.75), 0)
-    (said,) = read_mtl(b"\xff\0 Kd\nKd 1 1 1\nnewmtl\nKd 9 nan -3\nd inf\nmap_Kd -s 1")
-    assert mtl_material(said, lambda name: None).base_color == (1, 1, 1, 1)
+    assert invalid.base_color == (1, 1, 1, 1)
 
 
 def test_obj_missing_mtl_warns_on_access(tmp_path):

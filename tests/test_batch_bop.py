@@ -13,9 +13,7 @@ from PIL import Image
 from pose_samples import unit
 
 import warpvis as wv
-from warpvis.batch import render_batch
-from warpvis.batch._job import Plan
-from warpvis.batch.formats._bop import Bop
+from warpvis.batch import find_format, make_plan, render_batch
 from warpvis.batch.storage._output import ShardFiles
 from warpvis.core.frames import Frames
 from warpvis.core.threads import Crew
@@ -69,7 +67,7 @@ def plan_of(scene, frames, *, camera=CAMERA, shard_frames=SHARD, chosen=OBJECTS,
         "object_centers": tuple(tuple(item.bounds.astype(np.float64).mean(axis=0).tolist()) for item in scene),
         "chosen": tuple(scene.index(name) for name in chosen),
     }
-    return Plan(**(given | changes))
+    return dataclasses.replace(make_plan(scene, camera, frames, find_format("npz")), **(given | changes))
 
 
 def images_of(scene, plan, frames, layout):
@@ -85,7 +83,7 @@ def images_of(scene, plan, frames, layout):
 
 def write(folder, scene, plan, threads=None):
     """Write a dataset as the job does, but in one folder."""
-    layout, files = Bop(plan), ShardFiles(folder)
+    layout, files = find_format("bop")(plan), ShardFiles(folder)
     layout.encoders = None if threads is None else Crew(threads, "encoder")
     units = []
     for shard in range(plan.shard_count):
@@ -402,7 +400,9 @@ def test_world_index_selects_object_poses(tmp_path):
     )
     whole = dataclasses.replace(frames, object_poses=frames.object_poses[np.arange(FRAMES) % 3])
     one = dataclasses.replace(frames, object_poses=frames.object_poses[:1])
-    poses = [Bop(plan_of(scene, f))._poses(f, np.tile(np.eye(4), (FRAMES, 1, 1))) for f in (few, whole, one)]
+    poses = [
+        find_format("bop")(plan_of(scene, f))._poses(f, np.tile(np.eye(4), (FRAMES, 1, 1))) for f in (few, whole, one)
+    ]
     assert poses[0] == poses[1] != poses[2]
     assert poses[2][0] == poses[2][49] == poses[0][0]
 
@@ -430,4 +430,4 @@ def test_world_index_selects_object_poses(tmp_path):
 )
 def test_invalid_plans_raise(changes, message):
     with pytest.raises(wv.WarpvisError, match=message):
-        Bop(plan_of(table(), walk(), **changes))
+        find_format("bop")(plan_of(table(), walk(), **changes))

@@ -13,7 +13,6 @@ import trimesh
 from batch_jobs import CAMERA, make_frames, make_scene, run
 
 import warpvis as wv
-from warpvis.batch._emptiness import count_empty
 from warpvis.cli import Batch, Render
 
 ALL_OUTPUTS = ("depth", "points", "normals", "labels", "segmentation")
@@ -86,12 +85,16 @@ def test_empty_visibility_of_selected_objects(tmp_path):
     assert messages(lambda: run(tmp_path / "all", **given))[0] == []
 
 
-def test_frame_with_one_hit_pixel_is_not_empty():
-    image = np.full((3, 200, 300), np.inf, np.float32)
-    image[0, 199, 299], image[2] = 2.0, -np.inf
-    assert count_empty({"depth": image}) == 2
-    assert count_empty({"depth": np.full((2, 1, 1), 1.0)}) == 0
-    assert count_empty({"status": np.zeros((2, 1))}) == 0
+def test_frame_with_one_hit_pixel_is_not_empty(tmp_path):
+    """The first frame sees a box in its last pixel, the second one nothing, the third one a plate that is too near."""
+    scene, ray = wv.Scene(), np.array([31.5 - CAMERA.cx, 23.5 - CAMERA.cy]) / CAMERA.fx
+    scene.add(trimesh.creation.box((0.03,) * 3), name="box", pose=(*2 * ray, 2, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((2, 2, 0.01)), name="plate", pose=(90, 0, 0.1, 0, 0, 0, 1))
+    frames = wv.Frames.from_poses([(0, 0, 0, 0, 0, 0, 1), (0, 0, 0, 1, 0, 0, 0), (90, 0, 0, 0, 0, 0, 1)])
+    said, summary = messages(lambda: run(tmp_path / "out", scene=scene, frames=frames))
+    assert said == ["2 of 3 frames see nothing"] and summary.empty_frames == 2
+    depth = wv.open_dataset(tmp_path / "out")["depth"][:]
+    assert np.argwhere(np.isfinite(depth)).tolist() == [[0, 23, 31]] and np.isneginf(depth[2]).all()
 
 
 def test_long_job_warns_early(tmp_path):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -13,8 +14,7 @@ import trimesh
 from PIL import Image
 
 import warpvis as wv
-from warpvis.batch import find_format, render_batch
-from warpvis.batch._job import Plan
+from warpvis.batch import find_format, make_plan, render_batch
 from warpvis.batch.storage._output import ShardFiles
 from warpvis.core.frames import Frames
 from warpvis.core.poses import poses_to_matrices
@@ -78,7 +78,7 @@ def rendered():
     return {up: render(up) for up in "zy"}
 
 
-def make_plan(rendered, kind, *, up="z", outputs=None, options=None, timestamps=TIMES, **changes):
+def plan_of(rendered, kind, *, up="z", outputs=None, options=None, timestamps=TIMES, **changes):
     scene, poses, _ = rendered[up]
     fields = {
         "frames": Frames.from_poses(poses, timestamps=timestamps),
@@ -90,12 +90,13 @@ def make_plan(rendered, kind, *, up="z", outputs=None, options=None, timestamps=
         "up": up,
         "options": options or {},
     }
-    return Plan(**(fields | changes))
+    plan = make_plan(scene, CAMERA, fields["frames"], find_format("npz"))
+    return dataclasses.replace(plan, **(fields | changes))
 
 
 def write(folder, rendered, kind, *, up="z", threads=None, **changes):
     """Write a dataset shard by shard; return the warnings."""
-    plan = make_plan(rendered, kind, up=up, **changes)
+    plan = plan_of(rendered, kind, up=up, **changes)
     layout = find_format(kind)(plan)
     layout.encoders = None if threads is None else Crew(threads, "encoder")
     folder.mkdir(exist_ok=True)
@@ -408,7 +409,7 @@ def test_empty_frame(tmp_path, rendered, kind):
     poses = [wv.look_at((0, 0, 3), (0, 1, 6))]
     views = wv.render(rendered["z"][0], CAMERA, poses, outputs=OUTPUTS[kind])
     images = {name: getattr(views, name).numpy() for name in OUTPUTS[kind]}
-    plan = make_plan(rendered, kind, frames=Frames.from_poses(poses))
+    plan = plan_of(rendered, kind, frames=Frames.from_poses(poses))
     files = ShardFiles(tmp_path)
     find_format(kind)(plan).write_shard(0, images, files)
     assert files.warnings == {}
@@ -474,5 +475,5 @@ BAD_PLANS = {
 def test_invalid_plans_raise(rendered, case):
     kind, changes, message = BAD_PLANS[case]
     with pytest.raises(wv.errors.FileFormatError, match=message) as caught:
-        find_format(kind)(make_plan(rendered, kind, **changes))
+        find_format(kind)(plan_of(rendered, kind, **changes))
     assert "\n" not in str(caught.value)

@@ -18,11 +18,13 @@ from batch_jobs import make_frames, run, tree
 import warpvis as wv
 from warpvis.batch import _writer as writer
 from warpvis.batch.engines._local import _incoming
-from warpvis.batch.writing._processes import EncodingProcesses, can_start, process_count, shards_at_once
+from warpvis.batch.writing._processes import EncodingProcesses, shards_at_once
 
 from support.slow import parametrize
 
-pytestmark = pytest.mark.skipif(not can_start() or not Path("/proc/self/stat").exists(), reason="needs Linux")
+pytestmark = pytest.mark.skipif(
+    not hasattr(os, "memfd_create") or not Path("/proc/self/stat").exists(), reason="needs Linux"
+)
 
 SCRIPT = """
 import sys
@@ -59,8 +61,21 @@ def children(parent):
     return found
 
 
-def test_process_count_by_threads():
-    assert [process_count(threads) for threads in (1, 4, 7, 8, 16, 33)] == [0, 0, 0, 2, 4, 8]
+def test_process_count_by_threads(tmp_path, monkeypatch):
+    counts = []
+
+    def note(self, target, count):
+        counts.append(count)
+        raise RuntimeError("stopped")
+
+    monkeypatch.setattr(writer, "_MIN_SHARDS", 1)
+    monkeypatch.setattr(EncodingProcesses, "__init__", note)
+    for threads in (1, 4, 7):
+        run(tmp_path / f"{threads}", threads=threads, format="png")
+    for threads in (8, 16, 33):
+        with pytest.raises(RuntimeError, match="stopped"):
+            run(tmp_path / f"{threads}", threads=threads, format="png")
+    assert counts == [2, 4, 8]
     assert [shards_at_once(threads) for threads in (7, 16)] == [0, 8]
 
 

@@ -18,7 +18,6 @@ from batch_jobs import make_frames, make_poses, make_scene, run, tree
 
 import warpvis as wv
 from warpvis.batch import FrameRenderer, verify
-from warpvis.batch.storage import _direct_io as direct_io
 from warpvis.core.frames import Frames
 
 TESTS = Path(__file__).parent
@@ -187,7 +186,7 @@ def test_full_disk(tmp_path, monkeypatch, whole):
         room -= len(data)
         return write(descriptor, data)
 
-    monkeypatch.setattr(direct_io.os, "write", write_a_little)
+    monkeypatch.setattr(os, "write", write_a_little)
     with pytest.raises(
         wv.errors.FileFormatError, match=r"cannot be written: No space left on device; \d of 7 shards are complete"
     ):

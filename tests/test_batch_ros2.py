@@ -10,9 +10,7 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis.batch import render_batch
-from warpvis.batch._job import Plan
-from warpvis.batch.formats._ros2 import Ros2
+from warpvis.batch import find_format, make_plan, render_batch
 from warpvis.batch.storage._output import ShardFiles
 from warpvis.core.frames import Frames
 from warpvis.core.messages import nanoseconds
@@ -40,13 +38,14 @@ def scene():
 
 def plan_of(*, outputs=("depth", "points"), shard_frames=3, times=TIMES, **options):
     frames = Frames.from_poses(poses(), timestamps=times)
-    return Plan(frames=frames, camera=CAMERA, outputs=outputs, shard_frames=shard_frames, options=options)
+    plan = make_plan(scene(), CAMERA, frames, find_format("npz"), shard_frames=shard_frames)
+    return dataclasses.replace(plan, outputs=outputs, options=options)
 
 
 def write(folder, plan):
     """Write the bags of a job; return its depth images."""
     depth = wv.render(scene(), CAMERA, plan.frames.camera_to_world, outputs=("depth",)).depth.numpy()
-    layout, files = Ros2(plan), ShardFiles(folder)
+    layout, files = find_format("ros2")(plan), ShardFiles(folder)
     units = []
     for shard in range(plan.shard_count):
         units += layout.write_shard(shard, {"depth": depth[plan.shard_slice(shard)]}, files)
@@ -239,7 +238,7 @@ def test_read_frames_returns_the_poses(bags):
 )
 def test_invalid_plans_raise(changes, message):
     with pytest.raises(wv.WarpvisError, match=message):
-        Ros2(plan_of(**changes))
+        find_format("ros2")(plan_of(**changes))
 
 
 def test_missing_rosbags_raises_with_install_command(monkeypatch):
@@ -252,7 +251,7 @@ def test_missing_rosbags_raises_with_install_command(monkeypatch):
     with pytest.raises(
         wv.errors.FileFormatError, match=r"format 'ros2' requires rosbags: pip install 'warpvis\[ros\]'$"
     ):
-        Ros2(plan_of())
+        find_format("ros2")(plan_of())
 
 
 def test_shard_size_does_not_change_frames(tmp_path):

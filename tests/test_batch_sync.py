@@ -14,7 +14,6 @@ from batch_jobs import run, tree
 
 import warpvis as wv
 from warpvis.batch._dataset import Dataset
-from warpvis.batch.storage import _sync as sync
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="needs /proc")
 
@@ -93,7 +92,7 @@ def test_sync_failure_raises(tmp_path, monkeypatch):
         if len(calls) > 20:
             raise OSError(errno.EIO, os.strerror(errno.EIO))
 
-    monkeypatch.setattr(sync.os, "fsync", fsync)
+    monkeypatch.setattr(os, "fsync", fsync)
     with pytest.raises(wv.errors.FileFormatError, match=r"cannot be written: Input/output error; \d of 7 shards are"):
         run(tmp_path / "out")
 
@@ -102,5 +101,5 @@ def test_file_system_without_fsync_is_supported(tmp_path, monkeypatch):
     def fsync(descriptor):
         raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
 
-    monkeypatch.setattr(sync.os, "fsync", fsync)
+    monkeypatch.setattr(os, "fsync", fsync)
     assert run(tmp_path / "out").rendered_frames == 20

@@ -18,7 +18,6 @@ from warpvis.errors import SceneError
 from warpvis.kernels import bvh_cuda_ranges
 from warpvis.kernels.bvh_cuda_nodes import join_children
 from warpvis.scene import _bvh_cuda, _joined_trees
-from warpvis.scene._bvh import Bvh
 
 import reference
 from support import bvh as bvh_checks
@@ -27,12 +26,12 @@ CASES = bvh_checks.CASES
 MAX_LEVELS = 8
 
 
-def build(given, device="cpu", max_levels=MAX_LEVELS) -> Bvh:
+def build(given, device="cpu", max_levels=MAX_LEVELS):
     arrays = given.vertices, given.faces, given.owner, given.closed
     return _bvh_cuda.build_device_bvh(_bvh_cuda.DeviceMesh.of(*arrays, wp.get_device(device)), max_levels=max_levels)
 
 
-def areas(tree: Bvh) -> tuple[float, float]:
+def areas(tree) -> tuple[float, float]:
     """Return the total areas of the boxes of all leaves and of all nodes but the root."""
     nodes = tree.nodes.numpy().reshape(-1, 10, tree.lanes).astype(np.float64).swapaxes(1, 2)
     children = tree.children.numpy().reshape(-1, tree.lanes)

@@ -177,7 +177,6 @@ def test_cpu_row_kernels_match_cuda_pixel_kernels(depth):
     """CUDA kernels run on the CPU return the same labels, and the same points up to rounding."""
     from warpvis.kernels import classify as kernels
     from warpvis.kernels.pinhole import Window
-    from warpvis.maps._classification import _device_spheres
 
     ground = kernels.Ground()
     ground.up, ground.height, ground.sigma = 2, 0.0, 0.01
@@ -185,7 +184,10 @@ def test_cpu_row_kernels_match_cuda_pixel_kernels(depth):
     image = wp.array(depth, dtype=float, device="cpu")
     labels, owner = (wp.empty(depth.shape, dtype=dtype, device="cpu") for dtype in (wp.uint8, wp.int32))
     points = wp.empty(depth.shape, dtype=wp.vec3, device="cpu")
-    balls, _ = _device_spheres(EXPERIMENT.spheres, wp.get_device("cpu"))
+    balls, spheres = kernels.Spheres(), EXPERIMENT.spheres
+    balls.center = wp.array([sphere.center for sphere in spheres], dtype=wp.vec3, device="cpu")
+    balls.size = wp.array([sphere.diameter for sphere in spheres], dtype=wp.float32, device="cpu")
+    balls.label = wp.array([int(sphere.label) for sphere in spheres], dtype=wp.uint8, device="cpu")
     camera, images = CAMERA.device_struct(), [image, CAMERA.far, ground, balls, labels, owner]
     wp.launch(kernels.classify_depth, depth.shape, [camera, poses, Window(), *images], device="cpu")
     wp.launch(kernels.back_project, depth.shape, [camera, poses, Window(), image, points], device="cpu")

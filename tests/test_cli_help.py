@@ -3,7 +3,6 @@
 """Command help, the common syntax of lists, and messages that name options."""
 
 import json
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -95,21 +94,20 @@ def test_lists_accept_commas_or_spaces(option, forms, tmp_path, monkeypatch):
     import tyro
 
     from warpvis.cli import Batch
-    from warpvis.cli._datasets import _parse_options, _parse_ranges
-    from warpvis.cli._inputs import split_names
 
     monkeypatch.chdir(tmp_path)
     read = {
         "--labels": lambda command: command.label_rules(),
         "--label-names": lambda command: command.label_rules(),
-        "--exclude": lambda command: split_names(command.exclude),
+        "--exclude": lambda command: command.chosen()["exclude"],
         "--search-path": lambda command: command.folders(),
-        "--option": lambda command: _parse_options(command.option),
-        "--sensor-vary": lambda command: _parse_ranges(command.sensor_vary),
+        "--option": lambda command: command.chosen()["options"],
+        "--sensor-vary": lambda command: command.chosen()["sensor"],
     }[option]
-    results = [read(tyro.cli(Batch, args=["a.obj", "--out", "o", option, *words])) for words in forms]
+    common = ["a.obj", "--out", "o", "--sensor", "d435"]
+    results = [read(tyro.cli(Batch, args=[*common, option, *words])) for words in forms]
     assert all(result == results[0] for result in results)
-    assert results[0] != read(Batch(file=Path("a.obj"), out="o"))
+    assert results[0] != read(tyro.cli(Batch, args=common))
 
 
 def test_existing_folder_with_a_comma_is_not_split(tmp_path, monkeypatch):

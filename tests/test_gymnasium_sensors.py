@@ -18,7 +18,6 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium_environments import Cup, make_cup  # noqa: E402
 
 from warpvis.mujoco.gymnasium import DepthObservation, VectorDepthObservation  # noqa: E402
-from warpvis.mujoco.gymnasium._draws import as_halves, from_halves  # noqa: E402
 
 NOISY = StereoDepth(0.06, sigma=0.1, dropout=0.05, shadow=False)
 LOOK = {"camera": "front", "width": 40, "height": 32, "sensor": NOISY}
@@ -126,14 +125,6 @@ def test_randomized_sensor_is_drawn_per_episode():
     np.testing.assert_allclose(runs[0], runs[1], atol=1e-3)
     differences = np.abs(np.subtract.outer([*runs[0], *runs[2]], [*runs[0], *runs[2]]))
     assert (differences[~np.eye(6, dtype=bool)] > 1e-4).all()
-
-
-def test_words_round_trip_through_single_precision():
-    words = np.random.default_rng(0).integers(0, 2**32, (500, 3), dtype=np.uint32)
-    words[:2] = [0, 1, 2**32 - 1], [2**16, 2**16 - 1, 2**31]
-    rows = np.array([as_halves(row) for row in words])
-    assert rows.dtype == np.float32
-    np.testing.assert_array_equal(from_halves(rows), words)
 
 
 def test_environments_without_reset_continue():

@@ -11,7 +11,6 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis.rendering._found_objects import MANY_OBJECTS
 from warpvis.scene import solids
 
 from support.many_objects import calls_of
@@ -19,6 +18,7 @@ from support.many_objects import calls_of
 CAMERA = wv.Camera.from_fov(64, 48, hfov=1.0)
 POSE = wv.look_at((0, -4, 2), (0, 0, 0)).astype(np.float32)[None]
 HALF = np.sqrt(0.5)
+MANY_OBJECTS = 256
 
 
 def grid(count):

@@ -13,7 +13,6 @@ import trimesh
 
 import warpvis as wv
 from warpvis.mujoco import BatchRenderer, Renderer, WorldPoses, geom_poses, scene_from_mujoco
-from warpvis.mujoco._options import asks_for_more
 from warpvis.mujoco._visuals import Visuals
 
 from support.mujoco_renderer import assert_same_images, images
@@ -222,7 +221,6 @@ def test_optional_elements_match_mujoco():
     assert data.ncon
     solid = option_with({"JOINT": 1, "ACTUATOR": 1, "COM": 1, "CONTACTPOINT": 1, "CONTACTFORCE": 1, "LIGHT": 1})
     lines = option_with({"BODYBVH": 1}, frame=mujoco.mjtFrame.mjFRAME_WORLD)
-    assert asks_for_more(solid) and asks_for_more(lines) and not asks_for_more(mujoco.MjvOption())
     kinds = {kind for _, kind in assert_all_drawn(model, data, [lines, solid], share=0.6)}
     assert {int(getattr(OBJ, f"mjOBJ_{name}")) for name in ("JOINT", "ACTUATOR", "UNKNOWN")} <= kinds
     model, data = model_of("skins")

@@ -29,7 +29,6 @@ from warpvis.mujoco import (
     geom_poses,
     scene_from_mujoco,
 )
-from warpvis.mujoco._cameras import Frustum, camera_of_frustum
 from warpvis.scene import solids
 from warpvis.scene.closed import provably_closed
 
@@ -426,17 +425,6 @@ def test_camera_from_field_of_view_has_square_pixels():
             assert getattr(got, name) == pytest.approx(getattr(expected, name), rel=1e-6)
     free = camera_from_mujoco(model, -1, 320, 200)
     assert free.vfov == pytest.approx(math.radians(model.vis.global_.fovy))
-
-
-def test_camera_from_frustum():
-    """Image sides on the near plane define an off-center principal point and non-square pixels."""
-    got = camera_of_frustum(Frustum(up=0.1, down=0.3, left=0.2, right=0.6, near=0.5, far=9), 80, 20)
-    assert (got.width, got.height, got.near, got.far) == (80, 20, 0.5, 9)
-    assert (got.fx, got.fy, got.cx, got.cy) == pytest.approx((50, 25, 20, 5))
-    square = camera_of_frustum(Frustum(up=0.1, down=0.1, left=0, right=0, near=0.5, far=9), 80, 20)
-    assert square.fx == square.fy == pytest.approx(50) and (square.cx, square.cy) == (40, 10)
-    with pytest.raises(wv.WarpvisError, match="must have a near plane, a field of view and a sensor size above 0"):
-        camera_of_frustum(Frustum(up=0.1, down=0.1, left=0, right=0, near=0, far=9), 80, 20)
 
 
 MODEL = mujoco.MjModel.from_xml_string(SHAPES)

@@ -13,6 +13,7 @@ import trimesh
 import warpvis as wv
 from warpvis import Label, Visibility, cli
 from warpvis.scenes.shapes import ball, floor, person, robot, standing_box
+from warpvis.viewer import ViewerState
 from warpvis.visibility import Agent, FieldOfView, State, object_visibility, perspective
 
 DEGREE = math.pi / 180
@@ -384,16 +385,19 @@ def slivers():
 
 
 def test_extreme_fractions_are_not_rounded_to_zero_or_one(tmp_path, monkeypatch, capsys):
-    from warpvis.viewer._rows import table_rows
-
     scene, camera, pose = slivers()
-    seen = perspective(scene, [camera_agent(camera, pose)], objects=["hidden", "shown"])
+    agent, objects = camera_agent(camera, pose), ["hidden", "shown"]
+    seen = perspective(scene, [agent], objects=objects)
     few, most = seen.fraction[0, 0]
     assert 0 < few < 0.005 and 0.995 < most < 1
     pixels = int(seen.visible_pixels[0, 0, 0])
     lines = seen.table().splitlines()
     assert lines[2].endswith(f"  <0.01 ({pixels} px)") and lines[3].endswith("  >0.99")
-    assert [row.cells[0] for row in table_rows(seen)] == [f"<1 % ({pixels} px)", ">99 %"]
+    rows = ViewerState(scene, [agent], objects=objects).snapshot().rows
+    assert [row.cells[0] for row in rows] == [
+        f"<1 % ({pixels} px)",
+        ">99 %",
+    ]
 
     file = trimesh.Scene()
     for name, (size, center) in SLIVERS.items():

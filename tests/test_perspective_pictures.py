@@ -15,7 +15,6 @@ from warpvis import scenes
 from warpvis.visibility import Agent, FieldOfView, State, perspective
 from warpvis.viz import STATE_COLORS, save_perspective, save_point_sightings, save_sightings
 from warpvis.viz._agent_views import agent_view, views_of_faces
-from warpvis.viz._figures import save_figure
 from warpvis.viz._perspective import _floor_map, draw_perspective
 from warpvis.viz._sightings import OBJECT_COLORS, STATUS_COLORS
 from warpvis.viz._states import PanelData
@@ -67,7 +66,7 @@ def drawn(case, tmp_path_factory):
     title = f"{experiment.title}. The person looks {experiment.gaze}"
     figure = draw_perspective(scene, agents, seen, **{**DEFAULTS, "title": title, "proposed": proposed})
     path = tmp_path_factory.mktemp(experiment.name) / "perspective.png"
-    save_figure(figure, path)
+    figure.savefig(path)
     return figure, path
 
 
@@ -118,7 +117,7 @@ def test_long_names_and_titles_fit(tmp_path):
     agents = (robot, Agent.human("visitor of the robot", wv.look_at((1.5, 1.5, 1.6), (0, 0.5, 0.1))))
     seen = perspective(scene, agents)
     figure = draw_perspective(scene, agents, seen, **{**DEFAULTS, "title": "A long title, longer than " * 6})
-    save_figure(figure, tmp_path / "long.png")
+    figure.savefig(tmp_path / "long.png")
     assert_tidy(figure)
     texts = [text for text, _ in texts_of(figure)]
     assert "both see: 11 objects" in texts and "only the visitor of the robot sees: ..." in texts

@@ -15,7 +15,6 @@ import warpvis as wv
 from warpvis.cli import main
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.sensors import StereoDepth, fit
-from warpvis.sensors.depth._noise_spacing import expected_correlation, find_spacing
 
 from support.slow import parametrize
 
@@ -108,13 +107,18 @@ def test_left_eye_and_foreground_objects():
 
 
 def test_correlations_match_the_model():
+    """Each pixel is the sum of the nodes before and after it with weights cos and sin."""
     for spacing in (1, 2, 5, 9):
-        expected = expected_correlation(spacing, 30)
-        assert expected[0] == pytest.approx(1) and (expected[2 * spacing :] == 0).all()
-        assert find_spacing(expected) == spacing
-    sensor = StereoDepth(BASELINE, sigma=0.1, noise_spacing=5, band=False, shadow=False)
-    measured = fit(pictures(sensor, WALLS[:3], camera=CAMERA), CAMERA, baseline=BASELINE).correlation
-    np.testing.assert_allclose(measured[:12], expected_correlation(5, 12), atol=0.06)
+        sensor = StereoDepth(BASELINE, sigma=0.1, noise_spacing=spacing, band=False, shadow=False)
+        found = fit(pictures(sensor, WALLS[:3], camera=CAMERA), CAMERA, baseline=BASELINE)
+        assert found.noise_spacing == spacing
+        pixels = np.arange(spacing + 20)
+        node, angle = pixels // spacing, pixels % spacing / spacing * np.pi / 2
+        weights = np.zeros((len(pixels), node[-1] + 2))
+        weights[pixels, node], weights[pixels, node + 1] = np.cos(angle), np.sin(angle)
+        products = weights @ weights.T
+        expected = [np.diagonal(products, lag)[:spacing].mean() for lag in range(20)]
+        np.testing.assert_allclose(found.correlation[:20], expected, atol=0.06)
 
 
 def test_report_and_figure(tmp_path):

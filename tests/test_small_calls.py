@@ -16,7 +16,7 @@ import warp as wp
 import warpvis as wv
 from warpvis.core import arrays
 from warpvis.core.arrays import aligned_empty, aligned_zeros
-from warpvis.core.device_poses import _as_poses
+from warpvis.core.device_poses import parse_on_device
 from warpvis.core.poses import host_poses, poses_to_matrices, poses_to_opencv
 from warpvis.rendering._cpu_packets import RayCosts
 from warpvis.rendering._prepared import CheckedImages, FreeList
@@ -386,8 +386,8 @@ def test_free_list_forgets_least_recent_kinds():
 
 def test_strided_device_poses_are_gathered():
     rows = wp.array(np.arange(42, dtype=np.float32).reshape(6, 7), dtype=wp.transform, device="cpu")
-    matrices, poses = _as_poses(rows[::2], "poses")
-    assert not matrices
+    poses = parse_on_device(rows[::2], None, rows.device, "poses")
+    assert poses.dtype == wp.transform
     assert poses.is_contiguous
     np.testing.assert_array_equal(poses.numpy(), rows.numpy()[::2])
 

@@ -9,7 +9,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.rendering._ray_bundles import prepare_rays
-from warpvis.rendering._ray_packets import POINTS, prepare_all, prepare_packets
+from warpvis.rendering._ray_packets import prepare_all, prepare_packets
 
 from support.solids import build as build_solids
 from support.table_packets import PATTERNS, Table, assert_views_match, scan, unit, with_gaps
@@ -176,7 +176,7 @@ def test_lidar_scans_use_grid_packets():
         assert prepared.points is None
         assert all(packets.frame.numpy()[:, 20].max() < 0.3 for _, packets in prepared.packets)
     scattered = prepare_packets(PATTERNS["no order"].rays, wp.get_device("cpu"))
-    assert not scattered.packets and scattered.points.frame.shape[0] < 1.3 * 1500 / POINTS
+    assert not scattered.packets and scattered.points.frame.shape[0] < 1.3 * 1500 / 256  # points per packet
 
 
 def test_large_lens_packets_match_single_rays(device):

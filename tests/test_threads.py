@@ -4,6 +4,8 @@
 
 import multiprocessing
 import os
+import subprocess
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -14,23 +16,40 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.core.threads import Crew, _forget_pool as forget_pool, _split, core_count, run_each
+from warpvis.core import threads as core_threads
+from warpvis.core.threads import Crew, core_count, run_each
+from warpvis.kernels.classify import back_project
+
+
+@pytest.fixture
+def split(monkeypatch):
+    """Return a function that returns the pieces in which an image kernel is launched."""
+    found = []
+    monkeypatch.setattr(core_threads, "run_each", lambda work, pieces, threads: found.extend(pieces))
+
+    def pieces_of(shape, threads, split_views):
+        found.clear()
+        options = {"device": wp.get_device("cpu"), "threads": threads, "split_views": split_views}
+        core_threads.launch_images(back_project, shape, lambda window: [], **options)
+        return list(found)
+
+    return pieces_of
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 480, 640), (7, 240, 320), (64, 48, 64), (1000, 5, 7), (3, 1000, 2)])
 @pytest.mark.parametrize("threads", [1, 2, 5, 64])
 @pytest.mark.parametrize("split_views", [True, False])
-def test_pieces_cover_every_row_once(shape, threads, split_views):
+def test_pieces_cover_every_row_once(split, shape, threads, split_views):
     views, height, width = shape
     covered = np.zeros((views, height), dtype=int)
-    for view, view_count, row, row_count in _split((views, height, width), threads, split_views):
+    for view, view_count, row, row_count in split((views, height, width), threads, split_views):
         assert split_views or row_count == height
         covered[view : view + view_count, row : row + row_count] += 1
     assert (covered == 1).all()
 
 
-def test_single_large_view_is_split():
-    assert len(_split((1, 480, 640), 2, True)) >= 4
+def test_single_large_view_is_split(split):
+    assert len(split((1, 480, 640), 2, True)) >= 4
 
 
 def test_core_count_equals_affinity():
@@ -69,18 +88,26 @@ def test_forked_child_renders():
     assert child.exitcode == 0
 
 
-def pool_threads():
-    return [thread for thread in threading.enumerate() if thread.name.startswith("warpvis")]
+POOL = """
+import threading
+from warpvis.kernels.classify import back_project
+from warpvis.core.threads import run_each
+
+def count_pool():
+    return len([thread for thread in threading.enumerate() if thread.name.startswith("warpvis")])
+
+print(count_pool())
+for threads in (2, 3, 4, 5, 6, 9, 3, 2):
+    together = threading.Barrier(threads, timeout=20)
+    run_each(lambda _, together=together: together.wait(), range(threads), threads)
+print(count_pool())
+"""
 
 
 def test_pool_grows_to_the_largest_request():
     """There is one pool for all numbers of threads."""
-    forget_pool()
-    others = pool_threads()
-    for threads in (2, 3, 4, 5, 6, 9, 3, 2):
-        together = threading.Barrier(threads, timeout=20)
-        run_each(lambda _, together=together: together.wait(), range(threads), threads)
-    assert len(pool_threads()) - len(others) == 8  # the caller is the ninth thread
+    done = subprocess.run([sys.executable, "-c", POOL], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["0", "8"]  # the caller is the ninth thread
 
 
 class Counted:

@@ -11,7 +11,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
-from warpvis.rendering._blindness import seen_objects
+from warpvis.rendering import seen_objects
 from warpvis.scenes import EXPERIMENTS
 from warpvis.scenes.shapes import floor
 

@@ -19,7 +19,7 @@ from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.scenes import EXPERIMENTS
 from warpvis.visibility import State
 from warpvis.webots import load_webots, render_range
-from warpvis.webots._grammar import parse_world
+from warpvis.webots._grammar import parse_text
 
 ROOT = Path(__file__).parent.parent
 PROJECT = ROOT / "examples" / "webots"
@@ -41,9 +41,13 @@ def world(experiment):
         return load_webots(PROJECT / "worlds" / f"{experiment.name}.wbt", strict=True)
 
 
+def parse(path):
+    return parse_text(path.read_text(encoding="utf-8"), str(path))
+
+
 def placed(world, name):
     """Return the pose in the world of the node with a DEF name."""
-    return {node.name: chain for node, chain in chains(parse_world(world.path).nodes, np.eye(4)) if node.name}[name]
+    return {node.name: chain for node, chain in chains(parse(world.path).nodes, np.eye(4)) if node.name}[name]
 
 
 def chains(nodes, above):
@@ -78,7 +82,7 @@ def test_displays_do_not_overlap(world):
     """The world's project names every display once, each at a distinct position, and shows it."""
     text = (world.path.parent / f".{world.path.stem}.wbproj").read_text(encoding="utf-8")
     found = re.findall(r"^renderingDevicePerspectives: robot:(.+);1;1;([\d.]+);([\d.]+)$", text, re.MULTILINE)
-    nodes = [node for node in descend(parse_world(world.path).nodes) if node.type in ("RangeFinder", "Display")]
+    nodes = [node for node in descend(parse(world.path).nodes) if node.type in ("RangeFinder", "Display")]
     assert sorted(name for name, *_ in found) == sorted(node.text("name", "range-finder") for node in nodes)
     assert len({(x, y) for _, x, y in found}) == len(nodes) == 4
     for node in nodes:  # in a 3D view of 1000 x 700 pixels
@@ -89,7 +93,7 @@ def test_displays_do_not_overlap(world):
 
 
 def test_nodes_and_fields_are_valid_in_webots(world):
-    parsed = parse_world(world.path)
+    parsed = parse(world.path)
     assert str(parsed.version) == "R2023b" and not parsed.externprotos
     assert [fault for node in parsed.nodes for fault in faults(node)] == []
     assert [node.type for node in parsed.nodes[:4]] == ["WorldInfo", "Viewpoint", "Background", "DirectionalLight"]
@@ -105,7 +109,7 @@ def test_nodes_and_fields_are_valid_in_webots(world):
 def test_check_of_fields_finds_faults(tmp_path):
     faulty = "Solid { scale 1 1 1 name 3 children [ Box { size 1 2 } Sphere { subdivision 1.5 } Wall { } ] }"
     (tmp_path / "a.wbt").write_text(f"#VRML_SIM R2023b utf8\n{faulty}\n")
-    found = [fault for node in parse_world(tmp_path / "a.wbt").nodes for fault in faults(node)]
+    found = [fault for node in parse(tmp_path / "a.wbt").nodes for fault in faults(node)]
     words = (
         "field scale",
         "name is no",
@@ -122,14 +126,14 @@ def test_check_of_fields_finds_faults(tmp_path):
 
 def test_controller_is_at_the_expected_path(world):
     """A project has folders worlds/ and controllers/NAME/NAME.py."""
-    (robot,) = (node for node in parse_world(world.path).nodes if node.type == "Robot")
+    (robot,) = (node for node in parse(world.path).nodes if node.type == "Robot")
     name = robot.text("controller", "")
     assert (world.path.parent.parent / "controllers" / name / f"{name}.py").is_file()
     assert robot.flag("supervisor", False)
 
 
 def test_viewpoint_shows_all_objects(world, experiment):
-    (node,) = (node for node in parse_world(world.path).nodes if node.type == "Viewpoint")
+    (node,) = (node for node in parse(world.path).nodes if node.type == "Viewpoint")
     fields = {"translation": node.fields["position"], "rotation": node.fields["orientation"]}
     node.fields = fields
     ((_, matrix),) = chains([node], np.eye(4))
@@ -182,7 +186,7 @@ def simulated(world, steps):
     matrix = poses_to_matrices(device.pose)
     image = render_range(world, "range-finder", webots_version="header")
     simulation = Simulation(device, image, matrix[:3, 3], matrix[:3, :3] @ AXES, steps=steps)
-    parsed = parse_world(world.path).nodes
+    parsed = parse(world.path).nodes
     simulation.nodes = {node.name: chain for node, chain in chains(parsed, np.eye(4)) if node.name}
     simulation.displays = {
         node.text("name", "display"): (node.integer("width", 64), node.integer("height", 64))

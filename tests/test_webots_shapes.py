@@ -13,7 +13,6 @@ import warpvis as wv
 from warpvis import Label, Scene
 from warpvis.webots import load_webots
 from warpvis.webots._grammar import parse_text
-from warpvis.webots._transforms import rotation_matrix
 from warpvis.webots.shapes._geometry import tessellate
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
@@ -25,7 +24,8 @@ def by_hand(version, text, *places):
     node = parse_text(f"#VRML_SIM {version} utf8\n{text}", str(WORLDS / "by_hand.wbt")).nodes[0]
     vertices, faces = tessellate(node)
     for translation, rotation, scale in reversed(places):
-        vertices = (rotation_matrix(np.array(rotation, dtype=float)) @ (np.array(scale) * vertices).T).T + translation
+        turn = trimesh.transformations.rotation_matrix(rotation[3], rotation[:3])[:3, :3]
+        vertices = (turn @ (np.array(scale) * vertices).T).T + translation
     return vertices, faces
 
 

@@ -14,7 +14,6 @@ import warpvis as wv
 from warpvis import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.webots import load_webots, recognize
-from warpvis.webots._urls import webots_cache
 from warpvis.webots.protos._known import KNOWN
 
 
@@ -305,8 +304,19 @@ def test_messages_name_the_url_of_a_download(cache, tmp_path):
     assert world.stand_ins == {"Sofa": 1}
 
 
+def check_cache(place, folder):
+    """Check that a world finds a mesh in a cache folder, and that it finds none before the folder exists."""
+    text = 'Solid { children Shape { geometry Mesh { url "webots://projects/a.obj" } } }'
+    with pytest.raises(SceneError, match="skipped Mesh"):
+        load(place, text, "R2022b")
+    folder.mkdir(parents=True)
+    (folder / hashlib.sha1((RELEASE + "projects/a.obj").encode()).hexdigest()).write_text(MESH)
+    assert len(load(place, text, "R2022b", strict=True).scene["solid"].faces) == 4
+
+
 def test_cache_location_by_system(tmp_path, monkeypatch):
     """According to Webots' user guide."""
+    monkeypatch.delenv("WEBOTS_HOME", raising=False)
     places = {
         "linux": ({"XDG_CACHE_HOME": str(tmp_path / "x")}, "x/Cyberbotics/Webots/assets"),
         "darwin": ({"HOME": str(tmp_path)}, "Library/Caches/Cyberbotics/Webots/assets"),
@@ -318,15 +328,13 @@ def test_cache_location_by_system(tmp_path, monkeypatch):
             patched.setattr(sys, "platform", system)
             for name, value in variables.items():
                 patched.setenv(name, value)
-            assert webots_cache() is None
-            (tmp_path / folder).mkdir(parents=True)
-            assert webots_cache() == tmp_path / folder
+            check_cache(tmp_path, tmp_path / folder)
     with monkeypatch.context() as patched:
         patched.delenv("XDG_CACHE_HOME", raising=False)
         patched.setenv("HOME", str(tmp_path))
-        (tmp_path / ".cache/Cyberbotics/Webots/assets").mkdir(parents=True)
         patched.setattr(sys, "platform", "linux")
-        assert os.name == "nt" or webots_cache() == tmp_path / ".cache/Cyberbotics/Webots/assets"
+        if os.name != "nt":
+            check_cache(tmp_path, tmp_path / ".cache/Cyberbotics/Webots/assets")
 
 
 # ------------------------------------------------------------------------------------- files whose parts are missing

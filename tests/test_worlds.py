@@ -9,7 +9,8 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
-from warpvis.scene.worlds import _check_device_poses, parse_worlds
+from warpvis.scene import worlds as scene_worlds
+from warpvis.scene.worlds import parse_worlds
 
 from compare import assert_matches_reference, wrong_depth
 from support.worlds import (
@@ -361,10 +362,14 @@ def test_zero_dimensional_exclude_raises():
 
 
 @pytest.mark.parametrize("worlds", [1, 2])
-def test_device_rows_of_one_or_several_worlds(worlds):
-    """Floats on a GPU are accepted as rows, as on the host."""
+def test_device_rows_of_one_or_several_worlds(worlds, monkeypatch):
+    """Floats on a GPU are accepted as rows, as on the host; arrays on the CPU stand for those on a GPU."""
+    monkeypatch.setattr(scene_worlds, "on_gpu", lambda value: isinstance(value, wp.array))
+    scene = wv.Scene()
+    for _ in range(5):
+        scene.add(trimesh.creation.box(), movable=True)
     rows = random_poses(np.random.default_rng(0), worlds, 5)
     given = wp.array(rows if worlds > 1 else rows[0], dtype=wp.float32, device="cpu")
-    found = _check_device_poses(given, 5, wp.get_device("cpu"))
+    found = parse_worlds(scene, 1, given, np.zeros(1, dtype=np.int32), None).object_poses
     assert found.dtype == wp.transform
     np.testing.assert_array_equal(found.numpy(), rows)

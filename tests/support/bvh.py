@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from warpvis.scene._bvh import Bvh, build_bvh
+from warpvis.scene._bvh import build_bvh
 from warpvis.scenes import PRESETS
 
 import reference
@@ -24,7 +24,7 @@ class Input:
     owner: np.ndarray
     closed: np.ndarray
 
-    def build(self, **options) -> Bvh:
+    def build(self, **options):
         return build_bvh(self.vertices, self.faces, self.owner, self.closed, **options)
 
 
@@ -90,12 +90,12 @@ CASES = {
 }
 
 
-def assert_equal(first: Bvh, other: Bvh):
+def assert_equal(first, other):
     for array in ARRAYS:
         assert getattr(first, array).numpy().tobytes() == getattr(other, array).numpy().tobytes()
 
 
-def subtrees(tree: Bvh):
+def subtrees(tree):
     """Return ``(node, lane, triangles below, level)`` of every child, descendants first."""
     children = tree.children.numpy().reshape(-1, tree.lanes)
     triangles = tree.triangles.numpy().reshape(-1, tree.lanes)
