@@ -14,7 +14,6 @@ import pytest
 from batch_jobs import make_frames, make_scene, run, tree
 
 import warpvis as wv
-from warpvis.batch._writer import Job
 
 ray = pytest.importorskip("ray")
 
@@ -86,7 +85,7 @@ def test_failures_raise_once(tmp_path, cluster):
     shutil.rmtree(tmp_path / "out" / "shards")
     (tmp_path / "out" / "shards").write_text("in the way")
     with pytest.raises(
-        wv.errors.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are whole"
+        wv.errors.FileFormatError, match=r"out: cannot be written: .*; 0 of 7 shards are complete"
     ) as caught:
         run(tmp_path / "out", threads=None, engine="ray", workers=1, resume=True)
     assert "\n" not in str(caught.value)
@@ -109,6 +108,9 @@ def test_empty_frames_are_counted(tmp_path, cluster):
 
 def test_restarts_of_failing_workers_are_limited(tmp_path, cluster, monkeypatch):
     monkeypatch.setattr("warpvis.batch.engines._ray._MAX_RESTARTS", 1)
-    monkeypatch.setattr(Job, "__reduce__", lambda job: (os._exit, (7,)))  # called when a worker unpickles the job
-    with pytest.raises(wv.errors.FileFormatError, match=r"workers ended, .* too often; 0 of 7 shards are whole"):
+    # Called when a worker unpickles the job.
+    monkeypatch.setattr(wv.Camera, "__reduce__", lambda camera: (os._exit, (7,)))
+    with pytest.raises(
+        wv.errors.FileFormatError, match=r"workers ended and were restarted too often; 0 of 7 shards are complete"
+    ):
         run(tmp_path / "out", engine="ray", workers=1, threads=None)
