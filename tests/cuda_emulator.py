@@ -211,7 +211,7 @@ class EmulatedCaster(RaysCaster):
 
     def _room(self, views: int, count: int) -> Any:
         """Return scratch arrays for found objects: filled by a kernel on a GPU, by a view's first packet here."""
-        room, camera, tile = packets_cuda.packets_cuda.FoundObjects(), self._camera, 1 << packets_cuda.TILE_BITS
+        room, camera, tile = packets_cuda.FoundObjects(), self._camera, 1 << packets_cuda.TILE_BITS
         if self._variant.found:
             room.tiles_y, room.tiles_x = -(-camera.height // tile), -(-camera.width // tile)
             tiles = views * room.tiles_y * room.tiles_x

@@ -329,7 +329,9 @@ def _repairer(kind: str, options: dict[str, str], more: dict[str, object]) -> Ca
     def read(folder: Path) -> None:
         _run(folder / "set", kind, options, resume=True, repair=True, **more)
         # A damaged record can lose a file's name; `verify` then reports a file without a record.
-        problems = [problem for problem in verify(folder / "set").problems if not problem.endswith("is in no record")]
+        problems = [
+            problem for problem in verify(folder / "set").problems if not problem.endswith("is not part of any record")
+        ]
         if problems:
             raise AssertionError(f"after repair: {problems[0]}")
 

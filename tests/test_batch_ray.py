@@ -77,7 +77,7 @@ def test_killed_worker_is_replaced(tmp_path, cluster):
 def test_failures_raise_once(tmp_path, cluster):
     with pytest.raises(wv.errors.ArrayError, match="workers must be from 1 to 2, the cluster's cores, got 3"):
         run(tmp_path / "out", threads=None, engine="ray", workers=3)
-    with pytest.raises(wv.errors.ArrayError, match="threads is of the engine local"):
+    with pytest.raises(wv.errors.ArrayError, match="threads must be None with engine="):
         run(tmp_path / "out", engine="ray")
     assert not (tmp_path / "out").exists()
 

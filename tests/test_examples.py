@@ -21,7 +21,7 @@ SAYS = {
     "ros2_node.py": r'cup: {"status": "visible", "fraction": 0\.1\d+, "pixels": \d+, "hidden_by": "arm"}\n'
     r'bowl: {"status": "visible", "fraction": 1\.0, .*\nlamp: {"status": "out_of_view"',
     "webots/controllers/visibility/visibility.py": r"experiment_3.wbt: depth image: the ball; the robot sees the ball; "
-    r"both see the low obstacle; both see the high obstacle\nexperiment_4.wbt: depth image: the person; nobody sees",
+    r"both see the low obstacle; both see the high obstacle\nexperiment_4.wbt: depth image: the person; neither sees",
     "depth_sensors.py": r"realsense_d415: VALID \d+\.\d%, .*, SHADOW .*, BAND (.|\n)*structure: .*RANGE .*median",
     "depth_noise.py": r"NguyenNoise +\d\.\d mm.*\nKhoshelhamNoise +\d\.\d mm(.|\n)*"
     r"SimKinect +\d(.|\n)*Corruptions.*lost",
