@@ -13,7 +13,8 @@ import warpvis as wv
 from warpvis.rendering import DepthSensor
 from warpvis.sensors import Corruptions, NguyenNoise, Reason, StereoDepth
 
-from support.kinect_noise import AHEAD, CAMERA, POSES, images, make_scene, wall
+from support.kinect_noise import CAMERA, images, make_scene, wall
+from support.stereo import AHEAD, POSES
 
 OUTPUTS = ("depth", "reasons", "true_depth")
 FULL = Corruptions(added=0.02, multiplied=0.03, dropout=0.05, rectangles=(1, 4), sides=(3, 20))

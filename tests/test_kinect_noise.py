@@ -16,7 +16,8 @@ from scipy import stats
 import warpvis as wv
 from warpvis.sensors import KhoshelhamNoise, NguyenNoise, Reason
 
-from support.kinect_noise import AHEAD, CAMERA, OUTPUTS, POSES, images, make_scene, wall
+from support.kinect_noise import CAMERA, OUTPUTS, images, make_scene, wall
+from support.stereo import AHEAD, POSES
 
 MODELS = {
     "nguyen": NguyenNoise(),

@@ -18,7 +18,8 @@ import warpvis as wv
 from warpvis.sensors import Reason, RedwoodNoise, SimKinect, sensor_from_fields, sensor_to_fields
 from warpvis.sensors.depth._simkinect import make_pattern
 
-from support.kinect_noise import AHEAD, CAMERA, POSES, images, make_scene, wall
+from support.kinect_noise import CAMERA, images, make_scene, wall
+from support.stereo import AHEAD, POSES
 
 OUTPUTS = ("depth", "reasons", "true_depth")
 TABLE = reference_redwood.make_table()

@@ -10,7 +10,8 @@ import warp as wp
 import warpvis as wv
 from warpvis.sensors import Corruptions, Latency
 
-from support.kinect_noise import CAMERA, POSES, make_scene
+from support.kinect_noise import CAMERA, make_scene
+from support.stereo import POSES
 
 DELAYED = ("depth", "points", "reasons")
 OUTPUTS = (*DELAYED, "true_depth", "labels")

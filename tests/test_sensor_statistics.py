@@ -28,8 +28,9 @@ from warpvis.sensors import (
     TimeOfFlight,
 )
 
-from support.kinect_noise import AHEAD, POSES, make_scene, wall
+from support.kinect_noise import make_scene, wall
 from support.slow import parametrize
+from support.stereo import AHEAD, POSES
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
 

@@ -17,8 +17,9 @@ import warpvis as wv
 from warpvis.sensors import Reason, TimeOfFlight
 from warpvis.sensors.depth._time_of_flight import _number_edges
 
-CAMERA = wv.Camera.from_fov(160, 120, hfov=1.2, near=0.4, far=4.0)
-OUTPUTS = ("depth", "reasons", "true_depth", "normals", "segmentation")
+from support import stereo
+from support.stereo import AHEAD, CAMERA, OUTPUTS, POSES, box, images
+
 LIGHT = twin.LIGHT
 FULL = TimeOfFlight(
     (100e6, 80e6),
@@ -33,26 +34,13 @@ FULL = TimeOfFlight(
     least_signal=0.05,
     most_signal=4.0,
 )
-AHEAD = wv.look_at((0, 0, 0), (0, 1, 0))
-
-
-def box(scene, name, size, place):
-    scene.add(trimesh.creation.box(size), name=name, pose=(*place, 0, 0, 0, 1))
 
 
 def make_scene(device="cpu"):
-    """Return a scene with a floor, a wall, a box and a ball in front of it, posts, one of them near; and sky."""
-    scene = wv.Scene(device=device)
-    box(scene, "floor", (8, 8, 0.1), (0, 2, -0.05))
-    box(scene, "wall", (3.0, 0.1, 1.2), (-0.5, 3.5, 0.6))
-    box(scene, "box", (0.5, 0.5, 0.5), (0.3, 1.6, 0.25))
-    scene.add(trimesh.creation.icosphere(3, radius=0.3), name="ball", pose=(-0.5, 2.0, 0.3, 0, 0, 0, 1))
-    box(scene, "post", (0.02, 0.02, 2.0), (0.15, 0.35, 0.0))
+    """Return the scene of stereo cameras with a second post, far away."""
+    scene = stereo.make_scene(device)
     box(scene, "far post", (0.05, 0.02, 2.0), (0.9, 3.0, 0.0))
     return scene
-
-
-POSES = np.stack([wv.look_at((x, 0, 0.7), (0.3 * x, 2, 0.5)) for x in (-0.4, 0.0, 0.3)])
 
 
 def plates(*given, device="cpu"):
@@ -61,10 +49,6 @@ def plates(*given, device="cpu"):
     for number, (distance, left, right) in enumerate(given):
         box(scene, f"plate {number}", (right - left, 1e-6, 8.0), ((left + right) / 2, distance, 0))
     return scene
-
-
-def images(views, names=OUTPUTS):
-    return {name: getattr(views, name).numpy() for name in names}
 
 
 def shares_of(scene, sensor):

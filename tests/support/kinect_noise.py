@@ -4,19 +4,14 @@
 
 import math
 
-import numpy as np
 import trimesh
 
 import warpvis as wv
 
+from support.stereo import box
+
 CAMERA = wv.Camera.from_fov(96, 72, hfov=1.0, near=0.5, far=3.0)
 OUTPUTS = ("depth", "reasons", "true_depth", "normals")
-POSES = np.stack([wv.look_at((x, 0, 0.7), (0.3 * x, 2, 0.5)) for x in (-0.4, 0.0, 0.3)])
-AHEAD = wv.look_at((0, 0, 0), (0, 1, 0))
-
-
-def box(scene, name, size, place):
-    scene.add(trimesh.creation.box(size), name=name, pose=(*place, 0, 0, 0, 1))
 
 
 def make_scene(device="cpu"):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes for stereo cameras."""
+"""Scenes for stereo cameras, which tests of other depth cameras share."""
 
 import numpy as np
 import trimesh
@@ -31,7 +31,7 @@ def box(scene, name, size, place):
     scene.add(trimesh.creation.box(size), name=name, pose=(*place, 0, 0, 0, 1))
 
 
-def make_scene(device="cpu", up_to=7.0):
+def make_scene(device="cpu"):
     """Return a floor, a wall, a box and a ball in front of it, a post below the minimum range, and sky."""
     scene = wv.Scene(device=device)
     box(scene, "floor", (8, 8, 0.1), (0, 2, -0.05))
