@@ -24,9 +24,9 @@ test: $(STAMP)
 	-@./scripts/ensure_clang.sh $(BIN)/python
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# The documentation's site, in docs/_build/html: every warning is an error. Notebooks run, and nothing is read from a network.
 DOCS_TESTS := $(addprefix tests/test_,$(addsuffix .py,site docs docs_tutorials))
 
+# The documentation's site, in docs/_build/html: every warning is an error. Notebooks run, and nothing is read from a network.
 docs: $(DOCS)
 	-@./scripts/ensure_chromium.sh
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build/html
@@ -103,7 +103,6 @@ $(VENV)/pyvenv.cfg: scripts/make_venv.sh
 	touch $@
 
 $(CORE): $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
-	$(INSTALL) 'pip>=25.1'  # for dependency groups
 	$(INSTALL) -e .
 	touch $@
 
@@ -112,6 +111,7 @@ $(VIEW): $(CORE)
 	touch $@
 
 $(STAMP): $(CORE)
+	$(INSTALL) 'pip>=25.1'  # for dependency groups
 	$(INSTALL) -e . --group test --group lint
 	touch $@
 

@@ -359,16 +359,16 @@ class _Progress:
 
     def __call__(self, shard: int, record: Record) -> None:
         self._dataset.add(shard, record)
-        if self._bar:
+        if self._bar is not None:
             self._bar.update(self._frames(shard))
         seen, empty = self._dataset.frames, self._dataset.empty_frames
         if shard == self._warning_shard and empty == seen:
-            if self._bar:
+            if self._bar is not None:
                 self._bar.clear()
             warnings.warn(f"so far {describe_empty(empty, seen, self._plan, self._scene)}", stacklevel=2)
 
     def __exit__(self, *error: object) -> None:
-        if self._bar:
+        if self._bar is not None:
             self._bar.close()
 
     def _frames(self, shard: int) -> int:
