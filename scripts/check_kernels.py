@@ -24,7 +24,7 @@ _NOT_FUNCTIONS = {"if", "for", "while", "switch", "return", "sizeof", "alignof",
 
 
 def functions(tree: ast.Module, decorator: str) -> Iterator[ast.FunctionDef]:
-    """Return the functions of a module that have a decorator, such as ``wp.kernel``."""
+    """Yield the functions of a module that have a decorator, such as ``wp.kernel``."""
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef):
             if decorator in [ast.unparse(d).split("(")[0] for d in node.decorator_list]:

@@ -51,7 +51,7 @@ struct Raster : Pixels {
         return camera.blur * (width + height) * change > 6e-6f * t.min_inv_z * t.area;
     }
 
-    // Each lane tests a pixel (x, y) of its own triangle's bounds; all lanes step through x and y together.
+    // Each lane tests a pixel (x, y) of its triangle's bounds; all lanes step through x and y together.
     static inline __attribute__((always_inline)) void rasterize_small(const Camera& camera, const Image& image,
                                                                       const Triangles& t, Ints small, Ints inexact,
                                                                       Mode mode) {

@@ -88,7 +88,7 @@ struct RayRaster {
         }
     }
 
-    // Rasterize triangles of so few columns and rows that one register holds all rays that they may touch.
+    // Rasterize small triangles: one register holds all rays that a triangle may touch.
     static inline __attribute__((always_inline)) void rasterize_small(const Camera& camera, const Image& image,
                                                                       RayLeaf& leaf, const RayColumns& at, Mode mode) {
         const RayTree& tree = *image.tree;

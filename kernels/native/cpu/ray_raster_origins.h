@@ -239,7 +239,7 @@ struct RayRaster {
         return Lanes::load(image.block_min + first) <= Lanes::max(planes.nearest, Lanes::all(0.0f)) * nearer;
     }
 
-    // Rasterize triangles of so few columns and rows that one register holds all rays that they may touch.
+    // Rasterize small triangles: one register holds all rays that a triangle may touch.
     static inline __attribute__((always_inline)) void rasterize_small(const Camera& camera, const Image& image,
                                                                       RayOriginsLeaf& leaf, const RayColumns& at,
                                                                       unsigned small, Mode mode) {

@@ -113,7 +113,7 @@ struct RemapTree {
     }
     inline float* bounds_of_packets(int tile) const { return packet_bounds + tile * (RayTree::BOUND_ROWS * LANES); }
     static inline float nowhere(int row) { return row < 2 ? NOWHERE : -NOWHERE; }
-    // Set a child's bounds from the rows of its own children; null for a missing child.
+    // Set a child's bounds from the rows of the child's children; null for a missing child.
     static inline void put_bounds(float* to, int child, const float* rows) {
         for (int row = 0; row < RayTree::BOUND_ROWS; ++row) {
             const float sign = row < 2 ? 1.0f : -1.0f;

@@ -35,7 +35,7 @@ struct Raster {
         }
     }
 
-    // Each lane steps through the pixels of its own triangle's bounds, all lanes in parallel.
+    // Each lane steps through the pixels of its triangle's bounds, all lanes in parallel.
     static inline void rasterize_small(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t,
                                        int area, int steps, UncertainPixels& uncertain) {
         unsigned touched = 0;
@@ -52,7 +52,7 @@ struct Raster {
         Warp::sync();
     }
 
-    // Each lane steps through the points in the cells of its own triangle.
+    // Each lane steps through the points in the cells of its triangle.
     static inline void rasterize_points(const Bvh& bvh, const Camera& camera, Packet& packet, const Triangle& t,
                                         bool mine, UncertainPixels& uncertain) {
         unsigned touched = 0;

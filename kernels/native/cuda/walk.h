@@ -160,8 +160,7 @@ struct Walk {
         return found.visit;
     }
 
-    // Whether all pixels that a child may cover show nearer surfaces. There are few: each lane tests those of its own
-    // child.
+    // Whether all pixels that a child may cover show nearer surfaces. There are few: a lane tests its child's.
     static inline bool is_occluded(const Packet& packet, const Child& child) {
         const unsigned nearest = Visit::nearest_inv_z(child.visit);
         const FewPixels few = FewPixels::of(child.pixels);
