@@ -72,10 +72,11 @@ class WorldModels:
             value = self._given.get(name)
             value = default[None] if value is None else value
             self._check_worlds(name, value)
-            arrays.append(as_warp(value, dtype, ("W", len(default)), name=name, device=device))
             if not on_gpu(value):
-                rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
-                self._check_values(name, rows)
+                # NumPy arrays are copied to the device; a `wp.array` in host memory would be rejected there.
+                value = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
+                self._check_values(name, value)
+            arrays.append(as_warp(value, dtype, ("W", len(default)), name=name, device=device))
         return arrays
 
     def _check_values(self, name: str, rows: NDArray[Any]) -> None:
