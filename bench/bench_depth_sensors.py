@@ -27,7 +27,7 @@ CAMERA = dataclasses.replace(SENSOR.camera(), near=0.1, far=10.0)
 PARTS = {
     "all": SENSOR,
     "without the other eye": dataclasses.replace(SENSOR, shadow=False),
-    "without edges": dataclasses.replace(SENSOR, shadow=False, edge_window=1, least_support=0.0),
+    "without edges": dataclasses.replace(SENSOR, shadow=False, edge_window=1, min_support=0.0),
     "noise alone": wv.sensors.StereoDepth(0.05, shadow=False, sigma=0.08, noise_spacing=4),
     "nothing": wv.sensors.StereoDepth(0.05, shadow=False),
     "shadows alone": wv.sensors.StereoDepth(0.05, max_disparity=126.0),

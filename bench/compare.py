@@ -83,7 +83,7 @@ def _reference(work: Work, cull_backfaces: bool) -> NDArray:
 
 def _start(method: Method, work: Work, truth: NDArray, result: Result) -> Callable[[], Any]:
     """Return a method's call that renders all views, after comparing its result with the reference."""
-    part = work.first(method.most_views)
+    part = work.first(method.max_views)
     run, to_depth = method.prepare(part)
     depth = to_depth(run())
     result.views = len(part.poses)
@@ -118,8 +118,8 @@ def markdown(results: list[Result], methods: Sequence[Method], rounds: int) -> s
 def _caption(scenes: list[str], methods: Sequence[Method], cells: dict[tuple[str, str], Result], rounds: int) -> str:
     camera = wv.scenes.PRESETS[scenes[0]].camera
     views = ", ".join(f"{scene} {cells[BASELINE, scene].views}" for scene in scenes)
-    slow = [method for method in methods if method.most_views < sys.maxsize]
-    few = ", ".join(f"{method.title.partition(',')[0]} at most {method.most_views}" for method in slow)
+    slow = [method for method in methods if method.max_views < sys.maxsize]
+    few = ", ".join(f"{method.title.partition(',')[0]} at most {method.max_views}" for method in slow)
     return (
         f"Depth images of {camera.width}x{camera.height} pixels, on all cores unless a row names one thread. "
         f"Views: {views}{f'; of these, {few}' if few else ''}. The median of {rounds} rounds, in which the methods "

@@ -172,12 +172,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--least-pixels", type=int, default=1, help="so many pixels within the sphere make it seen")
+    parser.add_argument("--min-pixels", type=int, default=1, help="so many pixels within the sphere make it seen")
     arguments = parser.parse_args()
     scene, rows = build(), worlds(arguments.scenes, arguments.seed)
     floors = {level: np.zeros((2, len(DISTANCES) + 1)) for level in LEVELS}
     answers = {level: ask(scene, rows, level, floors[level]) for level in LEVELS}
-    print(table(answers, arguments.least_pixels))
+    print(table(answers, arguments.min_pixels))
     print()
     print(floor_table(floors))
 

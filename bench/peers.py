@@ -114,7 +114,7 @@ class Method:
     prepare: Callable[[Work], Prepared]
     packages: tuple[str, ...]
     """Packages whose versions are reported."""
-    most_views: int = sys.maxsize
+    max_views: int = sys.maxsize
     """Maximum number of views per round; slow methods are measured on the first ones."""
     culls: bool = False
     """Whether it hits triangles from behind, which matters if a camera is inside a mesh."""
@@ -303,11 +303,11 @@ METHODS = (
         lambda work: warpvis(work, "depth", "points", "labels", "segmentation"),
         _OWN,
     ),
-    Method("**warpvis** `rays`, depth", partial(warpvis, caster="rays"), _OWN, most_views=16),
+    Method("**warpvis** `rays`, depth", partial(warpvis, caster="rays"), _OWN, max_views=16),
     Method("Mitsuba `llvm_ad_rgb`, Embree's coherent packets", mitsuba, ("mitsuba", "drjit")),
     Method("Open3D `RaycastingScene`, Embree", open3d, ("open3d",)),
     Method("embreex, 1 thread", embreex, ("embreex",)),
-    Method("`mujoco.Renderer`, OpenGL", mujoco_renderer, ("mujoco",), most_views=16),
-    Method("MuJoCo `mj_multiRay`, 1 thread", mujoco_rays, ("mujoco",), most_views=4),
+    Method("`mujoco.Renderer`, OpenGL", mujoco_renderer, ("mujoco",), max_views=16),
+    Method("MuJoCo `mj_multiRay`, 1 thread", mujoco_rays, ("mujoco",), max_views=4),
 )
 """All rows, in order."""

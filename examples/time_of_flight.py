@@ -16,7 +16,7 @@ room, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((-1.6, -1.3, 1.6), (0
 sensor = dataclasses.replace(wv.sensors.azure_kinect("nfov_binned"), reflectivity={"low obstacle": 0.005})
 images = []
 for coherence in (0.9, 0.0):
-    model = dataclasses.replace(sensor, least_coherence=coherence)
+    model = dataclasses.replace(sensor, min_coherence=coherence)
     views = wv.render(room, sensor.camera(), pose, outputs=("depth", "true_depth"), sensor=model, seed=1, frame=0)
     images.append(views.depth.numpy()[0][40:240, 110:310])
     print(f"least coherence {coherence}: {np.isnan(images[-1]).mean():.1%} of the pixels say nothing")

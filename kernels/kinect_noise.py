@@ -25,14 +25,14 @@ RIGHT_ANGLE = wp.constant(1.5707964)
 class NguyenModel:
     """The parameters of `warpvis.sensors.NguyenNoise`."""
 
-    least_axial: float
+    min_axial: float
     axial_growth: float
     best_depth: float
     grazing_axial: float
     grazing_angle: float
     lateral: float
     lateral_growth: float
-    most_angle: float
+    max_angle: float
     seed: wp.uint32
 
 
@@ -46,7 +46,7 @@ def steepness(angle: float) -> float:
 def axial_sigma(model: NguyenModel, depth: float, angle: float) -> float:
     """Return the standard deviation of depth [m] by equations (3) and (4)."""
     offset = depth - model.best_depth
-    sigma = model.least_axial + model.axial_growth * offset * offset
+    sigma = model.min_axial + model.axial_growth * offset * offset
     if angle >= model.grazing_angle:
         steep = steepness(angle)
         sigma += model.grazing_axial / wp.sqrt(depth) * (steep * steep)
@@ -92,7 +92,7 @@ def measure_nguyen(
     angle = float(0.0)
     if wp.isfinite(true_depth[view, y, x]):
         angle = angle_of(wp.abs(float(wp.dot(wp.vec3d(normals[view, y, x]), forward))))
-    sigma = model.lateral + model.lateral_growth * steepness(wp.min(angle, model.most_angle))
+    sigma = model.lateral + model.lateral_growth * steepness(wp.min(angle, model.max_angle))
     row = jittered(y, sigma, draw_normal(model.seed, STREAM_DOWN, draw, y, x), true_depth.shape[1])
     column = jittered(x, sigma, draw_normal(model.seed, STREAM_ACROSS, draw, y, x), true_depth.shape[2])
     depth = float(true_depth[view, row, column])
@@ -102,7 +102,7 @@ def measure_nguyen(
     else:
         normal = wp.vec3d(normals[view, row, column])
         angle = angle_of(wp.abs(float(wp.dot(normal, forward))))
-        if angle > model.most_angle:
+        if angle > model.max_angle:
             reason = REASON_GRAZING
             depth = wp.nan
         else:

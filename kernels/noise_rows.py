@@ -32,8 +32,8 @@ const NguyenView seen = {{camera.fx, camera.fy}, {camera.cx, camera.cy},
                          {rotation.x, rotation.y, rotation.z, rotation.w}, {forward[0], forward[1], forward[2]},
                          height, width, true_depth.data + (first - (long long)y * width),
                          (const float*)normals.data + 3 * (first - (long long)y * width)};
-const Nguyen nguyen = {model.least_axial, model.axial_growth, model.best_depth, model.grazing_axial,
-                       model.grazing_angle, model.lateral, model.lateral_growth, model.most_angle, range};
+const Nguyen nguyen = {model.min_axial, model.axial_growth, model.best_depth, model.grazing_axial,
+                       model.grazing_angle, model.lateral, model.lateral_growth, model.max_angle, range};
 nguyen.measure(row, seen);
 """
 )

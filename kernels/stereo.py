@@ -25,10 +25,10 @@ class StereoModel:
     last_column: float
     near: float
     far: float
-    most_disparity: float
+    max_disparity: float
     shadow_tolerance: float
-    least_support: float
-    least_signal: float
+    min_support: float
+    min_signal: float
     signal_slope: float
     kept: float
     sigma: float
@@ -110,8 +110,8 @@ MEASURE = (
     IMAGES.replace("DEPTH_OUT", "depth_out.data").replace("REASONS_OUT", "reasons_out.data")
     + """
 const Stereo stereo = {model.disparity_scale, model.shift_scale, model.first_column, model.last_column, model.near,
-                       model.far, model.most_disparity, model.shadow_tolerance, model.least_support,
-                       model.least_signal, model.signal_slope, model.kept, model.sigma, model.locking, model.levels,
+                       model.far, model.max_disparity, model.shadow_tolerance, model.min_support,
+                       model.min_signal, model.signal_slope, model.kept, model.sigma, model.locking, model.levels,
                        model.spacing, model.window, model.edge_step};
 StereoView seen = {view, {model.seed, draw[0], draw[1]}, {}, (float)eye.place[2]};
 for (int k = 0; k < 9; ++k) seen.axes[k] = eye.axes.data[k / 3][k % 3];

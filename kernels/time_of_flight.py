@@ -37,9 +37,9 @@ class FlightModel:
     laps: int  # cycles of the first frequency in the unambiguous range
     noise_scale: float  # standard deviation of the range if light and amplitude are 1, without background [m]
     background: float
-    least_signal: float
-    most_signal: float
-    least_coherence: float
+    min_signal: float
+    max_signal: float
+    min_coherence: float
     offset: wp.float64  # [m]
     wiggle: wp.float64  # [m]
     wiggle_turns: wp.float64  # phase of the wiggling error at range 0 [cycles]
@@ -203,7 +203,7 @@ def mix_sub_rays(
             )
         coherence = wp.sqrt(real[0] * real[0] + imaginary[0] * imaginary[0]) / all_light
         found = float(unwrap(model, phases))
-        if coherence_of_all < wp.float64(model.least_coherence):
+        if coherence_of_all < wp.float64(model.min_coherence):
             found = wp.nan
         part = wp.float64(1.0 / float(SUB_RAYS))
         mix = wp.vec4(
@@ -219,10 +219,10 @@ def judge_light(model: FlightModel, found: wp.vec4) -> int:
         return REASON_EMPTY
     if wp.isnan(found[0]):
         return REASON_EDGE
-    if found[2] > model.most_signal:
+    if found[2] > model.max_signal:
         return REASON_SATURATED
-    if not (found[1] > 0.0 and found[1] >= model.least_signal):
-        return wp.where(found[3] > 0.0 and found[3] >= model.least_signal, REASON_GRAZING, REASON_DROPOUT)
+    if not (found[1] > 0.0 and found[1] >= model.min_signal):
+        return wp.where(found[3] > 0.0 and found[3] >= model.min_signal, REASON_GRAZING, REASON_DROPOUT)
     return REASON_VALID
 
 

@@ -33,7 +33,7 @@ const long long row_place = view_place + (long long)y * width;
 const NoiseRow row = {width, y, {model.seed, draw[0], draw[1]}, nullptr, depth_out.data + row_place,
                       reasons_out.data ? reasons_out.data + row_place : nullptr};
 const Flight flight = {model.turns[0], model.unambiguous, model.offset, model.wiggle, model.wiggle_turns,
-                       model.noise_scale, model.background, model.least_signal, model.most_signal,
+                       model.noise_scale, model.background, model.min_signal, model.max_signal,
                        {model.near, model.far}};
 flight.measure(row, seen);
 """

@@ -250,7 +250,7 @@ def tools_cases(folder):
         ),
         "LensCamera of F-theta": (
             wv.sensors.lenses.FTheta,
-            {"cx": 4, "cy": 3, "coefficients": (0.1,), "maps": "radius_to_angle", "most_angle": 2.0},
+            {"cx": 4, "cy": 3, "coefficients": (0.1,), "maps": "radius_to_angle", "max_view_angle": 2.0},
         ),
         "LensCamera of panoramas": (wv.sensors.lenses.Equirectangular, {"width": 8, "height": 6}),
         "WideCamera": (

@@ -39,7 +39,7 @@ def say(camera: Camera, depth: NDArray, lost: NDArray, margin: NDArray) -> Said:
 def nguyen_axial(model: NguyenNoise, depth: NDArray | float, angle: NDArray | float) -> NDArray[np.float64]:
     """Return the axial standard deviation, equations (3) and (4)."""
     angle = np.asarray(angle, dtype=np.float64)
-    sigma = model.least_axial + model.axial_growth * (depth - model.best_depth) ** 2
+    sigma = model.min_axial + model.axial_growth * (depth - model.best_depth) ** 2
     steep = model.grazing_axial / np.sqrt(depth) * angle**2 / (np.pi / 2 - angle) ** 2
     return sigma + np.where(angle >= model.grazing_angle, steep, 0.0)
 
@@ -61,7 +61,7 @@ def measure_nguyen(
     in_camera = np.einsum("vji,vyxj->vyxi", axes, normals)
     there = np.isfinite(true_depth)
     angle = np.arccos(np.clip(np.abs(np.where(there, in_camera[..., 2], 1.0)), 0, 1))
-    lateral = nguyen_lateral(model, np.minimum(angle, model.most_angle))
+    lateral = nguyen_lateral(model, np.minimum(angle, model.max_angle))
     view, y, x = np.ogrid[: len(poses), : shape[0], : shape[1]]
     down = y + 0.5 + lateral * draw_normals(views, frames, shape, seed, STREAM_DOWN)
     across = x + 0.5 + lateral * draw_normals(views, frames, shape, seed, STREAM_ACROSS)
@@ -76,9 +76,9 @@ def measure_nguyen(
         carried = (normal * point).sum(axis=-1) / (normal * rays).sum(axis=-1)
     carried = np.where(carried > 0, carried, shown)
     noise = draw_normals(views, frames, shape, seed, STREAM_DEPTH)
-    measured = carried + nguyen_axial(model, np.where(there, carried, 1.0), np.minimum(angle, model.most_angle)) * noise
-    lost = np.where(there, np.where(angle > model.most_angle, Reason.GRAZING, Reason.VALID), Reason.EMPTY)
-    margin = np.minimum(margin, np.where(there, np.abs(angle - model.most_angle), np.inf))
+    measured = carried + nguyen_axial(model, np.where(there, carried, 1.0), np.minimum(angle, model.max_angle)) * noise
+    lost = np.where(there, np.where(angle > model.max_angle, Reason.GRAZING, Reason.VALID), Reason.EMPTY)
+    margin = np.minimum(margin, np.where(there, np.abs(angle - model.max_angle), np.inf))
     margin = np.minimum(margin, np.where(there, np.abs(angle - model.grazing_angle), np.inf))
     return say(camera, measured, lost, margin)
 

@@ -148,7 +148,7 @@ def measure_stereo(
     decide(chance >= kept, Reason.DROPOUT, chance - kept)
     decide((chance >= kept) & (chance >= plain), Reason.GRAZING, chance - plain)
     support = edge_supports(sensor, scale, sight.depth) if sensor.edge_window > 1 else np.ones(depth.shape)
-    decide(support < sensor.least_support, Reason.EDGE, support - sensor.least_support)
+    decide(support < sensor.min_support, Reason.EDGE, support - sensor.min_support)
     shift = camera.fx * sensor.baseline
     if sight.other_depth is not None:
         ahead = shift / sight.other_depth - shift / depth - 2.0**-6
@@ -169,7 +169,7 @@ measure_stereo_rows, place_rows_in_other_eyes = measure_stereo, place_in_other_e
 def _found_share(sensor: StereoDepth, signal: NDArray) -> NDArray[np.float64]:
     if sensor.full_signal == 0:
         return np.ones(signal.shape)
-    return np.clip((signal - sensor.least_signal) / (sensor.full_signal - sensor.least_signal), 0, 1)
+    return np.clip((signal - sensor.min_signal) / (sensor.full_signal - sensor.min_signal), 0, 1)
 
 
 def _as_said(

@@ -179,12 +179,12 @@ def measure_time_of_flight(
 
     decide(said < camera.near, Reason.RANGE, said - camera.near)
     decide(said > camera.far, Reason.RANGE, said - camera.far)
-    dark = ~(mix.amplitude >= max(sensor.least_signal, 1e-30))
-    decide(dark, Reason.DROPOUT, (mix.amplitude - sensor.least_signal) / mix.light)
-    bright = mix.straight >= max(sensor.least_signal, 1e-30)
-    decide(dark & bright, Reason.GRAZING, (mix.straight - sensor.least_signal) / mix.light)
-    decide(mix.light > sensor.most_signal, Reason.SATURATED, (mix.light - sensor.most_signal) / mix.light)
-    decide(mix.coherence < sensor.least_coherence, Reason.EDGE, mix.coherence - sensor.least_coherence)
+    dark = ~(mix.amplitude >= max(sensor.min_signal, 1e-30))
+    decide(dark, Reason.DROPOUT, (mix.amplitude - sensor.min_signal) / mix.light)
+    bright = mix.straight >= max(sensor.min_signal, 1e-30)
+    decide(dark & bright, Reason.GRAZING, (mix.straight - sensor.min_signal) / mix.light)
+    decide(mix.light > sensor.max_signal, Reason.SATURATED, (mix.light - sensor.max_signal) / mix.light)
+    decide(mix.coherence < sensor.min_coherence, Reason.EDGE, mix.coherence - sensor.min_coherence)
     reason[np.isinf(mix.range)] = Reason.EMPTY
     in_range = np.where(said < camera.near, -np.inf, np.where(said > camera.far, np.inf, said))
     said = np.where(reason > Reason.RANGE, np.nan, np.where(reason == Reason.EMPTY, np.inf, in_range))

@@ -20,7 +20,7 @@ from warpvis.sensors import Reason, sensor_by_name, sensor_from_fields, sensor_t
 
 OUTPUTS = ("depth", "reasons", "true_depth", "segmentation")
 STEREO = wv.sensors.StereoDepth(0.05, sigma=0.2, noise_spacing=2, subpixel=8, dropout=0.1, reflectivity={"box": 0.5})
-FLIGHT = wv.sensors.TimeOfFlight((80e6, 60e6), signal=1e4, least_coherence=0.9)
+FLIGHT = wv.sensors.TimeOfFlight((80e6, 60e6), signal=1e4, min_coherence=0.9)
 SENSED = {"outputs": OUTPUTS, "sensor": STEREO, "seed": 5}
 
 

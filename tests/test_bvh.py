@@ -36,7 +36,7 @@ from support.bvh import (
 LANES = (16, 32)
 
 
-def least_levels(count, lanes):
+def min_levels(count, lanes):
     """Return the number of levels of a full tree of `count` triangles."""
     return next(levels for levels in range(1, 32) if count <= lanes ** (levels + 1))
 
@@ -107,7 +107,7 @@ def test_tree_does_not_depend_on_threads(name, options):
 
 def test_tree_depth_does_not_exceed_max_levels(case):
     given, unlimited = case
-    for max_levels in range(least_levels(len(given.faces), unlimited.lanes), unlimited.depth):
+    for max_levels in range(min_levels(len(given.faces), unlimited.lanes), unlimited.depth):
         tree = given.build(lanes=unlimited.lanes, max_levels=max_levels)
         assert tree.depth <= max_levels
         assert_every_triangle_is_there_once(given, tree)
@@ -118,7 +118,7 @@ def test_tree_depth_does_not_exceed_max_levels(case):
 @pytest.mark.parametrize("name", ["room", "doubling"])
 def test_bounds_of_shallow_trees_enclose_their_subtrees(name, lanes):
     given = CASES[name]()
-    tree = given.build(lanes=lanes, max_levels=least_levels(len(given.faces), lanes))
+    tree = given.build(lanes=lanes, max_levels=min_levels(len(given.faces), lanes))
     assert tree.depth < given.build(lanes=lanes).depth
     assert_boxes_and_cones_hold(given, tree)
 

@@ -97,7 +97,7 @@ def test_fattened_pixels_use_the_foregrounds_reflectivity(device):
             shadow=False,
             band=False,
             fattening=4,
-            least_signal=0.1,
+            min_signal=0.1,
             full_signal=0.2,
             reflectivity={dark: 0.0},
         )

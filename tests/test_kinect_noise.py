@@ -21,7 +21,7 @@ from support.stereo import AHEAD, POSES
 
 MODELS = {
     "nguyen": NguyenNoise(),
-    "nguyen, wide": NguyenNoise(lateral=2.5, least_axial=0.03, most_angle=math.radians(70.0)),
+    "nguyen, wide": NguyenNoise(lateral=2.5, min_axial=0.03, max_angle=math.radians(70.0)),
     "khoshelham": KhoshelhamNoise(),
     "khoshelham, smooth": KhoshelhamNoise(rounds=False, sigma=3.0),
 }
@@ -174,10 +174,10 @@ def test_khoshelham_disparity_error_is_normal(device):
     ("model", "arguments", "message"),
     [
         (NguyenNoise, {"lateral": -1.0}, "lateral must be a finite number from 0 up"),
-        (NguyenNoise, {"least_axial": "big"}, "least_axial must be a finite number from 0 up"),
+        (NguyenNoise, {"min_axial": "big"}, "min_axial must be a finite number from 0 up"),
         (NguyenNoise, {"best_depth": np.nan}, "best_depth must be a finite number"),
         (NguyenNoise, {"grazing_angle": 60.0}, "grazing_angle must be from 0 to 1.57"),
-        (NguyenNoise, {"most_angle": math.pi / 2}, "most_angle must be from 0 to 1.56"),
+        (NguyenNoise, {"max_angle": math.pi / 2}, "max_angle must be from 0 to 1.56"),
         (KhoshelhamNoise, {"step": 0.0}, "step must be above 0 per meter"),
         (KhoshelhamNoise, {"sigma": -0.5}, "sigma must be a finite number from 0 up"),
         (KhoshelhamNoise, {"rounds": "no"}, "rounds must be True or False"),

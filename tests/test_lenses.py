@@ -52,9 +52,9 @@ def differences(ours, theirs):
     return np.abs(ours - theirs)[there].max()
 
 
-def directions(most_angle, count=2000):
+def directions(max_angle, count=2000):
     rng = np.random.default_rng(5)
-    angle, azimuth = rng.uniform(0, most_angle, count), rng.uniform(0, 2 * math.pi, count)
+    angle, azimuth = rng.uniform(0, max_angle, count), rng.uniform(0, 2 * math.pi, count)
     sides = np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth)
     return np.stack([*sides, np.cos(angle)], axis=-1) * rng.uniform(0.1, 10, count)[:, None]
 
@@ -189,7 +189,10 @@ BAD = {
     "alpha": (lambda: lenses.EUCM(1, 1, 2, 3, 1.5), "alpha of a lens must be from 0 to 1"),
     "xi": (lambda: lenses.DoubleSphere(1, 1, 2, 3, -2, 0.5), "xi of a double sphere must be above -1"),
     "slope": (lambda: lenses.FTheta(1, 1, (-1.0,)), "the first coefficient of FTheta must be above 0"),
-    "angle": (lambda: lenses.FTheta(1, 1, (1.0,), most_angle=7), "most_angle must be above 0 and at most pi radians"),
+    "angle": (
+        lambda: lenses.FTheta(1, 1, (1.0,), max_view_angle=7),
+        "max_view_angle must be above 0 and at most pi radians",
+    ),
     "way": (lambda: lenses.FTheta(1, 1, (1.0,), "both"), "maps must be"),
     "points": (lambda: LENSES["fov"].project([1.0, 2.0]), r"points must have shape \(\.\.\., 3\), got \(2,\)"),
     "pixels": (lambda: LENSES["fov"].unproject("here"), "pixels"),

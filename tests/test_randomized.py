@@ -27,9 +27,9 @@ from warpvis.sensors import (
 CAMERA = wv.Camera.from_fov(45, 30, hfov=1.2, near=0.5, far=3.0)
 OUTPUTS = ("depth", "reasons", "true_depth", "points")
 POSES = np.stack([wv.look_at((x, 1.5, 1.2), (0, 0, 0.2)) for x in np.linspace(-1, 1, 6)])
-STEREO = StereoDepth(0.06, sigma=0.1, noise_spacing=3, subpixel=16, full_signal=0.4, least_signal=0.1)
+STEREO = StereoDepth(0.06, sigma=0.1, noise_spacing=3, subpixel=16, full_signal=0.4, min_signal=0.1)
 STEREO_RANGES = {"baseline": (0.05, 0.07), "sigma": (0.0, 0.3), "noise_spacing": (1, 4), "reflectivity": (0.3, 1.0)}
-FLIGHT = TimeOfFlight((80e6, 60e6), signal=1e4, least_coherence=0.9)
+FLIGHT = TimeOfFlight((80e6, 60e6), signal=1e4, min_coherence=0.9)
 SENSORS = {
     "stereo": randomized(STEREO, **STEREO_RANGES),
     "each image": randomized(STEREO, per="image", **STEREO_RANGES),
@@ -181,8 +181,8 @@ def test_camera_is_that_of_the_device():
             "ranges have sigma -0.1: sigma must be a finite number from 0 up",
         ),
         (
-            lambda: randomized(STEREO, least_signal=(0.0, 0.5), full_signal=(0.4, 0.9)),
-            "ranges have least_signal 0.5, full_signal 0.4: full_signal must be above least_signal",
+            lambda: randomized(STEREO, min_signal=(0.0, 0.5), full_signal=(0.4, 0.9)),
+            "ranges have min_signal 0.5, full_signal 0.4: full_signal must be above min_signal",
         ),
         (lambda: randomized(STEREO, per="frame", sigma=(0, 1)), "per must be"),
         (lambda: randomized(STEREO, kinds=0, sigma=(0, 1)), "kinds must be"),

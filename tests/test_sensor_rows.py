@@ -14,16 +14,16 @@ from warpvis.sensors.depth import _corruptions, _kinect_noise, _time_of_flight
 
 # The width is a multiple of neither the register width nor the number of pixels that share random words.
 CAMERA = wv.Camera.from_fov(149, 37, hfov=1.2, near=0.9, far=2.5)
-FLIGHT = TimeOfFlight((80e6, 60e6), signal=4000.0, background=20.0, offset=0.01, wiggle=0.02, least_signal=0.05)
+FLIGHT = TimeOfFlight((80e6, 60e6), signal=4000.0, background=20.0, offset=0.01, wiggle=0.02, min_signal=0.05)
 MODELS = {
-    "nguyen": NguyenNoise(lateral=3.0, most_angle=1.3),
+    "nguyen": NguyenNoise(lateral=3.0, max_angle=1.3),
     "khoshelham": KhoshelhamNoise(),
     "khoshelham, beyond the last step": KhoshelhamNoise(step=0.3, sigma=3.0),
     "khoshelham, smooth": KhoshelhamNoise(rounds=False),
     "corruptions": Corruptions(added=0.05, multiplied=0.02, dropout=0.1, rectangles=(2, 5)),
     "corruptions of a sensor": Corruptions(added=0.05, dropout=0.1, of=KhoshelhamNoise()),
     "flight": FLIGHT,
-    "flight, of dark things": dataclasses.replace(FLIGHT, reflectivity=0.4, mixing=False, most_signal=0.15),
+    "flight, of dark things": dataclasses.replace(FLIGHT, reflectivity=0.4, mixing=False, max_signal=0.15),
 }
 
 

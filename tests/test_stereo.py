@@ -51,8 +51,8 @@ def twin(scene, sensor, camera, poses, seen, draws, seed):
     [
         FULL,
         dataclasses.replace(FULL, other_eye="left", noise_spacing=1, subpixel=0, locking=-0.1),
-        dataclasses.replace(FULL, band=False, edge_window=1, least_support=0.0, reflectivity=1.0),
-        dataclasses.replace(FULL, focal_length=200.0, full_signal=0.0, least_signal=0.0, max_disparity=np.inf),
+        dataclasses.replace(FULL, band=False, edge_window=1, min_support=0.0, reflectivity=1.0),
+        dataclasses.replace(FULL, focal_length=200.0, full_signal=0.0, min_signal=0.0, max_disparity=np.inf),
     ],
     ids=["full", "left", "no band", "focal length"],
 )
@@ -250,9 +250,9 @@ def test_native_camera_is_returned_or_missing():
         ({"edge_window": 4}, "edge_window must be odd, got 4"),
         ({"edge_window": 65}, "edge_window must be at most 63 px"),
         ({"edge_step": -1.0}, "edge_step must be a finite number from 0 up"),
-        ({"least_support": 1.5}, "least_support must be a number from 0 to 1"),
-        ({"least_signal": 0.2, "full_signal": 0.1}, "full_signal must be above least_signal, got 0.1 and 0.2"),
-        ({"least_signal": 0.2}, "full_signal must be above least_signal"),
+        ({"min_support": 1.5}, "min_support must be a number from 0 to 1"),
+        ({"min_signal": 0.2, "full_signal": 0.1}, "full_signal must be above min_signal, got 0.1 and 0.2"),
+        ({"min_signal": 0.2}, "full_signal must be above min_signal"),
         ({"dropout": 2.0}, "dropout must be a number from 0 to 1"),
         ({"native_camera": "kinect"}, "native_camera must be a warpvis.Camera"),
     ],

@@ -137,7 +137,7 @@ def test_noise_correlation_matches_spacing(spacing):
 @pytest.mark.parametrize("angle", [0, 60, 70, 80])
 def test_dropout_by_angle_and_reflectivity(angle):
     """The lost share follows the signal; the reason is the angle or the reflectivity."""
-    options = {"least_signal": 0.1, "full_signal": 0.6, "shadow": False, "band": False}
+    options = {"min_signal": 0.1, "full_signal": 0.6, "shadow": False, "band": False}
     camera = wv.Camera.from_fov(320, 240, hfov=0.02)  # rays are nearly parallel
     for reflectivity in (1.0, 0.4):
         sensor = StereoDepth(BASELINE, reflectivity={"wall": reflectivity}, dropout=0.1, **options)
@@ -197,7 +197,7 @@ def test_profiles_limit_depth_to_their_range(profile):
         camera.fx * sensor.baseline / sensor.max_disparity
     )
     for distance, sign in ((0.9 * camera.near, -1), (1.2 * camera.far, 1)):
-        plain = dataclasses.replace(sensor, shadow=False, band=False, full_signal=0.0, least_signal=0.0)
+        plain = dataclasses.replace(sensor, shadow=False, band=False, full_signal=0.0, min_signal=0.0)
         views = wv.render(wall(distance), camera, AHEAD, outputs=("depth", "reasons"), frame=0, sensor=plain)
         assert (views.reasons.numpy() == Reason.RANGE).mean() > 0.99
         assert (views.depth.numpy() == sign * np.inf).mean() > 0.99

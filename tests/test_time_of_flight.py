@@ -30,9 +30,9 @@ FULL = TimeOfFlight(
     offset=0.004,
     wiggle=0.01,
     wiggle_phase=0.5,
-    least_coherence=0.75,
-    least_signal=0.05,
-    most_signal=4.0,
+    min_coherence=0.75,
+    min_signal=0.05,
+    max_signal=4.0,
 )
 
 
@@ -96,7 +96,7 @@ def mix_by_twin(scene, sensor, camera, poses, seen):
     "sensor",
     [
         FULL,
-        dataclasses.replace(FULL, frequencies=75e6, least_coherence=0.0, reflectivity=1.0),
+        dataclasses.replace(FULL, frequencies=75e6, min_coherence=0.0, reflectivity=1.0),
         dataclasses.replace(FULL, frequencies=(120e6, 80e6, 16e6), signal=np.inf, background=0.0),
         dataclasses.replace(FULL, mixing=False),
     ],
@@ -282,7 +282,7 @@ def test_mixed_pixels_are_lost_by_coherence(device):
     scene = plates((near, -5, -5.5 * near / 2000), (far, -10, 10), device=device)
     coherence = np.cos(2 * np.pi * frequency * (far - near) / LIGHT)
     for threshold, reason in ((coherence - 1e-3, Reason.VALID), (coherence + 1e-3, Reason.EDGE)):
-        sensor = TimeOfFlight(frequency, reflectivity=[(near / far) ** 2, 1.0], least_coherence=threshold)
+        sensor = TimeOfFlight(frequency, reflectivity=[(near / far) ** 2, 1.0], min_coherence=threshold)
         views = wv.render(scene, camera, AHEAD, outputs=("depth", "reasons"), frame=0, sensor=sensor)
         reasons = views.reasons.numpy()[0]
         assert (reasons[:, 10] == reason).all()
@@ -347,7 +347,7 @@ def test_reasons_by_amount_of_light(device):
         pose = (1.5 * (number - 1.5), 2.0, 0, 0, 0, np.sin(tilt / 2), np.cos(tilt / 2))
         scene.add(trimesh.creation.box((1.0, 0.001, 4.0)), name=name, pose=pose)
     sensor = TimeOfFlight(
-        20e6, reflectivity={"bright": 40.0, "black": 0.05}, least_signal=0.03, most_signal=1.0, mixing=False
+        20e6, reflectivity={"bright": 40.0, "black": 0.05}, min_signal=0.03, max_signal=1.0, mixing=False
     )
     camera = wv.Camera.from_fov(320, 24, hfov=2.0)
     seen = images(wv.render(scene, camera, AHEAD, outputs=OUTPUTS, frame=0, sensor=sensor))
@@ -430,10 +430,10 @@ def test_native_camera_is_returned_or_missing():
         ({"wiggle_phase": "half"}, "wiggle_phase must be a finite number"),
         ({"mixing": "yes"}, "mixing must be True or False"),
         ({"edge_step": 0.0}, "edge_step must be above 0 m"),
-        ({"least_coherence": 1.5}, "least_coherence must be a number from 0 to 1"),
-        ({"least_signal": -1.0}, "least_signal must be a finite number from 0 up"),
-        ({"most_signal": np.nan}, "most_signal must be a number above 0"),
-        ({"least_signal": 2.0, "most_signal": 1.0}, "most_signal must be above least_signal, got 1 and 2"),
+        ({"min_coherence": 1.5}, "min_coherence must be a number from 0 to 1"),
+        ({"min_signal": -1.0}, "min_signal must be a finite number from 0 up"),
+        ({"max_signal": np.nan}, "max_signal must be a number above 0"),
+        ({"min_signal": 2.0, "max_signal": 1.0}, "max_signal must be above min_signal, got 1 and 2"),
         ({"native_camera": "azure"}, "native_camera must be a warpvis.Camera"),
     ],
 )

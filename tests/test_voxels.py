@@ -101,11 +101,11 @@ def test_different_cameras_add_to_one_map(device):
     assert same(voxel_map_from_scene(scene, wide, POSES[1], out=first), expected)
 
 
-@pytest.mark.parametrize("least_x", [BOUNDS[0, 0], 1.28])
-def test_maps_are_independent_of_threads(least_x, device):
+@pytest.mark.parametrize("min_x", [BOUNDS[0, 0], 1.28])
+def test_maps_are_independent_of_threads(min_x, device):
     """A box that threads share by layers across x, and one so thin that they share its layers."""
-    views, bounds = render(build(device)), [(least_x, *BOUNDS[0, 1:]), BOUNDS[1]]
-    cell = 0.031 if least_x < 0 else 0.011
+    views, bounds = render(build(device)), [(min_x, *BOUNDS[0, 1:]), BOUNDS[1]]
+    cell = 0.031 if min_x < 0 else 0.011
     maps = [
         voxel_map(views.depth, CAMERA, POSES, bounds=bounds, cell_size=cell, labels=views.labels, threads=threads)
         for threads in (1, 2, 3, 1)

@@ -38,7 +38,7 @@ void run(const Launch& launch, Order order);
 // Shared memory of a warp, filled with random bytes when the warp begins; the same address for all lanes.
 void* shared_memory(unsigned long bytes);
 
-enum Operation { SYNC, BALLOT, ANY, SHUFFLE, SHUFFLE_XOR, LEAST, MOST, UNITED };
+enum Operation { SYNC, BALLOT, ANY, SHUFFLE, SHUFFLE_XOR, MIN, MAX, UNITED };
 
 // Wait for all lanes, each with a value and a lane, and return the operation's result for this lane.
 unsigned meet(Operation operation, unsigned mask, unsigned value, int lane);
@@ -67,10 +67,10 @@ static inline unsigned __shfl_xor_sync(unsigned mask, unsigned value, int lanes)
     return emulator::meet(emulator::SHUFFLE_XOR, mask, value, lanes);
 }
 static inline unsigned __reduce_min_sync(unsigned mask, unsigned value) {
-    return emulator::meet(emulator::LEAST, mask, value, 0);
+    return emulator::meet(emulator::MIN, mask, value, 0);
 }
 static inline unsigned __reduce_max_sync(unsigned mask, unsigned value) {
-    return emulator::meet(emulator::MOST, mask, value, 0);
+    return emulator::meet(emulator::MAX, mask, value, 0);
 }
 static inline unsigned __reduce_or_sync(unsigned mask, unsigned value) {
     return emulator::meet(emulator::UNITED, mask, value, 0);

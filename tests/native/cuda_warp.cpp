@@ -171,7 +171,7 @@ unsigned reduced(Operation operation) {
         united |= value;
         where |= (unsigned)(value != 0) << i;
     }
-    return operation == LEAST ? least : operation == MOST ? most : operation == UNITED ? united : where;
+    return operation == MIN ? least : operation == MAX ? most : operation == UNITED ? united : where;
 }
 
 // All lanes have arrived: compute their results.

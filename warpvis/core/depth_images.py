@@ -19,7 +19,7 @@ from warpvis.errors import ArrayError
 _SAMPLE = 4096
 
 # Fractions of the measured pixels, and the factor by which they exceed the range, that only a wrong unit explains.
-_NEARLY_ALL, _MOST, _FAR_BEYOND = 0.9, 0.5, 10.0
+_NEARLY_ALL, _MAJORITY, _FAR_BEYOND = 0.9, 0.5, 10.0
 
 # Distance below which a depth image in millimeters has few pixels [m].
 _MIN_MILLIMETER_DEPTH = 0.1
@@ -112,10 +112,10 @@ def _in_millimeters(depth: NDArray, near: float, far: float) -> bool:
         if np.median(values) < 1e3 * _MIN_MILLIMETER_DEPTH or np.any(values != np.rint(values)):
             return False
         return len(np.unique(values)) >= _MANY_WHOLE_NUMBERS
-    if np.mean(values > far) < _NEARLY_ALL or np.mean(values > _FAR_BEYOND * far) < _MOST:
+    if np.mean(values > far) < _NEARLY_ALL or np.mean(values > _FAR_BEYOND * far) < _MAJORITY:
         return False
     lower = 1e3 * max(near, _MIN_MILLIMETER_DEPTH)
-    return bool(np.mean((values >= lower) & (values <= 1e3 * far)) >= _MOST)
+    return bool(np.mean((values >= lower) & (values <= 1e3 * far)) >= _MAJORITY)
 
 
 def read_labels(labels: ArrayInput, shape: tuple[int, ...], device: wp.Device) -> wp.array:

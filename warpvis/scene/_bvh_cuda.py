@@ -120,7 +120,7 @@ class _Splitter:
         self._flags, self._sums = (self._integers((2, 2 * ranges)) for _ in range(2))
         self._flat = self._flags.flatten(), self._sums.flatten()
         self._level = self._new_level(ranges)
-        self._most = large, ranges
+        self._max_ranges = large, ranges
         bins = _BINS * large
         self._bins = self._integers((bins, bvh_cuda_ranges.BIN_WORDS)), self._integers(bins)
         self._rows: list[list[int]] = []
@@ -154,7 +154,7 @@ class _Splitter:
         def record(kernel: wp.Kernel, dim: int | tuple[int, int], *inputs: Any) -> Any:
             return launch(kernel, dim, list(inputs), self._device, record_cmd=True)
 
-        (large, ranges), flags = self._most, self._flags.shape
+        (large, ranges), flags = self._max_ranges, self._flags.shape
         self._mark = record(kernels.mark_ranges, flags[1], binary, level, self._flags)
         self._rank = record(kernels.rank_ranges, flags, self._flags, self._sums, level, binary)
         self._clear = record(kernels.clear_bins, 1, *bins)
@@ -185,7 +185,7 @@ class _Splitter:
         nodes = 1 << depth
         if nodes * CUDA_LANES < self._count and 4 * nodes <= len(self._binary.begin):
             # These leaves cannot hold all items, and the buffer suffices for any split: no need to read counts.
-            return min(nodes, self._most[0]), min(nodes, self._most[1])
+            return min(nodes, self._max_ranges[0]), min(nodes, self._max_ranges[1])
         # Read the counts of all levels so far, which follow the entry above the root; this synchronizes.
         self._rows = self._level.info.numpy()[1 : depth + 2].tolist()
         first, count, large, ranges, *_ = self._rows[-1]

@@ -104,7 +104,7 @@ struct FlightLight {
 
 struct Flight {
     double turns, unambiguous, offset, wiggle, wiggle_turns;
-    float noise_scale, background, least_signal, most_signal;
+    float noise_scale, background, min_signal, max_signal;
     SensorRange range;
 
     inline void measure(const NoiseRow& row, const FlightRow& seen) const {
@@ -130,11 +130,11 @@ struct Flight {
     }
     // Reason why the light yields no range, if any.
     inline Ints judge(const FlightLight& light) const {
-        const Ints straight = (light.straight > 0.0f) & (light.straight >= least_signal);
-        const Ints enough = (light.signal > 0.0f) & (light.signal >= least_signal);
+        const Ints straight = (light.straight > 0.0f) & (light.straight >= min_signal);
+        const Ints enough = (light.signal > 0.0f) & (light.signal >= min_signal);
         const Ints dark = straight ? Lanes::all_ints(REASON_GRAZING) : Lanes::all_ints(REASON_DROPOUT);
         Ints reason = enough ? Lanes::all_ints(REASON_VALID) : dark;
-        reason = light.all > most_signal ? Lanes::all_ints(REASON_SATURATED) : reason;
+        reason = light.all > max_signal ? Lanes::all_ints(REASON_SATURATED) : reason;
         reason = light.range != light.range ? Lanes::all_ints(REASON_EDGE) : reason;
         return light.range == Numbers::endless() ? Lanes::all_ints(REASON_EMPTY) : reason;
     }

@@ -102,7 +102,7 @@ struct Shown {
 };
 
 struct Nguyen {
-    float least_axial, axial_growth, best_depth, grazing_axial, grazing_angle, lateral, lateral_growth, most_angle;
+    float min_axial, axial_growth, best_depth, grazing_axial, grazing_angle, lateral, lateral_growth, max_angle;
     SensorRange range;
 
     static inline Floats steepness(Floats angle) {
@@ -112,7 +112,7 @@ struct Nguyen {
     // Standard deviation of depth [m]: equations (3) and (4).
     inline Floats axial(Floats depth, Floats angle) const {
         const Floats away = depth - best_depth, steep = steepness(angle);
-        const Floats sigma = least_axial + axial_growth * away * away;
+        const Floats sigma = min_axial + axial_growth * away * away;
         const Floats more = sigma + grazing_axial / Numbers::root(depth) * (steep * steep);
         return angle >= grazing_angle ? more : sigma;
     }
@@ -139,14 +139,14 @@ struct Nguyen {
         Floats normal[3];
         Numbers::load_triples(view.normals + 3LL * ((long long)row.y * row.width + x), normal, row.width - x);
         const Floats own = SensorRange::finite(row.exact(x)) ? view.angle(normal) : Lanes::all(0.0f);
-        const Floats sigma = lateral + lateral_growth * steepness(Lanes::min(own, Lanes::all(most_angle)));
+        const Floats sigma = lateral + lateral_growth * steepness(Lanes::min(own, Lanes::all(max_angle)));
         Shown shown;
         shown.column = jittered(Numbers::columns(x), sigma * noise[0], view.width);
         shown.row = jittered(Lanes::all((float)row.y), sigma * noise[1], view.height);
         shown.load(view);
         const Floats angle = view.angle(shown.normal), depth = shown.met(view, Lanes::index() + x, row.y);
         const Floats reported = range.report(depth + axial(depth, angle) * noise[2]);
-        const Ints has_surface = SensorRange::finite(shown.depth), grazing = angle > most_angle;
+        const Ints has_surface = SensorRange::finite(shown.depth), grazing = angle > max_angle;
         const Floats measured = grazing ? Lanes::all(Numbers::no_number()) : reported;
         const Ints reason = grazing ? Lanes::all_ints(REASON_GRAZING) : SensorRange::reason(reported);
         row.write(x, has_surface ? measured : shown.depth, has_surface ? reason : Lanes::all_ints(REASON_EMPTY));

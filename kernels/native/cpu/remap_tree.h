@@ -6,7 +6,7 @@
 // image.
 
 // Minima of several registers at once.
-struct LeastLanes {
+struct MinLanes {
     // Lane k of the result is the minimum of r[k]; overwrites the 16 registers.
     static inline Floats of(Floats* r) {
         for (int i = 0; i < 8; ++i)
@@ -153,11 +153,11 @@ struct RemapTree {
             high_v[block] = inside ? -at_v.rounded : Lanes::all(NOWHERE);
         }
         float* bounds = bounds_of_packets(tile.index);
-        Lanes::store(bounds, LeastLanes::of(low_u) - TREE_MARGIN);
-        Lanes::store(bounds + LANES, LeastLanes::of(low_v) - TREE_MARGIN);
-        Lanes::store(bounds + 2 * LANES, TREE_MARGIN - LeastLanes::of(high_u));
-        Lanes::store(bounds + 3 * LANES, TREE_MARGIN - LeastLanes::of(high_v));
-        const Floats least = LeastLanes::of(start);
+        Lanes::store(bounds, MinLanes::of(low_u) - TREE_MARGIN);
+        Lanes::store(bounds + LANES, MinLanes::of(low_v) - TREE_MARGIN);
+        Lanes::store(bounds + 2 * LANES, TREE_MARGIN - MinLanes::of(high_u));
+        Lanes::store(bounds + 3 * LANES, TREE_MARGIN - MinLanes::of(high_v));
+        const Floats least = MinLanes::of(start);
         Lanes::store(image.block_min + tile.index * LANES, least);
         image.tile_min[tile.index] = Lanes::min_of(least);
     }

@@ -50,7 +50,7 @@ struct alignas(16) Triangle {
 // corner.
 constexpr float TRIANGLE_SLACK = 0.002f, TRIANGLE_SLACK_BLURS = 4.0f;
 // A corner counts as behind the camera if its depth is at most this fraction of the farthest one's, or negligible.
-constexpr float CROSSING_SHARE = 1e-6f, CROSSING_LEAST = 1e-30f;
+constexpr float CROSSING_SHARE = 1e-6f, CROSSING_MIN = 1e-30f;
 // Relative error of a rounded term of 1 / z, and the allowed relative error of 1 / z.
 constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
 // If the extent of the corners exceeds the depth of the nearest one by this factor, each is transformed separately.
@@ -103,7 +103,7 @@ struct Setup {
             ProjectedTriangle p;
             const float zmin = Three::min(a.z, b.z, c.z);
             p.zmax = Three::max(a.z, b.z, c.z);
-            p.crossing = zmin <= CROSSING_SHARE * p.zmax + CROSSING_LEAST;
+            p.crossing = zmin <= CROSSING_SHARE * p.zmax + CROSSING_MIN;
             p.inv_z[0] = Reciprocal::of(a.z), p.inv_z[1] = Reciprocal::about(b.z), p.inv_z[2] = Reciprocal::about(c.z);
             // Rounded explicitly: the compiler would fuse these products with later subtractions.
             p.u[0] = __fmul_rn(a.x, p.inv_z[0]), p.u[1] = __fmul_rn(b.x, p.inv_z[1]),

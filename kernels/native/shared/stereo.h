@@ -21,11 +21,11 @@ struct Stereo {
     float shift_scale;  // the same in pixels of the image, positive if the other eye is on the right
     float first_column, last_column;  // of the other eye's image [px]
     float near, far;  // [m]
-    float most_disparity;  // [px]
+    float max_disparity;  // [px]
     float shadow_tolerance;  // [px]
-    float least_support;
+    float min_support;
     // signal at which pixels begin to be detected, and slope of the detection probability
-    float least_signal, signal_slope;
+    float min_signal, signal_slope;
     float kept;  // fraction of pixels with sufficient signal that are detected
     float sigma, locking;  // [px]
     float levels;  // subpixel steps per pixel of disparity; 0 disables quantization
@@ -62,7 +62,7 @@ struct Stereo {
     }
     // Fraction of pixels with a given signal that are detected.
     inline Real found_share(Real signal) const {
-        const Real share = (signal - least_signal) * signal_slope;
+        const Real share = (signal - min_signal) * signal_slope;
         return share < 1.0f ? share : Numbers::real(1.0f);
     }
 
@@ -74,11 +74,11 @@ struct Stereo {
         const Whole too_far = (reported > far) | (found <= 0.0f), in_range = (reported >= near) & (reported <= far);
         const Whole lost = pixel.chance >= found_share(pixel.reflectivity * pixel.cosine) * kept;
         const Whole grazing = pixel.chance >= found_share(pixel.cosine);
-        const Whole too_much = disparity > most_disparity, empty = !(pixel.depth < endless);
+        const Whole too_much = disparity > max_disparity, empty = !(pixel.depth < endless);
 
         reason = in_range ? Numbers::whole(REASON_VALID) : Numbers::whole(REASON_RANGE);
         reason = lost ? (grazing ? Numbers::whole(REASON_GRAZING) : Numbers::whole(REASON_DROPOUT)) : reason;
-        reason = pixel.support < least_support ? Numbers::whole(REASON_EDGE) : reason;
+        reason = pixel.support < min_support ? Numbers::whole(REASON_EDGE) : reason;
         reason = hidden(pixel) ? Numbers::whole(REASON_SHADOW) : reason;
         reason = is_outside(pixel, nearness) ? Numbers::whole(REASON_BAND) : reason;
         reason = too_much ? Numbers::whole(REASON_RANGE) : reason;

@@ -124,7 +124,7 @@ struct StereoRows {
         // neither the cosine nor a random number is needed.
         inline bool suffices(const Stereo& stereo, Real depth, Real reflectivity) const {
             if (Numbers::PIXELS == 1 || stereo.kept < 1.0f) return false;
-            const float full = (stereo.least_signal + 1.0f / stereo.signal_slope) * 1.0001f;
+            const float full = (stereo.min_signal + 1.0f / stereo.signal_slope) * 1.0001f;
             const Real signal = reflectivity * along;
             return Numbers::all((signal * signal >= (full * full) * square) | (depth == Numbers::endless()));
         }

@@ -30,10 +30,10 @@ class NguyenNoise(DepthSensor):
     at the shifted position. Edges become ragged, but a plane stays a plane, with the axial deviation of the paper.
     Positions outside of the image are clamped to the nearest pixel.
 
-    The measurements of the paper range from 0.4 to 3 m. Surfaces at more than `most_angle` are lost (GRAZING).
+    The measurements of the paper range from 0.4 to 3 m. Surfaces at more than `max_angle` are lost (GRAZING).
     """
 
-    least_axial: float = 0.0012
+    min_axial: float = 0.0012
     """Minimum axial standard deviation [m]."""
     axial_growth: float = 0.0019
     """Quadratic coefficient of the axial standard deviation [1/m]."""
@@ -47,14 +47,14 @@ class NguyenNoise(DepthSensor):
     """Lateral standard deviation at normal incidence [px]."""
     lateral_growth: float = 0.035
     """Coefficient of the growth with the angle: the added deviation at 45 degrees [px]."""
-    most_angle: float = math.radians(85.0)
+    max_angle: float = math.radians(85.0)
     """Maximum angle at which a surface is measured [rad]; the formulas diverge at 90 degrees. Not from the paper."""
 
     def __post_init__(self) -> None:
-        for name in ("least_axial", "axial_growth", "best_depth", "grazing_axial", "lateral", "lateral_growth"):
+        for name in ("min_axial", "axial_growth", "best_depth", "grazing_axial", "lateral", "lateral_growth"):
             check_number(getattr(self, name), name, minimum=0.0)
         check_angle(self.grazing_angle, "grazing_angle", minimum=0.0, maximum=math.pi / 2)
-        check_angle(self.most_angle, "most_angle", minimum=0.0, maximum=_STEEPEST)
+        check_angle(self.max_angle, "max_angle", minimum=0.0, maximum=_STEEPEST)
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:

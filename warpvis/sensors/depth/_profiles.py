@@ -79,8 +79,8 @@ def oak_d(width: int = 1280, height: int = 800) -> StereoDepth:
         noise_spacing=2,
         subpixel=8,
         edge_window=5,
-        least_support=0.6,
-        least_signal=_MIN_SIGNAL,
+        min_support=0.6,
+        min_signal=_MIN_SIGNAL,
         full_signal=_FULL_SIGNAL,
         native_camera=_camera(width, height, focal, focal * baseline / disparities, 12.0),
     )
@@ -125,8 +125,8 @@ def _realsense(width: int, height: int, *, hfov: float, baseline: float) -> Ster
         noise_spacing=_D400_SPACING,
         subpixel=_D400_STEPS,
         edge_window=5,
-        least_support=0.6,
-        least_signal=_MIN_SIGNAL,
+        min_support=0.6,
+        min_signal=_MIN_SIGNAL,
         full_signal=_FULL_SIGNAL,
         native_camera=_camera(width, height, focal, focal * baseline / _D400_DISPARITIES, 10.0),
     )
@@ -143,8 +143,8 @@ def _structured_light(camera: Camera, baseline: float, focal_length: float) -> S
         subpixel=8,
         band=False,
         edge_window=2 * round(4 * scale) + 1,
-        least_support=1 / 1.2,
-        least_signal=_MIN_SIGNAL,
+        min_support=1 / 1.2,
+        min_signal=_MIN_SIGNAL,
         full_signal=_FULL_SIGNAL,
         native_camera=camera,
     )

@@ -121,10 +121,10 @@ class StereoDepth(Device):
     """Side of the window about a pixel for the detection of edges, odd [px]; 1 for no detection."""
     edge_step: float = 1.0
     """Minimum difference of disparity between different surfaces [px]."""
-    least_support: float = 0.0
+    min_support: float = 0.0
     """Minimum support of a pixel in that window: the fraction of its row that belongs to the same surface, times the
     fraction of its column."""
-    least_signal: float = 0.0
+    min_signal: float = 0.0
     """Reflectivity times the cosine of the angle of incidence up to which no pixel is measured."""
     full_signal: float = 0.0
     """The same product from which on all pixels are measured; in between, the probability increases linearly. If 0, the
@@ -151,11 +151,11 @@ class StereoDepth(Device):
             raise ArrayError(f"edge_window must be odd, got {self.edge_window}")
         _check_at_most(self.edge_window, "edge_window", _MAX_WINDOW)
         check_number(self.edge_step, "edge_step", minimum=0.0)
-        check_number(self.least_support, "least_support", minimum=0.0, maximum=1.0)
-        least = check_number(self.least_signal, "least_signal", minimum=0.0)
+        check_number(self.min_support, "min_support", minimum=0.0, maximum=1.0)
+        least = check_number(self.min_signal, "min_signal", minimum=0.0)
         full = check_number(self.full_signal, "full_signal", minimum=0.0)
         if full <= least and full + least > 0:
-            raise ArrayError(f"full_signal must be above least_signal, got {full:g} and {least:g}")
+            raise ArrayError(f"full_signal must be above min_signal, got {full:g} and {least:g}")
         check_number(self.dropout, "dropout", minimum=0.0, maximum=1.0)
 
     @property
@@ -256,13 +256,13 @@ class StereoDepth(Device):
         model.disparity_scale = self._scale(camera)
         model.shift_scale = camera.fx * self.baseline * (1.0 if self.other_eye == "right" else -1.0)
         model.first_column, model.last_column = (0.0, camera.width) if self.band else (-math.inf, math.inf)
-        model.near, model.far, model.most_disparity = camera.near, camera.far, self.max_disparity
+        model.near, model.far, model.max_disparity = camera.near, camera.far, self.max_disparity
         model.shadow_tolerance = _SHADOW_TOLERANCE
-        model.least_support, model.window, model.edge_step = self.least_support, self.edge_window // 2, self.edge_step
+        model.min_support, model.window, model.edge_step = self.min_support, self.edge_window // 2, self.edge_step
         # If the signal is not checked, slope 1 accepts the default cosine of 1.
         checks_signal = self.full_signal > 0.0
-        model.least_signal = self.least_signal if checks_signal else 0.0
-        model.signal_slope = 1.0 / (self.full_signal - self.least_signal) if checks_signal else 1.0
+        model.min_signal = self.min_signal if checks_signal else 0.0
+        model.signal_slope = 1.0 / (self.full_signal - self.min_signal) if checks_signal else 1.0
         model.kept = 1.0 - self.dropout
         model.sigma, model.locking, model.levels = self.sigma, self.locking, self.subpixel
         model.seed, model.spacing = exposure.seed, self.noise_spacing

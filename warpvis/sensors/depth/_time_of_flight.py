@@ -54,8 +54,8 @@ class TimeOfFlight(Device):
     With `mixing`, 4 x 4 rays are cast through each pixel next to another surface, and their phasors A exp(i phase) are
     summed for each frequency. This creates flying pixels between the depths of two surfaces. A pixel has no depth if
     one of these conditions is true; the first gives its `Reason`: the ray hits nothing (EMPTY); for some frequency, the
-    magnitude of the sum is less than `least_coherence` of the sum of magnitudes (EDGE); the signal exceeds
-    `most_signal` (SATURATED); it is below `least_signal` because of the angle (GRAZING), or because the surface is dark
+    magnitude of the sum is less than `min_coherence` of the sum of magnitudes (EDGE); the signal exceeds
+    `max_signal` (SATURATED); it is below `min_signal` because of the angle (GRAZING), or because the surface is dark
     or far (DROPOUT); measured depth is outside of `near` and `far` of the camera (RANGE).
 
     By default, a sensor has no noise, and only flying pixels have errors. Light reflected by a second surface
@@ -81,11 +81,11 @@ class TimeOfFlight(Device):
     """Whether pixels at edges mix the light of several surfaces."""
     edge_step: float = 0.01
     """Minimum distance of one of the eight neighbors from the plane of a pixel for mixing [m]."""
-    least_coherence: float = 0.0
+    min_coherence: float = 0.0
     """Minimum coherence of the phasors in a pixel, from 0 to 1; pixels below it have no depth."""
-    least_signal: float = 0.0
+    min_signal: float = 0.0
     """Minimum measured signal, relative to a white surface at 1 m at normal incidence."""
-    most_signal: float = math.inf
+    max_signal: float = math.inf
     """Signal above which a pixel is saturated, relative to the same surface."""
 
     def __post_init__(self) -> None:
@@ -114,11 +114,11 @@ class TimeOfFlight(Device):
         check_flag(self.mixing, "mixing")
         if check_number(self.edge_step, "edge_step", minimum=0.0) == 0.0:
             raise ArrayError("edge_step must be above 0 m")
-        check_number(self.least_coherence, "least_coherence", minimum=0.0, maximum=1.0)
-        least = check_number(self.least_signal, "least_signal", minimum=0.0)
-        _check_positive(self.most_signal, "most_signal")
-        if least >= self.most_signal:
-            raise ArrayError(f"most_signal must be above least_signal, got {self.most_signal:g} and {least:g}")
+        check_number(self.min_coherence, "min_coherence", minimum=0.0, maximum=1.0)
+        least = check_number(self.min_signal, "min_signal", minimum=0.0)
+        _check_positive(self.max_signal, "max_signal")
+        if least >= self.max_signal:
+            raise ArrayError(f"max_signal must be above min_signal, got {self.max_signal:g} and {least:g}")
 
     @property
     def unambiguous_range(self) -> float:
@@ -160,8 +160,8 @@ class TimeOfFlight(Device):
         one = SPEED_OF_LIGHT / (4 * math.sqrt(2) * math.pi * whole[0])
         model.noise_scale = one / (self.contrast * math.sqrt(self.signal))
         model.background = self.background / self.signal
-        model.least_signal, model.most_signal = self.least_signal, self.most_signal
-        model.least_coherence = self.least_coherence
+        model.min_signal, model.max_signal = self.min_signal, self.max_signal
+        model.min_coherence = self.min_coherence
         model.offset, model.wiggle, model.wiggle_turns = self.offset, self.wiggle, self.wiggle_phase / (2 * math.pi)
         model.near, model.far, model.seed = camera.near, camera.far, exposure.seed
         return model

@@ -52,7 +52,7 @@ def azure_kinect(mode: str = "nfov") -> TimeOfFlight:
         (200e6, 180e6),
         white,
         (width, height, hfov, vfov, near, far),
-        least_signal=_AZURE_DARKEST / far**2 * math.cos(math.radians(80.0)),
+        min_signal=_AZURE_DARKEST / far**2 * math.cos(math.radians(80.0)),
         wiggle=0.0055,
     )
 
@@ -64,7 +64,7 @@ def kinect_v2() -> TimeOfFlight:
     surface at 1 m at normal incidence, has no source.
     """
     camera = (512, 424, 70.6, 60.0, 0.5, 4.5)
-    return _profile((120e6, 80e6, 16e6), 0.0015, camera, least_signal=0.0015, wiggle=0.005)
+    return _profile((120e6, 80e6, 16e6), 0.0015, camera, min_signal=0.0015, wiggle=0.005)
 
 
 def pmd_flexx2() -> TimeOfFlight:
@@ -73,7 +73,7 @@ def pmd_flexx2() -> TimeOfFlight:
     Noise and frequencies have no source: 0.5 % of the range for a white surface at normal incidence, and 80 and 60 MHz,
     unambiguous up to 7.5 m.
     """
-    return _profile((80e6, 60e6), 0.005, (224, 172, 56.0, 44.0, 0.1, 7.0), least_signal=0.002, wiggle=0.003)
+    return _profile((80e6, 60e6), 0.005, (224, 172, 56.0, 44.0, 0.1, 7.0), min_signal=0.002, wiggle=0.003)
 
 
 def _profile(
@@ -81,7 +81,7 @@ def _profile(
     sigma: float,
     camera: tuple[int, int, float, float, float, float],
     *,
-    least_signal: float,
+    min_signal: float,
     wiggle: float,
 ) -> TimeOfFlight:
     """Return a sensor whose standard deviation for a white surface at 1 m at normal incidence is `sigma` [m]."""
@@ -93,7 +93,7 @@ def _profile(
         signal=electrons,
         contrast=_CONTRAST,
         wiggle=wiggle,
-        least_coherence=_MIN_COHERENCE,
-        least_signal=least_signal,
+        min_coherence=_MIN_COHERENCE,
+        min_signal=min_signal,
         native_camera=Camera(width, height, fx, fy, width / 2, height / 2, near, far),
     )

@@ -36,7 +36,7 @@ class FTheta(Lens):
     """``k1 k2 ...``, at most 10, of ``k1 t + k2 t^2 + ...``."""
     maps: Literal["angle_to_radius", "radius_to_angle"] = "radius_to_angle"
     """Direction of the polynomial, between radians and pixels."""
-    most_angle: float = math.pi
+    max_view_angle: float = math.pi
     """Maximum angle from the axis that the camera sees [rad]."""
 
     def __post_init__(self) -> None:
@@ -47,21 +47,21 @@ class FTheta(Lens):
             object.__setattr__(self, name, float(value))
         object.__setattr__(self, "coefficients", check_coefficients(self.coefficients, "FTheta", range(1, 11)))
         check_choice(self.maps, "maps", ("angle_to_radius", "radius_to_angle"), CameraError)
-        if not is_number(self.most_angle) or not 0 < self.most_angle <= math.pi:
-            raise CameraError(f"most_angle must be above 0 and at most pi radians, got {self.most_angle!r}")
-        object.__setattr__(self, "most_angle", float(self.most_angle))
+        if not is_number(self.max_view_angle) or not 0 < self.max_view_angle <= math.pi:
+            raise CameraError(f"max_view_angle must be above 0 and at most pi radians, got {self.max_view_angle!r}")
+        object.__setattr__(self, "max_view_angle", float(self.max_view_angle))
         if self.coefficients[0] <= 0:
             raise CameraError(f"the first coefficient of FTheta must be above 0, got {self.coefficients[0]!r}")
 
     @property
     def max_angle(self) -> float:
         """Angle from the axis up to which the lens is injective [rad]."""
-        return self._rising.end if self._is_forward else min(self._rising.max_value, self.most_angle)
+        return self._rising.end if self._is_forward else min(self._rising.max_value, self.max_view_angle)
 
     @property
     def turns_back(self) -> bool:
         """Whether the polynomial turns back at `max_angle`."""
-        return self._rising.turns and (self._is_forward or self._rising.max_value < self.most_angle)
+        return self._rising.turns and (self._is_forward or self._rising.max_value < self.max_view_angle)
 
     @property
     def _is_forward(self) -> bool:
@@ -71,10 +71,10 @@ class FTheta(Lens):
     def _rising(self) -> Rising:
         polynomial = np.polynomial.Polynomial([0.0, *self.coefficients])
         slope = polynomial.deriv()
-        limit = self.most_angle
+        limit = self.max_view_angle
         if not self._is_forward:
             limit = 1.0
-            while limit < _MAX_RADIUS and polynomial(limit) < self.most_angle and slope(limit) > 0:
+            while limit < _MAX_RADIUS and polynomial(limit) < self.max_view_angle and slope(limit) > 0:
                 limit *= 2
         return Rising(lambda x: (polynomial(x), slope(x)), limit)
 
