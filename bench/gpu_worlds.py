@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from ratios import Contest, Workload
 
 from warpvis.mujoco import BatchRenderer
-from warpvis.mujoco._scene import DEFAULT_TOLERANCE
+from warpvis.mujoco._scene import DEFAULT_MESH_TOLERANCE
 
 _ROUNDS = 9
 _GROUPS = (0, 1, 2)
@@ -82,7 +82,13 @@ class Pair:
     """Both renderers, for depth or color of one camera in all worlds."""
 
     def __init__(
-        self, placed: Placed, camera: str, size: int, *, tolerance: float = DEFAULT_TOLERANCE, color: bool = False
+        self,
+        placed: Placed,
+        camera: str,
+        size: int,
+        *,
+        mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
+        color: bool = False,
     ) -> None:
         """Prepare to render square images of `size` pixels a side."""
         import mujoco_warp as mjw
@@ -95,7 +101,7 @@ class Pair:
             width=size,
             outputs=("color",) if color else ("depth",),
             geom_groups=_GROUPS,
-            tolerance=tolerance,
+            mesh_tolerance=mesh_tolerance,
             device=placed.device,
         )
         self.views = self.batch.render(placed.data, cameras=camera)
@@ -179,9 +185,9 @@ def color_workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Wo
     yield Workload(f"worlds teleoperator_pov 64x64 of {count} color", prepare)
 
 
-def compare(path: Path, camera: str, worlds: int, size: int, tolerance: float, device: str) -> dict[str, Any]:
+def compare(path: Path, camera: str, worlds: int, size: int, mesh_tolerance: float, device: str) -> dict[str, Any]:
     """Return the time per call of each [s], and the agreement of their depth."""
-    pair = Pair(load(path, worlds, device), camera, size, tolerance=tolerance)
+    pair = Pair(load(path, worlds, device), camera, size, mesh_tolerance=mesh_tolerance)
     eighth = np.arange(0, worlds, 8)
     data, batch = pair.placed.data, pair.batch
     some = batch.render(data, cameras=camera, worlds=eighth)
@@ -228,7 +234,9 @@ def main() -> int:
     parser.add_argument("--worlds", type=int, default=4096)
     parser.add_argument("--sizes", type=int, nargs="+", default=[64, 128])
     parser.add_argument("--cameras", nargs="*", default=[])
-    parser.add_argument("--tolerance", type=float, default=DEFAULT_TOLERANCE, help="of round shapes, in meters")
+    parser.add_argument(
+        "--mesh-tolerance", type=float, default=DEFAULT_MESH_TOLERANCE, help="of round shapes, in meters"
+    )
     parser.add_argument("--device", default="cuda:0")
     options = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING
@@ -238,7 +246,7 @@ def main() -> int:
         names = [camera.name for camera in mujoco.MjSpec.from_file(str(path)).cameras]
         for camera in [name for name in options.cameras if name in names] or names[:1]:
             for size in options.sizes:
-                found = compare(path, camera, options.worlds, size, options.tolerance, options.device)
+                found = compare(path, camera, options.worlds, size, options.mesh_tolerance, options.device)
                 ours, theirs = found["warpvis"], found["MuJoCo Warp"]
                 part, alone = found["warpvis, one world in eight"], found["MuJoCo Warp, render alone"]
                 print(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compare `warpvis.mujoco.Renderer` on real robots with `mujoco.Renderer` and exact rays, and measure both.
 
-    MUJOCO_GL=egl python bench/mujoco_agreement.py [--configurations 50] [--tolerance 5e-4] [--rounds 30]
+    MUJOCO_GL=egl python bench/mujoco_agreement.py [--configurations 50] [--mesh-tolerance 5e-4] [--rounds 30]
 
 Robots come from the packages mujoco_warp, gymnasium_robotics and dm_control, as far as they are installed. All cameras
 and the free camera see them with random joints. Exits with 1 if depth of any image, a model's segmentation or its rays
@@ -15,7 +15,7 @@ exceed a bound. Pixels less than 1 mm behind MuJoCo's near plane do not count, b
 - Speed: `update_scene` and `render` of depth, medians of the model's cameras, summed; MuJoCo in the model's quality.
 
 In compared images MuJoCo tessellates round shapes with 128 slices and 64 stacks: its default of 28 slices removes 0.6 %
-of a radius, more than the tolerance from 8 cm up.
+of a radius, more than the mesh tolerance from 8 cm up.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from timing import take_turns
 
 from warpvis.mujoco import Renderer, camera_from_mujoco
 from warpvis.mujoco._cameras import viewer_camera
-from warpvis.mujoco._scene import DEFAULT_GROUPS, DEFAULT_TOLERANCE
+from warpvis.mujoco._scene import DEFAULT_GROUPS, DEFAULT_MESH_TOLERANCE
 
 _MODELS = (
     ("mujoco_warp", "test_data/aloha_pot/scene.xml"),
@@ -49,11 +49,11 @@ _RAYS, _MIN_SAME = 200, 0.995
 Found = defaultdict[str, list[Any]]  # findings by name, one item for each image of a model
 
 
-def report(found: Found, tolerance: float) -> tuple[bool, list[str]]:
+def report(found: Found, mesh_tolerance: float) -> tuple[bool, list[str]]:
     """Return whether all bounds hold, and the cells of the table's row."""
     errors, rays, ray_same = (np.concatenate(found[name]) for name in ("errors", "ray_errors", "ray_same"))
     quantiles = [np.quantile(values, (0.5, 0.99)) for values in (*found["errors"], rays) if values.size]
-    *within, rays_keep = [bool((pair < np.array([1e-4, 2e-3]) + tolerance).all()) for pair in quantiles]
+    *within, rays_keep = [bool((pair < np.array([1e-4, 2e-3]) + mesh_tolerance).all()) for pair in quantiles]
     same = min(np.mean(found["same"]), np.mean(ray_same)) >= _MIN_SAME
     return all(within) and rays_keep and bool(same), [
         f"{len(found['same'])}, {sum(found['empty'])} see no geom",
@@ -144,15 +144,15 @@ def cast_rays(model: mujoco.MjModel, data: mujoco.MjData, camera: int, pixels: A
     return depth, np.where(depth < lens.far, geoms, -1), np.append(behind, False)
 
 
-def agreement(path: Path, configurations: int, tolerance: float) -> Found:
+def agreement(path: Path, configurations: int, mesh_tolerance: float) -> Found:
     """Compare the images of all cameras of a model in random configurations."""
     spec, found, rng = mujoco.MjSpec.from_file(str(path)), Found(list), np.random.default_rng(1)
     spec.visual.quality.numslices, spec.visual.quality.numstacks, spec.visual.quality.offsamples = 128, 64, 0
     model = spec.compile()
     # Rays have no near plane.
     whole = {"cull_backfaces": False, "near_plane": "occlude"}
-    data, uncut = mujoco.MjData(model), Renderer(model, *_SIZE, tolerance=tolerance, **whole)
-    with Renderer(model, *_SIZE, tolerance=tolerance) as ours, mujoco.Renderer(model, *_SIZE) as theirs:
+    data, uncut = mujoco.MjData(model), Renderer(model, *_SIZE, mesh_tolerance=mesh_tolerance, **whole)
+    with Renderer(model, *_SIZE, mesh_tolerance=mesh_tolerance) as ours, mujoco.Renderer(model, *_SIZE) as theirs:
         for data.qpos[:] in random_joints(model, configurations):
             mujoco.mj_forward(model, data)
             for camera in range(-1, model.ncam):
@@ -161,13 +161,13 @@ def agreement(path: Path, configurations: int, tolerance: float) -> Found:
     return found
 
 
-def speed(path: Path, rounds: int, tolerance: float) -> list[str]:
+def speed(path: Path, rounds: int, mesh_tolerance: float) -> list[str]:
     """Return cells of the table's row: times of both, summed over the model's cameras, and their ratio."""
     model = mujoco.MjModel.from_xml_path(str(path))
     data, total = mujoco.MjData(model), np.zeros(2)
     data.qpos[:] = random_joints(model, 1)[0]
     mujoco.mj_forward(model, data)
-    with Renderer(model, *_SIZE, tolerance=tolerance) as ours, mujoco.Renderer(model, *_SIZE) as theirs:
+    with Renderer(model, *_SIZE, mesh_tolerance=mesh_tolerance) as ours, mujoco.Renderer(model, *_SIZE) as theirs:
         for camera in range(model.ncam):
             calls = [functools.partial(take_depth, renderer, data, camera) for renderer in (ours, theirs)]
             take_turns(calls, 1)  # warm them
@@ -179,7 +179,9 @@ def main() -> int:
     """Compare and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--configurations", type=int, default=50)
-    parser.add_argument("--tolerance", type=float, default=DEFAULT_TOLERANCE, help="of round shapes, in meters")
+    parser.add_argument(
+        "--mesh-tolerance", type=float, default=DEFAULT_MESH_TOLERANCE, help="of round shapes, in meters"
+    )
     parser.add_argument("--rounds", type=int, default=30, help="of timing")
     options = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING
@@ -190,9 +192,9 @@ def main() -> int:
         if (path := find_model(package, name)) is None:
             print(f"| {name}: the package {package}, which has it, is not installed |")
             continue
-        holds, cells = report(agreement(path, options.configurations, options.tolerance), options.tolerance)
+        holds, cells = report(agreement(path, options.configurations, options.mesh_tolerance), options.mesh_tolerance)
         missed += [] if holds else [name]
-        print("|", " | ".join([name, *cells, *speed(path, options.rounds, options.tolerance)]), "|", flush=True)
+        print("|", " | ".join([name, *cells, *speed(path, options.rounds, options.mesh_tolerance)]), "|", flush=True)
     print(f"\nBounds are missed by: {', '.join(missed) or 'none'}.")
     return int(bool(missed))
 

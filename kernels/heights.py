@@ -57,7 +57,7 @@ def to_z_up(point: wp.vec3, up: int) -> wp.vec3d:
 
 
 @wp.func
-def sight_between(fixed: wp.vec3d, raised: wp.vec3d, tolerance: wp.float64) -> Sight:
+def sight_between(fixed: wp.vec3d, raised: wp.vec3d, end_tolerance: wp.float64) -> Sight:
     sight = Sight()
     sight.fixed = fixed
     sight.raised = raised
@@ -67,7 +67,7 @@ def sight_between(fixed: wp.vec3d, raised: wp.vec3d, tolerance: wp.float64) -> S
         sight.x = _MIN_OFFSET
     sight.scale = wp.float64(1.0) / (sight.x * sight.x + sight.y * sight.y)
     sight.rise = raised[2] - fixed[2]
-    sight.share = tolerance / wp.length(raised - fixed)
+    sight.share = end_tolerance / wp.length(raised - fixed)
     return sight
 
 
@@ -182,14 +182,14 @@ def end_of_shadows(blockers: Blockers, sight: Sight, height: wp.float64) -> wp.f
 
 @wp.func
 def min_height(
-    blockers: Blockers, fixed: wp.vec3d, raised: wp.vec3d, max_height: wp.float64, tolerance: wp.float64
+    blockers: Blockers, fixed: wp.vec3d, raised: wp.vec3d, max_height: wp.float64, end_tolerance: wp.float64
 ) -> float:
     distance = wp.length(raised - fixed)
     if not wp.isfinite(distance):
         return wp.nan
-    if distance <= wp.float64(2.0) * tolerance:
+    if distance <= wp.float64(2.0) * end_tolerance:
         return 0.0
-    sight = sight_between(fixed, raised, tolerance)
+    sight = sight_between(fixed, raised, end_tolerance)
     height = wp.float64(0.0)
     end = end_of_shadows(blockers, sight, height)
     while end > height and end <= max_height:  # terminates: every iteration leaves a shadow for good
@@ -211,7 +211,7 @@ def climb(
     targets: wp.array[wp.vec3],
     raise_eyes: bool,
     max_height: wp.float64,
-    tolerance: wp.float64,
+    end_tolerance: wp.float64,
     # Out:
     heights_out: wp.array2d[float],
 ):
@@ -227,4 +227,4 @@ def climb(
     fixed, raised = to_z_up(eyes[eye], blockers.up), to_z_up(targets[index], blockers.up)
     if raise_eyes:
         fixed, raised = raised, fixed
-    heights_out[eye, index] = min_height(blockers, fixed, raised, max_height, tolerance)
+    heights_out[eye, index] = min_height(blockers, fixed, raised, max_height, end_tolerance)

@@ -36,7 +36,7 @@ def data_cases(folder):
         "device": "cpu",
     }
     model = {
-        "tolerance": 5e-4,
+        "mesh_tolerance": 5e-4,
         "labels": {"ball": "object"},
         "label_names": {9: "shelf"},
         "exclude": ("floor",),

@@ -112,7 +112,7 @@ def tools_cases(folder):
                 "targets": [[3, 0, 0]],
                 "raises": "eye",
                 "max_height": 9.0,
-                "tolerance": 0.1,
+                "end_tolerance": 0.1,
                 **one,
             },
         ),

@@ -11,21 +11,28 @@ _GAP = 1e-6
 
 
 def climb(
-    corners: NDArray, eyes: NDArray, targets: NDArray, *, up: int, raise_eyes: bool, max_height: float, tolerance: float
+    corners: NDArray,
+    eyes: NDArray,
+    targets: NDArray,
+    *,
+    up: int,
+    raise_eyes: bool,
+    max_height: float,
+    end_tolerance: float,
 ) -> NDArray[np.float64]:
     """Return smallest free heights, shape (E, N); `corners` of the triangles have shape (T, 3, 3)."""
     pairs = [(target, eye) if raise_eyes else (eye, target) for eye in eyes for target in targets]
-    heights = [_first_gap(shadows(corners, *pair, up, tolerance), max_height) for pair in pairs]
+    heights = [_first_gap(shadows(corners, *pair, up, end_tolerance), max_height) for pair in pairs]
     return np.array(heights).reshape(len(eyes), len(targets))
 
 
-def shadows(corners: NDArray, fixed: NDArray, raised: NDArray, up: int, tolerance: float) -> NDArray[np.float64]:
+def shadows(corners: NDArray, fixed: NDArray, raised: NDArray, up: int, end_tolerance: float) -> NDArray[np.float64]:
     """Return intervals of heights at which the line of sight hits a triangle, shape (n, 2)."""
     fixed, raised = np.asarray(fixed, dtype=np.float64), np.asarray(raised, dtype=np.float64)
     distance = np.linalg.norm(raised - fixed)
-    if distance <= 2 * tolerance:
+    if distance <= 2 * end_tolerance:
         return np.zeros((0, 2))
-    share = tolerance / distance
+    share = end_tolerance / distance
     floor = [(up + 1) % 3, (up + 2) % 3]
     way = (raised - fixed)[floor]
     way = way if way.any() else np.array([1e-6, 0.0])

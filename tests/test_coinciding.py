@@ -45,7 +45,7 @@ def test_solids_coincide_beyond_their_triangles(kind, moving, device):
     joint = "<freejoint/>" if moving else ""
     pair = f"<geom {TWICE[kind]}/>" * 2
     model, data = model_of(f"{HEAD}<body>{joint}{pair}</body></worldbody></mujoco>")
-    geoms = scene_from_mujoco(model, tolerance=5e-3, device=device)
+    geoms = scene_from_mujoco(model, mesh_tolerance=5e-3, device=device)
     eyes = np.array([[0, 0, -1, 0, 0, 0, 1], [-1, 0, 0, 0.5, 0.5, 0.5, 0.5], [1, 0, 0, 0.5, -0.5, -0.5, 0.5]])
     sides = [[0, -1, 0, -np.sqrt(0.5), 0, 0, np.sqrt(0.5)], [0, 1, 0, np.sqrt(0.5), 0, 0, np.sqrt(0.5)]]
     coinciding = CoincidingGeoms(model, geoms.scene, geoms.geom_ids)
@@ -316,7 +316,7 @@ def test_solids_are_paired_by_their_exact_surfaces():
 @pytest.mark.parametrize("kind", TWICE)
 def test_segmentation_matches_mujoco(kind, device):
     model, data = twice(kind, moving=kind != "plane")
-    renderer = Renderer(model, 120, 160, device=device, tolerance=1e-4)
+    renderer = Renderer(model, 120, 160, device=device, mesh_tolerance=1e-4)
     with mujoco.Renderer(model, 120, 160) as theirs:
         expected, seen = (images(which, data, "eye")[1] for which in (theirs, renderer))
     assert (expected[..., 0] == model.geom("visual").id).sum() > 300

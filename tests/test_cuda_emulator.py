@@ -345,7 +345,7 @@ def test_invalid_poses_render_nothing(emulator):
 def test_more_objects_than_one_list_holds(emulator, solid):
     """Without static objects; the movable objects fill two lists and part of a third."""
     rows = random_poses(np.random.default_rng(15), 520, spread=1.5)
-    shapes = [solids.sphere(0.06, tolerance=0.01), trimesh.creation.box((0.1, 0.06, 0.08))]
+    shapes = [solids.sphere(0.06, mesh_tolerance=0.01), trimesh.creation.box((0.1, 0.06, 0.08))]
     scene, twin = wv.Scene(), wv.Scene()
     for index, row in enumerate(rows):
         shape = shapes[0] if solid and index % 7 else shapes[1]
@@ -360,7 +360,7 @@ def test_found_objects_do_not_change_images(emulator):
     rng = np.random.default_rng(4)
     rows = np.stack([random_poses(rng, 90, spread=spread) for spread in (1.5, 6.0)])
     scene = wv.Scene()
-    shapes = [solids.sphere(0.06, tolerance=0.01), trimesh.creation.box((0.1, 0.06, 0.08))]
+    shapes = [solids.sphere(0.06, mesh_tolerance=0.01), trimesh.creation.box((0.1, 0.06, 0.08))]
     for index in range(90):
         scene.add(shapes[index % 2] if index else MESHES[0], scale=20 if index == 1 else 1, movable=True)
     camera = wv.Camera.from_fov(90, 70, hfov=1.2, near=0.05, far=9.0)

@@ -123,7 +123,7 @@ def test_random_triangles_match_union_of_shadow_intervals(up, raises, device):
     scene = wv.Scene(device=device, up=up)
     scene.add((vertices, faces))
     got = minimum_height(scene, eyes, targets, raises=raises, max_height=3.0).numpy()
-    options = {"up": "xyz".index(up), "raise_eyes": raises == "eye", "max_height": 3.0, "tolerance": 1e-4}
+    options = {"up": "xyz".index(up), "raise_eyes": raises == "eye", "max_height": 3.0, "end_tolerance": 1e-4}
     expected = reference.climb(corners_of(scene), eyes, targets, **options)
     assert (np.isinf(got) == np.isinf(expected)).all()
     np.testing.assert_allclose(got, expected, atol=2e-6)
@@ -170,7 +170,7 @@ def test_zero_heights_match_point_visibility(device):
     surface = np.einsum("nc,ncx->nx", rng.dirichlet((1, 1, 1), 1000), corners[rng.integers(0, len(corners), 1000)])
     points = np.concatenate([surface, rng.uniform([-2, -2, 0], [2, 2, 1], (1000, 3))]).astype(np.float32)
     status = wv.point_visibility(scene, camera, pose, points, tolerance=1e-3).numpy()[0]
-    free = heights(scene, pose[:3], points, tolerance=1e-3)[0] == 0
+    free = heights(scene, pose[:3], points, end_tolerance=1e-3)[0] == 0
     in_view = status != Visibility.OUT_OF_VIEW
     assert in_view.sum() > 1000
     assert (free[in_view] == (status[in_view] == Visibility.VISIBLE)).mean() > 0.995
@@ -210,8 +210,8 @@ def test_thread_count_does_not_change_heights(device):
         ({"raises": "both"}, 'raises must be "target" or "eye", got \'both\''),
         ({"max_height": -1}, "max_height must be a number of meters from 0 up, got -1"),
         ({"max_height": np.inf}, "max_height must be a number of meters from 0 up, got inf"),
-        ({"tolerance": 0}, "tolerance must be a positive number of meters, got 0"),
-        ({"tolerance": "1"}, "tolerance must be a positive number of meters, got '1'"),
+        ({"end_tolerance": 0}, "end_tolerance must be a positive number of meters, got 0"),
+        ({"end_tolerance": "1"}, "end_tolerance must be a positive number of meters, got '1'"),
         ({"eyes": np.zeros(3)}, "eyes must have shape (E, 3), got (3,)"),
         ({"eyes": [(np.nan, 0, 0)]}, "eyes must be finite: 1 are not, the first at 0"),
         ({"targets": [(0, 0, 0), (0, np.inf, 0)]}, "targets must be finite: 1 are not, the first at 1"),

@@ -273,12 +273,12 @@ def test_models_without_visuals_skip_drawing():
     )
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    visuals = Visuals(model, tolerance=1e-3)
+    visuals = Visuals(model, mesh_tolerance=1e-3)
     assert not visuals.may_draw(None) and not visuals.may_draw(mujoco.MjvOption())
     assert visuals.may_draw(option_with({"JOINT": 1})) and visuals.may_draw(
         option_with(frame=mujoco.mjtFrame.mjFRAME_BODY)
     )
-    assert all(Visuals(model_of(name)[0], tolerance=1e-3).may_draw(None) for name in MODELS if name != "sites")
+    assert all(Visuals(model_of(name)[0], mesh_tolerance=1e-3).may_draw(None) for name in MODELS if name != "sites")
 
 
 def test_added_objects_stay_last():

@@ -98,7 +98,7 @@ def assert_as_new(renderer, model, data, camera="front"):
 @pytest.mark.parametrize("name", CHANGES)
 def test_changed_model_matches_mujoco(name, device):
     model, data = task()
-    renderer = Renderer(model, 150, 200, tolerance=2e-4, device=device)
+    renderer = Renderer(model, 150, 200, mesh_tolerance=2e-4, device=device)
     before = shown(renderer, model, data)
     CHANGES[name](model)
     ours = shown(renderer, model, data)

@@ -66,7 +66,7 @@ CAMERAS |= {"id": 0, "default": -1, "free": free_camera(), "tracking": tracking_
 @parametrize("camera", CAMERAS, keep=2)
 def test_images_match_mujoco(camera, device):
     model, data = shapes_model()
-    with Renderer(model, 150, 200, tolerance=2e-4, device=device) as renderer:
+    with Renderer(model, 150, 200, mesh_tolerance=2e-4, device=device) as renderer:
         ours = images(renderer, data, CAMERAS[camera])
     theirs = mujoco_images(model, data, CAMERAS[camera], 150, 200, None)
     assert_same_images(ours, theirs, 2e-4)
@@ -77,7 +77,7 @@ def test_images_match_mujoco(camera, device):
 def test_geom_groups_and_static_flag_match_mujoco():
     model, data = shapes_model()
     model.geom_group[::3] = 4
-    renderer = Renderer(model, 120, 160, tolerance=2e-4)
+    renderer = Renderer(model, 120, 160, mesh_tolerance=2e-4)
     for groups, static in (((0, 1, 2), True), ((4,), True), ((0, 4), False), ((0, 1, 2, 3, 4, 5), True), ((), True)):
         option = mujoco.MjvOption()
         option.geomgroup[:] = [group in groups for group in range(6)]

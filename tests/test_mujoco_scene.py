@@ -70,13 +70,13 @@ def ellipsoid_distance(points, axes):
 
 
 ROUND = {
-    "sphere": (lambda t: solids.sphere(0.3, tolerance=t), lambda p: sphere_distance(p, 0.3), 0.3),
-    "tiny sphere": (lambda t: solids.sphere(1e-3, tolerance=t), lambda p: sphere_distance(p, 1e-3), 1e-3),
-    "huge sphere": (lambda t: solids.sphere(40.0, tolerance=t), lambda p: sphere_distance(p, 40.0), 40.0),
-    "capsule": (lambda t: solids.capsule(0.1, 0.5, tolerance=t), lambda p: capsule_distance(p, 0.1, 0.5), 0.1),
-    "cylinder": (lambda t: solids.cylinder(0.2, 0.1, tolerance=t), lambda p: cylinder_distance(p, 0.2, 0.1), 0.2),
+    "sphere": (lambda t: solids.sphere(0.3, mesh_tolerance=t), lambda p: sphere_distance(p, 0.3), 0.3),
+    "tiny sphere": (lambda t: solids.sphere(1e-3, mesh_tolerance=t), lambda p: sphere_distance(p, 1e-3), 1e-3),
+    "huge sphere": (lambda t: solids.sphere(40.0, mesh_tolerance=t), lambda p: sphere_distance(p, 40.0), 40.0),
+    "capsule": (lambda t: solids.capsule(0.1, 0.5, mesh_tolerance=t), lambda p: capsule_distance(p, 0.1, 0.5), 0.1),
+    "cylinder": (lambda t: solids.cylinder(0.2, 0.1, mesh_tolerance=t), lambda p: cylinder_distance(p, 0.2, 0.1), 0.2),
     "ellipsoid": (
-        lambda t: solids.ellipsoid((0.2, 0.1, 0.05), tolerance=t),
+        lambda t: solids.ellipsoid((0.2, 0.1, 0.05), mesh_tolerance=t),
         lambda p: ellipsoid_distance(p, (0.2, 0.1, 0.05)),
         0.2,
     ),
@@ -375,7 +375,7 @@ def test_pixels_match_mj_ray(camera, device, caster, tolerance=2e-4):
         model.geom(
             name
         ).group = 4  # rays hit another surface of signed distance fields, and colors are handled differently
-    scene = scene_from_mujoco(model, tolerance=tolerance, device=device)
+    scene = scene_from_mujoco(model, mesh_tolerance=tolerance, device=device)
     eye = camera_from_mujoco(model, camera, 64, 48)
     pose = camera_poses(data, model, [model.camera(camera).id])[0]
     renderer = wv.Renderer(scene.scene, eye, outputs=("depth", "segmentation", "normals"), caster=caster)
@@ -432,8 +432,14 @@ SMALL = from_xml('<geom name="ball" size="1"/><camera name="eye"/>')
 
 BAD = {
     "no model": (lambda: scene_from_mujoco("model.xml"), "model must be a mujoco.MjModel, got str"),
-    "bad tolerance": (lambda: scene_from_mujoco(SMALL, tolerance=0), "tolerance must be a positive number of meters"),
-    "NaN tolerance": (lambda: scene_from_mujoco(SMALL, tolerance=math.nan), "tolerance must be a positive number"),
+    "bad tolerance": (
+        lambda: scene_from_mujoco(SMALL, mesh_tolerance=0),
+        "mesh_tolerance must be a positive number of meters",
+    ),
+    "NaN tolerance": (
+        lambda: scene_from_mujoco(SMALL, mesh_tolerance=math.nan),
+        "mesh_tolerance must be a positive number",
+    ),
     "group 6": (lambda: scene_from_mujoco(SMALL, geom_groups=(0, 6)), r"geom_groups must be of 0 to 5, got \(0, 6\)"),
     "bad movable": (lambda: scene_from_mujoco(SMALL, movable="none"), 'movable must be "bodies" or "all"'),
     "no such geom": (lambda: scene_from_mujoco(SMALL, exclude=["bal"]), "'bal' in exclude must match a geom or body"),

@@ -158,7 +158,7 @@ def test_solids_survive_moving_to_another_device(device):
         (lambda: solids.capsule(-1, 1), "radius of a capsule must be a positive number of meters, got -1"),
         (lambda: solids.capsule(1, np.nan), "half_length of a capsule must be a positive number of meters, got nan"),
         (lambda: solids.cylinder("wide", 1), "radius of a cylinder must be a positive number of meters, got 'wide'"),
-        (lambda: solids.cylinder(1, 1, tolerance=0), "tolerance must be a positive number of meters, got 0"),
+        (lambda: solids.cylinder(1, 1, mesh_tolerance=0), "mesh_tolerance must be a positive number of meters, got 0"),
     ],
 )
 def test_invalid_sizes_raise(make, said):

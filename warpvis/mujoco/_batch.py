@@ -33,7 +33,7 @@ from warpvis.mujoco._batch_views import BatchViews, batch_views
 from warpvis.mujoco._batch_worlds import FixedGeoms, check_worlds
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
-from warpvis.mujoco._geoms import DEFAULT_TOLERANCE, check_groups
+from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE, check_groups
 from warpvis.mujoco._options import shown_by
 from warpvis.mujoco._poses import (
     Kinematics,
@@ -116,7 +116,7 @@ class BatchRenderer:
         outputs: Sequence[Output] = ("depth",),
         geom_groups: Iterable[int] | None = None,
         scene_option: mujoco.MjvOption | None = None,
-        tolerance: float = DEFAULT_TOLERANCE,
+        mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
         labels: LabelInput | None = None,
         label_names: Mapping[int, str] | None = None,
         exclude: Iterable[str] = (),
@@ -143,7 +143,7 @@ class BatchRenderer:
             scene_option: A `mujoco.MjvOption`: its groups of geoms and sites, and whether static geoms are shown.
                 Without it no sites are shown: they are markers, which no sensor sees. Tendons, skins and flexes of the
                 model that it shows are not rendered; a warning names them.
-            tolerance: Largest distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
+            mesh_tolerance: Largest distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels by name or pattern; see `scene_from_mujoco`.
             label_names: Names of user-defined classes, as for `warpvis.Scene`.
             exclude: Names or patterns of geoms, sites or bodies not to render, and of tendons, skins and flexes for
@@ -173,7 +173,12 @@ class BatchRenderer:
             if scene_option is not None:
                 raise SceneError("geom_groups must not be given with scene_option, which has groups of geoms")
             groups = check_groups(geom_groups)
-        chosen: dict[str, Any] = {"tolerance": tolerance, "labels": labels, "exclude": exclude, "static": static}
+        chosen: dict[str, Any] = {
+            "mesh_tolerance": mesh_tolerance,
+            "labels": labels,
+            "exclude": exclude,
+            "static": static,
+        }
         chosen["label_names"] = label_names
         self.model = model
         selection = select_geoms(model, geom_groups=groups, site_groups=sites, **chosen)

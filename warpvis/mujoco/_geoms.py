@@ -22,7 +22,7 @@ from warpvis.mujoco._appearances import GeomAppearances
 from warpvis.mujoco._shapes import shape_bodies, shape_count, shape_data, shape_places, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.scene import Part, solids
-from warpvis.scene.solids import DEFAULT_TOLERANCE, Solid
+from warpvis.scene.solids import DEFAULT_MESH_TOLERANCE, Solid
 
 DEFAULT_GROUPS = (0, 1, 2)
 """The geom groups that MuJoCo draws by default (`mjv_defaultOption` in src/engine/engine_vis_init.c)."""
@@ -43,7 +43,7 @@ def geom_parts(
     names: Sequence[str],
     labels: Sequence[int],
     *,
-    tolerance: float = DEFAULT_TOLERANCE,
+    mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
     pieces: NDArray[np.int32] | None = None,
     poses: NDArray[np.float64] | None = None,
 ) -> list[tuple[int, Part]]:
@@ -54,7 +54,7 @@ def geom_parts(
         geoms: Geoms to show.
         names: Every geom's name.
         labels: Every geom's label.
-        tolerance: Largest distance between round shapes and their triangles [m].
+        mesh_tolerance: Largest distance between round shapes and their triangles [m].
         pieces: Every geom's piece; the default is the result of `rigid_pieces`.
         poses: Geom to world; the default is the result of `initial_poses`.
 
@@ -68,7 +68,7 @@ def geom_parts(
     first_of: dict[int, str] = {}  # the part of a piece that carries the pose
     appearances = GeomAppearances(model)
     parts = []
-    for geom, shape in _meshes(model, geoms, tolerance):
+    for geom, shape in _meshes(model, geoms, mesh_tolerance):
         name, by_itself, piece = names[geom], isinstance(shape, Solid), int(pieces[geom])
         first = first_of.setdefault(piece, name) if piece != FIXED and not by_itself else name
         part = Part(
@@ -142,14 +142,14 @@ def _group(model: mujoco.MjModel, geom: int) -> int:
     return min(max(int(shape_value(model, "group", geom)), 0), mujoco.mjNGROUP - 1)
 
 
-def _meshes(model: mujoco.MjModel, geoms: Iterable[int], tolerance: float) -> list[tuple[int, Mesh | Solid]]:
+def _meshes(model: mujoco.MjModel, geoms: Iterable[int], mesh_tolerance: float) -> list[tuple[int, Mesh | Solid]]:
     """Make the shapes of the geoms that have one, in their frames; geoms of equal shape share arrays."""
     shared: dict[tuple[float, ...], Mesh | Solid | None] = {}
     drawn = []
     for geom in geoms:
         key = shape_key(model, geom)
         if key not in shared:
-            shared[key] = _mesh(model, geom, tolerance)
+            shared[key] = _mesh(model, geom, mesh_tolerance)
         mesh = shared[key]
         if mesh is not None:
             drawn.append((geom, mesh))
@@ -184,7 +184,7 @@ def _infinite(model: mujoco.MjModel) -> float:
     return float(INFINITE_PLANE * model.vis.map.zfar * model.stat.extent)
 
 
-def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | None:
+def _mesh(model: mujoco.MjModel, geom: int, mesh_tolerance: float) -> Mesh | Solid | None:
     """Make a geom's shape in its frame; None if it has no shape."""
     kind, data = int(shape_value(model, "type", geom)), shape_data(model, geom)
     a, b, c = shape_value(model, "size", geom).tolist()
@@ -192,13 +192,13 @@ def _mesh(model: mujoco.MjModel, geom: int, tolerance: float) -> Mesh | Solid | 
         far = _infinite(model)
         return tessellation.plane(a if a > 0 else far, b if b > 0 else far)
     if kind == _GEOM.mjGEOM_SPHERE:
-        return solids.sphere(a, tolerance=tolerance)
+        return solids.sphere(a, mesh_tolerance=mesh_tolerance)
     if kind == _GEOM.mjGEOM_CAPSULE:
-        return solids.capsule(a, b, tolerance=tolerance)
+        return solids.capsule(a, b, mesh_tolerance=mesh_tolerance)
     if kind == _GEOM.mjGEOM_ELLIPSOID:
-        return solids.ellipsoid((a, b, c), tolerance=tolerance)
+        return solids.ellipsoid((a, b, c), mesh_tolerance=mesh_tolerance)
     if kind == _GEOM.mjGEOM_CYLINDER:
-        return solids.cylinder(a, b, tolerance=tolerance)
+        return solids.cylinder(a, b, mesh_tolerance=mesh_tolerance)
     if kind == _GEOM.mjGEOM_BOX:
         return tessellation.box((a, b, c))
     return stored_mesh(model, kind, data)

@@ -22,7 +22,7 @@ from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._background import filled_depth
 from warpvis.mujoco._cameras import camera_of_frustum, viewer_camera, viewer_frustum, viewer_pose
 from warpvis.mujoco._geom_renderer import GeomRenderer
-from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_TOLERANCE, check_groups
+from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_MESH_TOLERANCE, check_groups
 from warpvis.mujoco._lines import Eye
 from warpvis.mujoco._options import shown_by
 from warpvis.mujoco._poses import check_computed
@@ -68,7 +68,7 @@ class Renderer:
         max_geom: int = 10000,
         font_scale: object = None,
         *,
-        tolerance: float = DEFAULT_TOLERANCE,
+        mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
         labels: LabelInput | None = None,
         label_names: Mapping[int, str] | None = None,
         exclude: Iterable[str] = (),
@@ -89,7 +89,7 @@ class Renderer:
             width: Image width [px].
             max_geom: Used by `fallback` only; all geoms are rendered.
             font_scale: Used by `fallback` only; images contain no text.
-            tolerance: Maximum distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
+            mesh_tolerance: Maximum distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels for the objects of `scene`; see `scene_from_mujoco`.
             label_names: Names of user-defined classes, as for `warpvis.Scene`.
             exclude: Names or patterns of geoms, sites, tendons, skins, flexes or bodies not to render.
@@ -116,7 +116,11 @@ class Renderer:
         check_size(height, "height")
         self._model, self._size = model, (int(height), int(width))
         rules = LabelRules.of(labels, label_names)
-        self._options: dict[str, Any] = {"tolerance": tolerance, "labels": rules, "exclude": check_patterns(exclude)}
+        self._options: dict[str, Any] = {
+            "mesh_tolerance": mesh_tolerance,
+            "labels": rules,
+            "exclude": check_patterns(exclude),
+        }
         self._device = device
         self._cull_backfaces = check_flag(cull_backfaces, "cull_backfaces")
         self._near_plane = check_choice(near_plane, "near_plane", get_args(NearPlane))
@@ -128,7 +132,7 @@ class Renderer:
         self._sensed: dict[str, np.ndarray] = {}
         self._threads = check_threads(threads)
         self._viewer = ViewerScene(model)
-        self._visuals = Visuals(model, tolerance=tolerance)
+        self._visuals = Visuals(model, mesh_tolerance=mesh_tolerance)
         self._warned: set[str] = set()
         self._stages: dict[tuple[tuple[int, ...], bool, tuple[int, ...]], Stage] = {}
         self._stage = self._stage_of(DEFAULT_GROUPS, static=True, sites=DEFAULT_GROUPS)
@@ -314,7 +318,7 @@ class Renderer:
         flags = state.pop("_flags")
         self.__dict__ |= state
         self._viewer, self._stages = ViewerScene(self._model), {}
-        self._visuals = Visuals(self._model, tolerance=self._options["tolerance"])
+        self._visuals = Visuals(self._model, mesh_tolerance=self._options["mesh_tolerance"])
         self._viewer.set_flags(flags)
         for (groups, static, sites), stage_state in states.items():
             self._stage_of(groups, static=static, sites=sites).restore(stage_state)

@@ -36,7 +36,7 @@ from warpvis.mujoco._numbers import check_shape_numbers
 from warpvis.mujoco._shapes import object_names, shape_bodies
 from warpvis.mujoco._visuals import soft_names
 from warpvis.scene import Scene
-from warpvis.scene.solids import DEFAULT_TOLERANCE
+from warpvis.scene.solids import DEFAULT_MESH_TOLERANCE
 
 _NAMED = 5
 
@@ -89,7 +89,7 @@ def scene_from_mujoco(
     *,
     geom_groups: Iterable[int] = DEFAULT_GROUPS,
     site_groups: Iterable[int] = (),
-    tolerance: float = DEFAULT_TOLERANCE,
+    mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
     labels: LabelInput | None = None,
     label_names: Mapping[int, str] | None = None,
     exclude: Iterable[str] = (),
@@ -107,7 +107,8 @@ def scene_from_mujoco(
 
     All shapes are exact, except that planes are 0.1 mm lower when seen from below, and that infinite planes end at 10
     times the distance of MuJoCo's far clipping plane from their origin. From inside a round shape, and on export, its
-    triangles are used; their distance from it is at most `tolerance`, or 1e-4 of its largest radius if that is greater.
+    triangles are used; their distance from it is at most `mesh_tolerance`, or 1e-4 of its largest radius if that is
+    greater.
 
     The name of an object is that of its geom, or of the geom's body if the geom has no name, with ``_1``, ``_2``, ...
     appended to duplicates. Planes, height fields, and names with "floor" or "ground" are `Label.GROUND`; others are
@@ -117,7 +118,7 @@ def scene_from_mujoco(
         model: A `mujoco.MjModel`.
         geom_groups: Groups of visible geoms, from 0 to 5; 0, 1 and 2 by default, as in MuJoCo.
         site_groups: Groups of visible sites; none by default, since sites are markers that sensors do not see.
-        tolerance: Maximum distance between round shapes and their triangles [m].
+        mesh_tolerance: Maximum distance between round shapes and their triangles [m].
         labels: Labels by name of the object or its body; a name may be a pattern (``"wall_*"``), and the last match
             applies. Or a file of labels, as for `Scene.load`.
         label_names: Names of user-defined classes, as for `Scene`.
@@ -140,7 +141,7 @@ def scene_from_mujoco(
         model,
         geom_groups=geom_groups,
         site_groups=site_groups,
-        tolerance=tolerance,
+        mesh_tolerance=mesh_tolerance,
         labels=labels,
         label_names=label_names,
         exclude=exclude,
@@ -167,7 +168,12 @@ def make_scene(
     scene.lights, scene.background = model_lights(model), model_background(model)
     added = []
     parts = geom_parts(
-        model, selection.shown(model), selection.names, selection.labels, tolerance=selection.tolerance, pieces=pieces
+        model,
+        selection.shown(model),
+        selection.names,
+        selection.labels,
+        mesh_tolerance=selection.mesh_tolerance,
+        pieces=pieces,
     )
     for geom, part in parts:
         scene.add(**part.arguments())
@@ -197,7 +203,7 @@ class Selection:
     """Groups of visible sites."""
     static: bool
     """Whether geoms of bodies welded to the world are visible."""
-    tolerance: float
+    mesh_tolerance: float
     """Maximum distance between round shapes and their triangles [m]."""
 
     def shown(self, model: mujoco.MjModel) -> list[int]:
@@ -215,7 +221,7 @@ def select_geoms(
     *,
     geom_groups: Iterable[int] = DEFAULT_GROUPS,
     site_groups: Iterable[int] = (),
-    tolerance: float = DEFAULT_TOLERANCE,
+    mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
     labels: LabelInput | None = None,
     label_names: Mapping[int, str] | None = None,
     exclude: Iterable[str] = (),
@@ -229,7 +235,7 @@ def select_geoms(
     if not isinstance(model, mujoco.MjModel):
         raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
     static = check_flag(static, "static", SceneError)
-    tolerance = check_length(tolerance, "tolerance", zero=False, error=SceneError)
+    mesh_tolerance = check_length(mesh_tolerance, "mesh_tolerance", zero=False, error=SceneError)
     groups, sites, exclude = (
         check_groups(geom_groups),
         check_groups(site_groups, "site_groups"),
@@ -239,7 +245,7 @@ def select_geoms(
     names = object_names(model)
     rules = LabelRules.of(labels, label_names)
     wanted, left_out = _assign_labels(model, names, rules, exclude)
-    return Selection(names, wanted, rules, frozenset(left_out), groups, sites, static, tolerance)
+    return Selection(names, wanted, rules, frozenset(left_out), groups, sites, static, mesh_tolerance)
 
 
 def warn_of_soft(model: mujoco.MjModel, selection: Selection, option: mujoco.MjvOption | None) -> None:

@@ -166,8 +166,8 @@ class Stage:
     def _parts(
         self, geoms: Iterable[int], pieces: NDArray[np.int32], poses: NDArray[np.float64]
     ) -> list[tuple[int, Part]]:
-        names, labels, tolerance = self._selection.names, self._selection.labels, self._selection.tolerance
-        return geom_parts(self._model, geoms, names, labels, tolerance=tolerance, pieces=pieces, poses=poses)
+        names, labels, mesh_tolerance = self._selection.names, self._selection.labels, self._selection.mesh_tolerance
+        return geom_parts(self._model, geoms, names, labels, mesh_tolerance=mesh_tolerance, pieces=pieces, poses=poses)
 
     def _get_ready(self) -> None:
         """Allocate the arrays and the launch of updates for the current objects."""

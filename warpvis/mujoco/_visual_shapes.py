@@ -66,7 +66,7 @@ def is_simple(kind: int) -> bool:
 
 
 def simple_shapes(
-    kind: int, sizes: _Floats, position: _Floats, rotation: _Floats, *, tolerance: float, open_ends: bool = False
+    kind: int, sizes: _Floats, position: _Floats, rotation: _Floats, *, mesh_tolerance: float, open_ends: bool = False
 ) -> Blocks:
     """Build shapes of one kind.
 
@@ -75,11 +75,11 @@ def simple_shapes(
         sizes: Sizes as in `mujoco.MjvGeom` [m], shape ``(n, 3)``.
         position: Positions [m], shape ``(n, 3)``.
         rotation: Shape-to-world rotations, ``(n, 3, 3)``.
-        tolerance: Maximum distance between triangles and the exact surface [m], limited by `ROUGHEST`.
+        mesh_tolerance: Maximum distance between triangles and the exact surface [m], limited by `ROUGHEST`.
         open_ends: Whether to omit the caps of cylinders.
     """
     radius = float(sizes[:, :2].max())
-    error = min(tolerance / radius, ROUGHEST) if radius > 0 else ROUGHEST
+    error = min(mesh_tolerance / radius, ROUGHEST) if radius > 0 else ROUGHEST
     # The error is halved in steps, so that slightly larger shapes keep their faces.
     unit = _unit(kind, ROUGHEST / 2.0 ** math.ceil(math.log2(ROUGHEST / error)), open_ends)
     stretch, half = sizes.astype(np.float64), np.zeros(len(sizes))
@@ -104,17 +104,17 @@ def _unit(kind: int, error: float, open_ends: bool) -> _Unit:
 
 
 def _sphere(error: float) -> tessellation.Mesh:
-    solid = solids.sphere(1.0, tolerance=error)
+    solid = solids.sphere(1.0, mesh_tolerance=error)
     return solid.vertices, solid.faces
 
 
 def _capsule(error: float) -> tessellation.Mesh:
-    solid = solids.capsule(1.0, 1.0, tolerance=error)
+    solid = solids.capsule(1.0, 1.0, mesh_tolerance=error)
     return solid.vertices, solid.faces
 
 
 def _cylinder(error: float) -> tessellation.Mesh:
-    solid = solids.cylinder(1.0, 1.0, tolerance=error)
+    solid = solids.cylinder(1.0, 1.0, mesh_tolerance=error)
     return solid.vertices, solid.faces
 
 

@@ -87,14 +87,14 @@ def soft_names(model: mujoco.MjModel, names: Sequence[str], option: mujoco.MjvOp
 class Visuals:
     """Reads MuJoCo's visual elements of a model."""
 
-    def __init__(self, model: mujoco.MjModel, *, tolerance: float) -> None:
+    def __init__(self, model: mujoco.MjModel, *, mesh_tolerance: float) -> None:
         """Initialize for a model.
 
         Args:
             model: The model.
-            tolerance: Maximum distance between round shapes and their triangles [m].
+            mesh_tolerance: Maximum distance between round shapes and their triangles [m].
         """
-        self._model, self._tolerance = model, tolerance
+        self._model, self._mesh_tolerance = model, mesh_tolerance
         self._default = draws_by_default(model)
         self._plain = _without_shapes(mujoco.MjvOption())
         self._scene: mujoco.MjvScene | None = None
@@ -149,7 +149,7 @@ class Visuals:
         )
         rotation = rotation.reshape(-1, 3, 3)
         if kind not in _LINES:
-            shapes = simple_shapes(kind, sizes, position, rotation, tolerance=self._tolerance)
+            shapes = simple_shapes(kind, sizes, position, rotation, mesh_tolerance=self._mesh_tolerance)
             return replace(shapes, vertices=facing(shapes.vertices, eye)) if kind == _GEOM.mjGEOM_TRIANGLE else shapes
         one = float(self._model.vis.global_.linewidth)
         if kind == _GEOM.mjGEOM_LINEBOX:
@@ -183,7 +183,7 @@ class Visuals:
     def _balls(self, middles: NDArray[np.float64], radius: float) -> Blocks:
         sizes = np.full((len(middles), 3), radius)
         rotation = np.broadcast_to(np.eye(3), (len(middles), 3, 3))
-        return simple_shapes(int(_GEOM.mjGEOM_SPHERE), sizes, middles, rotation, tolerance=self._tolerance)
+        return simple_shapes(int(_GEOM.mjGEOM_SPHERE), sizes, middles, rotation, mesh_tolerance=self._mesh_tolerance)
 
     def _rods(self, ends: NDArray[np.float64], radius: float) -> Blocks:
         """Build open cylinders between pairs of points, ``(n, 2, 3)``."""
@@ -195,7 +195,7 @@ class Visuals:
             sizes,
             ends.mean(axis=1),
             _rotations_to(along),
-            tolerance=self._tolerance,
+            mesh_tolerance=self._mesh_tolerance,
             open_ends=True,
         )
 

@@ -29,7 +29,7 @@ def minimum_height(
     *,
     raises: Literal["target", "eye"] = "target",
     max_height: float = 10.0,
-    tolerance: float = 1e-4,
+    end_tolerance: float = 1e-4,
     object_poses: ObjectPoses = None,
     quaternion: QuaternionOrder = "xyzw",
     exclude: Excluded = None,
@@ -52,9 +52,9 @@ def minimum_height(
         targets: Target points in the world frame [m], shape ``(N, 3)``.
         raises: Which of the two is raised along the scene's up axis: the ``"target"``, or the ``"eye"``.
         max_height: Maximum height of the search [m].
-        tolerance: Distance from the ends of a line within which occluders are ignored [m], since targets lie on
+        end_tolerance: Distance from the ends of a line within which occluders are ignored [m], since targets lie on
             surfaces. It applies before raising; for a line that becomes longer, the same fraction at either end is
-            ignored. Points within twice the tolerance see each other.
+            ignored. Points within twice `end_tolerance` see each other.
         object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
             default their initial poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
@@ -73,7 +73,7 @@ def minimum_height(
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_choice(raises, "raises", ("target", "eye"))
     max_height = check_length(max_height, "max_height")
-    tolerance = check_length(tolerance, "tolerance", zero=False)
+    end_tolerance = check_length(end_tolerance, "end_tolerance", zero=False)
     vertices, excluded = one_world(scene, object_poses, exclude)
     device = scene.device
     viewers, points = as_points(eyes, "eyes", "E", device), as_points(targets, "targets", "N", device)
@@ -83,7 +83,7 @@ def minimum_height(
         heights.zero_()
         return heights
     blockers, _tree = _build_blockers(corners_of(scene, vertices, chosen), check_up(scene.up), device)
-    given = [viewers, points, raises == "eye", wp.float64(max_height), wp.float64(tolerance), heights]
+    given = [viewers, points, raises == "eye", wp.float64(max_height), wp.float64(end_tolerance), heights]
     launch_points(climb, heights.shape, lambda window: [blockers, window, *given], device=device, threads=threads)
     return heights
 

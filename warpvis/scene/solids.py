@@ -19,11 +19,11 @@ from warpvis.core.arrays import as_point, check_length
 from warpvis.errors import SceneError
 from warpvis.kernels import constants
 
-DEFAULT_TOLERANCE = 5e-4
+DEFAULT_MESH_TOLERANCE = 5e-4
 """Default maximum distance between triangles and the true surface [m]."""
 
-RELATIVE_TOLERANCE = 1e-4
-"""Tolerance relative to a shape's largest radius; the larger one of this and the tolerance in meters applies."""
+RELATIVE_MESH_TOLERANCE = 1e-4
+"""Tolerance relative to a shape's largest radius; the greater one of this and the tolerance in meters applies."""
 
 _MIN_STACKS = 4
 _MIN_SLICES = 8
@@ -83,36 +83,37 @@ class Solid:
         return Solid(self.kind, self.radii * factors, self.half, self.vertices * factors, self.faces)
 
 
-def largest_error(tolerance: float, radius: float) -> float:
+def largest_error(mesh_tolerance: float, radius: float) -> float:
     """Return the maximum distance between the triangles of a round shape and its true surface [m].
 
     Args:
-        tolerance: The tolerance [m].
+        mesh_tolerance: The tolerance [m].
         radius: The shape's radius, or an ellipsoid's longest half axis [m].
     """
-    return max(tolerance, RELATIVE_TOLERANCE * radius)
+    return max(mesh_tolerance, RELATIVE_MESH_TOLERANCE * radius)
 
 
-def sphere(radius: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
+def sphere(radius: float, *, mesh_tolerance: float = DEFAULT_MESH_TOLERANCE) -> Solid:
     """Create a sphere.
 
     Args:
         radius: Its radius [m].
-        tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is more.
+        mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is
+            more.
 
     Raises:
         SceneError: If a size or the tolerance is not a positive number.
     """
     radius = _check_size(radius, "radius of a sphere")
-    return ellipsoid((radius, radius, radius), tolerance=tolerance)
+    return ellipsoid((radius, radius, radius), mesh_tolerance=mesh_tolerance)
 
 
-def ellipsoid(half_axes: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
+def ellipsoid(half_axes: ArrayLike, *, mesh_tolerance: float = DEFAULT_MESH_TOLERANCE) -> Solid:
     """Create an ellipsoid.
 
     Args:
         half_axes: Its half axes along x, y and z [m].
-        tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the longest half axis if
+        mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the longest half axis if
             that is more.
 
     Raises:
@@ -120,27 +121,28 @@ def ellipsoid(half_axes: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE) -> 
     """
     half_axes = as_point(half_axes, "half_axes of an ellipsoid", SceneError)
     _check_size(float(half_axes.min()), "each of half_axes of an ellipsoid")
-    tolerance = _check_size(tolerance, "tolerance")
-    stacks, growth = _ball_grid(float(np.max(half_axes)), tolerance)
+    mesh_tolerance = _check_size(mesh_tolerance, "mesh_tolerance")
+    stacks, growth = _ball_grid(float(np.max(half_axes)), mesh_tolerance)
     angles = np.linspace(-np.pi / 2, np.pi / 2, stacks + 1)
     return Solid.of(SolidKind.BALL, half_axes, 0.0, growth * np.cos(angles), growth * np.sin(angles), 2 * stacks)
 
 
-def capsule(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
+def capsule(radius: float, half_length: float, *, mesh_tolerance: float = DEFAULT_MESH_TOLERANCE) -> Solid:
     """Create a cylinder about the z axis with half balls at its ends.
 
     Args:
         radius: Its radius [m].
         half_length: Half the length of the cylinder between the half balls [m].
-        tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is more.
+        mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is
+            more.
 
     Raises:
         SceneError: If a size or the tolerance is not a positive number.
     """
     radius = _check_size(radius, "radius of a capsule")
     half_length = _check_size(half_length, "half_length of a capsule")
-    tolerance = _check_size(tolerance, "tolerance")
-    stacks, growth = _ball_grid(radius, tolerance)
+    mesh_tolerance = _check_size(mesh_tolerance, "mesh_tolerance")
+    stacks, growth = _ball_grid(radius, mesh_tolerance)
     half = half_length / radius
     angles = np.linspace(-np.pi / 2, 0, stacks // 2 + 1)
     ring, height = growth * np.cos(angles), growth * np.sin(angles) - half
@@ -148,21 +150,22 @@ def capsule(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOL
     return Solid.of(SolidKind.CAPSULE, (radius, radius, radius), half, *rings, 2 * stacks)
 
 
-def cylinder(radius: float, half_length: float, *, tolerance: float = DEFAULT_TOLERANCE) -> Solid:
+def cylinder(radius: float, half_length: float, *, mesh_tolerance: float = DEFAULT_MESH_TOLERANCE) -> Solid:
     """Create a cylinder about the z axis, from ``-half_length`` to ``half_length``.
 
     Args:
         radius: Its radius [m].
         half_length: Half its length [m].
-        tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is more.
+        mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is
+            more.
 
     Raises:
         SceneError: If a size or the tolerance is not a positive number.
     """
     radius = _check_size(radius, "radius of a cylinder")
     half_length = _check_size(half_length, "half_length of a cylinder")
-    tolerance = _check_size(tolerance, "tolerance")
-    error = largest_error(tolerance, radius) / radius
+    mesh_tolerance = _check_size(mesh_tolerance, "mesh_tolerance")
+    error = largest_error(mesh_tolerance, radius) / radius
     min_cosine = (1 - error) / (1 + error)
     slices = max(_MIN_SLICES, math.ceil(math.pi / math.acos(max(min_cosine, 0.0))))
     ring = 2 / (1 + math.cos(math.pi / slices))
@@ -175,13 +178,13 @@ def _check_size(value: float, name: str) -> float:
     return check_length(value, name, zero=False, error=SceneError)
 
 
-def _ball_grid(radius: float, tolerance: float) -> tuple[int, float]:
+def _ball_grid(radius: float, mesh_tolerance: float) -> tuple[int, float]:
     """Return the number of stacks of a unit ball, an even number, and the distance of its corners from the center.
 
     With corners at distance 1, a ball of m stacks and 2 m slices comes within ``q = cos(pi / 2m)^2`` of the center, at
     the centers of the faces at the equator. Corners at ``2 / (1 + q)`` make both errors ``(1-q) / (1+q)``.
     """
-    error = largest_error(tolerance, radius) / radius
+    error = largest_error(mesh_tolerance, radius) / radius
     least = max((1 - error) / (1 + error), 0.0)
     stacks = max(_MIN_STACKS, math.ceil(math.pi / 2 / math.acos(math.sqrt(least))))
     stacks += stacks % 2

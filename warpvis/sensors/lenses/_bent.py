@@ -22,7 +22,7 @@ _STEPS = 40
 _HALVINGS = 10
 _PROGRESS = 0.99  # a Newton step is accepted only if it reduces the error by this factor
 _PARTS = 64  # continuation steps from the center, used where Newton's method from the undistorted point fails
-_TOLERANCE = 1e-10
+_PIXEL_TOLERANCE = 1e-10
 """Maximum reprojection error of a solution [px]."""
 
 
@@ -148,7 +148,7 @@ class BentLens(RadialLens):
     def _solves(self, solution: Floats, target: Floats) -> NDArray[np.bool_]:
         bent = self._bend(*solution)
         off = np.hypot(self.fx * (bent.x - target[0]), self.fy * (bent.y - target[1]))
-        solves = off <= _TOLERANCE * np.maximum(1.0, 1e-4 * np.hypot(self.fx * target[0], self.fy * target[1]))
+        solves = off <= _PIXEL_TOLERANCE * np.maximum(1.0, 1e-4 * np.hypot(self.fx * target[0], self.fy * target[1]))
         solves[solves] = self._is_injective(*solution[:, solves])
         return solves
 
