@@ -30,7 +30,7 @@ class StereoModel:
     min_support: float
     min_signal: float
     signal_slope: float
-    kept: float
+    detection_rate: float
     sigma: float
     locking: float
     levels: float
@@ -111,8 +111,8 @@ MEASURE = (
     + """
 const Stereo stereo = {model.disparity_scale, model.shift_scale, model.first_column, model.last_column, model.near,
                        model.far, model.max_disparity, model.shadow_tolerance, model.min_support,
-                       model.min_signal, model.signal_slope, model.kept, model.sigma, model.locking, model.levels,
-                       model.spacing, model.window, model.edge_step};
+                       model.min_signal, model.signal_slope, model.detection_rate, model.sigma, model.locking,
+                       model.levels, model.spacing, model.window, model.edge_step};
 StereoView seen = {view, {model.seed, draw[0], draw[1]}, {}, (float)eye.place[2]};
 for (int k = 0; k < 9; ++k) seen.axes[k] = eye.axes.data[k / 3][k % 3];
 """

@@ -231,7 +231,7 @@ Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const S
     job.cull_back_faces = cull;
     job.clip_inv_z = lens.clips ? clip_inv_z(lens.near) : INFINITY;
     job.clip_reach = lens.clips ? (float)lens.near_reach() : 0.0f;
-    job.points = points, job.at = at.data;
+    job.points = points, job.pixels = at.data;
     const size_t pixels = (size_t)job.views * (points ? points : job.height * job.width);
     Pictures made;
     if (outputs & DEPTH) made.depth = Exact<float>(pixels, -7.0f, shares.shift);

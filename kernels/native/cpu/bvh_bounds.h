@@ -29,10 +29,10 @@ struct Bounds {
 
     static Doubles root(Doubles x) { return __builtin_elementwise_sqrt(__builtin_elementwise_max(x, (Doubles)(0.0))); }
 
-    static double least(Doubles x) {
-        double result = x[0];
-        for (int k = 1; k < LANES; ++k) result = x[k] < result ? x[k] : result;
-        return result;
+    static double minimum_of(Doubles x) {
+        double minimum = x[0];
+        for (int k = 1; k < LANES; ++k) minimum = x[k] < minimum ? x[k] : minimum;
+        return minimum;
     }
 
     // Compute the NODE_ROWS numbers of a leaf. Normals are computed in double precision: those of slivers are
@@ -62,7 +62,7 @@ struct Bounds {
         if (!mean_axis(nx, ny, nz, bounds + CONE_AXIS_ROW)) return;
         const float* axis = bounds + CONE_AXIS_ROW;
         const Doubles cosine = nx * (double)axis[0] + ny * (double)axis[1] + nz * (double)axis[2];
-        bounds[CONE_CUTOFF_ROW] = cutoff(least(flat ? (Doubles)(1.0) : cosine));
+        bounds[CONE_CUTOFF_ROW] = cutoff(minimum_of(flat ? (Doubles)(1.0) : cosine));
     }
 
     // Compute the NODE_ROWS numbers of a node from its rows. The half angle of the cone is the largest sum of the angle
@@ -89,7 +89,7 @@ struct Bounds {
             __builtin_elementwise_min(x * (double)axis[0] + y * (double)axis[1] + z * (double)axis[2], (Doubles)(1.0));
         const Doubles sine = __builtin_convertvector(row[CONE_CUTOFF_ROW], Doubles);
         const Doubles cosine = between * root(1.0 - sine * sine) - root(1.0 - between * between) * sine;
-        bounds[CONE_CUTOFF_ROW] = cutoff(least(__builtin_convertvector(used, Truths) ? cosine : (Doubles)(1.0)));
+        bounds[CONE_CUTOFF_ROW] = cutoff(minimum_of(__builtin_convertvector(used, Truths) ? cosine : (Doubles)(1.0)));
     }
 };
 

@@ -21,11 +21,11 @@ struct Collapser {
 
     static_assert(sizeof(Binary) == (BINARY_WORDS + LANES) * sizeof(int), "Python allocates nodes");
 
-    // A subtree that is divided into at most `most` parts.
+    // A subtree that is divided into at most `max_parts` parts.
     struct Part {
         int binary;  // -1 for a leaf
         int begin, end;
-        int most;
+        int max_parts;
     };
 
     struct Pending {
@@ -34,8 +34,8 @@ struct Collapser {
         long long slot;  // of `children`, to store the node's index in
     };
 
-    static float cost(const Binary* tree, int binary, int most) {
-        return binary < 0 ? 0.0f : tree[binary].cost[most - 1];
+    static float cost(const Binary* tree, int binary, int max_parts) {
+        return binary < 0 ? 0.0f : tree[binary].cost[max_parts - 1];
     }
 
     // List the nodes of the binary tree, parents before children; returns their number.
@@ -62,13 +62,13 @@ struct Collapser {
         return count;
     }
 
-    // Number of the `most` parts that the left child gets at the least cost.
-    static int share(const Binary* tree, const Binary& node, int most, float& least) {
+    // Number of the `max_parts` parts that the left child gets at the minimum cost.
+    static int share(const Binary* tree, const Binary& node, int max_parts, float& min_cost) {
         int best = 1;
-        least = __builtin_inff();
-        for (int k = 1; k < most; ++k) {
-            const float c = cost(tree, node.child[0], k) + cost(tree, node.child[1], most - k);
-            if (c < least) least = c, best = k;
+        min_cost = __builtin_inff();
+        for (int k = 1; k < max_parts; ++k) {
+            const float c = cost(tree, node.child[0], k) + cost(tree, node.child[1], max_parts - k);
+            if (c < min_cost) min_cost = c, best = k;
         }
         return best;
     }
@@ -78,10 +78,10 @@ struct Collapser {
             Binary& node = tree[binary];
             share(tree, node, LANES, node.cost[0]);
             node.cost[0] += node.area + 1e-30f;  // minimizes the number of nodes if all areas are 0
-            for (int most = 2; most <= LANES; ++most) {
+            for (int max_parts = 2; max_parts <= LANES; ++max_parts) {
                 float open;
-                share(tree, node, most, open);
-                node.cost[most - 1] = open < node.cost[most - 2] ? open : node.cost[most - 2];
+                share(tree, node, max_parts, open);
+                node.cost[max_parts - 1] = open < node.cost[max_parts - 2] ? open : node.cost[max_parts - 2];
             }
         }
     }
@@ -91,7 +91,8 @@ struct Collapser {
     // levels of the binary tree, whatever its shape.
     static void share_evenly(Binary* tree, int count) {
         for (int binary = 0; binary < count; ++binary)
-            for (int most = 1; most <= LANES; ++most) tree[binary].cost[most - 1] = 1.0f / most;
+            for (int max_parts = 1; max_parts <= LANES; ++max_parts)
+                tree[binary].cost[max_parts - 1] = 1.0f / max_parts;
     }
 
     // Find the children of a node, in the order of the items; returns their number.
@@ -103,9 +104,10 @@ struct Collapser {
             Part part = stack[--waiting];
             if (part.binary >= 0) {
                 const Binary& node = tree[part.binary];
-                while (part.most > 1 && node.cost[part.most - 2] == node.cost[part.most - 1]) --part.most;
-                if (part.most > 1) {
-                    push(tree, node, part.most, stack, waiting);
+                while (part.max_parts > 1 && node.cost[part.max_parts - 2] == node.cost[part.max_parts - 1])
+                    --part.max_parts;
+                if (part.max_parts > 1) {
+                    push(tree, node, part.max_parts, stack, waiting);
                     continue;
                 }
             }
@@ -114,10 +116,10 @@ struct Collapser {
         return count;
     }
 
-    static void push(const Binary* tree, const Binary& node, int most, Part* stack, int& waiting) {
-        float least;
-        const int left_parts = share(tree, node, most, least);
-        stack[waiting++] = Part{node.child[1], node.split, node.end, most - left_parts};
+    static void push(const Binary* tree, const Binary& node, int max_parts, Part* stack, int& waiting) {
+        float min_cost;
+        const int left_parts = share(tree, node, max_parts, min_cost);
+        stack[waiting++] = Part{node.child[1], node.split, node.end, max_parts - left_parts};
         stack[waiting++] = Part{node.child[0], node.begin, node.split, left_parts};
     }
 

@@ -265,10 +265,10 @@ struct Splitter {
     // Split a range and its parts recursively until all are leaves, or `max_splits` times. The smaller part is
     // processed first, so that the stack never holds more ranges than `count` has bits. `centers` receives the boxes of
     // the parts of the last split.
-    static void split_all(v8* items, Split* splits, const Range& whole, int max_splits, v8* centers) {
-        Range stack[8 * sizeof(whole.end)];
+    static void split_all(v8* items, Split* splits, const Range& root, int max_splits, v8* centers) {
+        Range stack[8 * sizeof(root.end)];
         int waiting = 0;
-        stack[waiting++] = whole;
+        stack[waiting++] = root;
         while (waiting > 0) {
             const Range range = stack[--waiting];
             int& name = splits[range.link / 2].child[range.link % 2];

@@ -28,7 +28,7 @@ struct Job {
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
     int points;  // per view, if rays pass through points instead of pixel centers; else 0
-    const float* at;  // [view][point]: x and y in pixels
+    const float* pixels;  // [view][point]: x and y in pixels
 
     inline Pose pose_of(int view) const { return Pose::from(poses + (long long)view * POSE_WORDS); }
 };
@@ -44,7 +44,7 @@ struct Camera {
     double exact_origin[3];
     // rows: x and y divided by the focal lengths, z; a ray is their linear combination with coefficients u, v and 1
     double exact_to_camera[3][3];
-    float rest[3];  // rounding error of the origin, in camera space: 0 in the world frame
+    float origin_error[3];  // rounding error of the origin, in camera space: 0 in the world frame
     float first_u, first_v;  // u and v of pixel (0, 0) of the view
     double exact_first_u, exact_first_v;
     // pixels from the principal point to the farthest side of the image, or the focal length if that is greater
@@ -69,9 +69,9 @@ struct Camera {
             }
         }
         for (int i = 0; i < 3; ++i) {
-            double rest = 0.0;
-            for (int k = 0; k < 3; ++k) rest += pose.axis[i][k] * (camera.exact_origin[k] - camera.origin[k]);
-            camera.rest[i] = (float)(i < 2 ? rest * job.focal[i] : rest);
+            double error = 0.0;
+            for (int k = 0; k < 3; ++k) error += pose.axis[i][k] * (camera.exact_origin[k] - camera.origin[k]);
+            camera.origin_error[i] = (float)(i < 2 ? error * job.focal[i] : error);
         }
         camera.first_u = (float)(0.5 - job.center[0]);
         camera.first_v = (float)(0.5 - job.center[1]);
@@ -107,12 +107,12 @@ struct Camera {
     // Distance from the principal point to the farthest side of the image, in pixels.
     static inline double reach_of(const Job& job) {
         const double size[2] = {(double)job.width, (double)job.height};
-        double most = 0.0;
+        double extent = 0.0;
         for (int k = 0; k < 2; ++k) {
             const double sides[2] = {__builtin_fabs(job.center[k]), __builtin_fabs(size[k] - job.center[k])};
-            for (double pixels : sides) most = pixels > most ? pixels : most;
+            for (double pixels : sides) extent = pixels > extent ? pixels : extent;
         }
-        return most;
+        return extent;
     }
 
     // u and v of a pixel of the view.
@@ -130,9 +130,9 @@ struct Camera {
     // Transform points relative to the rounded origin into camera space.
     inline Points transform(Points p) const {
         const Row* m = to_camera;
-        return Points{m[0][0] * p.x + (m[0][1] * p.y + (m[0][2] * p.z - rest[0])),
-                      m[1][0] * p.x + (m[1][1] * p.y + (m[1][2] * p.z - rest[1])),
-                      m[2][0] * p.x + (m[2][1] * p.y + (m[2][2] * p.z - rest[2]))};
+        return Points{m[0][0] * p.x + (m[0][1] * p.y + (m[0][2] * p.z - origin_error[0])),
+                      m[1][0] * p.x + (m[1][1] * p.y + (m[1][2] * p.z - origin_error[1])),
+                      m[2][0] * p.x + (m[2][1] * p.y + (m[2][2] * p.z - origin_error[2]))};
     }
 };
 
@@ -140,7 +140,7 @@ struct Camera {
 struct Frustum {
     enum { PLANES = 5 };  // plane of the camera, left, right, top, bottom
 
-    float plane[PLANES][3], least[PLANES];
+    float plane[PLANES][3], min_product[PLANES];
 
     static inline Frustum of(const Camera& camera, const Image& image) {
         Frustum frustum;
@@ -153,15 +153,15 @@ struct Frustum {
             frustum.plane[3][k] = m[1][k] + center_y * m[2][k];
             frustum.plane[4][k] = (image.height - center_y) * m[2][k] - m[1][k];
         }
-        const float* rest = camera.rest;
-        frustum.least[0] = rest[2];
-        frustum.least[1] = rest[0] + center_x * rest[2];
-        frustum.least[2] = (image.width - center_x) * rest[2] - rest[0];
-        frustum.least[3] = rest[1] + center_y * rest[2];
-        frustum.least[4] = (image.height - center_y) * rest[2] - rest[1];
+        const float* error = camera.origin_error;
+        frustum.min_product[0] = error[2];
+        frustum.min_product[1] = error[0] + center_x * error[2];
+        frustum.min_product[2] = (image.width - center_x) * error[2] - error[0];
+        frustum.min_product[3] = error[1] + center_y * error[2];
+        frustum.min_product[4] = (image.height - center_y) * error[2] - error[1];
         if (RAY_ORIGINS) {
-            frustum.least[1] -= image.tree->origins.max_p, frustum.least[2] -= image.tree->origins.max_p;
-            frustum.least[3] -= image.tree->origins.max_q, frustum.least[4] -= image.tree->origins.max_q;
+            frustum.min_product[1] -= image.tree->origins.max_p, frustum.min_product[2] -= image.tree->origins.max_p;
+            frustum.min_product[3] -= image.tree->origins.max_q, frustum.min_product[4] -= image.tree->origins.max_q;
         }
         return frustum;
     }

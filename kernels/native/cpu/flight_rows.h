@@ -14,8 +14,8 @@ struct Wide {
 
     // sin(2 pi turns), as `sine` of kernels/time_of_flight.py.
     static inline Doubles sine(Doubles turns) {
-        const Doubles whole = turns - floor(turns + 0.5);
-        const Doubles t = whole > 0.25 ? 0.5 - whole : (whole < -0.25 ? -0.5 - whole : whole);
+        const Doubles fraction = turns - floor(turns + 0.5);
+        const Doubles t = fraction > 0.25 ? 0.5 - fraction : (fraction < -0.25 ? -0.5 - fraction : fraction);
         const Doubles s = t * t;
         Doubles total = s * 3.66586854013351 - 15.081485384046008;
         total = total * s + 42.058134991709764;

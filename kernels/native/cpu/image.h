@@ -129,10 +129,10 @@ struct Image {
         return block_min[block];
     }
     inline float min_of_packets(int block) const {
-        Floats least = Lanes::all(NOWHERE);
+        Floats min_inv_z = Lanes::all(NOWHERE);
         for (int packet = first_packet[block]; packet < first_packet[block + 1]; ++packet)
-            least = Lanes::min(least, Lanes::load(inv_z + packet * LANES));
-        return Lanes::min_of(least);
+            min_inv_z = Lanes::min(min_inv_z, Lanes::load(inv_z + packet * LANES));
+        return Lanes::min_of(min_inv_z);
     }
     inline float min_of_tile(int tile) const {
         if (tile_stale[tile]) {

@@ -117,8 +117,8 @@ struct Nguyen {
         return angle >= grazing_angle ? more : sigma;
     }
     // Displaced pixel centers along one axis, clamped to the image.
-    static inline Ints jittered(Floats at, Floats moved, int size) {
-        const Floats place = Numbers::floor(at + 0.5f + moved);
+    static inline Ints jittered(Floats centers, Floats offset, int size) {
+        const Floats place = Numbers::floor(centers + 0.5f + offset);
         const Floats last = Lanes::all((float)(size - 1));
         return __builtin_convertvector(Lanes::min(Lanes::max(place, Lanes::all(0.0f)), last), Ints);
     }
@@ -138,8 +138,8 @@ struct Nguyen {
     inline void measure_lanes(const NoiseRow& row, const NguyenView& view, int x, const Floats* noise) const {
         Floats normal[3];
         Numbers::load_triples(view.normals + 3LL * ((long long)row.y * row.width + x), normal, row.width - x);
-        const Floats own = SensorRange::finite(row.exact(x)) ? view.angle(normal) : Lanes::all(0.0f);
-        const Floats sigma = lateral + lateral_growth * steepness(Lanes::min(own, Lanes::all(max_angle)));
+        const Floats source_angle = SensorRange::finite(row.exact(x)) ? view.angle(normal) : Lanes::all(0.0f);
+        const Floats sigma = lateral + lateral_growth * steepness(Lanes::min(source_angle, Lanes::all(max_angle)));
         Shown shown;
         shown.column = jittered(Numbers::columns(x), sigma * noise[0], view.width);
         shown.row = jittered(Lanes::all((float)row.y), sigma * noise[1], view.height);

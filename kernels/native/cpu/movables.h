@@ -108,9 +108,9 @@ struct Queue {
     static constexpr float nearer() { return 1.0001f; }
 
     // Bounds of the objects from `first` on, one per lane.
-    static inline ScreenBounds bounds(const View& view, const Image& image, int first, Ints wanted) {
+    static inline ScreenBounds bounds(const View& view, const Image& image, int first, Ints active) {
         const OrientedBoxes boxes = OrientedBoxes::of(first, view.scene.movables.end_of(first) - 1 - first, view);
-        return boxes.bounds(view.camera.far, view.camera.blur, image, wanted);
+        return boxes.bounds(view.camera.far, view.camera.blur, image, active);
     }
     // Find the bounds of one object; returns false if it is not in the image.
     static inline bool find(const View& view, const Image& image, int movable, Visit& found) {
@@ -123,9 +123,9 @@ struct Queue {
     inline void fill(const View& view, const Image& image) {
         const Movables& movables = view.scene.movables;
         for (int first = 0; first < movables.count;) {
-            const int left = movables.end_of(first) - first;
-            add(movables, view.world, first, bounds(view, image, first, Lanes::index() < Lanes::all_ints(left)));
-            first += left < LANES ? left : (int)LANES;
+            const int remaining = movables.end_of(first) - first;
+            add(movables, view.world, first, bounds(view, image, first, Lanes::index() < Lanes::all_ints(remaining)));
+            first += remaining < LANES ? remaining : (int)LANES;
         }
         sort();
     }
@@ -133,8 +133,8 @@ struct Queue {
     inline void add(const Movables& movables, const World& world, int first, const ScreenBounds& bounds) {
         if (!Lanes::any(bounds.shown)) return;
         const ScreenBounds::Lane lanes = bounds.lanes(nearer());
-        for (unsigned rest = Lanes::bits(bounds.shown); rest; rest &= rest - 1) {
-            const int k = Lanes::first_lane(rest);
+        for (unsigned remaining = Lanes::bits(bounds.shown); remaining; remaining &= remaining - 1) {
+            const int k = Lanes::first_lane(remaining);
             if (!world.excludes(movables.object[first + k])) visits[count++] = lanes.visit(k, first + k);
         }
     }

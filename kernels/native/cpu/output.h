@@ -68,10 +68,10 @@ struct Write {
         Lanes::store(z, value.z);
         for (int k = 0; k < LANES; ++k) {
             if (place[k] < 0) continue;
-            float* at = to + 3LL * place[k];
-            at[0] = x[k];
-            at[1] = y[k];
-            at[2] = z[k];
+            float* target = to + 3LL * place[k];
+            target[0] = x[k];
+            target[1] = y[k];
+            target[2] = z[k];
         }
     }
 };
@@ -137,13 +137,13 @@ struct Writer {
         Points n = {none, none, none};
         int id[LANES];
         Lanes::store(id, ids);
-        const Ints wanted = ((Lanes::all_ints((int)seen) >> Lanes::index()) & 1) == 1;
+        const Ints active = ((Lanes::all_ints((int)seen) >> Lanes::index()) & 1) == 1;
         while (seen) {
             const int first = id[Lanes::first_lane(seen)];
             float computed[3];
             const float* normal = normal_cache ? normal_cache->find(lookup, first) : computed;
             if (!normal_cache) lookup.normal_of(first, computed);
-            const Ints same = ids == first, shown = same & wanted;
+            const Ints same = ids == first, shown = same & active;
             n.x = shown ? Lanes::all(normal[0]) : n.x;
             n.y = shown ? Lanes::all(normal[1]) : n.y;
             n.z = shown ? Lanes::all(normal[2]) : n.z;
@@ -156,8 +156,8 @@ struct Writer {
     inline Ints faces(Ints ids, Ints seen) {
         int of[LANES];
         Lanes::store(of, ids);
-        for (unsigned rest = Lanes::bits(seen); rest; rest &= rest - 1) {
-            const int k = Lanes::first_lane(rest);
+        for (unsigned remaining = Lanes::bits(seen); remaining; remaining &= remaining - 1) {
+            const int k = Lanes::first_lane(remaining);
             of[k] = face_of(of[k]);
         }
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);
@@ -172,8 +172,8 @@ struct Writer {
         if (mode != MODE_TRIANGLES) return seen ? id : Lanes::all_ints(-1);
         int of[LANES];
         Lanes::store(of, id);
-        for (unsigned rest = Lanes::bits(seen); rest; rest &= rest - 1) {
-            const int k = Lanes::first_lane(rest);
+        for (unsigned remaining = Lanes::bits(seen); remaining; remaining &= remaining - 1) {
+            const int k = Lanes::first_lane(remaining);
             of[k] = lookup.object_of(of[k]);
         }
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);
@@ -213,24 +213,24 @@ struct Writer {
     // triangle's id.
     inline void row(int x, int y, Floats inv_z, Ints id) {
         const int count = count_from(x, image.width);
-        const long long at = (view * job.height + image.first_row + y) * job.width + x;
+        const long long offset = (view * job.height + image.first_row + y) * job.width + x;
         const Range range = Range::of(inv_z, job.near, job.far);
         const Ints seen = range.seen;
-        if (out.depth) Write::row(out.depth + at, range.depth, count);
+        if (out.depth) Write::row(out.depth + offset, range.depth, count);
         if (out.points) {
             const Points ray = rays.at((Lanes::index_floats() + (float)x) + camera.first_u,
                                        (float)(y + image.first_row) + camera.first_v);
-            Write::row(out.points + at * 3, range.along(ray, camera.origin), count);
+            Write::row(out.points + offset * 3, range.along(ray, camera.origin), count);
         }
         if (mode == MODE_TRIANGLES && out.normals) {
             const double u = x + 0.5 - job.center[0], v = y + image.first_row + 0.5 - job.center[1];
-            Write::row(out.normals + at * 3, normals(id, seen, u, v), count);
+            Write::row(out.normals + offset * 3, normals(id, seen, u, v), count);
         }
-        if (mode == MODE_TRIANGLES && out.faces) Write::row(out.faces + at, faces(id, seen), count);
+        if (mode == MODE_TRIANGLES && out.faces) Write::row(out.faces + offset, faces(id, seen), count);
         if (mode == MODE_TRIANGLES && !(out.segmentation || out.labels)) return;
         const Ints object = objects(id, seen);
-        if (out.segmentation) Write::row(out.segmentation + at, object, count);
-        if (out.labels) labels(out.labels + at, out.object_label, object, count);
+        if (out.segmentation) Write::row(out.segmentation + offset, object, count);
+        if (out.labels) labels(out.labels + offset, out.object_label, object, count);
     }
 
     // Write rows of pixels from rows of blocks, and clear the blocks. Rows are buffered in memory that stays in cache,
@@ -246,8 +246,8 @@ struct Writer {
             }
             for (int r = 0; r < rows; ++r)
                 for (int x = 0; x < image.width; x += LANES) {
-                    const int at = r * stride + x;
-                    row(x, y + r, Lanes::load(image.rows + at), Lanes::load(image.id_rows + at));
+                    const int offset = r * stride + x;
+                    row(x, y + r, Lanes::load(image.rows + offset), Lanes::load(image.id_rows + offset));
                 }
         }
     }

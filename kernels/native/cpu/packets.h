@@ -75,7 +75,7 @@ struct Packets {
         const int index = unit / job.strips;
         const Image image = memory.strip(job, unit % job.strips);
         if (job.points)
-            Sparse::place(image, job.at + (long long)index * job.points * 2, job.points, job.center);
+            Sparse::place(image, job.pixels + (long long)index * job.points * 2, job.points, job.center);
         else
             image.begin();
         const View view = View::of(scene, job, scene.movables.of_view(index), job.pose_of(index));

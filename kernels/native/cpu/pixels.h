@@ -26,11 +26,11 @@ struct Pixels {
     }
 
     // 1 / z of the plane in double precision, clamped to the depth range of the corners.
-    static inline float exact_inv_z(const Camera& camera, const float* corners, int k, float least, float most,
+    static inline float exact_inv_z(const Camera& camera, const float* corners, int k, float min_inv_z, float max_inv_z,
                                     double u, double v) {
         const ExactPlane plane = ExactPlane::of(camera, corners, k);
         const float inv_z = (float)(plane.u * u + (plane.v * v + plane.one));
-        return inv_z < least ? least : inv_z > most ? most : inv_z;
+        return inv_z < min_inv_z ? min_inv_z : inv_z > max_inv_z ? max_inv_z : inv_z;
     }
     static inline float exact_inv_z(const Camera& camera, const Triangles& t, int k, double u, double v) {
         return exact_inv_z(camera, t.corners, k, t.min_inv_z[k], t.max_inv_z[k], u, v);
@@ -82,8 +82,8 @@ struct Pixels {
                 const Ints within = Lanes::index() <= Lanes::all_ints(t.x1 - first);
                 const Floats inv_z =
                     Lanes::max(Lanes::min(plane.at(u, row_inv_z), Lanes::all(t.max_inv_z)), Lanes::all(t.min_inv_z));
-                for (unsigned rest = Lanes::bits(uncertain & within); rest; rest &= rest - 1) {
-                    const int k = Lanes::first_lane(rest), x = first + k;
+                for (unsigned remaining = Lanes::bits(uncertain & within); remaining; remaining &= remaining - 1) {
+                    const int k = Lanes::first_lane(remaining), x = first + k;
                     if (!covers(camera, image, t.corners, t.lane, x, y)) continue;
                     const float value = t.inexact ? exact_inv_z(camera, t.corners, t.lane, t.min_inv_z, t.max_inv_z,
                                                                 camera.exact_u(x), camera.exact_v(y + image.first_row))

@@ -150,9 +150,9 @@ struct Projection {
         return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     }
 
-    static inline Projection of(const Pose& pose, const Job& job, const PointJob& points, Points at) {
-        const Half a = Half::of(pose, job, points, at.x.lo, at.y.lo, at.z.lo);
-        const Half b = Half::of(pose, job, points, at.x.hi, at.y.hi, at.z.hi);
+    static inline Projection of(const Pose& pose, const Job& job, const PointJob& points, Points place) {
+        const Half a = Half::of(pose, job, points, place.x.lo, place.y.lo, place.z.lo);
+        const Half b = Half::of(pose, job, points, place.x.hi, place.y.hi, place.z.hi);
         const Floats depth = join(a.depth, b.depth);
         Ints status = Lanes::all_ints(POINT_VISIBLE);
         status = depth > Lanes::all(job.far) ? Lanes::all_ints(POINT_TOO_FAR) : status;
@@ -195,10 +195,10 @@ struct PointChunk {
         const Pose pose = work.job.pose_of(view);
         int found = 0;
         for (int i = 0; i < count; i += LANES) {
-            const int here = count - i < LANES ? count - i : LANES;
-            const Projection p = Projection::of(pose, work.job, points, load(points.place + (first + i) * 3LL, here));
-            write(points, (long long)view * points.count + first + i, p.status, here);
-            unsigned seen = Lanes::bits(p.status == Lanes::all_ints(POINT_VISIBLE)) & ((1u << here) - 1);
+            const int chunk = count - i < LANES ? count - i : LANES;
+            const Projection p = Projection::of(pose, work.job, points, load(points.place + (first + i) * 3LL, chunk));
+            write(points, (long long)view * points.count + first + i, p.status, chunk);
+            unsigned seen = Lanes::bits(p.status == Lanes::all_ints(POINT_VISIBLE)) & ((1u << chunk) - 1);
             if (!seen) continue;
             float u[LANES], v[LANES], inv_z[LANES];
             int key[LANES], row[LANES];
@@ -241,13 +241,13 @@ struct PointChunk {
                       __builtin_shufflevector(z, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 16, 19, 22, 25, 28, 31)};
     }
 
-    static inline void write(const PointJob& points, long long at, Ints status, int count) {
+    static inline void write(const PointJob& points, long long offset, Ints status, int count) {
         typedef unsigned char Bytes __attribute__((ext_vector_type(LANES)));
         const Bytes narrow = __builtin_convertvector(status, Bytes);
         if (count == LANES)
-            __builtin_memcpy(points.status + at, &narrow, LANES);
+            __builtin_memcpy(points.status + offset, &narrow, LANES);
         else
-            __builtin_memcpy(points.status + at, &narrow, count);
-        for (int k = 0; k < count && points.occluders; ++k) points.occluders[at + k] = -1;
+            __builtin_memcpy(points.status + offset, &narrow, count);
+        for (int k = 0; k < count && points.occluders; ++k) points.occluders[offset + k] = -1;
     }
 };

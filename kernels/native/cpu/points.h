@@ -17,8 +17,8 @@ struct PointStrip {
         const PointBins& bins = work.bins;
         Image image = memory.image;
         const int first_row = strip * points.strip_tiles * TILE_SIDE;
-        const int left = work.job.height - first_row, most = points.strip_tiles * TILE_SIDE;
-        image.set_size(work.job.width, left < most ? left : most, first_row, work.job.height);
+        const int remaining = work.job.height - first_row, max_rows = points.strip_tiles * TILE_SIDE;
+        image.set_size(work.job.width, remaining < max_rows ? remaining : max_rows, first_row, work.job.height);
         image.set_center(work.job.center);
         image.occlusion = &occlusion;
         long long before = 0;
@@ -44,11 +44,11 @@ struct PointStrip {
             sort(work, (image.first_row >> TILE_SHIFT) + row, cells, memory);
             for (int c = 0; c < cells; ++c) {
                 const int cell = row * cells + c;
-                Floats least = Lanes::all(NOWHERE);
+                Floats min_inv_z = Lanes::all(NOWHERE);
                 image.first_packet[cell] = packets;
                 for (int i = c > 0 ? ends[c - 1] : 0; i < ends[c]; i += LANES)
-                    least = Lanes::min(least, pack(work, image, packets++, memory.placed + i, ends[c] - i));
-                image.block_min[cell] = Lanes::min_of(least);
+                    min_inv_z = Lanes::min(min_inv_z, pack(work, image, packets++, memory.placed + i, ends[c] - i));
+                image.block_min[cell] = Lanes::min_of(min_inv_z);
             }
         }
         image.first_packet[cells * image.tiles_y] = packets;
@@ -93,38 +93,38 @@ struct PointStrip {
         const Floats u = Projection::join(ab_uv.lo, cd_uv.lo), v = Projection::join(ab_uv.hi, cd_uv.hi);
         const Ints taken = Lanes::index() < Lanes::all_ints(count);
         const Floats inv_z = limit(work.job, work.points.tolerance, u, v, Projection::join(ab_zk.lo, cd_zk.lo));
-        const Floats least = taken ? inv_z : Lanes::all(NOWHERE);
+        const Floats limit = taken ? inv_z : Lanes::all(NOWHERE);
         Lanes::store(image.point_u + packet * LANES, u);
         Lanes::store(image.point_v + packet * LANES, v);
-        Lanes::store(image.inv_z + packet * LANES, least);
+        Lanes::store(image.inv_z + packet * LANES, limit);
         Lanes::store(image.point_index + packet * LANES,
                      taken ? (Ints)Projection::join(ab_zk.hi, cd_zk.hi) : Lanes::all_ints(-1));
         if (image.id) Lanes::store(image.id + packet * LANES, Lanes::all_ints(-1));
-        return least;
+        return limit;
     }
 
     // Greatest inv_z of a surface that does not occlude the point with the given inv_z, w. If the ray with z = 1 has
     // length s, a surface nearer by the tolerance t along the ray is at z - t / s, so its inv_z is w + w * w t / (s - w
     // t): a sum without cancellation.
     static inline Floats limit(const Job& job, float tolerance, Floats u, Floats v, Floats inv_z) {
-        const Floats most = Lanes::all(2e38f);  // less than the value of a settled lane
+        const Floats infinite = Lanes::all(2e38f);  // less than the value of a settled lane
         const Floats x = u * (float)(1.0 / job.focal[0]), y = v * (float)(1.0 / job.focal[1]),
                      nearer = tolerance * inv_z;
-        const Floats left = __builtin_elementwise_sqrt(x * x + (y * y + 1.0f)) - nearer;
-        return left > Lanes::all(0.0f) ? Lanes::min(inv_z + inv_z * (nearer / left), most) : most;
+        const Floats remaining = __builtin_elementwise_sqrt(x * x + (y * y + 1.0f)) - nearer;
+        return remaining > Lanes::all(0.0f) ? Lanes::min(inv_z + inv_z * (nearer / remaining), infinite) : infinite;
     }
 
     // Write the status of occluded points: all others are already marked as visible.
-    static inline void write(const Image& image, const PointJob& points, long long at) {
+    static inline void write(const Image& image, const PointJob& points, long long first_point) {
         const int packets = image.first_packet[image.tiles() * TILE_BLOCKS];
         for (int first = 0; first < packets * LANES; first += LANES) {
             Ints hidden = Lanes::load(image.point_index + first) >= Lanes::all_ints(0);
             hidden &= image.id ? Lanes::load(image.id + first) >= Lanes::all_ints(0)
                                : Lanes::load(image.inv_z + first) == Lanes::all(NOWHERE);
-            for (unsigned rest = Lanes::bits(hidden); rest; rest &= rest - 1) {
-                const int lane = first + Lanes::first_lane(rest);
-                points.status[at + image.point_index[lane]] = POINT_OCCLUDED;
-                if (points.occluders) points.occluders[at + image.point_index[lane]] = image.id[lane];
+            for (unsigned remaining = Lanes::bits(hidden); remaining; remaining &= remaining - 1) {
+                const int lane = first + Lanes::first_lane(remaining);
+                points.status[first_point + image.point_index[lane]] = POINT_OCCLUDED;
+                if (points.occluders) points.occluders[first_point + image.point_index[lane]] = image.id[lane];
             }
         }
     }

@@ -32,14 +32,14 @@ struct Raster : Pixels {
         const Ints blocks = ((triangles.x1 >> BLOCK_SHIFT) - (triangles.x0 >> BLOCK_SHIFT) + 1) *
                             ((triangles.view_y1 >> BLOCK_SHIFT) - (triangles.view_y0 >> BLOCK_SHIFT) + 1);
         const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(MAX_BLOCKS));
-        for (unsigned rest = Lanes::bits(medium); rest; rest &= rest - 1)
-            rasterize_medium(camera, image, triangles, Lanes::first_lane(rest), mode);
+        for (unsigned remaining = Lanes::bits(medium); remaining; remaining &= remaining - 1)
+            rasterize_medium(camera, image, triangles, Lanes::first_lane(remaining), mode);
         const Floats rows = __builtin_convertvector(triangles.view_y1 - triangles.view_y0 + 1, Floats);
         const Ints thin = larger & ~medium & (triangles.area * (float)ROWS_OF_PIXEL <= rows);
-        for (unsigned rest = Lanes::bits(thin); rest; rest &= rest - 1)
-            rasterize_sliver(camera, image, triangles, Lanes::first_lane(rest), mode);
-        for (unsigned rest = Lanes::bits(larger & ~medium & ~thin); rest; rest &= rest - 1)
-            rasterize_large(camera, image, triangles, Lanes::first_lane(rest), mode);
+        for (unsigned remaining = Lanes::bits(thin); remaining; remaining &= remaining - 1)
+            rasterize_sliver(camera, image, triangles, Lanes::first_lane(remaining), mode);
+        for (unsigned remaining = Lanes::bits(larger & ~medium & ~thin); remaining; remaining &= remaining - 1)
+            rasterize_large(camera, image, triangles, Lanes::first_lane(remaining), mode);
     }
 
     // Rounding of the corners may rotate the plane of a sliver: then single precision does not suffice for inv_z
@@ -79,20 +79,21 @@ struct Raster : Pixels {
                 Lanes::store(value, inv_z);
                 Lanes::store(at_x, x);
                 Lanes::store(at_y, y);
-                for (unsigned rest = hits & rounded; rest; rest &= rest - 1) {
-                    const int k = Lanes::first_lane(rest);
+                for (unsigned remaining = hits & rounded; remaining; remaining &= remaining - 1) {
+                    const int k = Lanes::first_lane(remaining);
                     value[k] =
                         exact_inv_z(camera, t, k, camera.exact_u(at_x[k]), camera.exact_v(at_y[k] + image.first_row));
                 }
-                for (unsigned rest = hits; rest; rest &= rest - 1) {
-                    const int k = Lanes::first_lane(rest);
+                for (unsigned remaining = hits; remaining; remaining &= remaining - 1) {
+                    const int k = Lanes::first_lane(remaining);
                     const int pixel = Image::column_part(at_x[k]) + image.row_part(at_y[k]);
                     put(image, pixel, value[k], id_of(t, k, mode), mode);
                 }
             }
         }
-        for (unsigned rest = Lanes::bits(small & (closest <= t.error_bound)); rest; rest &= rest - 1) {
-            const int k = Lanes::first_lane(rest);
+        for (unsigned remaining = Lanes::bits(small & (closest <= t.error_bound)); remaining;
+             remaining &= remaining - 1) {
+            const int k = Lanes::first_lane(remaining);
             rasterize_uncertain(camera, image, UncertainTriangle::of(t, k, (rounded >> k) & 1, mode), mode);
         }
     }
@@ -128,19 +129,19 @@ struct Raster : Pixels {
     // Depth test of each pixel of a block, or of each point of a packet in a cell.
     static inline __attribute__((always_inline)) void blend(const Image& image, int packet, int block, Ints inside,
                                                             Floats inv_z, int id, Mode mode) {
-        float* at = image.inv_z + packet * LANES;
-        const Floats old = Lanes::load(at);
+        float* stored = image.inv_z + packet * LANES;
+        const Floats old = Lanes::load(stored);
         if (mode == MODE_DEPTH) {
             const Ints hit = inside & (inv_z > old) & (inv_z <= Lanes::all(image.clip_inv_z));
             if (!Lanes::any(hit)) return;
-            Lanes::store(at, hit ? inv_z : old);
+            Lanes::store(stored, hit ? inv_z : old);
         } else {
             int* id_at = image.id + packet * LANES;
             const Ints old_id = Lanes::load(id_at), new_id = Lanes::all_ints(id);
             const Ints hit = inside & (inv_z <= Lanes::all(image.clip_inv_z)) &
                              ((inv_z > old) | ((inv_z == old) & (new_id < old_id)));
             if (!Lanes::any(hit)) return;
-            Lanes::store(at, hit ? inv_z : old);
+            Lanes::store(stored, hit ? inv_z : old);
             Lanes::store(id_at, hit ? new_id : old_id);
         }
         image.touch(block);
@@ -159,14 +160,15 @@ struct Raster : Pixels {
             const Floats v = __builtin_convertvector(y + image.first_row, Floats) + camera.first_v;
             Floats left = Lanes::all((float)t.x0[k]), right = Lanes::all((float)t.x1[k]);
             for (const Linear& of : edge) narrow(camera, of, error_bound, v, v, left, right);
-            Ints here = y <= Lanes::all_ints(t.y1[k]);
+            Ints active = y <= Lanes::all_ints(t.y1[k]);
             for (Floats x = __builtin_elementwise_ceil(left);; x += 1.0f) {
-                here &= x <= right;
-                if (!Lanes::any(here)) break;
+                active &= x <= right;
+                if (!Lanes::any(active)) break;
                 const Floats u = x + camera.first_u;
                 const Floats inner = Lanes::min(edge[0].at(u, edge[0].row(v)), edge[1].at(u, edge[1].row(v)),
                                                 edge[2].at(u, edge[2].row(v)));
-                for (unsigned hits = Lanes::bits(here & (inner >= Lanes::all(-error_bound))); hits; hits &= hits - 1) {
+                for (unsigned hits = Lanes::bits(active & (inner >= Lanes::all(-error_bound))); hits;
+                     hits &= hits - 1) {
                     const int r = Lanes::first_lane(hits), at_x = (int)x[r], at_y = first + r;
                     if (inner[r] <= error_bound && !covers(camera, image, t.corners, k, at_x, at_y)) continue;
                     const int pixel = Image::column_part(at_x) + image.row_part(at_y);
@@ -296,11 +298,12 @@ struct Raster : Pixels {
         nearest = Lanes::min(nearest * 1.00001f + 1e-30f, Lanes::all(t.max_inv_z));
         touched &= ~(Lanes::load(image.block_min + tile * TILE_BLOCKS) > nearest);
 
-        const unsigned whole = Lanes::bits(covered);
-        for (unsigned rest = Lanes::bits(touched); rest; rest &= rest - 1) {
-            const int b = Lanes::first_lane(rest);
+        const unsigned covered_blocks = Lanes::bits(covered);
+        for (unsigned remaining = Lanes::bits(touched); remaining; remaining &= remaining - 1) {
+            const int b = Lanes::first_lane(remaining);
             const double at_block = base + t.plane.u * block_x[b] + t.plane.v * block_y[b];
-            const TouchedBlock block = {tile * TILE_BLOCKS + b, x[b], y[b], (float)at_block, ((whole >> b) & 1) != 0};
+            const TouchedBlock block = {tile * TILE_BLOCKS + b, x[b], y[b], (float)at_block,
+                                        ((covered_blocks >> b) & 1) != 0};
             if (rasterize_block(camera, image, t, block, mode)) uncertain |= 1u << b;
         }
         for (; uncertain; uncertain &= uncertain - 1) {
@@ -350,8 +353,8 @@ struct Raster : Pixels {
                                                                     Mode mode) {
         const Floats inv_z = inv_z_in(t, block);
         const Ints uncertain = find_uncertain(t, within(camera, image, t, block), inv_z);
-        for (unsigned rest = Lanes::bits(uncertain); rest; rest &= rest - 1) {
-            const int k = Lanes::first_lane(rest), x = block.x + (k & (BLOCK_SIDE - 1)),
+        for (unsigned remaining = Lanes::bits(uncertain); remaining; remaining &= remaining - 1) {
+            const int k = Lanes::first_lane(remaining), x = block.x + (k & (BLOCK_SIDE - 1)),
                       y = block.y + (k >> BLOCK_SHIFT);
             if (!covers(camera, image, t.corners, t.lane, x, y)) continue;
             const double u = camera.exact_u(x), v = camera.exact_v(y + image.first_row);

@@ -90,12 +90,12 @@ struct PacketPlanes {
         const Floats at_u = 0.5f * (u0 + u1), at_v = 0.5f * (v0 + v1);
         const Doubles exact = plane.u * __builtin_convertvector(at_u, Doubles) +
                               (plane.v * __builtin_convertvector(at_v, Doubles) + plane.one);
-        const Floats at = __builtin_convertvector(exact, Floats);
+        const Floats center = __builtin_convertvector(exact, Floats);
         const float slope_u = __builtin_fabsf(u), slope_v = __builtin_fabsf(v);
         const Floats reach = slope_u * (u1 - at_u) + slope_v * (v1 - at_v);
-        steep = ~Lanes::bits(at - reach >= Lanes::all(STEEPEST_PACKET * camera.extent * (slope_u + slope_v)));
-        nearest = (at + reach) + 1e-5f * (Lanes::abs(at) + reach);
-        Lanes::store(base, at);
+        steep = ~Lanes::bits(center - reach >= Lanes::all(STEEPEST_PACKET * camera.extent * (slope_u + slope_v)));
+        nearest = (center + reach) + 1e-5f * (Lanes::abs(center) + reach);
+        Lanes::store(base, center);
         Lanes::store(middle_u, at_u);
         Lanes::store(middle_v, at_v);
     }
@@ -155,9 +155,9 @@ struct RayColumns {
         small = Lanes::bits(few);
         larger = Lanes::bits(candidates & ~few);
     }
-    static inline Ints range(Floats middle, Floats half, int most, Ints& first, Ints& last) {
+    static inline Ints range(Floats middle, Floats half, int max_index, Ints& first, Ints& last) {
         const Floats none = Lanes::all(0.0f), from = Lanes::max(__builtin_elementwise_ceil(middle - half), none);
-        const Floats to = Lanes::min(__builtin_elementwise_floor(middle + half), Lanes::all((float)most));
+        const Floats to = Lanes::min(__builtin_elementwise_floor(middle + half), Lanes::all((float)max_index));
         const Ints nonempty = from <= to;
         first = __builtin_convertvector(nonempty ? from : none, Ints);
         last = __builtin_convertvector(nonempty ? to : none, Ints);
@@ -165,8 +165,8 @@ struct RayColumns {
     }
     // First column or row of each window, such that the window ends inside the tile.
     static inline void begin(Ints first, int last, int* to) {
-        const Ints most = Lanes::all_ints(last - (SMALL_SIDE - 1));
-        Lanes::store(to, first < most ? first : most);
+        const Ints last_start = Lanes::all_ints(last - (SMALL_SIDE - 1));
+        Lanes::store(to, first < last_start ? first : last_start);
     }
 };
 static_assert(RayColumns::SMALL_SIDE * RayColumns::SMALL_SIDE == LANES, "a register holds a window");

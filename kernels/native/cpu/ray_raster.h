@@ -26,9 +26,9 @@ struct RayRaster {
                                                                      RayLeaf& leaf, int tile, Mode mode) {
         unsigned candidates = Lanes::bits(leaf.triangles.shown);
         if (leaf.min_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
-            const RayColumns at(image, leaf, tile);
-            if (at.small) rasterize_small(camera, image, leaf, at, mode);
-            candidates = at.larger;
+            const RayColumns columns(image, leaf, tile);
+            if (columns.small) rasterize_small(camera, image, leaf, columns, mode);
+            candidates = columns.larger;
         }
         if (candidates) rasterize_in_tile(camera, image, leaf, tile, candidates, mode);
     }
@@ -47,8 +47,8 @@ struct RayRaster {
             candidates &= leaf.touching(bounds, image.tile_min[tile]);
         }
         if (count <= FEW_PACKETS || __builtin_popcount(candidates) > count)
-            for (unsigned rest = packets; rest; rest &= rest - 1)
-                rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(rest), candidates, mode);
+            for (unsigned remaining = packets; remaining; remaining &= remaining - 1)
+                rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(remaining), candidates, mode);
         else
             for (; candidates; candidates &= candidates - 1)
                 rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
@@ -90,31 +90,33 @@ struct RayRaster {
 
     // Rasterize small triangles: one register holds all rays that a triangle may touch.
     static inline __attribute__((always_inline)) void rasterize_small(const Camera& camera, const Image& image,
-                                                                      RayLeaf& leaf, const RayColumns& at, Mode mode) {
+                                                                      RayLeaf& leaf, const RayColumns& columns,
+                                                                      Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
-        const int width = at.fit.last_column() + 1;
+        const int width = columns.fit.last_column() + 1;
         int column[LANES], row[LANES];
-        RayColumns::begin(at.first_column, at.fit.last_column(), column);
-        RayColumns::begin(at.first_row, at.fit.last_row(), row);
-        for (unsigned small = at.small; small; small &= small - 1) {
-            const int k = Lanes::first_lane(small), corner = at.first_ray + row[k] * width + column[k];
+        RayColumns::begin(columns.first_column, columns.fit.last_column(), column);
+        RayColumns::begin(columns.first_row, columns.fit.last_row(), row);
+        for (unsigned small = columns.small; small; small &= small - 1) {
+            const int k = Lanes::first_lane(small), corner = columns.first_ray + row[k] * width + column[k];
             const Floats u = RayTree::window(tree.row_u + corner, width),
                          v = RayTree::window(tree.row_v + corner, width);
             const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
                          e2 = Linear::of_lane(t.edge[2], k), plane = Linear::of_lane(t.inv_z, k);
-            const float error_bound = t.error_bound[k], most = t.max_inv_z[k], least = t.min_inv_z[k];
+            const float error_bound = t.error_bound[k], max_inv_z = t.max_inv_z[k], min_inv_z = t.min_inv_z[k];
             const Floats inner = Lanes::min(e0.at(u, e0.row(v)), e1.at(u, e1.row(v)), e2.at(u, e2.row(v)));
             unsigned hits = Lanes::bits(inner >= Lanes::all(-error_bound));
             if (!hits) continue;
             const unsigned certain = Lanes::bits(inner > Lanes::all(error_bound));
             float inv_z[LANES];
-            Lanes::store(inv_z, Lanes::max(Lanes::min(plane.at(u, plane.row(v)), Lanes::all(most)), Lanes::all(least)));
+            Lanes::store(
+                inv_z, Lanes::max(Lanes::min(plane.at(u, plane.row(v)), Lanes::all(max_inv_z)), Lanes::all(min_inv_z)));
             for (; hits; hits &= hits - 1) {
                 const int lane = Lanes::first_lane(hits);
-                const int ray = at.first_ray + at.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
-                                                           row[k] + lane / RayColumns::SMALL_SIDE);
-                if (most < image.inv_z[ray]) continue;
+                const int ray = columns.first_ray + columns.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
+                                                                     row[k] + lane / RayColumns::SMALL_SIDE);
+                if (max_inv_z < image.inv_z[ray]) continue;
                 if (((certain >> lane) & 1) || covers(camera, image, t, k, ray))
                     put(camera, image, leaf, k, ray, inv_z[lane], mode);
             }
@@ -141,8 +143,8 @@ struct RayRaster {
             candidates &= leaf.touching(bounds, image.block_min[packet]);
         }
         if (count <= FEW_RAYS || count < __builtin_popcount(candidates))
-            for (unsigned rest = rays; rest; rest &= rest - 1)
-                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(rest), candidates, mode);
+            for (unsigned remaining = rays; remaining; remaining &= remaining - 1)
+                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(remaining), candidates, mode);
         else
             for (; candidates; candidates &= candidates - 1)
                 rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, false, nullptr, mode);
@@ -209,14 +211,14 @@ struct RayRaster {
     // Unrounded u and v of a packet's rays, and 1 / z at them.
     static inline Doubles exact_u(const RayTree& tree, int packet) { return exact(tree.u, tree.rest_u, packet); }
     static inline Doubles exact_v(const RayTree& tree, int packet) { return exact(tree.v, tree.rest_v, packet); }
-    static inline Doubles exact(const float* value, const float* rest, int packet) {
+    static inline Doubles exact(const float* value, const float* error, int packet) {
         return __builtin_convertvector(Lanes::load(value + packet * LANES), Doubles) +
-               __builtin_convertvector(Lanes::load(rest + packet * LANES), Doubles);
+               __builtin_convertvector(Lanes::load(error + packet * LANES), Doubles);
     }
     static __attribute__((noinline, cold)) Floats exact_inv_z(const RayTree& tree, const ExactPlane& plane,
                                                               int packet) {
-        const Doubles at = plane.u * exact_u(tree, packet) + (plane.v * exact_v(tree, packet) + plane.one);
-        return __builtin_convertvector(at, Floats);
+        const Doubles inv_z = plane.u * exact_u(tree, packet) + (plane.v * exact_v(tree, packet) + plane.one);
+        return __builtin_convertvector(inv_z, Floats);
     }
     static inline float exact_inv_z(const Camera& camera, const Image& image, RayLeaf& leaf, int k, int ray) {
         const RayTree& tree = *image.tree;
@@ -227,8 +229,8 @@ struct RayRaster {
             const double u = (double)tree.u[ray] + tree.rest_u[ray], v = (double)tree.v[ray] + tree.rest_v[ray];
             inv_z = (float)(plane.u * u + (plane.v * v + plane.one));
         }
-        const float least = leaf.triangles.min_inv_z[k], most = leaf.triangles.max_inv_z[k];
-        return inv_z < least ? least : inv_z > most ? most : inv_z;
+        const float min_inv_z = leaf.triangles.min_inv_z[k], max_inv_z = leaf.triangles.max_inv_z[k];
+        return inv_z < min_inv_z ? min_inv_z : inv_z > max_inv_z ? max_inv_z : inv_z;
     }
 
     // Decide coverage in double precision if an edge function leaves it uncertain.
@@ -260,8 +262,9 @@ struct RayRaster {
             const int group = Lanes::first_lane(groups);
             for (unsigned tiles = tree.tiles_in(image, group, box, nearest); tiles; tiles &= tiles - 1) {
                 const int tile = group * LANES + Lanes::first_lane(tiles);
-                for (unsigned rest = tree.packets_in(image, tile, box, nearest); rest; rest &= rest - 1) {
-                    const int packet = tile * LANES + Lanes::first_lane(rest);
+                for (unsigned remaining = tree.packets_in(image, tile, box, nearest); remaining;
+                     remaining &= remaining - 1) {
+                    const int packet = tile * LANES + Lanes::first_lane(remaining);
                     const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
                     Solids::store(setup.at(u, v), image, packet, packet, id, mode);
                 }

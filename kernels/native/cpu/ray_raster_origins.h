@@ -35,10 +35,10 @@ struct RayLanes {
     }
     // Minimum of a triangle's three edge functions: of triangle k for all rays, or of each lane's triangle.
     inline Floats inner(const Triangles& t, int k) const {
-        Floats least = edge(Linear::of_lane(t.edge[0], k), lane_of(t.side[0], k));
+        Floats minimum = edge(Linear::of_lane(t.edge[0], k), lane_of(t.side[0], k));
         for (int e = 1; e < 3; ++e)
-            least = Lanes::min(least, edge(Linear::of_lane(t.edge[e], k), lane_of(t.side[e], k)));
-        return least;
+            minimum = Lanes::min(minimum, edge(Linear::of_lane(t.edge[e], k), lane_of(t.side[e], k)));
+        return minimum;
     }
     inline Floats inner(const Triangles& t) const {
         return Lanes::min(edge(t.edge[0], t.side[0]), edge(t.edge[1], t.side[1]), edge(t.edge[2], t.side[2]));
@@ -72,11 +72,12 @@ struct RayOriginsLeaf : RayLeaf {
         const Triangles& t = triangles;
         const float* range = origins.range + tile * RayOrigins::RANGE_WORDS;
         const Ints endless = t.place[0] <= Lanes::all(-1e30f);
-        const Floats most = endless ? Lanes::all(0.0f) : t.max_inv_z, least = endless ? Lanes::all(0.0f) : t.min_inv_z;
-        const Floats middle = 0.5f * (most + least), half = 0.50001f * (most - least);
+        const Floats max_inv_z = endless ? Lanes::all(0.0f) : t.max_inv_z,
+                     min_inv_z = endless ? Lanes::all(0.0f) : t.min_inv_z;
+        const Floats middle = 0.5f * (max_inv_z + min_inv_z), half = 0.50001f * (max_inv_z - min_inv_z);
         for (int k = 0; k < 2; ++k) {
             const Floats off = range[k] * middle;
-            const Floats more = __builtin_fabsf(range[k]) * half + range[k + 3] * most + 1e-5f * Lanes::abs(off);
+            const Floats more = __builtin_fabsf(range[k]) * half + range[k + 3] * max_inv_z + 1e-5f * Lanes::abs(off);
             Lanes::store(bounds[k], t.place[k] - (off + more));
             Lanes::store(bounds[k + 2], t.place[k + 2] - (off - more));
         }
@@ -181,10 +182,10 @@ struct RayRaster {
         leaf.set_tile(image.tree->origins, tile);
         unsigned candidates = Lanes::bits(leaf.triangles.shown);
         if (leaf.min_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
-            const RayColumns at(image, leaf, tile);
-            const unsigned small = at.small & ~leaf.uncertain_side;
-            if (small) rasterize_small(camera, image, leaf, at, small, mode);
-            candidates = at.larger | (at.small & leaf.uncertain_side);
+            const RayColumns columns(image, leaf, tile);
+            const unsigned small = columns.small & ~leaf.uncertain_side;
+            if (small) rasterize_small(camera, image, leaf, columns, small, mode);
+            candidates = columns.larger | (columns.small & leaf.uncertain_side);
         }
         if (candidates) rasterize_in_tile(camera, image, leaf, tile, candidates, mode);
     }
@@ -203,8 +204,8 @@ struct RayRaster {
             candidates &= leaf.touching(bounds, image.tile_min[tile]);
         }
         if (count <= FEW_PACKETS || __builtin_popcount(candidates) > count)
-            for (unsigned rest = packets; rest; rest &= rest - 1)
-                rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(rest), candidates, mode);
+            for (unsigned remaining = packets; remaining; remaining &= remaining - 1)
+                rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(remaining), candidates, mode);
         else
             for (; candidates; candidates &= candidates - 1)
                 rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
@@ -241,17 +242,17 @@ struct RayRaster {
 
     // Rasterize small triangles: one register holds all rays that a triangle may touch.
     static inline __attribute__((always_inline)) void rasterize_small(const Camera& camera, const Image& image,
-                                                                      RayOriginsLeaf& leaf, const RayColumns& at,
+                                                                      RayOriginsLeaf& leaf, const RayColumns& columns,
                                                                       unsigned small, Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
-        const int width = at.fit.last_column() + 1;
+        const int width = columns.fit.last_column() + 1;
         int column[LANES], row[LANES];
-        RayColumns::begin(at.first_column, at.fit.last_column(), column);
-        RayColumns::begin(at.first_row, at.fit.last_row(), row);
+        RayColumns::begin(columns.first_column, columns.fit.last_column(), column);
+        RayColumns::begin(columns.first_row, columns.fit.last_row(), row);
         for (; small; small &= small - 1) {
             const int k = Lanes::first_lane(small);
-            const RayLanes rays = RayLanes::window(tree, at.first_ray + row[k] * width + column[k], width);
+            const RayLanes rays = RayLanes::window(tree, columns.first_ray + row[k] * width + column[k], width);
             const Floats inner = rays.inner(t, k);
             unsigned hits = Lanes::bits(inner >= Lanes::all(-t.error_bound[k]));
             if (!hits) continue;
@@ -260,8 +261,8 @@ struct RayRaster {
             Lanes::store(inv_z, within(t, k, rays.inv_z(Linear::of_lane(t.inv_z, k))));
             for (; hits; hits &= hits - 1) {
                 const int lane = Lanes::first_lane(hits);
-                const int ray = at.first_ray + at.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
-                                                           row[k] + lane / RayColumns::SMALL_SIDE);
+                const int ray = columns.first_ray + columns.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
+                                                                     row[k] + lane / RayColumns::SMALL_SIDE);
                 if (t.max_inv_z[k] < image.inv_z[ray]) continue;
                 put(camera, image, leaf, k, ray, (certain >> lane) & 1, inv_z[lane], mode);
             }
@@ -296,8 +297,8 @@ struct RayRaster {
             candidates &= leaf.touching(bounds, image.block_min[packet]);
         }
         if (count <= FEW_RAYS || count < __builtin_popcount(candidates))
-            for (unsigned rest = rays; rest; rest &= rest - 1)
-                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(rest), candidates, mode);
+            for (unsigned remaining = rays; remaining; remaining &= remaining - 1)
+                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(remaining), candidates, mode);
         else
             for (; candidates; candidates &= candidates - 1)
                 rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, mode);
@@ -329,8 +330,8 @@ struct RayRaster {
         Ints inside = Lanes::load(image.inv_z + packet * LANES) <= Lanes::all(t.max_inv_z[k]);
         if (__builtin_expect((leaf.uncertain_side >> k) & 1, 0)) {
             const ExactRays exactly = {camera, tree, t};
-            for (unsigned rest = Lanes::bits(inside); rest; rest &= rest - 1)
-                put(camera, image, leaf, k, packet * LANES + Lanes::first_lane(rest), false, 0.0f, mode);
+            for (unsigned remaining = Lanes::bits(inside); remaining; remaining &= remaining - 1)
+                put(camera, image, leaf, k, packet * LANES + Lanes::first_lane(remaining), false, 0.0f, mode);
             return;
         }
         const RayLanes rays = RayLanes::packet(tree, packet);
@@ -348,8 +349,8 @@ struct RayRaster {
     }
     static inline Floats exact_inv_z(const RayTree& tree, const ExactPlane& plane, int packet) {
         const Doubles p = wide(tree.origins.p, packet), q = wide(tree.origins.q, packet);
-        const Doubles at = plane.u * exact_u(tree, packet) + (plane.v * exact_v(tree, packet) + plane.one);
-        return __builtin_convertvector(at / (1.0 - (plane.u * p + plane.v * q)), Floats);
+        const Doubles inv_z = plane.u * exact_u(tree, packet) + (plane.v * exact_v(tree, packet) + plane.one);
+        return __builtin_convertvector(inv_z / (1.0 - (plane.u * p + plane.v * q)), Floats);
     }
     static inline Doubles wide(const float* from, int packet) {
         return __builtin_convertvector(Lanes::load(from + packet * LANES), Doubles);

@@ -118,8 +118,9 @@ struct RayTree {
         Flags stale;
         const int first = tile * LANES;
         __builtin_memcpy(&stale, image.block_stale + first, sizeof stale);
-        for (unsigned rest = Lanes::bits(__builtin_convertvector(stale, Ints) != 0); rest; rest &= rest - 1) {
-            const int packet = first + Lanes::first_lane(rest);
+        for (unsigned remaining = Lanes::bits(__builtin_convertvector(stale, Ints) != 0); remaining;
+             remaining &= remaining - 1) {
+            const int packet = first + Lanes::first_lane(remaining);
             image.block_min[packet] = Lanes::min_of(Lanes::load(image.inv_z + packet * LANES));
         }
         __builtin_memset(image.block_stale + first, 0, LANES);

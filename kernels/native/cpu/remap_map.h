@@ -12,7 +12,7 @@ struct RemapJob {
     float near, far, clip_inv_z, clip_reach;
     bool cull_back_faces;
     const float* poses;  // [view]: x y z qx qy qz qw
-    const float* at;  // [view][row][column]: x and y [px]
+    const float* pixels;  // [view][row][column]: x and y [px]
 
     // Side of a group in pixels, and the number of groups of a tree: its rays stay in a core's cache.
     enum { GROUP_SIDE = BLOCKS_ACROSS * TILE_SIDE, MAX_GROUPS = 10 };
@@ -23,8 +23,8 @@ struct RemapJob {
     // Groups of a tree, horizontally and vertically.
     inline int across() const { return groups_across() < MAX_GROUPS ? groups_across() : (int)MAX_GROUPS; }
     inline int down() const {
-        const int most = MAX_GROUPS / across();
-        return groups_down() < most ? groups_down() : most;
+        const int max_down = MAX_GROUPS / across();
+        return groups_down() < max_down ? groups_down() : max_down;
     }
     inline int trees_across() const { return parts(groups_across(), across()); }
     inline int trees() const { return trees_across() * parts(groups_down(), down()); }
@@ -80,7 +80,7 @@ struct MapBlock {
                 place[k] = x < job.columns && y < job.rows ? y * job.columns + x : -1;
             }
         }
-        const float* from = job.at + first * 2;
+        const float* from = job.pixels + first * 2;
         if (!place) return rows(from, job.columns * 2LL);
         float pairs[2 * LANES];
         for (int k = 0; k < LANES; ++k)

@@ -33,7 +33,7 @@ constexpr float TREE_MARGIN = 1e-3f;
 // Places of 16 pixels along an axis, relative to the principal point and in pixels of the tree, and their rounding
 // errors.
 struct TreePlaces {
-    Floats rounded, rest;
+    Floats rounded, error;
 };
 
 struct TreeAxis {
@@ -48,14 +48,14 @@ struct TreeAxis {
         const bool exact = power == scale && (bits & 0x7fffffu) == 0;
         return TreeAxis{center, scale, near, (float)(center - near), exact ? power : 0.0f};
     }
-    inline TreePlaces of(Floats at) const {
+    inline TreePlaces of(Floats pixels) const {
         if (power > 0.0f) {
             // Rounding error of the difference of two numbers (Knuth's TwoSum).
-            const Floats place = at - near_center, back = place - at;
-            const Floats lost = (at - (place - back)) - (near_center + back);
+            const Floats place = pixels - near_center, back = place - pixels;
+            const Floats lost = (pixels - (place - back)) - (near_center + back);
             return TreePlaces{place * power, (lost - center_rest) * power};
         }
-        const Doubles exact = (__builtin_convertvector(at, Doubles) - center) * scale;
+        const Doubles exact = (__builtin_convertvector(pixels, Doubles) - center) * scale;
         const Floats rounded = __builtin_convertvector(exact, Floats);
         return TreePlaces{rounded, __builtin_convertvector(exact - __builtin_convertvector(rounded, Doubles), Floats)};
     }
@@ -142,8 +142,8 @@ struct RemapTree {
             const TreePlaces at_u = horizontal.of(inside ? from.x : none), at_v = vertical.of(inside ? from.y : none);
             Lanes::store(u + packet * LANES, at_u.rounded);
             Lanes::store(v + packet * LANES, at_v.rounded);
-            Lanes::store(rest_u + packet * LANES, at_u.rest);
-            Lanes::store(rest_v + packet * LANES, at_v.rest);
+            Lanes::store(rest_u + packet * LANES, at_u.error);
+            Lanes::store(rest_v + packet * LANES, at_v.error);
             // Places outside the image occlude everything and are never written.
             start[block] = inside ? none : Lanes::all(NOWHERE);
             Lanes::store(image.inv_z + packet * LANES, start[block]);
@@ -157,9 +157,9 @@ struct RemapTree {
         Lanes::store(bounds + LANES, MinLanes::of(low_v) - TREE_MARGIN);
         Lanes::store(bounds + 2 * LANES, TREE_MARGIN - MinLanes::of(high_u));
         Lanes::store(bounds + 3 * LANES, TREE_MARGIN - MinLanes::of(high_v));
-        const Floats least = MinLanes::of(start);
-        Lanes::store(image.block_min + tile.index * LANES, least);
-        image.tile_min[tile.index] = Lanes::min_of(least);
+        const Floats min_inv_z = MinLanes::of(start);
+        Lanes::store(image.block_min + tile.index * LANES, min_inv_z);
+        image.tile_min[tile.index] = Lanes::min_of(min_inv_z);
     }
     // After rasterization, clear the places outside the image, and mark packets that consist only of those to be
     // written.

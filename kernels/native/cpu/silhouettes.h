@@ -148,18 +148,18 @@ struct Comparison {
         const unsigned all = Lanes::bits(covered);
         counts.silhouette += __builtin_popcount(all);
         PixelCounts::grow(counts.silhouette_box, all, x, y);
-        const bool whole = x >= 0 && y >= 0 && x + BLOCK_SIDE <= job.width && y + BLOCK_SIDE <= job.height;
+        const bool is_inside = x >= 0 && y >= 0 && x + BLOCK_SIDE <= job.width && y + BLOCK_SIDE <= job.height;
         const int image_edge[4] = {0, 0, job.width, job.height};
-        if (!whole) covered &= inside(image_edge, x, y);
-        const unsigned in_image = whole ? all : Lanes::bits(covered);
+        if (!is_inside) covered &= inside(image_edge, x, y);
+        const unsigned in_image = is_inside ? all : Lanes::bits(covered);
         if (!in_image) return;
         counts.image += __builtin_popcount(in_image);
 
-        const Ints shown = gather(request.seen, in_image, whole, x, y);
+        const Ints shown = gather(request.seen, in_image, is_inside, x, y);
         const Floats z = 1.0f / inv_z;
         const Ints near = covered & (z < Lanes::all(request.near)), far = covered & (z > Lanes::all(request.far));
         Ints visible = shown == Lanes::all_ints(index);
-        if (request.depth) visible |= behind(z, in_image, whole, x, y) <= Lanes::all(request.delta);
+        if (request.depth) visible |= behind(z, in_image, is_inside, x, y) <= Lanes::all(request.delta);
         visible &= covered & ~near & ~far;
         const unsigned bits = Lanes::bits(visible);
         if (bits) {
@@ -175,11 +175,11 @@ struct Comparison {
     }
 
     // Distance of a surface behind the visible surface, along the rays.
-    inline Floats behind(Floats z, unsigned in_image, bool whole, int x, int y) const {
+    inline Floats behind(Floats z, unsigned in_image, bool is_inside, int x, int y) const {
         const Floats column = Grid::column_floats(), row = Grid::row_floats();
         const Floats u = (column + (float)(x + 0.5 - job.center[0])) * (float)(1.0 / job.focal[0]);
         const Floats v = (row + (float)(y + 0.5 - job.center[1])) * (float)(1.0 / job.focal[1]);
-        const Ints surface = gather((const int*)request.depth, in_image, whole, x, y);
+        const Ints surface = gather((const int*)request.depth, in_image, is_inside, x, y);
         Floats depth;
         __builtin_memcpy(&depth, &surface, sizeof depth);
         return (z - depth) * __builtin_elementwise_sqrt(u * u + (v * v + 1.0f));
@@ -197,8 +197,8 @@ struct Comparison {
     }
 
     // Load a block that may extend beyond the image: -1 outside.
-    inline Ints gather(const int* image, unsigned in_image, bool whole, int x, int y) const {
-        if (whole) return load_block(image, x, y);
+    inline Ints gather(const int* image, unsigned in_image, bool is_inside, int x, int y) const {
+        if (is_inside) return load_block(image, x, y);
         const int* from = image + ((long long)view * job.height + y) * job.width + x;
         int block[LANES];
         for (int k = 0; k < LANES; ++k)
@@ -210,18 +210,18 @@ struct Comparison {
         int object[LANES];
         Lanes::store(object, shown);
         int* by = request.hidden_by + ((long long)view * request.count + place) * request.objects;
-        for (unsigned rest = Lanes::bits(hidden & (shown >= Lanes::all_ints(0))); rest;) {
-            const int occluder = object[Lanes::first_lane(rest)];
-            const unsigned same = rest & Lanes::bits(shown == Lanes::all_ints(occluder));
+        for (unsigned remaining = Lanes::bits(hidden & (shown >= Lanes::all_ints(0))); remaining;) {
+            const int occluder = object[Lanes::first_lane(remaining)];
+            const unsigned same = remaining & Lanes::bits(shown == Lanes::all_ints(occluder));
             by[occluder] += __builtin_popcount(same);
-            rest &= ~same;
+            remaining &= ~same;
         }
     }
 
     inline void write_masks(unsigned in_image, unsigned visible, int x, int y) const {
         unsigned char* mask = request.masks + ((long long)view * request.count + place) * job.height * job.width;
-        for (unsigned rest = in_image; rest; rest &= rest - 1) {
-            const int k = Lanes::first_lane(rest);
+        for (unsigned remaining = in_image; remaining; remaining &= remaining - 1) {
+            const int k = Lanes::first_lane(remaining);
             mask[(long long)(y + k / BLOCK_SIDE) * job.width + x + k % BLOCK_SIDE] =
                 (visible >> k) & 1 ? MASK_VISIBLE : MASK_HIDDEN;
         }
@@ -295,11 +295,11 @@ struct Silhouettes {
         const int index = request.chosen[place];
         const Pose pose = job.pose_of(view);
         const Job canvas = part_of(job, edge[0], edge[1], edge[2], edge[3]);
-        Image whole = Image();
-        whole.set_size(canvas.width, canvas.height, 0, canvas.height);
-        whole.set_center(canvas.center);
+        Image canvas_image = Image();
+        canvas_image.set_size(canvas.width, canvas.height, 0, canvas.height);
+        canvas_image.set_center(canvas.center);
         Visit visit;
-        if (!Queue::find(View::of(scene, canvas, world, pose), whole, index, visit)) return;
+        if (!Queue::find(View::of(scene, canvas, world, pose), canvas_image, index, visit)) return;
         // Use whole tiles: pixels beyond the canvas are rasterized, but not counted.
         const int x0 = edge[0] + visit.x0, y0 = edge[1] + visit.y0;
         const int tiles_x = Grid::tiles(visit.x1 - visit.x0 + 1), tiles_y = Grid::tiles(visit.y1 - visit.y0 + 1);

@@ -85,11 +85,11 @@ struct Solid {
         const ExactPoints e = ExactPoints::cross(c, d);
         const Doubles square = ExactPoints::dot(d, d) - ExactPoints::dot(e, e);
         const Doubles reach = __builtin_elementwise_sqrt(square > none ? square : none) - ExactPoints::dot(c, d);
-        const Doubles rest = ExactPoints::dot(c, c) - one;
+        const Doubles power = ExactPoints::dot(c, c) - one;
         const double facing = viewpoint[2] < 0 ? -1.0 : 1.0;
-        ExactPoints n = {(one - end) * (c.x * reach + rest * d.x) * inverse[0],
-                         (one - end) * (c.y * reach + rest * d.y) * inverse[1],
-                         (one - end) * (c.z * reach + rest * d.z) * inverse[2] + end * facing};
+        ExactPoints n = {(one - end) * (c.x * reach + power * d.x) * inverse[0],
+                         (one - end) * (c.y * reach + power * d.y) * inverse[1],
+                         (one - end) * (c.z * reach + power * d.z) * inverse[2] + end * facing};
         const Doubles scale = one / __builtin_elementwise_sqrt(ExactPoints::dot(n, n));
         return ExactPoints{n.x * scale, n.y * scale, n.z * scale};
     }
@@ -136,9 +136,9 @@ struct ExactLinearForm {
     double u, v, one;
 
     // The component of d along a direction.
-    static inline ExactLinearForm of(const double* along, const Solid& solid, const Expansion& at) {
+    static inline ExactLinearForm of(const double* along, const Solid& solid, const Expansion& center) {
         const double du = Solid::dot(along, solid.ray[0]), dv = Solid::dot(along, solid.ray[1]);
-        return ExactLinearForm{du, dv, Solid::dot(along, solid.ray[2]) + du * at.u + dv * at.v};
+        return ExactLinearForm{du, dv, Solid::dot(along, solid.ray[2]) + du * center.u + dv * center.v};
     }
     inline Floats at(Floats from_x, Floats from_y) const {
         const Doubles x = __builtin_convertvector(from_x, Doubles), y = __builtin_convertvector(from_y, Doubles);
@@ -150,8 +150,8 @@ struct ExactLinearForm {
 struct LinearForm {
     float u, v, one;
 
-    static inline LinearForm of(const double* along, const Solid& solid, const Expansion& at) {
-        const ExactLinearForm exact = ExactLinearForm::of(along, solid, at);
+    static inline LinearForm of(const double* along, const Solid& solid, const Expansion& center) {
+        const ExactLinearForm exact = ExactLinearForm::of(along, solid, center);
         return LinearForm{(float)exact.u, (float)exact.v, (float)exact.one};
     }
     inline Floats at(Floats from_x, Floats from_y) const { return u * from_x + (v * from_y + one); }
@@ -171,12 +171,12 @@ struct Quadric {
         Quadric q = {local, {0, 0, 0}, {{0, 0, 0}, {0, 0, 0}}, 0.0f, 0.0f};
         double o[3];
         solid.from_middle(part, o);
-        const double square = Solid::dot(o, o), rest = square - 1.0;
-        if (!(rest > 0)) return q;
-        const double distance = __builtin_sqrt(square), scale = 1.0 / distance, stretch = __builtin_sqrt(rest);
+        const double square = Solid::dot(o, o), power = square - 1.0;
+        if (!(power > 0)) return q;
+        const double distance = __builtin_sqrt(square), scale = 1.0 / distance, stretch = __builtin_sqrt(power);
         const double n[3] = {-o[0] * scale, -o[1] * scale, -o[2] * scale};
         q.distance = (float)distance;
-        q.inverse = (float)(1.0 / rest);
+        q.inverse = (float)(1.0 / power);
         q.toward = LinearForm::of(n, solid, local);
         // Two directions perpendicular to n (Duff et al. 2017); of a cylinder, only the one perpendicular to its axis.
         const double sign = n[2] < 0 ? -1.0 : 1.0, a = -1.0 / (sign + n[2]), b = n[0] * n[1] * a;
@@ -219,8 +219,8 @@ struct SolidSetup {
         const Expansion middle = Expansion::of(solid, 0.0, camera, image, center);
         setup.quadric[PART_SIDE] = Quadric::of(solid, PART_SIDE, middle);
         if (solid.kind == SOLID_BALL) return setup;
-        const double *o = solid.viewpoint, rest = o[0] * o[0] + o[1] * o[1] - 1.0;
-        const double along[3] = {-o[2] * o[0], -o[2] * o[1], rest};
+        const double *o = solid.viewpoint, power = o[0] * o[0] + o[1] * o[1] - 1.0;
+        const double along[3] = {-o[2] * o[0], -o[2] * o[1], power};
         setup.along = LinearForm::of(along, solid, middle);
         if (solid.kind == SOLID_CAPSULE)
             for (int part = PART_UPPER; part < SOLID_PARTS; ++part)
@@ -327,8 +327,9 @@ struct Solids {
         for (int ty = visit.y0 >> TILE_SHIFT; ty <= ty1; ++ty)
             for (int tx = visit.x0 >> TILE_SHIFT; tx <= tx1; ++tx) {
                 const int tile = ty * image.tiles_x + tx;
-                for (unsigned rest = blocks(setup, camera, image, visit, tx, ty); rest; rest &= rest - 1) {
-                    const int b = Lanes::first_lane(rest), block = tile * TILE_BLOCKS + b;
+                for (unsigned remaining = blocks(setup, camera, image, visit, tx, ty); remaining;
+                     remaining &= remaining - 1) {
+                    const int b = Lanes::first_lane(remaining), block = tile * TILE_BLOCKS + b;
                     if (image.min_of_block(block) > visit.nearest_inv_z) continue;
                     if (image.first_packet) {
                         render_cell(setup, image, block, id, mode);
@@ -375,8 +376,8 @@ struct Solids {
             return;
         }
         for (int part = 0; part < SOLID_PARTS; ++part) {
-            const Ints here = hit & (met.part == Lanes::all_ints(part));
-            Raster::blend(image, packet, block, here, met.inv_z, id + part, MODE_TRIANGLES);
+            const Ints on_part = hit & (met.part == Lanes::all_ints(part));
+            Raster::blend(image, packet, block, on_part, met.inv_z, id + part, MODE_TRIANGLES);
         }
     }
 };

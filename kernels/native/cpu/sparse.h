@@ -13,9 +13,9 @@ struct ExactOcclusion {
 
     // Whether a triangle's plane intersects a point's ray in front of the point by more than the tolerance.
     inline bool hides(const Camera& camera, const float* corners, int lane, int point) const {
-        const double at[3] = {place[point * 3LL], place[point * 3LL + 1], place[point * 3LL + 2]};
+        const double position[3] = {place[point * 3LL], place[point * 3LL + 1], place[point * 3LL + 2]};
         double seen[3], ray[3];  // in the camera frame, and in the frame of the triangle
-        pose.transform_into(at, seen);
+        pose.transform_into(position, seen);
         const double way = __builtin_sqrt(seen[0] * seen[0] + (seen[1] * seen[1] + seen[2] * seen[2]));
         const ExactRow* m = camera.exact_to_camera;
         for (int k = 0; k < 3; ++k)
@@ -33,12 +33,12 @@ struct Sparse {
         return (points + (LANES - 1) * (points < cells ? points : cells)) / LANES * LANES;
     }
 
-    // Sort the points of a strip into cells (counting sort). `at` is x y x y ... in pixels of the view.
-    static inline void place(const Image& image, const float* at, int count, const double* center) {
+    // Sort the points of a strip into cells (counting sort). `pixels` is x y x y ... in pixels of the view.
+    static inline void place(const Image& image, const float* pixels, int count, const double* center) {
         const int cells = image.tiles() * TILE_BLOCKS;
         for (int c = 0; c <= cells; ++c) image.first_packet[c] = 0;
         for (int i = 0; i < count; ++i) {
-            const int cell = cell_of(image, at + 2 * i);
+            const int cell = cell_of(image, pixels + 2 * i);
             if (cell >= 0) image.first_packet[cell + 1] += 1;
         }
         for (int c = 0; c < cells; ++c)
@@ -50,13 +50,13 @@ struct Sparse {
             image.point_u[i] = image.point_v[i] = 0.0f;
         }
         for (int i = 0; i < count; ++i) {
-            const int cell = cell_of(image, at + 2 * i);
+            const int cell = cell_of(image, pixels + 2 * i);
             if (cell < 0) continue;
             int lane = image.first_packet[cell] * LANES;
             if (image.point_index[lane] >= 0) lane = next_lane(image, lane);
             image.point_index[lane] = i;
-            image.point_u[lane] = (float)(at[2 * i] - center[0]);
-            image.point_v[lane] = (float)(at[2 * i + 1] - center[1]);
+            image.point_u[lane] = (float)(pixels[2 * i] - center[0]);
+            image.point_v[lane] = (float)(pixels[2 * i + 1] - center[1]);
             image.inv_z[lane] = 0.0f;
         }
         for (int c = 0; c < cells; ++c)
@@ -75,8 +75,8 @@ struct Sparse {
     }
 
     // -1 for points outside the strip, and for NaN.
-    static inline int cell_of(const Image& image, const float* at) {
-        const float x = at[0], y = at[1] - (float)image.first_row;
+    static inline int cell_of(const Image& image, const float* pixel) {
+        const float x = pixel[0], y = pixel[1] - (float)image.first_row;
         if (!(x >= 0.0f && x < (float)image.width && y >= 0.0f && y < (float)image.height)) return -1;
         return (Image::column_part((int)x) + image.row_part((int)y)) / BLOCK_PIXELS;
     }
@@ -84,8 +84,8 @@ struct Sparse {
     static inline void rasterize(const Camera& camera, const Image& image, const Triangles& triangles, Ints inexact,
                                  Mode mode) {
         const unsigned rounded = Lanes::bits(inexact);
-        for (unsigned rest = Lanes::bits(triangles.shown); rest; rest &= rest - 1) {
-            const int k = Lanes::first_lane(rest);
+        for (unsigned remaining = Lanes::bits(triangles.shown); remaining; remaining &= remaining - 1) {
+            const int k = Lanes::first_lane(remaining);
             const One one = One::of(triangles, k, (rounded >> k) & 1, mode);
             const int ty1 = triangles.y1[k] >> TILE_SHIFT, tx1 = triangles.x1[k] >> TILE_SHIFT;
             for (int ty = triangles.y0[k] >> TILE_SHIFT; ty <= ty1; ++ty)
@@ -129,8 +129,8 @@ struct Sparse {
             const Floats u = edge.u >= Lanes::all(0.0f) ? u1 : u0, v = edge.v >= Lanes::all(0.0f) ? v1 : v0;
             touched &= edge.at(u, edge.row(v)) >= Lanes::all(-one.error_bound);
         }
-        for (unsigned rest = Lanes::bits(touched); rest; rest &= rest - 1) {
-            const int cell = tile * TILE_BLOCKS + Lanes::first_lane(rest);
+        for (unsigned remaining = Lanes::bits(touched); remaining; remaining &= remaining - 1) {
+            const int cell = tile * TILE_BLOCKS + Lanes::first_lane(remaining);
             for (int packet = image.first_packet[cell]; packet < image.first_packet[cell + 1]; ++packet)
                 rasterize_packet(camera, image, one, cell, packet, mode);
         }
@@ -143,8 +143,8 @@ struct Sparse {
         const Floats u = Lanes::load(image.point_u + packet * LANES), v = Lanes::load(image.point_v + packet * LANES);
         const Floats old = Lanes::load(image.inv_z + packet * LANES), max_inv_z = Lanes::all(t.max_inv_z[one.k]);
         const Floats inner = Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v)));
-        const Ints wanted = old <= max_inv_z, uncertain = wanted & Raster::find_uncertain(inner, one.error_bound);
-        const Ints inside = wanted & (inner > Lanes::all(one.error_bound));
+        const Ints visible = old <= max_inv_z, uncertain = visible & Raster::find_uncertain(inner, one.error_bound);
+        const Ints inside = visible & (inner > Lanes::all(one.error_bound));
         if (Lanes::any(inside)) rasterize_lanes(camera, image, one, cell, packet, inside, mode);
         if (__builtin_expect(Lanes::any(uncertain), 0))
             rasterize_uncertain(camera, image, one, cell, packet, Lanes::bits(uncertain), mode);
@@ -155,9 +155,9 @@ struct Sparse {
                                                                     const One& one, int cell, int packet,
                                                                     unsigned uncertain, Mode mode) {
         Ints inside = Lanes::all_ints(0);
-        for (unsigned rest = uncertain; rest; rest &= rest - 1) {
-            const int lane = Lanes::first_lane(rest), at = packet * LANES + lane;
-            const double u = image.point_u[at], v = image.point_v[at];
+        for (unsigned remaining = uncertain; remaining; remaining &= remaining - 1) {
+            const int lane = Lanes::first_lane(remaining), slot = packet * LANES + lane;
+            const double u = image.point_u[slot], v = image.point_v[slot];
             if (Exactly::covers(camera, one.triangles.corners, one.k, u, v)) inside[lane] = -1;
         }
         if (Lanes::any(inside)) rasterize_lanes(camera, image, one, cell, packet, inside, mode);
@@ -173,8 +173,8 @@ struct Sparse {
         const Floats min_inv_z = Lanes::all(t.min_inv_z[one.k]);
         Floats inv_z = Lanes::max(Lanes::min(plane.at(u, plane.row(v)), max_inv_z), min_inv_z);
         if (one.rounded && image.id)
-            for (unsigned rest = Lanes::bits(inside); rest; rest &= rest - 1) {
-                const int lane = Lanes::first_lane(rest);
+            for (unsigned remaining = Lanes::bits(inside); remaining; remaining &= remaining - 1) {
+                const int lane = Lanes::first_lane(remaining);
                 inv_z[lane] = Raster::exact_inv_z(camera, t, one.k, u[lane], v[lane]);
             }
         if (image.occlusion) inside = check(camera, image, one, packet, inside, inv_z);
@@ -193,8 +193,8 @@ struct Sparse {
         Ints uncertain = inside & (limit >= 0.999999f * t.min_inv_z[one.k]);
         if (image.id) uncertain &= Lanes::load(image.id + packet * LANES) < Lanes::all_ints(0);
         if (!one.rounded) uncertain &= Lanes::abs(inv_z - limit) <= 5e-6f * inv_z;
-        for (unsigned rest = Lanes::bits(uncertain); rest; rest &= rest - 1) {
-            const int lane = Lanes::first_lane(rest), point = image.point_index[packet * LANES + lane];
+        for (unsigned remaining = Lanes::bits(uncertain); remaining; remaining &= remaining - 1) {
+            const int lane = Lanes::first_lane(remaining), point = image.point_index[packet * LANES + lane];
             const bool hides = image.occlusion->hides(camera, t.corners, one.k, point);
             inside[lane] = hides ? -1 : 0;
             if (hides && inv_z[lane] <= limit[lane]) inv_z[lane] = limit[lane] * 1.000001f;
@@ -222,10 +222,10 @@ struct Sparse {
                             Ray{image.inv_z[i], image.id[i], image.point_u[i], image.point_v[i]});
         if (image.first_row > 0) return;
         // Points outside the image belong to no strip; the first strip writes them.
-        const float* at = job.at + first * 2;
+        const float* pixels = job.pixels + first * 2;
         for (int i = 0; i < job.points; ++i)
-            if (!(at[2 * i] >= 0.0f && at[2 * i] < (float)job.width && at[2 * i + 1] >= 0.0f &&
-                  at[2 * i + 1] < (float)job.height))
+            if (!(pixels[2 * i] >= 0.0f && pixels[2 * i] < (float)job.width && pixels[2 * i + 1] >= 0.0f &&
+                  pixels[2 * i + 1] < (float)job.height))
                 write_point(writer, first + i, Ray{0.0f, -1, 0.0f, 0.0f});
     }
 

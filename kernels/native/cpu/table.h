@@ -71,11 +71,11 @@ struct TableJob {
         part.fit += tile;
         if (part.scale) part.scale += ray;
         if (RAY_ORIGINS) {
-            RayOrigins& own = part.origins;
-            own.p += ray, own.q += ray, own.begin += ray, own.clip_inv_z += ray;
-            own.row_p += ray, own.row_q += ray;
-            own.range += tile * RayOrigins::RANGE_WORDS;
-            own.max_p = origins[3 * index], own.max_q = origins[3 * index + 1], own.reach = origins[3 * index + 2];
+            RayOrigins& rays = part.origins;
+            rays.p += ray, rays.q += ray, rays.begin += ray, rays.clip_inv_z += ray;
+            rays.row_p += ray, rays.row_q += ray;
+            rays.range += tile * RayOrigins::RANGE_WORDS;
+            rays.max_p = origins[3 * index], rays.max_q = origins[3 * index + 1], rays.reach = origins[3 * index + 2];
         }
         return part;
     }
@@ -180,15 +180,15 @@ struct TableWriter {
         const Rays& rays = writer.rays;
         const float* origin = writer.camera.origin;
         const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
-        Floats at[3];
+        Floats position[3];
         for (int k = 0; k < 3; ++k)
-            at[k] = reach * (u * rays.right[k] + (v * rays.down[k] + rays.forward[k])) + origin[k];
+            position[k] = reach * (u * rays.right[k] + (v * rays.down[k] + rays.forward[k])) + origin[k];
         if (RAY_ORIGINS) {
             const Floats p = Lanes::load(tree.origins.p + packet * LANES),
                          q = Lanes::load(tree.origins.q + packet * LANES);
-            for (int k = 0; k < 3; ++k) at[k] += p * rays.right[k] + q * rays.down[k];
+            for (int k = 0; k < 3; ++k) position[k] += p * rays.right[k] + q * rays.down[k];
         }
-        return Points{at[0], at[1], at[2]};
+        return Points{position[0], position[1], position[2]};
     }
     inline Points normals(int packet, Ints id, Ints seen) {
         if (RAY_ORIGINS) return toward(packet, writer.triangle_normals(id, Lanes::bits(seen)));
@@ -237,21 +237,21 @@ struct TableWriter {
             Row row[BLOCKS_ACROSS];
             for (int x = 0; x < BLOCKS_ACROSS; ++x)
                 resolve(tile * TILE_BLOCKS + y / BLOCK_SIDE * BLOCKS_ACROSS + x, row[x]);
-            const long long at = first + tree.corner[tile] + (long long)y * table.width;
+            const long long offset = first + tree.corner[tile] + (long long)y * table.width;
             Floats rows[3][BLOCK_SIDE];
             if (out.depth) {
                 transpose(&row[0].depth, rows[0]);
-                for (int r = 0; r < BLOCK_SIDE; ++r) Write::stream(out.depth + at + r * table.width, rows[0][r]);
+                for (int r = 0; r < BLOCK_SIDE; ++r) Write::stream(out.depth + offset + r * table.width, rows[0][r]);
             }
-            if (out.points) rows_of(out.points + at * 3, &row[0].point, rows);
+            if (out.points) rows_of(out.points + offset * 3, &row[0].point, rows);
             if (writer.mode == MODE_DEPTH) continue;
-            if (writer.mode == MODE_TRIANGLES && out.normals) rows_of(out.normals + at * 3, &row[0].normal, rows);
+            if (writer.mode == MODE_TRIANGLES && out.normals) rows_of(out.normals + offset * 3, &row[0].normal, rows);
             if (!(out.segmentation || out.labels)) continue;
             transpose((const Floats*)&row[0].object, rows[0]);
             for (int r = 0; r < BLOCK_SIDE; ++r) {
                 const Ints object = (Ints)rows[0][r];
-                if (out.segmentation) Write::stream(out.segmentation + at + r * table.width, object);
-                if (out.labels) Writer::labels(out.labels + at + r * table.width, out.object_label, object, LANES);
+                if (out.segmentation) Write::stream(out.segmentation + offset + r * table.width, object);
+                if (out.labels) Writer::labels(out.labels + offset + r * table.width, out.object_label, object, LANES);
             }
         }
         if (writer.mode == MODE_TRIANGLES && out.faces) face_blocks(tile);
@@ -329,15 +329,15 @@ struct TableWriter {
     static inline void empty(const TableJob& table, const Images& out, long long first) {
         const float nothing = __builtin_nanf("");
         for (int i = 0; i < table.without_rays; ++i) {
-            const long long at = first + table.without_ray[i];
-            if (out.depth) out.depth[at] = __builtin_inff();
+            const long long offset = first + table.without_ray[i];
+            if (out.depth) out.depth[offset] = __builtin_inff();
             for (int k = 0; k < 3; ++k) {
-                if (out.points) out.points[at * 3 + k] = nothing;
-                if (out.normals) out.normals[at * 3 + k] = nothing;
+                if (out.points) out.points[offset * 3 + k] = nothing;
+                if (out.normals) out.normals[offset * 3 + k] = nothing;
             }
-            if (out.segmentation) out.segmentation[at] = -1;
-            if (out.faces) out.faces[at] = -1;
-            if (out.labels) out.labels[at] = LABEL_EMPTY;
+            if (out.segmentation) out.segmentation[offset] = -1;
+            if (out.faces) out.faces[offset] = -1;
+            if (out.labels) out.labels[offset] = LABEL_EMPTY;
         }
     }
 };

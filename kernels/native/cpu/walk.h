@@ -131,7 +131,7 @@ struct Walk {
         const Points high = camera.relative(high_x, row(node, NODE_HIGH_ROW + 1), row(node, NODE_HIGH_ROW + 2));
         Ints shown = low_x <= high_x;
         for (int p = 0; p < Frustum::PLANES; ++p)
-            shown &= farthest_along(frustum.plane[p], low, high) >= Lanes::all(frustum.least[p]);
+            shown &= farthest_along(frustum.plane[p], low, high) >= Lanes::all(frustum.min_product[p]);
         if (camera.skip_back_faces)
             shown &= ~faces_away(node, low, high, RAY_ORIGINS ? image.tree->origins.reach : 0.0f);
         if (!Lanes::any(shown)) return 0;
@@ -143,8 +143,9 @@ struct Walk {
             const Row* m = camera.to_camera;
             term[0][k] = Points{m[0][0] * corner.x, m[1][0] * corner.x, m[2][0] * corner.x};
             term[1][k] = Points{m[0][1] * corner.y, m[1][1] * corner.y, m[2][1] * corner.y};
-            term[2][k] = Points{m[0][2] * corner.z - camera.rest[0], m[1][2] * corner.z - camera.rest[1],
-                                m[2][2] * corner.z - camera.rest[2]};
+            term[2][k] =
+                Points{m[0][2] * corner.z - camera.origin_error[0], m[1][2] * corner.z - camera.origin_error[1],
+                       m[2][2] * corner.z - camera.origin_error[2]};
         }
         const ScreenBounds bounds = ScreenBounds::of(term, camera.far, camera.blur, image, shown);
         const unsigned found = Lanes::bits(bounds.shown);
@@ -152,8 +153,8 @@ struct Walk {
         Lanes::store(place, places(bounds.shown ? bounds.nearest_inv_z : Lanes::all(BEHIND_ALL)));
         const ScreenBounds::Lane lanes = bounds.lanes(1.0f);
         const int* children = bvh.children_of(index);
-        for (unsigned rest = found; rest; rest &= rest - 1) {
-            const int k = Lanes::first_lane(rest);
+        for (unsigned remaining = found; remaining; remaining &= remaining - 1) {
+            const int k = Lanes::first_lane(remaining);
             out[place[k]] = lanes.visit(k, children[k]);
         }
         return __builtin_popcount(found);

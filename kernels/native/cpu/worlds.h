@@ -164,8 +164,8 @@ struct Lookup {
     inline int object_of(int id) {
         if (!moving || id < first_movable) return Bvh::object_of(bvh.owners[id]);
         find(id);
-        const int alone = movables.object[movable];
-        return alone >= 0 ? alone : Bvh::object_of(bvh.owners[id - first + movables.first_leaf[movable] * LANES]);
+        const int index = movables.object[movable];
+        return index >= 0 ? index : Bvh::object_of(bvh.owners[id - first + movables.first_leaf[movable] * LANES]);
     }
 
     // Slot of a triangle in the leaves; -1 for a solid, whose triangles are rendered only from inside.
@@ -197,17 +197,17 @@ struct Lookup {
         int id[LANES];
         Ints solid = Lanes::all_ints(0);
         Lanes::store(id, ids);
-        for (unsigned rest = Lanes::bits(seen & (ids >= first_movable)); rest;) {
-            find(id[Lanes::first_lane(rest)]);
-            const Ints here = seen & (ids >= first) & (ids < end);
+        for (unsigned remaining = Lanes::bits(seen & (ids >= first_movable)); remaining;) {
+            find(id[Lanes::first_lane(remaining)]);
+            const Ints on_movable = seen & (ids >= first) & (ids < end);
             if (frames[movable].solid.kind != SOLID_NONE) {
                 const Points found = normals_of(frames[movable], ids - first, u, v);
-                n.x = here ? found.x : n.x;
-                n.y = here ? found.y : n.y;
-                n.z = here ? found.z : n.z;
-                solid |= here;
+                n.x = on_movable ? found.x : n.x;
+                n.y = on_movable ? found.y : n.y;
+                n.z = on_movable ? found.z : n.z;
+                solid |= on_movable;
             }
-            rest &= ~Lanes::bits(here);
+            remaining &= ~Lanes::bits(on_movable);
         }
         return solid;
     }

@@ -75,7 +75,9 @@ struct Box {
 
 // A point whose coordinates are stored in rows with one number per lane.
 struct Place {
-    static inline Vec3 load(const float* at) { return Vec3{__ldg(at), __ldg(at + LANES), __ldg(at + 2 * LANES)}; }
+    static inline Vec3 load(const float* source) {
+        return Vec3{__ldg(source), __ldg(source + LANES), __ldg(source + 2 * LANES)};
+    }
 };
 
 // A value that is linear in u and v.

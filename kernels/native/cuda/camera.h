@@ -15,7 +15,7 @@ constexpr float SLOPE_ERROR = 2.4e-7f;
 // The camera in the world or in the frame of a movable object, and the rotation from that frame into camera space. It
 // is stored in shared memory because all lanes read the same values.
 struct Camera {
-    Vec3 origin, rest;  // their sum is the origin: single precision may not suffice for it in an object's frame
+    Vec3 origin, origin_error;  // their sum is the origin: single precision may not suffice for it in an object's frame
     Vec3 to_camera[3];  // rows: x scaled by fx, y scaled by fy, z
     // Rows of to_camera, divided by the exact rays; for a ray table, in double precision.
     double rows[RAY_TABLE ? 9 : 3];
@@ -42,7 +42,7 @@ struct Camera {
 
     inline Vec3 relative(Vec3 p) const {
         const Vec3 from = Vec3::minus(p, origin);
-        return MOVABLE || RAY_ORIGINS ? Vec3::minus(from, rest) : from;
+        return MOVABLE || RAY_ORIGINS ? Vec3::minus(from, origin_error) : from;
     }
     // A coordinate, moved outward or inward by the greatest distance of a ray from the center of its pixel.
     inline float wider(float place) const { return RAY_TABLE ? place + spread : place; }

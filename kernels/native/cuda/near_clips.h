@@ -12,7 +12,7 @@ struct NearPlane {
     // visible.
     inline bool cuts(float max_inv_z) const { return max_inv_z > clip_inv_z; }
     inline bool shows(float inv_z, bool cut) const { return !cut || inv_z <= clip_inv_z; }
-    inline float most(float) const { return clip_inv_z; }
+    inline float max_inv_z(float) const { return clip_inv_z; }
     static inline bool clips() { return true; }
     // Coordinates of a box, moved by `reach`: a camera beyond them sees the box unclipped.
     inline float below(float value) const { return value - reach; }

@@ -8,7 +8,7 @@ struct NearPlane {
     static inline NearPlane of(float, float) { return NearPlane{}; }
     static inline bool cuts(float) { return false; }
     static inline bool shows(float, bool) { return true; }
-    static inline float most(float endless) { return endless; }
+    static inline float max_inv_z(float endless) { return endless; }
     static inline bool clips() { return false; }
     static inline float below(float value) { return value; }
     static inline float above(float value) { return value; }

@@ -9,7 +9,7 @@ struct NearPlane {
     static inline NearPlane of(float, float reach) { return NearPlane{reach}; }
     static inline bool cuts(float) { return false; }
     static inline bool shows(float, bool) { return true; }
-    static inline float most(float endless) { return endless; }
+    static inline float max_inv_z(float endless) { return endless; }
     static inline bool clips() { return false; }
     // Coordinates of a box, moved by `reach`: if the eye is beyond them, all ray origins are outside the box.
     inline float below(float value) const { return value - reach; }

@@ -18,8 +18,8 @@ struct Edge : Linear {
 
 // Bounds on the ray origins of a packet.
 struct Origins {
-    static inline float most(const Edge& edge, float u, float v) { return edge.at(u, v); }
-    static inline float least(const Edge& edge, float u, float v) { return edge.at(u, v); }
+    static inline float max_edge(const Edge& edge, float u, float v) { return edge.at(u, v); }
+    static inline float min_edge(const Edge& edge, float u, float v) { return edge.at(u, v); }
     static inline ImagePoint aside() { return ImagePoint{0.0f, 0.0f}; }
     static inline ImagePoint aside_at(float) { return ImagePoint{0.0f, 0.0f}; }
     static inline ImagePoint seen(RayPlace p, float) { return p; }

@@ -11,10 +11,10 @@ struct ObjectQueue {
     unsigned visits[SIZE];
     int objects[SIZE];  // object index; its complement if the analytic surface is drawn
 
-    inline bool is_solid(int at) const { return objects[at] < 0; }
-    inline int movable(int at) const { return objects[at] < 0 ? ~objects[at] : objects[at]; }
+    inline bool is_solid(int item) const { return objects[item] < 0; }
+    inline int movable(int item) const { return objects[item] < 0 ? ~objects[item] : objects[item]; }
     // Draw the object by its triangles instead.
-    inline void unset_solid(int at) { objects[at] = ~objects[at]; }
+    inline void unset_solid(int item) { objects[item] = ~objects[item]; }
 };
 
 // As many as fit into the memory of the levels.
@@ -41,9 +41,10 @@ constexpr float MOVED_BOX_SLACK = 1e-6f;
 
 struct ObjectPass {
     // In single precision, which suffices for a box: one object per lane.
-    static inline Child visit(const Camera& world, const Packet& packet, const Movables& movables, int m, bool wanted) {
+    static inline Child visit(const Camera& world, const Packet& packet, const Movables& movables, int m,
+                              bool is_active) {
         const MovedBox box = MovedBox::of(world, movables, m);
-        return Walk::visit(world, box.rows, packet, box.low, box.high, wanted && !movables.excludes(m));
+        return Walk::visit(world, box.rows, packet, box.low, box.high, is_active && !movables.excludes(m));
     }
 
     // The box of an object in its frame, relative to the camera, and the rotation from that frame into camera space.
@@ -60,10 +61,10 @@ struct ObjectPass {
             const float margin = MOVED_BOX_SLACK * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
             const Vec3 wider = {margin, margin, margin};
             const Vec3 by = movables.factors(m);
-            const Vec3 least = {Box::side(box, by.x), Box::side(box + 1, by.y), Box::side(box + 2, by.z)};
-            const Vec3 most = {Box::side(box + 3, by.x), Box::side(box + 4, by.y), Box::side(box + 5, by.z)};
-            moved.low = Vec3::minus(Vec3::minus(least, origin), wider);
-            moved.high = Vec3::plus(Vec3::minus(most, origin), wider);
+            const Vec3 box_low = {Box::side(box, by.x), Box::side(box + 1, by.y), Box::side(box + 2, by.z)};
+            const Vec3 box_high = {Box::side(box + 3, by.x), Box::side(box + 4, by.y), Box::side(box + 5, by.z)};
+            moved.low = Vec3::minus(Vec3::minus(box_low, origin), wider);
+            moved.high = Vec3::plus(Vec3::minus(box_high, origin), wider);
             return moved;
         }
     };
@@ -109,7 +110,7 @@ struct ObjectPass {
             const double value = RESIZED ? local / factor : local;
             (&moved.exact_origin.x)[k] = value;
             (&moved.origin.x)[k] = (float)value;
-            (&moved.rest.x)[k] = (float)(value - (float)value);
+            (&moved.origin_error.x)[k] = (float)(value - (float)value);
         }
         Warp::sync();
         const Vec3 by = movables.factors(m), o = moved.origin;
@@ -160,7 +161,7 @@ struct ObjectPass {
             if (taken.solids > 0) {
                 render_solids(scene.movables, packet, taken, memory);
             } else if (taken.solids < 0) {
-                const int m = memory.objects.movable(taken.at);
+                const int m = memory.objects.movable(taken.item);
                 if (!Walk::hidden(packet, taken.visit)) return m;
             } else {
                 fill(scene, packet, queued, memory);
@@ -186,9 +187,9 @@ struct ObjectPass {
                                        : visit(memory.cameras[WarpMemory::WORLD], packet, scene.movables, i, exists);
             const unsigned lanes = Warp::ballot(found.visit != 0);
             if (found.visit) {
-                const int at = queued.count + __popc(lanes & ((1u << lane) - 1));
-                memory.objects.visits[at] = found.visit;
-                memory.objects.objects[at] = __ldg(scene.movables.solid + m) != SOLID_NONE ? ~m : m;
+                const int item = queued.count + __popc(lanes & ((1u << lane) - 1));
+                memory.objects.visits[item] = found.visit;
+                memory.objects.objects[item] = __ldg(scene.movables.solid + m) != SOLID_NONE ? ~m : m;
             }
             queued.count += __popc(lanes);
         }
@@ -206,8 +207,8 @@ struct ObjectPass {
         m = found.movable;
         const bool shown = exists && x0 <= x1 && y0 <= y1, anywhere = shown && found.nearest_inv_z == NOWHERE;
         if (Warp::any(anywhere)) {
-            const Child here = visit(world, packet, scene.movables, m, anywhere);
-            if (anywhere) return here;
+            const Child visible = visit(world, packet, scene.movables, m, anywhere);
+            if (anywhere) return visible;
         }
         return shown ? Walk::child_of(found.nearest_inv_z, x0, y0, x1, y1) : Child{0, 0};
     }
@@ -216,10 +217,10 @@ struct ObjectPass {
     static inline void find(const Camera& world, const Movables& movables, const FoundObjects& found, int m,
                             bool exists) {
         const MovedBox box = MovedBox::of(world, movables, m);
-        const bool wanted = exists && !movables.excludes(m);
-        const Walk::ScreenBounds p = Walk::ScreenBounds::of(box.rows, box.low, box.high, world.blur, wanted);
+        const bool is_active = exists && !movables.excludes(m);
+        const Walk::ScreenBounds p = Walk::ScreenBounds::of(box.rows, box.low, box.high, world.blur, is_active);
         const Walk::ScreenBounds::Pixels in = p.pixels(world.first_u, world.first_v, world.last_x, world.last_y);
-        if (!wanted || p.zmin > world.far || !in.any()) return;
+        if (!is_active || p.zmin > world.far || !in.any()) return;
         // Without this test, all objects behind the camera would be recorded.
         if (p.crossing && !Walk::reaches_frustum(box.rows, world.first_u, world.first_v, world.last_x + 1.0f,
                                                  world.last_y + 1.0f, box.low, box.high, world.origins.aside()))
@@ -233,7 +234,7 @@ struct ObjectPass {
     // all lanes. 0 if nothing is left.
     struct Taken {
         int solids;
-        int at;  // position in the queue
+        int item;  // position in the queue
         unsigned visit;
     };
 
@@ -244,17 +245,17 @@ struct ObjectPass {
         Taken mine = {0, 0, 0};
         while (mine.solids < SOLIDS_AT_A_TIME) {
             unsigned best = 0;
-            int at = 0;
+            int item = 0;
             for (int i = lane; i < count; i += LANES)
-                if (queue.visits[i] > best) best = queue.visits[i], at = i;
+                if (queue.visits[i] > best) best = queue.visits[i], item = i;
             const unsigned next = Warp::reduce_max(best);
             if (next == 0) break;
             const int k = Warp::first_lane(Warp::ballot(best == next));
-            const int found = Warp::shuffle(at, k);
+            const int found = Warp::shuffle(item, k);
             const bool solid = queue.is_solid(found);
             if (!solid && mine.solids > 0) break;
-            if (lane == k) queue.visits[at] = 0;
-            if (lane == mine.solids || !solid) mine.at = found, mine.visit = next;
+            if (lane == k) queue.visits[item] = 0;
+            if (lane == mine.solids || !solid) mine.item = found, mine.visit = next;
             if (!solid) {
                 mine.solids = -1;
                 break;
@@ -266,7 +267,7 @@ struct ObjectPass {
 
     // Each of the first lanes sets up a solid, then the solids are drawn one after the other.
     static inline void render_solids(const Movables& movables, Packet& packet, Taken taken, WarpMemory& memory) {
-        const int lane = Warp::lane(), m = memory.objects.movable(taken.at);
+        const int lane = Warp::lane(), m = memory.objects.movable(taken.item);
         bool outside = false;
         Warp::sync();
         if (lane < taken.solids) {
@@ -275,13 +276,13 @@ struct ObjectPass {
                                                  __ldg(movables.solid + m), movables.solid_size(m),
                                                  __ldg(movables.first_id + m));
             if (!outside) {  // the camera is inside: the triangles are drawn later instead
-                memory.objects.visits[taken.at] = taken.visit;
-                memory.objects.unset_solid(taken.at);
+                memory.objects.visits[taken.item] = taken.visit;
+                memory.objects.unset_solid(taken.item);
             }
         }
         Warp::sync();
-        for (unsigned rest = Warp::ballot(outside); rest; rest = Warp::without_first_lane(rest)) {
-            const int k = Warp::first_lane(rest);
+        for (unsigned remaining = Warp::ballot(outside); remaining; remaining = Warp::without_first_lane(remaining)) {
+            const int k = Warp::first_lane(remaining);
             const unsigned blocks = Walk::open_blocks(packet, Warp::shuffle(taken.visit, k));
             if (blocks) memory.solids[k].render(memory.cameras[WarpMemory::WORLD], packet, blocks);
         }

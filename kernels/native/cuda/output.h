@@ -11,7 +11,7 @@ struct Column {
     int column, row;  // in the packet
     int rows;  // number of the packet's rows inside the image; 0 if the column is outside
     int step;  // stride to the next pixel in the images
-    long long at;  // index in the images
+    long long offset;  // index in the images
 
     static inline Column of(const View& view, const Packet& packet) {
         const int column = Warp::lane() % PACKET_WIDTH, row = Warp::lane() / PACKET_WIDTH;
@@ -20,7 +20,7 @@ struct Column {
         return Column{column, row, rows, ROWS * view.width, ((long long)view.index * view.height + y) * view.width + x};
     }
     inline bool any() const { return row < rows; }
-    inline void next() { row += ROWS, at += step; }
+    inline void next() { row += ROWS, offset += step; }
     inline Key key(const Packet& packet) const { return *packet.at(Packet::index_at(column, row)); }
 };
 
@@ -33,10 +33,10 @@ struct Write {
     }
     static inline float inv_z_of(Key key) { return __uint_as_float(DepthKey::inv_z_bits(key)); }
 
-    static inline void vector(float* image, long long at, Vec3 value) {
-        image[3 * at] = value.x;
-        image[3 * at + 1] = value.y;
-        image[3 * at + 2] = value.z;
+    static inline void vector(float* image, long long offset, Vec3 value) {
+        image[3 * offset] = value.x;
+        image[3 * offset + 1] = value.y;
+        image[3 * offset + 2] = value.z;
     }
 
     static inline Vec3 none() {
@@ -95,12 +95,12 @@ struct Write {
     static inline void all(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                            const Images& out) {
         const Frame frame = Frame::of(camera);
-        for (Column at = Column::of(view, packet); at.any(); at.next()) {
-            const Key key = at.key(packet);
+        for (Column column = Column::of(view, packet); column.any(); column.next()) {
+            const Key key = column.key(packet);
             const float inv_z = inv_z_of(key), z = Reciprocal::of(inv_z);
             const bool shown = seen(view, inv_z, z);
             const Found found = {key, z, shown ? z : nothing(view, inv_z, z), shown};
-            pixel(scene, frame, camera, packet, out, Spot{at.at, at.column, at.row, 0}, found);
+            pixel(scene, frame, camera, packet, out, Spot{column.offset, column.column, column.row, 0}, found);
         }
     }
 
@@ -120,7 +120,7 @@ struct Write {
     };
     // Indices of a pixel in the images and in the packet.
     struct Spot {
-        long long at;
+        long long offset;
         int x, y, index;
     };
     // Result at a pixel.
@@ -136,22 +136,22 @@ struct Write {
         const unsigned id = DepthKey::id(found.key);
         // Loaded before the rest, to hide the latency of the load.
         const int owner = !MOVABLE && objects && shown ? __ldg(scene.bvh.owners + id) : 0;
-        if (out.depth) out.depth[spot.at] = found.depth;
+        if (out.depth) out.depth[spot.offset] = found.depth;
         if (out.points) {
             const RayPlace p = packet.point(camera, spot.x, spot.y, spot.index);
             const Vec3 start = Origins::start(p, camera.origin, frame.right, frame.down);
-            vector(out.points, spot.at, shown ? place(start, frame.ray(p), found.z) : none());
+            vector(out.points, spot.offset, shown ? place(start, frame.ray(p), found.z) : none());
         }
         if (DepthKey::HAS_ID && out.normals)
-            vector(out.normals, spot.at,
+            vector(out.normals, spot.offset,
                    shown ? normal(scene, camera, id, packet.exact_point(camera, spot.x, spot.y, spot.index)) : none());
-        if (DepthKey::HAS_ID && out.faces) out.faces[spot.at] = shown ? face(scene, out, id) : -1;
+        if (DepthKey::HAS_ID && out.faces) out.faces[spot.offset] = shown ? face(scene, out, id) : -1;
         if (!objects) return;
         int object = -1;
         if (shown) object = MOVABLE ? scene.object_of(id) : Bvh::object_of(owner);
-        if (out.segmentation) out.segmentation[spot.at] = object;
+        if (out.segmentation) out.segmentation[spot.offset] = object;
         if (out.labels)
-            out.labels[spot.at] = object < 0 ? (unsigned char)LABEL_EMPTY : __ldg(out.object_label + object);
+            out.labels[spot.offset] = object < 0 ? (unsigned char)LABEL_EMPTY : __ldg(out.object_label + object);
     }
     // Index of a triangle in its object's own mesh; -1 for a solid.
     static inline int face(const Scene& scene, const Images& out, unsigned id) {
@@ -168,9 +168,9 @@ struct Write {
         return inv_z > 0.0f && depth < view.near ? -infinity : infinity;
     }
     static inline void depths(const View& view, const Packet& packet, float* depth) {
-        for (Column at = Column::of(view, packet); at.any(); at.next()) {
-            const float inv_z = inv_z_of(at.key(packet)), z = Reciprocal::of(inv_z);
-            depth[at.at] = seen(view, inv_z, z) ? z : nothing(view, inv_z, z);
+        for (Column column = Column::of(view, packet); column.any(); column.next()) {
+            const float inv_z = inv_z_of(column.key(packet)), z = Reciprocal::of(inv_z);
+            depth[column.offset] = seen(view, inv_z, z) ? z : nothing(view, inv_z, z);
         }
     }
 };

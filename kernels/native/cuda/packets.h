@@ -14,7 +14,7 @@ struct Packets {
         Camera camera;
         camera.exact_origin = PoseRow::position(view.pose);
         camera.origin = camera.exact_origin.rounded();
-        camera.rest = Vec3{0.0f, 0.0f, 0.0f};
+        camera.origin_error = Vec3{0.0f, 0.0f, 0.0f};
         camera.stretch = Vec3{1.0f, 1.0f, 1.0f};
         for (int i = 0; i < 3; ++i) {
             const double f = i < 2 ? view.focal[i] : 1.0;
@@ -25,9 +25,9 @@ struct Packets {
         camera.first_u = (float)(0.5 - view.center[0]);
         camera.first_v = (float)(0.5 - view.center[1]);
         // The exact rays compensate for the rounding of these values.
-        const double rest[2] = {0.5 - view.center[0] - camera.first_u, 0.5 - view.center[1] - camera.first_v};
+        const double error[2] = {0.5 - view.center[0] - camera.first_u, 0.5 - view.center[1] - camera.first_v};
         for (int i = 0; i < 2; ++i)
-            camera.exact_rays[2] = Vec3d::minus(camera.exact_rays[2], Vec3d::times(camera.exact_rays[i], -rest[i]));
+            camera.exact_rays[2] = Vec3d::minus(camera.exact_rays[2], Vec3d::times(camera.exact_rays[i], -error[i]));
         camera.last_x = (float)(view.width - 1);
         camera.last_y = (float)(view.height - 1);
         camera.far = view.far * FARTHER;

@@ -78,10 +78,10 @@ struct Packet {
     // Recompute the least 1 / z of the blocks that were drawn into.
     inline void refresh() {
         const int lane = Warp::lane();
-        for (unsigned rest = stale_blocks; rest; rest = Warp::without_first_lane(rest)) {
-            const int block = Warp::first_lane(rest);
-            const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(*at(index(block, lane))));
-            if (lane == block) block_min_inv_z = least;
+        for (unsigned remaining = stale_blocks; remaining; remaining = Warp::without_first_lane(remaining)) {
+            const int block = Warp::first_lane(remaining);
+            const unsigned min_bits = Warp::reduce_min(DepthKey::inv_z_bits(*at(index(block, lane))));
+            if (lane == block) block_min_inv_z = min_bits;
         }
         stale_blocks = 0;
     }

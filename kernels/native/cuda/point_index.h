@@ -24,7 +24,7 @@ struct PointIndex {
     }
     // Insert a point into its cell.
     inline void add(const Camera& camera, ImagePoint p, int slot) {
-        const Cells at = ImageBox{p.u, p.u, p.v, p.v}.cells(camera, 0.0f);
-        next[slot] = (short)atomicExch(first + at.y0 * CellGrid::SIDE + at.x0, slot);
+        const Cells cell = ImageBox{p.u, p.u, p.v, p.v}.cells(camera, 0.0f);
+        next[slot] = (short)atomicExch(first + cell.y0 * CellGrid::SIDE + cell.x0, slot);
     }
 };

@@ -13,7 +13,7 @@ struct Places : PointIndex {
 
     inline ImagePoint point(const Camera&, int, int, int index) const { return points[index]; }
     inline ExactImagePoint exact(const Camera&, int, int, int index) const { return exact(list[max(place[index], 0)]); }
-    inline ExactImagePoint exact(ImagePoint at) const {
-        return ExactImagePoint{((double)at.u - center[0]) * scale, ((double)at.v - center[1]) * scale};
+    inline ExactImagePoint exact(ImagePoint pixel) const {
+        return ExactImagePoint{((double)pixel.u - center[0]) * scale, ((double)pixel.v - center[1]) * scale};
     }
 };

@@ -14,7 +14,7 @@
 
 // The points of a view, in the order in which packets take them.
 struct PointList {
-    const ImagePoint* at;  // [px], from the image's corner
+    const ImagePoint* pixels;  // [px], from the image's corner
     int count;
     const int* order;  // order of the points sorted by position; null if they are in rows
     int columns;  // columns of each row; packets take squares of rows and columns
@@ -47,10 +47,10 @@ struct PointBounds {
     unsigned left, right, top, bottom;  // bits of floats, which sort like the floats
 
     static inline PointBounds none() { return PointBounds{~0u, 0, ~0u, 0}; }
-    static inline PointBounds of(bool is_inside, ImagePoint at) {
+    static inline PointBounds of(bool is_inside, ImagePoint pixel) {
         if (!is_inside) return none();
         // Adding 0 turns -0 into 0.
-        const unsigned u = __float_as_uint(at.u + 0.0f), v = __float_as_uint(at.v + 0.0f);
+        const unsigned u = __float_as_uint(pixel.u + 0.0f), v = __float_as_uint(pixel.v + 0.0f);
         return PointBounds{u, u, v, v};
     }
     // Bounds of all lanes' points.
@@ -73,8 +73,8 @@ struct PointPacket {
     // Greatest number of packet pixels per camera pixel: at most 16, and at most 2^21 along a side of the image.
     static inline float max_scale(float side) { return fminf(16.0f, (float)(1 << 21) / side); }
 
-    static inline bool inside(const View& view, ImagePoint at) {
-        return at.u >= 0.0f && at.u < (float)view.width && at.v >= 0.0f && at.v < (float)view.height;
+    static inline bool inside(const View& view, ImagePoint pixel) {
+        return pixel.u >= 0.0f && pixel.u < (float)view.width && pixel.v >= 0.0f && pixel.v < (float)view.height;
     }
 
     // Write the points' indices in the list to shared memory and set the bounds of this lane's block. Returns the
@@ -84,10 +84,10 @@ struct PointPacket {
         of_block = PointBounds::none();
         for (int block = 0; block < SLOT_BLOCKS; ++block) {
             const int i = list.index(number, block);
-            const ImagePoint at = list.at[max(i, 0)];
-            const bool is_inside = i >= 0 && inside(view, at);
+            const ImagePoint pixel = list.pixels[max(i, 0)];
+            const bool is_inside = i >= 0 && inside(view, pixel);
             places.place[Packet::index(block, Warp::lane())] = is_inside ? i : i >= 0 ? ~i : (int)Places::NO_POINT;
-            const PointBounds bounds = PointBounds::of(is_inside, at).of_all();
+            const PointBounds bounds = PointBounds::of(is_inside, pixel).of_all();
             if (Warp::lane() == block) of_block = bounds;
         }
         return of_block.of_all();
@@ -101,8 +101,8 @@ struct PointPacket {
         const float right = (float)fmax(view.center[0], view.width - view.center[0]);
         const float below = (float)fmax(view.center[1], view.height - view.center[1]);
         const float across = fmaxf(fmaxf(all.u1() - all.u0(), all.v1() - all.v0()), 1e-3f);
-        const float most = fminf(max_extent() / across, max_scale(fmaxf(right, below)));
-        scale = __uint_as_float(__float_as_uint(most) & Write::INFINITY_BITS);  // round down to a power of two
+        const float limit = fminf(max_extent() / across, max_scale(fmaxf(right, below)));
+        scale = __uint_as_float(__float_as_uint(limit) & Write::INFINITY_BITS);  // round down to a power of two
         const float per_scale = 1.0f / scale;
         camera.extent = Three::max(camera.extent, right, below) * scale;
         camera.per_extent = 1.0f / camera.extent;
@@ -132,22 +132,22 @@ struct PointPacket {
                            Places& places) {
         const int lane = Warp::lane();
         float scale;
-        Camera here = camera_of(view, all, scale);
+        Camera scaled = camera_of(view, all, scale);
         if (lane == 0) places.scale = scale, places.center[0] = view.center[0], places.center[1] = view.center[1];
         Warp::sync();
-        here.first_u = u_of(places, all.u0(), 0);
-        here.first_v = u_of(places, all.v0(), 1);
-        here.cells.per_u = PointBlocks::per_side(u_of(places, all.u1(), 0) - here.first_u);
-        here.cells.per_v = PointBlocks::per_side(u_of(places, all.v1(), 1) - here.first_v);
-        if (MOVABLE) set_rows(view, scale, here);
-        if (lane == 0) camera = here;
+        scaled.first_u = u_of(places, all.u0(), 0);
+        scaled.first_v = u_of(places, all.v0(), 1);
+        scaled.cells.per_u = PointBlocks::per_side(u_of(places, all.u1(), 0) - scaled.first_u);
+        scaled.cells.per_v = PointBlocks::per_side(u_of(places, all.v1(), 1) - scaled.first_v);
+        if (MOVABLE) set_rows(view, scale, scaled);
+        if (lane == 0) camera = scaled;
         if (lane >= SLOT_BLOCKS) return;
         const ImageBox box = {u_of(places, of_block.u0(), 0), u_of(places, of_block.u1(), 0),
                               u_of(places, of_block.v0(), 1), u_of(places, of_block.v1(), 1)};
-        PointBlocks::set(here, places, lane, box, of_block.any());
+        PointBlocks::set(scaled, places, lane, box, of_block.any());
     }
-    static inline float u_of(const Places& places, float at, int axis) {
-        return (float)(((double)at - places.center[axis]) * places.scale);
+    static inline float u_of(const Places& places, float pixel, int axis) {
+        return (float)(((double)pixel - places.center[axis]) * places.scale);
     }
     // Clear the z-buffer. A slot without a point counts as very near, so that it hides everything and is never shown.
     static inline void begin(const Camera& camera, Packet& packet) {
@@ -180,11 +180,11 @@ struct PointPacket {
             const float inv_z = i >= 0 ? Write::inv_z_of(key) : 0.0f, z = Reciprocal::of(inv_z);
             const bool shown = Write::seen(view, inv_z, z);
             const Write::Found found = {key, z, shown ? z : Write::nothing(view, inv_z, z), shown};
-            const long long at = first + (i >= 0 ? i : ~i);
+            const long long offset = first + (i >= 0 ? i : ~i);
             if (more)
-                Write::pixel(scene, frame, camera, packet, out, Write::Spot{at, 0, 0, index}, found);
+                Write::pixel(scene, frame, camera, packet, out, Write::Spot{offset, 0, 0, index}, found);
             else if (out.depth)
-                out.depth[at] = found.depth;
+                out.depth[offset] = found.depth;
         }
     }
 
@@ -194,7 +194,7 @@ struct PointPacket {
         Camera& camera = memory.cameras[WarpMemory::WORLD];
         PointBounds of_block;
         const PointBounds all = find(view, list, number, memory.pixels, of_block);
-        if (Warp::lane() == 0) memory.pixels.list = list.at;
+        if (Warp::lane() == 0) memory.pixels.list = list.pixels;
         // If no point is inside the image, use the image's corner.
         set(view, all.any() ? all : PointBounds{0, 0, 0, 0}, of_block, camera, memory.pixels);
         Warp::sync();

@@ -85,17 +85,17 @@ struct Raster {
         const RayPlace p = packet.point(camera, x, y, index);
         const float within = t.within(p);
         if (within >= -t.error_bound) {
-            Key* at = packet.at(index);
+            Key* stored = packet.at(index);
             const float inv_z =
                 t.exact
                     ? t.clamp(ExactPlane::of(camera, bvh.corners(t.slot)).at(packet.exact_point(camera, x, y, index)))
                     : t.inv_z_at(p);
             const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
             if (within <= t.error_bound || camera.origins.may_hide(inv_z)) {
-                if (t.may_show(*at))
+                if (t.may_show(*stored))
                     uncertain.add(t.slot, POINTS ? Packet::x_of(index) : x, POINTS ? Packet::y_of(index) : y);
-            } else if (camera.near.shows(inv_z, cut) && key > *at) {
-                atomicMax(at, key);
+            } else if (camera.near.shows(inv_z, cut) && key > *stored) {
+                atomicMax(stored, key);
                 touched |= 1u << (POINTS ? index / LANES : Packet::block_of(x, y));
             }
         }
@@ -126,11 +126,11 @@ struct Raster {
             // The extremes of an edge function are at corners of a block. Rounding is monotonic, so the test of a
             // corner pixel never contradicts that of another pixel.
             const bool right = t.edge[e].u >= 0.0f, down = t.edge[e].v >= 0.0f;
-            const float most = camera.origins.most(t.edge[e], right ? u1 : u0, down ? v1 : v0);
-            const float least = camera.origins.least(t.edge[e], right ? u0 : u1, down ? v0 : v1);
-            above &= most >= -t.error_bound;
-            below &= least <= t.error_bound;
-            covered &= least > t.error_bound;
+            const float max_edge = camera.origins.max_edge(t.edge[e], right ? u1 : u0, down ? v1 : v0);
+            const float min_edge = camera.origins.min_edge(t.edge[e], right ? u0 : u1, down ? v0 : v1);
+            above &= max_edge >= -t.error_bound;
+            below &= min_edge <= t.error_bound;
+            covered &= min_edge > t.error_bound;
         }
         touched &= above || (t.sees_both_sides() && below);
         covered &= !t.sees_both_sides();
@@ -138,27 +138,27 @@ struct Raster {
         const float nearest_inv_z =
             t.exact ? t.max_inv_z : NEARER * camera.origins.nearest(corner_inv_z, t.slope_u, t.slope_v);
         touched &= __float_as_uint(nearest_inv_z) >= packet.block_min_inv_z;
-        const unsigned whole = Warp::ballot(covered);
+        const unsigned covered_blocks = Warp::ballot(covered);
         const unsigned blocks = Warp::ballot(touched);
         if (!blocks) return;
         packet.stale_blocks |= blocks;
         ExactPlane plane = {0.0, 0.0, 0.0};
         if (t.exact) plane = ExactPlane::of(camera, bvh.corners(t.slot));
-        for (unsigned rest = blocks; rest; rest = Warp::without_first_lane(rest)) {
-            const int block = Warp::first_lane(rest);
+        for (unsigned remaining = blocks; remaining; remaining = Warp::without_first_lane(remaining)) {
+            const int block = Warp::first_lane(remaining);
             const int index = Packet::index(block, lane);
             const int x = Packet::block_x(block) + Packet::pixel_x(lane),
                       y = Packet::block_y(block) + Packet::pixel_y(lane);
             const RayPlace p = packet.point(camera, x, y, index);
-            const float within = whole >> block & 1 ? NOWHERE : t.within(p);
+            const float within = covered_blocks >> block & 1 ? NOWHERE : t.within(p);
             if (within < -t.error_bound) continue;
             const float inv_z = t.exact ? t.clamp(plane.at(packet.exact_point(camera, x, y, index))) : t.inv_z_at(p);
-            Key* at = packet.at(index);
+            Key* stored = packet.at(index);
             const Key key = DepthKey::of(inv_z, t.slot + bvh.first_id);
             if (within <= t.error_bound || camera.origins.may_hide(inv_z)) {
-                if (t.may_show(*at)) uncertain.add(t.slot, x, y);
-            } else if (camera.near.shows(inv_z, camera.near.cuts(t.max_inv_z)) && key > *at) {
-                *at = key;
+                if (t.may_show(*stored)) uncertain.add(t.slot, x, y);
+            } else if (camera.near.shows(inv_z, camera.near.cuts(t.max_inv_z)) && key > *stored) {
+                *stored = key;
             }
         }
     }
@@ -171,9 +171,9 @@ struct TriangleQueue {
     unsigned* slots;
     int count;
 
-    inline void add(bool wanted, unsigned slot) {
-        const unsigned lanes = Warp::ballot(wanted);
-        if (wanted) slots[count + __popc(lanes & ((1u << Warp::lane()) - 1))] = slot;
+    inline void add(bool is_visible, unsigned slot) {
+        const unsigned lanes = Warp::ballot(is_visible);
+        if (is_visible) slots[count + __popc(lanes & ((1u << Warp::lane()) - 1))] = slot;
         count += __popc(lanes);
         Warp::sync();
     }

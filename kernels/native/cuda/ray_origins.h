@@ -46,8 +46,8 @@ struct Origins {
     static inline float moment_roundings() { return 16.0f; }
 
     // Bounds of an edge function at an image point, for all rays there.
-    inline float most(const Edge& edge, float u, float v) const { return edge.at(u, v) + differs(edge); }
-    inline float least(const Edge& edge, float u, float v) const { return edge.at(u, v) - differs(edge); }
+    inline float max_edge(const Edge& edge, float u, float v) const { return edge.at(u, v) + differs(edge); }
+    inline float min_edge(const Edge& edge, float u, float v) const { return edge.at(u, v) - differs(edge); }
     inline float differs(const Edge& edge) const {
         const Vec3 side = {fabsf(edge.side.x), fabsf(edge.side.y), fabsf(edge.side.z)};
         return 1.0001f * __fmaf_rn(max_p, side.y, __fmaf_rn(max_q, side.x, max_moment_z * side.z));
@@ -104,16 +104,16 @@ struct RayStarts {
     const ImagePoint* aside;  // p and q of each ray
     const float* begin;  // z of each origin
 
-    inline RayPlace of(ImagePoint at, int slot) const {
+    inline RayPlace of(ImagePoint point, int slot) const {
         const ImagePoint by = aside[slot];
         RayPlace place;
-        place.u = at.u, place.v = at.v, place.p = by.u, place.q = by.v;
+        place.u = point.u, place.v = point.v, place.p = by.u, place.q = by.v;
         return place;
     }
-    inline ExactRayPlace of(ExactImagePoint at, int slot) const {
+    inline ExactRayPlace of(ExactImagePoint point, int slot) const {
         const ImagePoint by = aside[slot];
         ExactRayPlace place;
-        place.u = at.u, place.v = at.v, place.p = by.u, place.q = by.v;
+        place.u = point.u, place.v = point.v, place.p = by.u, place.q = by.v;
         return place;
     }
     inline float from_start(float z, int slot) const { return z - begin[slot]; }
@@ -127,12 +127,12 @@ struct TableEye {
     enum { P = 3, Q, MOMENT_Z, REACH, LAST, WORDS };
 
     inline Vec3d place(Vec3d camera, const Vec3d* axis) const {
-        Vec3d at = camera;
+        Vec3d eye = camera;
         for (int i = 0; i < 3; ++i) {
             const Vec3d by = Vec3d::times(axis[i], numbers[i]);
-            at = Vec3d{at.x + by.x, at.y + by.y, at.z + by.z};
+            eye = Vec3d{eye.x + by.x, eye.y + by.y, eye.z + by.z};
         }
-        return at;
+        return eye;
     }
     inline Origins origins() const {
         const float last = (float)numbers[LAST];

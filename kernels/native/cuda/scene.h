@@ -44,8 +44,8 @@ struct Movables {
         return Vec3{(float)all.factor[0], (float)all.factor[1], (float)all.factor[2]};
     }
     inline bool excludes(int m) const {
-        const int alone = __ldg(object + m);
-        return excluded && alone >= 0 && excluded[alone];
+        const int index = __ldg(object + m);
+        return excluded && index >= 0 && excluded[index];
     }
     inline const float* pose(int m) const {
         return m < moving ? poses + POSE_WORDS * (long long)m : instance_poses + POSE_WORDS * (long long)(m - moving);
@@ -92,9 +92,9 @@ struct FoundObjects {
     // The objects of a tile, and all objects in many tiles.
     struct Listed {
         int first, count;  // range in `order`
-        int others;
+        int large;
 
-        inline int all() const { return count + others; }
+        inline int all() const { return count + large; }
     };
     inline Listed listed(int x, int y) const {
         const int tile = first_tile + (y >> TILE_BITS) * tiles_x + (x >> TILE_BITS);
@@ -102,7 +102,7 @@ struct FoundObjects {
         return Listed{first, tile_end[tile] - first, count[1]};
     }
     inline const Entry& entry(const Listed& listed, int i, int movable_count) const {
-        return entries[i < listed.others ? movable_count - 1 - i : order[listed.first + i - listed.others]];
+        return entries[i < listed.large ? movable_count - 1 - i : order[listed.first + i - listed.large]];
     }
 
     // Record an object; called by any thread, in any order.
@@ -130,8 +130,8 @@ struct Scene {
     // Index of the object that owns a triangle.
     inline int object_of(unsigned id) const {
         const int m = movables.owner_of(id);
-        const int alone = m < 0 ? -1 : __ldg(movables.object + m);
-        if (alone >= 0) return alone;
+        const int index = m < 0 ? -1 : __ldg(movables.object + m);
+        if (index >= 0) return index;
         return Bvh::object_of(__ldg(bvh.owners + (m < 0 ? id : id - movables.id_offset(m))));
     }
     // Slot of a triangle in the leaves; -1 for a solid, whose triangles are rendered only from inside.

@@ -33,8 +33,8 @@ struct alignas(16) Triangle {
     // Minimum of the edge functions at a ray; at most the error bound if the ray may see the other side.
     inline float within(RayPlace p) const {
         const float a = edge[0].of_ray(p), b = edge[1].of_ray(p), c = edge[2].of_ray(p);
-        const float least = Three::min(a, b, c);
-        return sees_both_sides() ? fminf(fmaxf(least, -Three::max(a, b, c)), error_bound) : least;
+        const float minimum = Three::min(a, b, c);
+        return sees_both_sides() ? fminf(fmaxf(minimum, -Three::max(a, b, c)), error_bound) : minimum;
     }
     // Whether the triangle may be visible where the z-buffer holds a key.
     inline bool may_show(Key stored) const { return __float_as_uint(max_inv_z) >= DepthKey::inv_z_bits(stored); }
@@ -159,8 +159,8 @@ struct Setup {
 
     // Greatest distance from a reference point to points that lie between two coordinates and inside the image. Not
     // rounded to pixels, whose size differs between packets.
-    static inline float farthest(float least, float most, float from, bool crossing, float side) {
-        const float first = crossing ? -side : fmaxf(least, -side), last = crossing ? side : fminf(most, side);
+    static inline float farthest(float low, float high, float from, bool crossing, float side) {
+        const float first = crossing ? -side : fmaxf(low, -side), last = crossing ? side : fminf(high, side);
         return fmaxf(fabsf(first - from), fabsf(last - from));
     }
 
@@ -189,8 +189,8 @@ struct Setup {
     struct Corners {
         Vec3 a, b, c;
 
-        static inline Corners of(const float* at) {
-            return Corners{Place::load(at), Place::load(at + 3 * LANES), Place::load(at + 6 * LANES)};
+        static inline Corners of(const float* source) {
+            return Corners{Place::load(source), Place::load(source + 3 * LANES), Place::load(source + 6 * LANES)};
         }
     };
 
@@ -252,9 +252,9 @@ struct Setup {
             return PacketBounds{u - slack, u + slack, v - slack, v + slack};
         }
         // Whether the center of one of `pixels` pixels lies between two coordinates.
-        static inline bool has_center(float least, float most, float less, float more, float pixels) {
-            const float begin = least - more;
-            return floorf(most - less) >= fmaxf(begin, 0.0f) && begin <= pixels - 1.0f;
+        static inline bool has_center(float low, float high, float less, float more, float pixels) {
+            const float begin = low - more;
+            return floorf(high - less) >= fmaxf(begin, 0.0f) && begin <= pixels - 1.0f;
         }
     };
 
@@ -273,20 +273,21 @@ struct Setup {
         ImageBox wide = box;
         inv_z = a_inv_z;
         if (RAY_ORIGINS) {
-            const float least = Three::min(a_inv_z, b_inv_z, c_inv_z), most = Three::max(a_inv_z, b_inv_z, c_inv_z);
-            inv_z = 0.5f * (least + most);
-            box.widen(camera.origins.aside_at(0.50001f * (most - least)));
-            wide.widen(camera.origins.aside_at(most));
+            const float min_inv_z = Three::min(a_inv_z, b_inv_z, c_inv_z),
+                        max_inv_z = Three::max(a_inv_z, b_inv_z, c_inv_z);
+            inv_z = 0.5f * (min_inv_z + max_inv_z);
+            box.widen(camera.origins.aside_at(0.50001f * (max_inv_z - min_inv_z)));
+            wide.widen(camera.origins.aside_at(max_inv_z));
         }
         const bool shown =
             PacketBounds::has_center(wide.left, wide.right, bounds.left_less, bounds.left_more, PACKET_WIDTH) &&
             PacketBounds::has_center(wide.top, wide.bottom, bounds.top_less, bounds.top_more, PACKET_HEIGHT);
         const bool sorted_out = camera.cull_back_faces || camera.skip_back_faces || bvh.excluded;
-        return shown && (!sorted_out || wanted(bvh, camera, CameraTriangle::of(camera, stored), slot));
+        return shown && (!sorted_out || is_shown(bvh, camera, CameraTriangle::of(camera, stored), slot));
     }
 
     // Whether a view shows a triangle: it is not excluded, and not hidden or culled as a back face.
-    static inline bool wanted(const Bvh& bvh, const Camera& camera, const CameraTriangle& t, unsigned slot) {
+    static inline bool is_shown(const Bvh& bvh, const Camera& camera, const CameraTriangle& t, unsigned slot) {
         bool shown = true;
         if (camera.cull_back_faces || camera.skip_back_faces) {
             const float error_bound = camera.origins.volume(t.volume_error, t.normal);
@@ -303,7 +304,7 @@ struct Setup {
         const unsigned slot = leaf * LANES + Warp::lane();
         const CameraTriangle c = CameraTriangle::of(camera, Corners::of(bvh.corners(slot)));
         // Triangles without area or seen edge-on are decided in Setup::triangle.
-        bool shown = fabsf(c.volume) <= NOWHERE && wanted(bvh, camera, c, slot);
+        bool shown = fabsf(c.volume) <= NOWHERE && is_shown(bvh, camera, c, slot);
         if (!Warp::any(shown)) return 0;
         const ProjectedTriangle p = ProjectedTriangle::of(camera, c.a, c.b, c.c);
         if (!(p.zmax > 0.0f)) shown = false;
@@ -340,7 +341,7 @@ struct Setup {
     // corner.
     static inline bool beyond(const Origins& origins, const Edge& edge, float error_bound, float u0, float u1, float v0,
                               float v1) {
-        return origins.most(edge, edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -error_bound;
+        return origins.max_edge(edge, edge.u >= 0.0f ? u1 : u0, edge.v >= 0.0f ? v1 : v0) < -error_bound;
     }
 
     // Set up a triangle of a leaf.

@@ -121,12 +121,12 @@ struct alignas(16) Solid {
                     down = UnitSolid::inside(axis, camera.exact_rays[1]);
         const Vec3d forward = UnitSolid::inside(axis, camera.exact_rays[2]);
         const double u = (double)x + (POINTS ? 0.0f : camera.first_u), v = (double)y + (POINTS ? 0.0f : camera.first_v);
-        const Vec3d here = {__fma_rn(u, right.x, __fma_rn(v, down.x, forward.x)),
-                            __fma_rn(u, right.y, __fma_rn(v, down.y, forward.y)),
-                            __fma_rn(u, right.z, __fma_rn(v, down.z, forward.z))};
+        const Vec3d center = {__fma_rn(u, right.x, __fma_rn(v, down.x, forward.x)),
+                              __fma_rn(u, right.y, __fma_rn(v, down.y, forward.y)),
+                              __fma_rn(u, right.z, __fma_rn(v, down.z, forward.z))};
         set_column(&Linear::u, o, above, below, right);
         set_column(&Linear::v, o, above, below, down);
-        set_column(&Linear::one, o, above, below, here);
+        set_column(&Linear::one, o, above, below, center);
         return true;
     }
     inline void set_inverses(double side, double above, double below, bool beyond) {
@@ -173,8 +173,8 @@ struct alignas(16) Solid {
     }
 
     // Discriminant of the quadratic equation, from A, A - e.e and B.
-    static inline float discriminant(float a, float rest, float b, float small_c) {
-        return small_c > 0.0f ? __fmaf_rn(b, b, -__fmul_rn(a, small_c)) : rest;
+    static inline float discriminant(float a, float difference, float b, float small_c) {
+        return small_c > 0.0f ? __fmaf_rn(b, b, -__fmul_rn(a, small_c)) : difference;
     }
     // w where a ray intersects a ball or cylinder; 0 if it misses.
     static inline float meet(float b, float discriminant, float inverse) {
@@ -186,11 +186,11 @@ struct alignas(16) Solid {
     inline float at(float u, float v, int& part) const {
         const float to_x = dx.at(u, v), to_y = dy.at(u, v), to_z = dz.at(u, v), e_z = ez.at(u, v), b = toward.at(u, v);
         const float a = __fmaf_rn(to_x, to_x, __fmul_rn(to_y, to_y));
-        const float rest = __fmaf_rn(-e_z, e_z, a);
+        const float difference = __fmaf_rn(-e_z, e_z, a);
         part = PART_SIDE;
-        if (kind == SOLID_BALL) return ball(ends[0], u, v, to_z, a, rest, b);
+        if (kind == SOLID_BALL) return ball(ends[0], u, v, to_z, a, difference, b);
         const float end_w = kind == SOLID_CYLINDER && ends[0].inverse != 0.0f ? flat(ends[0], u, v, to_z) : 0.0f;
-        const float w = meet(b, discriminant(a, rest, b, small_c), inverse), height = __fmaf_rn(z, w, to_z);
+        const float w = meet(b, discriminant(a, difference, b, small_c), inverse), height = __fmaf_rn(z, w, to_z);
         const bool within = w > 0.0f && height >= __fmul_rn(low, w) && height <= __fmul_rn(high, w);
         if (kind == SOLID_CYLINDER) {
             if (end_w > 0.0f) part = PART_UPPER;
@@ -202,12 +202,12 @@ struct alignas(16) Solid {
         if (!Warp::any(to_end)) return within ? w : 0.0f;
         const bool lower = (inverse == 0.0f ? z : height) < 0.0f;
         if (to_end) part = lower ? PART_LOWER : PART_UPPER;
-        const float ball_w = ball(ends[lower], u, v, to_z, a, rest, b);
+        const float ball_w = ball(ends[lower], u, v, to_z, a, difference, b);
         return within ? w : to_end ? ball_w : 0.0f;
     }
-    static inline float ball(const End& end, float u, float v, float to_z, float a, float rest, float side_b) {
+    static inline float ball(const End& end, float u, float v, float to_z, float a, float difference, float side_b) {
         const float e_x = end.ex.at(u, v), e_y = end.ey.at(u, v), b = __fmaf_rn(-end.z, to_z, side_b);
-        const float all = __fmaf_rn(-e_x, e_x, __fmaf_rn(-e_y, e_y, __fmaf_rn(to_z, to_z, rest)));
+        const float all = __fmaf_rn(-e_x, e_x, __fmaf_rn(-e_y, e_y, __fmaf_rn(to_z, to_z, difference)));
         return meet(b, discriminant(__fmaf_rn(to_z, to_z, a), all, b, end.small_c), end.inverse);
     }
     static inline float flat(const End& end, float u, float v, float to_z) {
@@ -220,8 +220,10 @@ struct alignas(16) Solid {
     static inline float spread(const Linear& l) {
         return __fmaf_rn(HALF_BLOCK_WIDTH, fabsf(l.u), HALF_BLOCK_HEIGHT * fabsf(l.v));
     }
-    static inline float most(const Linear& l, float u, float v) { return fabsf(l.at(u, v)) + spread(l); }
-    static inline float least(const Linear& l, float u, float v) { return fmaxf(fabsf(l.at(u, v)) - spread(l), 0.0f); }
+    static inline float max_magnitude(const Linear& l, float u, float v) { return fabsf(l.at(u, v)) + spread(l); }
+    static inline float min_magnitude(const Linear& l, float u, float v) {
+        return fmaxf(fabsf(l.at(u, v)) - spread(l), 0.0f);
+    }
     static inline Linear between(const Linear& a, const Linear& b) {
         return Linear{0.5f * (a.u + b.u), 0.5f * (a.v + b.v), 0.5f * (a.one + b.one)};
     }
@@ -232,10 +234,10 @@ struct alignas(16) Solid {
         const int lane = Warp::lane();
         const float u = SmallInt::to_float(packet.first_x + Packet::block_x(lane)) - x + HALF_BLOCK_WIDTH;
         const float v = SmallInt::to_float(packet.first_y + Packet::block_y(lane)) - y + HALF_BLOCK_HEIGHT;
-        const float to_x = most(dx, u, v), to_y = most(dy, u, v), to_z = most(dz, u, v);
-        const float e_x = least(between(ends[0].ex, ends[1].ex), u, v),
-                    e_y = least(between(ends[0].ey, ends[1].ey), u, v);
-        const float e_z = least(ez, u, v), side = to_x * to_x + to_y * to_y;
+        const float to_x = max_magnitude(dx, u, v), to_y = max_magnitude(dy, u, v), to_z = max_magnitude(dz, u, v);
+        const float e_x = min_magnitude(between(ends[0].ex, ends[1].ex), u, v),
+                    e_y = min_magnitude(between(ends[0].ey, ends[1].ey), u, v);
+        const float e_z = min_magnitude(ez, u, v), side = to_x * to_x + to_y * to_y;
         bool meets = e_x * e_x + e_y * e_y + e_z * e_z <= reach * (side + to_z * to_z);
         if (kind != SOLID_BALL) {
             meets &= e_z * e_z <= REACH_SLACK * side;
@@ -262,7 +264,7 @@ struct alignas(16) Solid {
     // rounding.
     inline void render(const Camera& camera, Packet& packet, unsigned blocks) const {
         const int lane = Warp::lane();
-        const float clip_inv_z = camera.near.most(MAX_INV_Z);
+        const float clip_inv_z = camera.near.max_inv_z(MAX_INV_Z);
         if (!RAY_TABLE && __popc(blocks) > FEW_BLOCKS) blocks = blocks_met(packet, blocks);
         for (; blocks; blocks = Warp::without_first_lane(blocks)) {
             const int block = Warp::first_lane(blocks);
@@ -273,8 +275,8 @@ struct alignas(16) Solid {
             const Key key = DepthKey::of(fminf(w, clip_inv_z), first_id + part);
             Key nearest = *stored;
             if (w > 0.0f && key > nearest) *stored = nearest = key;
-            const unsigned least = Warp::reduce_min(DepthKey::inv_z_bits(nearest));
-            if (lane == block) packet.block_min_inv_z = least;
+            const unsigned min_bits = Warp::reduce_min(DepthKey::inv_z_bits(nearest));
+            if (lane == block) packet.block_min_inv_z = min_bits;
         }
     }
 };

@@ -52,7 +52,7 @@ struct TablePacket {
         camera.exact_origin = eye.place(PoseRow::position(view.pose), axis);
         camera.origin = camera.exact_origin.rounded();
         const Vec3 o = camera.origin;
-        camera.rest = Vec3d::minus(camera.exact_origin, Vec3d{o.x, o.y, o.z}).rounded();
+        camera.origin_error = Vec3d::minus(camera.exact_origin, Vec3d{o.x, o.y, o.z}).rounded();
         camera.origins = eye.origins();
         camera.first_u = (float)frame->first_u;
         camera.first_v = (float)frame->first_v;
@@ -94,18 +94,18 @@ struct TablePacket {
         const bool more = Write::more_than_depth(out);
         const Write::Frame frame = Write::Frame::of(camera);
         for (int index = Warp::lane(); index < (int)SLOTS; index += LANES) {
-            const int at = __ldg(place + index);
+            const int pixel = __ldg(place + index);
             const float to_depth = __ldg(scale + index);
-            if (at < 0) continue;
+            if (pixel < 0) continue;
             const Key key = *packet.at(index);
             const float inv_z = to_depth > 0.0f ? Write::inv_z_of(key) : 0.0f, z = Reciprocal::of(inv_z);
             const float depth = __fmul_rn(starts.from_start(z, index), to_depth);
             const bool shown = Write::seen(view, inv_z, depth);
             const Write::Found found = {key, z, shown ? depth : Write::nothing(view, inv_z, depth), shown};
             if (more)
-                Write::pixel(scene, frame, camera, packet, out, Write::Spot{first + at, 0, 0, index}, found);
+                Write::pixel(scene, frame, camera, packet, out, Write::Spot{first + pixel, 0, 0, index}, found);
             else if (out.depth)
-                out.depth[first + at] = found.depth;
+                out.depth[first + pixel] = found.depth;
         }
     }
 

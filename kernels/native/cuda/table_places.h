@@ -11,8 +11,8 @@ struct Places : NoPoints {
 
     inline RayPlace point(const Camera&, int, int, int index) const { return starts.of(points[index], index); }
     inline ExactRayPlace exact(const Camera&, int, int, int index) const {
-        const ImagePoint p = points[index], rest = rests[index];
-        return starts.of(ExactImagePoint{(double)p.u + rest.u, (double)p.v + rest.v}, index);
+        const ImagePoint p = points[index], error = rests[index];
+        return starts.of(ExactImagePoint{(double)p.u + error.u, (double)p.v + error.v}, index);
     }
     inline bool is_behind(float inv_z, int index) const { return starts.is_behind(inv_z, index); }
 };

@@ -16,8 +16,8 @@ struct UncertainPixels {
 
     // May be called by any subset of lanes.
     inline void add(unsigned slot, int x, int y) {
-        const int at = atomicAdd(&count, 1);
-        if (at < SIZE) slots[at] = slot, pixels[at] = (unsigned short)(y * PACKET_WIDTH + x);
+        const int index = atomicAdd(&count, 1);
+        if (index < SIZE) slots[index] = slot, pixels[index] = (unsigned short)(y * PACKET_WIDTH + x);
     }
 };
 
@@ -44,9 +44,9 @@ struct Exactly {
         if (!camera.shows_side(owner, volume) || !seen.meet(ray, volume)) return 0;
         float zmin, zmax;
         depths(camera, seen, zmin, zmax);
-        const float least = 1.0f / zmax, most = zmin > 0.0f ? fminf(1.0f / zmin, MAX_INV_Z) : MAX_INV_Z;
-        const float inv_z = fmaxf(fminf((float)(ExactCorners::dot(normal, ray) / volume), most), least);
-        return camera.near.shows(inv_z, camera.near.cuts(most)) ? DepthKey::of(inv_z, id) : 0;
+        const float min_inv_z = 1.0f / zmax, max_inv_z = zmin > 0.0f ? fminf(1.0f / zmin, MAX_INV_Z) : MAX_INV_Z;
+        const float inv_z = fmaxf(fminf((float)(ExactCorners::dot(normal, ray) / volume), max_inv_z), min_inv_z);
+        return camera.near.shows(inv_z, camera.near.cuts(max_inv_z)) ? DepthKey::of(inv_z, id) : 0;
     }
     // Depth range of the corners; every point of the triangle lies within it.
     static inline void depths(const Camera& camera, const ExactCorners& seen, float& zmin, float& zmax) {
@@ -98,11 +98,11 @@ struct Exactly {
     static inline unsigned rasterize_pixel(const Bvh& bvh, const Camera& camera, const Packet& packet, unsigned slot,
                                            int x, int y) {
         const int index = Packet::index_at(x, y);
-        Key* at = packet.at(index);
+        Key* stored = packet.at(index);
         const Key found = key(camera, bvh.corners(slot), bvh.owners + slot, slot + bvh.first_id,
                               packet.exact_point(camera, x, y, index));
-        if (found <= *at || packet.begins_behind(found, index)) return 0;
-        atomicMax(at, found);
+        if (found <= *stored || packet.begins_behind(found, index)) return 0;
+        atomicMax(stored, found);
         return 1u << Packet::block_of(x, y);
     }
 };

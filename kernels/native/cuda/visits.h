@@ -24,8 +24,8 @@ struct Visit {
         const unsigned rows = (y0 >> BLOCK_HEIGHT_BITS) << Y0 | (y1 >> BLOCK_HEIGHT_BITS) << Y1;
         return bits | columns | rows;
     }
-    static inline int column(unsigned visit, int at) { return visit >> at & ((1 << COLUMN_BITS) - 1); }
-    static inline int row(unsigned visit, int at) { return visit >> at & ((1 << ROW_BITS) - 1); }
+    static inline int column(unsigned visit, int shift) { return visit >> shift & ((1 << COLUMN_BITS) - 1); }
+    static inline int row(unsigned visit, int shift) { return visit >> shift & ((1 << ROW_BITS) - 1); }
     static inline bool touches(unsigned visit, int block) {
         const int bx = block % BLOCK_COLUMNS, by = block / BLOCK_COLUMNS;
         // Without branches: this is evaluated at every step of a traversal.

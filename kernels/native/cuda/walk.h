@@ -122,8 +122,8 @@ struct Walk {
             left = top = NOWHERE;
             right = bottom = -NOWHERE;
             for (int corner = 0; corner < 8; ++corner) {
-                const Vec3 at = Vec3::plus(Vec3::plus(x[corner & 1], y[corner >> 1 & 1]), z[corner >> 2]);
-                const float inv_z = Reciprocal::about(at.z), u = at.x * inv_z, v = at.y * inv_z;
+                const Vec3 p = Vec3::plus(Vec3::plus(x[corner & 1], y[corner >> 1 & 1]), z[corner >> 2]);
+                const float inv_z = Reciprocal::about(p.z), u = p.x * inv_z, v = p.y * inv_z;
                 left = fminf(left, u), right = fmaxf(right, u);
                 top = fminf(top, v), bottom = fmaxf(bottom, v);
             }
@@ -140,15 +140,16 @@ struct Walk {
                                 unsigned& small) {
         const float* node = bvh.nodes + (long long)index * NODE_WORDS + Warp::lane();
         // All loads are issued before the first use, so that there is a single wait.
-        const Vec3 least = Place::load(node + NODE_LOW_ROW * LANES), most = Place::load(node + NODE_HIGH_ROW * LANES);
+        const Vec3 box_low = Place::load(node + NODE_LOW_ROW * LANES),
+                   box_high = Place::load(node + NODE_HIGH_ROW * LANES);
         child = child_of(bvh, index);
         Vec3 axis = {0.0f, 0.0f, 0.0f};
         float cutoff = 0.0f;
         if (camera.skip_back_faces)
             axis = Place::load(node + CONE_AXIS_ROW * LANES), cutoff = __ldg(node + CONE_CUTOFF_ROW * LANES);
-        const Vec3 low = camera.relative(least), high = camera.relative(most);
+        const Vec3 low = camera.relative(box_low), high = camera.relative(box_high);
         const bool shown =
-            least.x <= most.x && !(camera.skip_back_faces && faces_away(camera.origins, axis, cutoff, low, high));
+            box_low.x <= box_high.x && !(camera.skip_back_faces && faces_away(camera.origins, axis, cutoff, low, high));
         Child found = visit(camera, camera.to_camera, packet, low, high, shown);
         small = 0;
         if (found.visit && PixelRect::few(found.pixels) && is_occluded(packet, found)) found.visit = 0;
@@ -178,10 +179,10 @@ struct Walk {
         if (RAY_ORIGINS) {
             // The bounds are widened by the displacement at the nearest depth; the box, which is tested at the mean 1 /
             // z, only by the deviation from the mean.
-            const float most = p.nearest_inv_z(), least = Reciprocal::about(p.zmax) * (1.0f / NEARER);
-            inv_z = 0.5f * (least + most);
-            box.widen(camera.origins.aside_at(0.50001f * (most - least)));
-            p.widen(camera.origins.aside_at(most));
+            const float max_inv_z = p.nearest_inv_z(), min_inv_z = Reciprocal::about(p.zmax) * (1.0f / NEARER);
+            inv_z = 0.5f * (min_inv_z + max_inv_z);
+            box.widen(camera.origins.aside_at(0.50001f * (max_inv_z - min_inv_z)));
+            p.widen(camera.origins.aside_at(max_inv_z));
         }
         const float slack = p.slack;
         p.slack = camera.wider(p.slack);
@@ -268,8 +269,8 @@ struct Walk {
         unsigned slot = ~Warp::shuffle(child, Warp::first_lane(lanes)) * LANES + Warp::lane();
         Setup::Corners corners = Setup::Corners::of(bvh.corners(slot));
         for (;;) {
-            const Setup::Corners here = corners;
-            const unsigned at = slot;
+            const Setup::Corners current = corners;
+            const unsigned current_slot = slot;
             lanes = Warp::without_first_lane(lanes);
             if (lanes) {
                 slot = ~Warp::shuffle(child, Warp::first_lane(lanes)) * LANES + Warp::lane();
@@ -277,12 +278,12 @@ struct Walk {
             }
             ImageBox box;
             float inv_z;
-            bool wanted = Setup::may_cover(bvh, camera, bounds, here, at, box, inv_z);
-            if (POINTS && wanted)
-                wanted = shows_points(camera, packet, box, inv_z, Setup::rounding_of(camera), ~0u);
-            else if (RAY_TABLE && wanted)
-                wanted = meets_rays(camera, packet, box, inv_z);
-            queue.add(wanted, at);
+            bool is_visible = Setup::may_cover(bvh, camera, bounds, current, current_slot, box, inv_z);
+            if (POINTS && is_visible)
+                is_visible = shows_points(camera, packet, box, inv_z, Setup::rounding_of(camera), ~0u);
+            else if (RAY_TABLE && is_visible)
+                is_visible = meets_rays(camera, packet, box, inv_z);
+            queue.add(is_visible, current_slot);
             if (!lanes || queue.count >= LANES) return;
         }
     }

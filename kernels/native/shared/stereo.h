@@ -26,7 +26,7 @@ struct Stereo {
     float min_support;
     // signal at which pixels begin to be detected, and slope of the detection probability
     float min_signal, signal_slope;
-    float kept;  // fraction of pixels with sufficient signal that are detected
+    float detection_rate;  // fraction of pixels with sufficient signal that are detected
     float sigma, locking;  // [px]
     float levels;  // subpixel steps per pixel of disparity; 0 disables quantization
     int spacing;  // of the noise nodes [px]
@@ -72,7 +72,7 @@ struct Stereo {
         const Real reported = depth_of(found, pixel.depth, disparity);
         const Real endless = Numbers::real(Numbers::endless()), none = Numbers::real(Numbers::no_number());
         const Whole too_far = (reported > far) | (found <= 0.0f), in_range = (reported >= near) & (reported <= far);
-        const Whole lost = pixel.chance >= found_share(pixel.reflectivity * pixel.cosine) * kept;
+        const Whole lost = pixel.chance >= found_share(pixel.reflectivity * pixel.cosine) * detection_rate;
         const Whole grazing = pixel.chance >= found_share(pixel.cosine);
         const Whole too_much = disparity > max_disparity, empty = !(pixel.depth < endless);
 

@@ -62,12 +62,12 @@ struct StereoWindow {
     // Number of image pixels in the window, horizontally and vertically.
     inline Real of_row(int x) const {
         const Real first = Numbers::columns(x) - (float)stereo.window, last = first + (float)(2 * stereo.window);
-        const Real least = Numbers::real(0.0f), most = Numbers::real((float)(images.width - 1));
-        return (last < most ? last : most) - (first > least ? first : least) + 1.0f;
+        const Real first_column = Numbers::real(0.0f), last_column = Numbers::real((float)(images.width - 1));
+        return (last < last_column ? last : last_column) - (first > first_column ? first : first_column) + 1.0f;
     }
     inline float of_column(int y) const {
-        const int first = y - stereo.window, last = y + stereo.window, most = images.height - 1;
-        return (float)((last < most ? last : most) - (first > 0 ? first : 0) + 1);
+        const int first = y - stereo.window, last = y + stereo.window, last_row = images.height - 1;
+        return (float)((last < last_row ? last : last_row) - (first > 0 ? first : 0) + 1);
     }
 
     // Whether all pixels of the windows belong to one surface, by their least and greatest depth: true in most of an
@@ -76,16 +76,17 @@ struct StereoWindow {
         const int reach = stereo.window, end = x + Numbers::PIXELS;
         if (Numbers::PIXELS == 1 || x < reach || end + reach > images.width) return false;
         const int up = y < reach ? y : reach, down = images.height - 1 - y < reach ? images.height - 1 - y : reach;
-        Real least = Numbers::load(row + x, Numbers::PIXELS), most = least;
-        for (int lag = -reach; lag <= reach; ++lag) widen(row + x + lag, least, most);
-        for (int lag = -up; lag <= down; ++lag) widen(row + x + (long long)lag * images.width, least, most);
+        Real min_depth = Numbers::load(row + x, Numbers::PIXELS), max_depth = min_depth;
+        for (int lag = -reach; lag <= reach; ++lag) widen(row + x + lag, min_depth, max_depth);
+        for (int lag = -up; lag <= down; ++lag) widen(row + x + (long long)lag * images.width, min_depth, max_depth);
         const float margin = 0.99999f;
-        return Numbers::all(stereo.disparity_scale * (most - least) < margin * stereo.edge_step * (least * most));
+        return Numbers::all(stereo.disparity_scale * (max_depth - min_depth) <
+                            margin * stereo.edge_step * (min_depth * max_depth));
     }
-    static inline void widen(const float* from, Real& least, Real& most) {
+    static inline void widen(const float* from, Real& min_depth, Real& max_depth) {
         const Real depth = Numbers::load(from, Numbers::PIXELS);
-        least = depth < least ? depth : least;
-        most = depth > most ? depth : most;
+        min_depth = depth < min_depth ? depth : min_depth;
+        max_depth = depth > max_depth ? depth : max_depth;
     }
 
     static inline Real support(const Stereo& stereo, const StereoImages& images, const float* row, int y, int x) {
@@ -123,7 +124,7 @@ struct StereoRows {
         // Whether the signal of every pixel with a surface exceeds full detection by more than the rounding error: then
         // neither the cosine nor a random number is needed.
         inline bool suffices(const Stereo& stereo, Real depth, Real reflectivity) const {
-            if (Numbers::PIXELS == 1 || stereo.kept < 1.0f) return false;
+            if (Numbers::PIXELS == 1 || stereo.detection_rate < 1.0f) return false;
             const float full = (stereo.min_signal + 1.0f / stereo.signal_slope) * 1.0001f;
             const Real signal = reflectivity * along;
             return Numbers::all((signal * signal >= (full * full) * square) | (depth == Numbers::endless()));
@@ -204,7 +205,7 @@ struct StereoRows {
     static inline bool by_chance(const Stereo& stereo, const StereoImages& images, const StereoView& view,
                                  long long place, int y, int x, StereoPixel& pixel) {
         if (images.segmentation) pixel.reflectivity = reflectivity(images, place, x);
-        if (!images.normals) return stereo.kept < 1.0f;
+        if (!images.normals) return stereo.detection_rate < 1.0f;
         const Incidence light = Incidence::of(images, view, place, y, x);
         if (light.suffices(stereo, pixel.depth, pixel.reflectivity)) return false;
         pixel.cosine = light.cosine();
@@ -256,8 +257,8 @@ struct OtherImage {
     }
     inline void project_lanes(const StereoImages& images, long long index, int y, int x, float* points) const {
         const int count = images.width - x;
-        const long long at = (index * images.height + y) * images.width + x;
-        const Real depth = Numbers::load(images.depth + at, count);
+        const long long offset = (index * images.height + y) * images.width + x;
+        const Real depth = Numbers::load(images.depth + offset, count);
         const Real across = Numbers::load(images.column_slopes + x, count);
         const Real nearness = 1.0f / (depth - place[2]);
         const Real shift = (across * place[2] - place[0]) * focal[0] * nearness;
@@ -266,12 +267,12 @@ struct OtherImage {
         const Whole is_inside =
             (depth >= min_depth) & (depth < Numbers::endless()) & (column >= 0.0f) & (column < width);
         const Real none = Numbers::real(Numbers::no_number());
-        Numbers::store_pairs(points + at * 2, is_inside ? column : none, is_inside ? inside(row) : none, count);
+        Numbers::store_pairs(points + offset * 2, is_inside ? column : none, is_inside ? inside(row) : none, count);
     }
     // Clamp rows that rounding moved beyond the upper or lower edge: both eyes share their rows.
     inline Real inside(Real row) const {
-        const Real least = Numbers::real(0.0f), most = Numbers::real(height * 0.99999994f);
-        const Real low = row > least ? row : least;
-        return low < most ? low : most;
+        const Real min_row = Numbers::real(0.0f), max_row = Numbers::real(height * 0.99999994f);
+        const Real low = row > min_row ? row : min_row;
+        return low < max_row ? low : max_row;
     }
 };

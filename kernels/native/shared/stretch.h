@@ -10,12 +10,12 @@ struct Stretch {
     static inline Stretch none() { return Stretch{{1.0, 1.0, 1.0}}; }
 
     // From rows of SOLID_WORDS, as built and as resized. For a mesh, the row holds the factors.
-    static inline Stretch of(int kind, const float* made, const float* now) {
+    static inline Stretch of(int kind, const float* built, const float* resized) {
         Stretch stretch;
-        for (int k = 0; k < 3; ++k) stretch.factor[k] = kind == SOLID_NONE ? now[k] : (double)now[k] / made[k];
+        for (int k = 0; k < 3; ++k) stretch.factor[k] = kind == SOLID_NONE ? resized[k] : (double)resized[k] / built[k];
         // The triangles extend as far along z as the solid: those of a capsule's ends are stretched like its middle.
         const double end = kind == SOLID_CAPSULE ? 1.0 : 0.0;
-        if (kind == SOLID_CYLINDER || kind == SOLID_CAPSULE) stretch.factor[2] *= (now[3] + end) / (made[3] + end);
+        if (kind == SOLID_CYLINDER || kind == SOLID_CAPSULE) stretch.factor[2] *= (resized[3] + end) / (built[3] + end);
         return stretch;
     }
 };

@@ -263,7 +263,7 @@ class StereoDepth(Device):
         checks_signal = self.full_signal > 0.0
         model.min_signal = self.min_signal if checks_signal else 0.0
         model.signal_slope = 1.0 / (self.full_signal - self.min_signal) if checks_signal else 1.0
-        model.kept = 1.0 - self.dropout
+        model.detection_rate = 1.0 - self.dropout
         model.sigma, model.locking, model.levels = self.sigma, self.locking, self.subpixel
         model.seed, model.spacing = exposure.seed, self.noise_spacing
         return model
