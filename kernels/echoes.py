@@ -117,7 +117,7 @@ def gather_returns(
     intensity_in: wp.array3d[float],
     count: int,
     separation: float,
-    threshold: float,
+    min_intensity: float,
     keeps_last: bool,
     # Out:
     range_out: wp.array4d[float],
@@ -126,9 +126,9 @@ def gather_returns(
     """Write one or two returns of beams of `count` adjacent rays: first the strongest, or the last if `keeps_last`.
 
     Rays belong to one return while gaps between their ranges are at most `separation` [m]. Returns weaker than
-    `threshold` are dropped. Output indices are (view, return, y, x). The second return is the last one, or the second
-    strongest if the last one is the strongest. Without a return, range is +inf and intensity 0; range is -inf if the
-    whole beam is too near.
+    `min_intensity` are dropped. Output indices are (view, return, y, x). The second return is the last one, or the
+    second strongest if the last one is the strongest. Without a return, range is +inf and intensity 0; range is -inf if
+    the whole beam is too near.
     """
     view, y, x = wp.tid()
     view += window.first_view
@@ -158,7 +158,7 @@ def gather_returns(
             high = beyond
             beyond = next_distance(depth_in, view, y, first, count, high)
         echo = return_within(depth_in, intensity_in, view, y, first, count, low, high)
-        if echo.intensity >= threshold and echo.intensity > 0.0:
+        if echo.intensity >= min_intensity and echo.intensity > 0.0:
             last = echo
             if echo.intensity > strongest.intensity:
                 second = strongest

@@ -37,7 +37,7 @@ def depth_sensor_cases(path):
                 "camera": wide,
                 "baseline": 0.05,
                 "subpixel": 8,
-                "resolution": 0.0,
+                "depth_step": 0.0,
                 "region": 0.9,
             },
         ),

@@ -54,11 +54,11 @@ def lidar_cases(folder):
         "RollingShutter.rays_at": (shutter.rays_at, {"pixels": [[1.0, 1.0]]}),
         "deskew": (
             wv.sensors.deskew,
-            {"points": np.zeros((2, 3)), "motion": moves, "times": [0.0, 0.1], "at": 0.05},
+            {"points": np.zeros((2, 3)), "motion": moves, "times": [0.0, 0.1], "target_time": 0.05},
         ),
         "deskew of clouds": (
             wv.sensors.deskew,
-            {"points": [cloud], "motion": moves, "times": None, "at": 0.05},
+            {"points": [cloud], "motion": moves, "times": None, "target_time": 0.05},
         ),
         "bpearl": (lidars.bpearl, {"increment": 0.5, "rate": 10.0, "near": 0.1, "far": 9.0}),
         "even": (
@@ -91,7 +91,7 @@ def lidar_cases(folder):
                 "far": 9.0,
             },
         ),
-        "livox": (lidars.livox, {"model": "mid360", "file": folder / "mid360.npy"}),
+        "livox": (lidars.livox, {"model": "mid360", "path": folder / "mid360.npy"}),
         "ouster": (lidars.ouster, {"sensor": "OS1-64", "mode": "512x10", "near": 0.1, "far": 9.0}),
         "gather_returns": (
             wv.sensors.gather_returns,
@@ -101,7 +101,7 @@ def lidar_cases(folder):
                 "count": 3,
                 "keep": "dual",
                 "separation": 0.5,
-                "threshold": 0.0,
+                "min_intensity": 0.0,
                 "out": None,
             },
         ),

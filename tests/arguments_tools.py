@@ -75,7 +75,7 @@ def tools_cases(folder):
         "ViewerState.object_pose": (state.object_pose, {"name": "cart"}),
         # warpvis.planning
         "BestViews.pose": (best.pose, {"rank": 0}),
-        "Coverage.best": (covered.best, {"k": 1}),
+        "Coverage.best": (covered.best, {"count": 1}),
         "best_views": (
             planned.best_views,
             {
@@ -102,7 +102,7 @@ def tools_cases(folder):
         ),
         "coverage": (
             planned.coverage,
-            {"scene": seen, **VIEW, "samples": None, "weights": None, "k": 1, "tolerance": 0.1, **one},
+            {"scene": seen, **VIEW, "samples": None, "weights": None, "count": 1, "tolerance": 0.1, **one},
         ),
         "minimum_height": (
             planned.minimum_height,

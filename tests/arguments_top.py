@@ -56,7 +56,10 @@ def top_cases(folder):
             lambda near, far: wv.Camera.from_opencv(CAMERA.to_K(), None, 8, 6, near=near, far=far),
             {"near": 0.1, "far": 4.0},
         ),
-        "Camera.from_ros": (wv.Camera.from_ros, {"camera_info": RAW_INFO, "near": 0.1, "far": 4.0, "kind": "z"}),
+        "Camera.from_raw_camera_info": (
+            wv.Camera.from_raw_camera_info,
+            {"message": RAW_INFO, "near": 0.1, "far": 4.0, "kind": "z"},
+        ),
         "Camera.from_colmap": (
             wv.Camera.from_colmap,
             {"model": "SIMPLE_RADIAL", "params": (9, 4, 3, 0.01), "width": 8, "height": 6, "kind": "z"},

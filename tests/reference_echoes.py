@@ -28,7 +28,7 @@ def reflect_rays(
 
 
 def gather_returns(
-    depth: NDArray, intensity: NDArray, count: int, separation: float, threshold: float, *, keeps_last: bool
+    depth: NDArray, intensity: NDArray, count: int, separation: float, min_intensity: float, *, keeps_last: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return ranges and intensities of two returns of each beam, shape (V, 2, H, W), by sorting."""
     views, height, width = depth.shape
@@ -37,7 +37,7 @@ def gather_returns(
     ranges = np.empty((views, 2, height, width // count))
     intensities = np.empty_like(ranges)
     for view, y, x in np.ndindex(beams.shape[:3]):
-        found = _returns_of(beams[view, y, x], strengths[view, y, x], separation, threshold)
+        found = _returns_of(beams[view, y, x], strengths[view, y, x], separation, min_intensity)
         nothing = (-np.inf if (beams[view, y, x] == -np.inf).all() else np.inf, 0.0)
         strongest = max(found, key=lambda back: back[1], default=nothing)
         others = [back for back in found if back is not strongest]
@@ -51,7 +51,7 @@ def gather_returns(
     return ranges, intensities
 
 
-def _returns_of(beam: NDArray, strength: NDArray, separation: float, threshold: float) -> list[tuple[float, float]]:
+def _returns_of(beam: NDArray, strength: NDArray, separation: float, min_intensity: float) -> list[tuple[float, float]]:
     """Return range and intensity of the returns of one beam, nearest first."""
     order = np.argsort(beam, kind="stable")
     order = order[np.isfinite(beam[order])]
@@ -61,6 +61,6 @@ def _returns_of(beam: NDArray, strength: NDArray, separation: float, threshold: 
     found = []
     for group in groups:
         total = strength[group].sum()
-        if total / len(beam) >= threshold and total > 0:
+        if total / len(beam) >= min_intensity and total > 0:
             found.append((float((beam[group] * strength[group]).sum() / total), float(total / len(beam))))
     return found

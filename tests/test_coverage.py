@@ -156,7 +156,7 @@ def test_greedy_views_against_brute_force(device):
         gains = [areas[row & left].sum() for row in found.seen]
         assert gains[view] == pytest.approx(max(gains))
         left &= ~found.seen[view]
-    some = coverage(scene, CAMERA, poses, samples=found.samples, k=4)
+    some = coverage(scene, CAMERA, poses, samples=found.samples, count=4)
     assert some.order.tolist() == found.order[:4].tolist()
 
 
@@ -218,9 +218,9 @@ def test_invalid_surface_samples_arguments_raise(change, said):
         ({"scene": None}, "scene must be a warpvis.Scene, got NoneType"),
         ({"camera": None}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got NoneType"),
         ({"camera_to_world": np.zeros((0, 7))}, "camera_to_world must have at least one pose, got 0"),
-        ({"k": 0}, "k must be a whole number from 1 to the 2 views, got 0"),
-        ({"k": 3}, "k must be a whole number from 1 to the 2 views, got 3"),
-        ({"k": 1.5}, "k must be a whole number from 1 to the 2 views, got 1.5"),
+        ({"count": 0}, "count must be a whole number from 1 to the 2 views, got 0"),
+        ({"count": 3}, "count must be a whole number from 1 to the 2 views, got 3"),
+        ({"count": 1.5}, "count must be a whole number from 1 to the 2 views, got 1.5"),
         ({"samples": np.zeros((0, 3))}, "samples must be at least one, got 0"),
         ({"samples": np.zeros((5, 2))}, "samples must have shape (N, 3), got (5, 2)"),
         ({"samples": [(0, 0, np.nan)]}, "samples must be finite: 1 are not, the first at 0"),
@@ -250,7 +250,9 @@ def test_invalid_coverage_arguments_raise(change, said):
 
 
 def test_best_raises_beyond_the_number_of_views():
-    found = coverage(divided_room(), CAMERA, looking_down((-1, 0, 2), (1, 0, 2)), samples=[(0.5, 0, 0)], k=1)
+    found = coverage(divided_room(), CAMERA, looking_down((-1, 0, 2), (1, 0, 2)), samples=[(0.5, 0, 0)], count=1)
     assert found.best(1).tolist() == [1]
-    with pytest.raises(wv.errors.ArrayError, match=r"^k must be a whole number from 1 to the 1 views of order, got 2$"):
+    with pytest.raises(
+        wv.errors.ArrayError, match=r"^count must be a whole number from 1 to the 1 views of order, got 2$"
+    ):
         found.best(2)

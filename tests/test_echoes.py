@@ -87,12 +87,12 @@ def test_returns_match_their_reference(device, keep):
     depth[0, 0, :7], depth[0, 1, :7], depth[0, 2, :7] = -np.inf, np.inf, 2.0
     intensity = rng.uniform(0, 1, depth.shape).astype(np.float32)
     arrays = [wp.array(values, dtype=wp.float32, device=device) for values in (depth, intensity)]
-    found = sensors.gather_returns(*arrays, 7, keep=keep, separation=0.45, threshold=0.05)
+    found = sensors.gather_returns(*arrays, 7, keep=keep, separation=0.45, min_intensity=0.05)
     ranges, strengths = reference.gather_returns(depth, intensity, 7, 0.45, 0.05, keeps_last=keep == "last")
     kept = 2 if keep == "dual" else 1
     np.testing.assert_allclose(found.range.numpy(), ranges[:, :kept], rtol=1e-5)
     np.testing.assert_allclose(found.intensity.numpy(), strengths[:, :kept], rtol=1e-5)
-    again = sensors.gather_returns(*arrays, 7, keep=keep, separation=0.45, threshold=0.05, out=found)
+    again = sensors.gather_returns(*arrays, 7, keep=keep, separation=0.45, min_intensity=0.05, out=found)
     assert again is found
 
 
@@ -115,7 +115,7 @@ def test_beam_at_an_edge_returns_twice(device):
     np.testing.assert_allclose(ranges[:, 2], [4 * 1.04**0.5, np.inf], atol=2e-3)
     last = sensors.gather_returns(views.depth, strength, 64, keep="last").range.numpy()[0, 0, 0]
     np.testing.assert_allclose(last, [4, 2 * 1.04**0.5, 4 * 1.04**0.5], atol=2e-3)
-    weak = sensors.gather_returns(views.depth, strength, 64, keep="dual", threshold=0.3).range.numpy()[0, :, 0, 0]
+    weak = sensors.gather_returns(views.depth, strength, 64, keep="dual", min_intensity=0.3).range.numpy()[0, :, 0, 0]
     np.testing.assert_allclose(weak, [4, np.inf], atol=2e-3)
 
 

@@ -184,7 +184,7 @@ def test_wall_occludes_on_the_plan():
     plan = wv.maps.plan_visibility(scene, wv.Camera.kinect(), wv.look_at((0, 0, 1), (3, 0, 0.5)))
     visible = dict(zip((item.name for item in scene), plan.visible[0].tolist(), strict=True))
     assert visible == {"before": True, "behind": False, "beside": True, "wall": True}
-    assert (plan.first <= plan.alone).all()
+    assert (plan.first <= plan.unoccluded).all()
     without = wv.maps.plan_visibility(
         scene, wv.Camera.kinect(), wv.look_at((0, 0, 1), (3, 0, 0.5)), exclude=("wall", "before")
     )

@@ -37,8 +37,8 @@ def info(model="plumb_bob", d=PLUMB_BOB, **others):
 SAME_LENS = {
     "opencv": lambda: wv.Camera.from_opencv(K, PLUMB_BOB, 64, 48),
     "opencv, a row": lambda: wv.Camera.from_opencv(K, np.array([PLUMB_BOB]), 64, 48),
-    "ros": lambda: wv.Camera.from_ros(info()),
-    "ros 1": lambda: wv.Camera.from_ros(
+    "ros": lambda: wv.Camera.from_raw_camera_info(info()),
+    "ros 1": lambda: wv.Camera.from_raw_camera_info(
         types.SimpleNamespace(K=K.ravel(), D=PLUMB_BOB, distortion_model="plumb_bob", width=64, height=48)
     ),
     "colmap": lambda: wv.Camera.from_colmap("FULL_OPENCV", (52, 50, 32, 24, *PLUMB_BOB, 0, 0, 0), 64, 48),
@@ -48,7 +48,7 @@ SAME_LENS = {
 }
 SAME_FISHEYE = {
     "opencv": lambda: wv.Camera.from_opencv(K, FISHEYE, 64, 48, model="fisheye"),
-    "ros": lambda: wv.Camera.from_ros(info("equidistant", FISHEYE)),
+    "ros": lambda: wv.Camera.from_raw_camera_info(info("equidistant", FISHEYE)),
     "colmap": lambda: wv.Camera.from_colmap("OPENCV_FISHEYE", (52, 50, 32, 24, *FISHEYE), 64, 48),
     "kalibr": lambda: wv.Camera.from_kalibr(KALIBR | {"distortion_model": "equidistant", "distortion_coeffs": FISHEYE}),
     "nerfstudio": lambda: wv.Camera.from_nerfstudio(
@@ -80,8 +80,8 @@ def test_opencv_principal_point_is_shifted_by_half_a_pixel():
 WITHOUT = {
     "opencv": lambda: wv.Camera.from_opencv(K, (0.0,) * 8, 64, 48),
     "opencv, none": lambda: wv.Camera.from_opencv(K, None, 64, 48),
-    "ros": lambda: wv.Camera.from_ros(info(d=(0.0,) * 5)),
-    "ros, none": lambda: wv.Camera.from_ros(info("", ())),
+    "ros": lambda: wv.Camera.from_raw_camera_info(info(d=(0.0,) * 5)),
+    "ros, none": lambda: wv.Camera.from_raw_camera_info(info("", ())),
     "colmap": lambda: wv.Camera.from_colmap("PINHOLE", (52, 50, 32, 24), 64, 48),
     "colmap, fov": lambda: wv.Camera.from_colmap("FOV", (52, 50, 32, 24, 0.0), 64, 48),
     "kalibr": lambda: wv.Camera.from_kalibr(KALIBR | {"distortion_model": "radtan", "distortion_coeffs": [0.0] * 4}),
@@ -114,8 +114,8 @@ def test_roi_and_binning_of_raw_images():
     roi = types.SimpleNamespace(x_offset=8, y_offset=4, width=40, height=40, do_rectify=False)
     others = {"binning_x": 2, "binning_y": 2, "roi": roi, "p": np.zeros(12), "r": np.eye(3).ravel()}
     plain = info(d=(), **others)
-    assert wv.Camera.from_ros(plain) == wv.Camera.from_camera_info(plain, rectified=False)
-    bent = wv.Camera.from_ros(info(**others))
+    assert wv.Camera.from_raw_camera_info(plain) == wv.Camera.from_camera_info(plain, rectified=False)
+    bent = wv.Camera.from_raw_camera_info(info(**others))
     expected = wv.Camera.from_camera_info(plain, rectified=False)
     assert (bent.lens.fx, bent.lens.cx, bent.width) == (expected.fx, expected.cx, 20)
 
@@ -222,7 +222,7 @@ BENT = (-0.9, 0, 0.001, 0)
 WARNS = {
     "LensCamera": lambda: LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24, BENT), 64, 48),
     "opencv": lambda: wv.Camera.from_opencv(K, BENT, 64, 48),
-    "ros": lambda: wv.Camera.from_ros(info(d=(*BENT, 0.0))),
+    "ros": lambda: wv.Camera.from_raw_camera_info(info(d=(*BENT, 0.0))),
     "colmap": lambda: wv.Camera.from_colmap("OPENCV", (52, 50, 32, 24, *BENT), 64, 48),
     "pinhole": lambda: wv.Camera(64, 48, 52, 50, 65.25, 24),
     "pinhole of K": lambda: wv.Camera.from_K([[52, 0, 65.5], [0, 50, 24], [0, 0, 1]], 64, 48),
@@ -287,10 +287,13 @@ BAD = {
     "K": (lambda: wv.Camera.from_opencv(np.eye(4), None, 64, 48), r"K must have shape \(3, 3\)"),
     "model": (lambda: wv.Camera.from_opencv(K, None, 64, 48, model="omni"), 'model must be "pinhole" or "fisheye"'),
     "ros model": (
-        lambda: wv.Camera.from_ros(info("thin")),
+        lambda: wv.Camera.from_raw_camera_info(info("thin")),
         "distortion_model must be one of plumb_bob, .*, got 'thin'",
     ),
-    "ros count": (lambda: wv.Camera.from_ros(info(d=RATIONAL)), "D of plumb_bob must be 4 or 5 numbers, got 8"),
+    "ros count": (
+        lambda: wv.Camera.from_raw_camera_info(info(d=RATIONAL)),
+        "D of plumb_bob must be 4 or 5 numbers, got 8",
+    ),
     "colmap": (
         lambda: wv.Camera.from_colmap("OPENCV", (1, 2), 64, 48),
         "parameters of OPENCV must be 8 numbers, got 2",

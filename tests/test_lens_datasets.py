@@ -260,7 +260,7 @@ def test_opencv_projects_like_written_camera_info(room, tmp_path):
         at = cv2.projectPoints(points, zero, zero, info.k.reshape(3, 3), info.d)[0][:, 0]
         np.testing.assert_allclose(at + 0.5, CAMERAS[name].project(points), atol=1e-9)
         np.testing.assert_array_equal(info.p.reshape(3, 4)[:, :3], info.k.reshape(3, 3))
-        assert wv.Camera.from_ros(info) == CAMERAS[name].__class__(CAMERAS[name].lens, 64, 48)
+        assert wv.Camera.from_raw_camera_info(info) == CAMERAS[name].__class__(CAMERAS[name].lens, 64, 48)
     info = CAMERAS["fisheye"].to_camera_info(frame_id="eye", types=types)
     assert info.distortion_model == "equidistant"
     at = cv2.fisheye.projectPoints(points[:, None], zero, zero, info.k.reshape(3, 3), info.d)[0][:, 0]

@@ -126,7 +126,7 @@ def test_plan_visibility_of_undistorted_lens_matches_pinhole():
     pinhole = wv.Camera(160, 120, 130, 128, 70, 60, far=2.9)
     lens = LensCamera(lenses.OpenCVPinhole(130, 128, 70, 60), 160, 120, far=2.9)
     expected, found = (plan_visibility(scene, camera, poses) for camera in (pinhole, lens))
-    np.testing.assert_array_equal(found.alone, expected.alone)
+    np.testing.assert_array_equal(found.unoccluded, expected.unoccluded)
     np.testing.assert_array_equal(found.first, expected.first)
     assert expected.visible[0].tolist() == [True, True, True, False, False]
 
@@ -138,12 +138,12 @@ def test_plan_visibility_of_fisheye():
     seen = plan_visibility(scene, LensCamera(FISHEYE, 160, 120, far=3.0), pose)
     assert seen.visible[0].tolist() == [True, True, False, False, False]  # the third is too far, the last one occluded
     seen = plan_visibility(scene, LensCamera(FISHEYE, 160, 120, far=4.5), pose)
-    assert seen.visible[0].tolist() == [True, True, True, False, False] and seen.alone[0, 4] > 0
+    assert seen.visible[0].tolist() == [True, True, True, False, False] and seen.unoccluded[0, 4] > 0
     # A column's line is the ray of its pixel: a post of half-angle a spans 2 fx theta(a) columns of an ideal fisheye.
     ideal = LensCamera(lenses.KannalaBrandt(50, 50, 80, 60, (0, 0, 0, 0)), 160, 120, far=3.0)
     half = 50 * math.asin(0.2 / 2)
     expected = [2 * half, half + 80 - 50 * math.pi / 2]  # the image ends within the second post
-    np.testing.assert_allclose(plan_visibility(scene, ideal, pose).alone[0, :2], expected, atol=1.1)
+    np.testing.assert_allclose(plan_visibility(scene, ideal, pose).unoccluded[0, :2], expected, atol=1.1)
     with pytest.raises(PoseError, match="must not look straight up or down"):
         plan_visibility(scene, ideal, [0, 0, 1, 0, 0, 0, 1])
 

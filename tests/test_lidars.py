@@ -456,5 +456,5 @@ def test_invalid_input_raises_one_line_errors(tmp_path, name):
 
 def test_livox_requires_file_without_mujoco_lidar(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(wv.WarpvisError, match=r"file must be given, .* because mujoco-lidar, .* is not installed"):
+    with pytest.raises(wv.WarpvisError, match=r"path must be given, .* because mujoco-lidar, .* is not installed"):
         lidars.livox("mid360")

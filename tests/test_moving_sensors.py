@@ -328,7 +328,7 @@ def test_deskewing_restores_walls(kind, device):
     assert clouds[0].dtype.names == ("x", "y", "z", "ring", "time", "range", "object")
     np.testing.assert_allclose(wall_errors(views.points.numpy()), 0, atol=1e-5)
     for at in (0.0, 0.06):
-        restored = deskew(clouds, motion, at=at)
+        restored = deskew(clouds, motion, target_time=at)
         for view, (cloud, pose) in enumerate(zip(restored, motion.at(at), strict=True)):
             matrix = poses_to_matrices(pose)
             points, skewed = (np.stack([c[n] for n in "xyz"], axis=-1) for c in (cloud, clouds[view]))
@@ -336,7 +336,7 @@ def test_deskewing_restores_walls(kind, device):
             np.testing.assert_allclose(wall_errors(points @ matrix[:3, :3].T + matrix[:3, 3]), 0, atol=1e-5)
             np.testing.assert_array_equal(cloud["time"], clouds[view]["time"])
     local = lidar.origins + lidar.directions * views.depth.numpy().astype(np.float64)[..., None]
-    plain = deskew(local, motion, times=times, at=0.06)
+    plain = deskew(local, motion, times=times, target_time=0.06)
     world = poses_to_matrices(motion.at(0.06))
     world = np.einsum("vij,vnj->vni", world[:, :3, :3], plain) + world[:, None, :3, 3]
     np.testing.assert_allclose(world, views.points.numpy(), atol=2e-6)
@@ -349,7 +349,7 @@ def test_deskewing_arrays_and_organized_clouds():
     np.testing.assert_allclose(deskew(points, motion, times=times) - points, times[..., None] * [1.0, 0, 0], atol=1e-12)
     far = Rays(sphere_of_rays(4).reshape(2, 2, 3), times=times, far=3.9)
     cloud = point_clouds(wv.render(box_room("cpu"), far, motion), far, organized=True)[0]
-    restored = deskew(cloud, motion, at=0.3)
+    restored = deskew(cloud, motion, target_time=0.3)
     assert restored.shape == (2, 2)
     np.testing.assert_array_equal(np.isnan(restored["x"]), np.isnan(cloud["x"]))
     np.testing.assert_allclose(
@@ -518,7 +518,7 @@ REFUSED = {
     ),
     "times of points": (lambda s: deskew(np.zeros((1, 3)), MOVES, times=[np.nan]), "times must be finite"),
     "moment": (
-        lambda s: deskew(np.zeros((1, 3)), MOVES, times=[0.0], at=1.0),
+        lambda s: deskew(np.zeros((1, 3)), MOVES, times=[0.0], target_time=1.0),
         "times must be within those of the motion, 0 to 0.1 s, got 1 to 1 s",
     ),
 }

@@ -63,7 +63,7 @@ def test_fit_recovers_sensor_parameters(numbers, rounded, given):
             pytest.skip("no steps to tell f b by")
         given = {"subpixel": sensor.subpixel}
     images = pictures(sensor)
-    found = fit(millimeters(images) if rounded else images, CAMERA, resolution=0.001 if rounded else 0.0, **given)
+    found = fit(millimeters(images) if rounded else images, CAMERA, depth_step=0.001 if rounded else 0.0, **given)
     assert found.focal_baseline == pytest.approx(CAMERA.fx * BASELINE, rel=0.02)
     assert found.sigma == pytest.approx(sensor.sigma, rel=0.05)
     assert found.noise_spacing == sensor.noise_spacing
@@ -184,7 +184,7 @@ NOISY = np.full((200, 320), 2.0, dtype=np.float32)
         ([NOISY], {"baseline": -1}, "baseline must be"),
         ([NOISY], {"subpixel": 0}, "subpixel must be"),
         ([NOISY], {"region": 2.0}, "region must be"),
-        ([NOISY], {"resolution": -1.0}, "resolution must be"),
+        ([NOISY], {"depth_step": -1.0}, "depth_step must be"),
         (
             [np.random.default_rng(0).uniform(0.5, 5, (200, 320))],
             {"baseline": 0.05},

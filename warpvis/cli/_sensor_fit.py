@@ -54,7 +54,7 @@ class SensorFit:
         images = [read_depth(file, unit=self.unit) for file in files]
         rounded = self.unit if any(file.suffix.lower() == ".png" for file in files) else 0.0
         options = {"baseline": self.baseline, "subpixel": self.subpixel, "region": self.region}
-        found = fit(images, camera, resolution=rounded, **options)  # type: ignore[arg-type]
+        found = fit(images, camera, depth_step=rounded, **options)  # type: ignore[arg-type]
         print(found.report())
         if self.out is not None:
             from warpvis.viz import save_sensor_fit

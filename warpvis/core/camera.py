@@ -172,7 +172,7 @@ class Camera(CameraMakers):
         Args:
             message: The message, or any object with its fields.
             rectified: Whether the images are rectified (intrinsics from `P`). Raw images (intrinsics from `K`) match a
-                pinhole only if the distortion is zero.
+                pinhole only if the distortion is zero; `from_raw_camera_info` supports distortion.
             near: Minimum depth [m], which the message does not contain.
             far: Maximum depth [m], which the message does not contain.
 

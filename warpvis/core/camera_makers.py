@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 class CameraMakers:
     """Base class with constructors of `Camera` (without distortion) or `warpvis.sensors.LensCamera`.
 
-    All accept `near` and `far` [m], and `kind`, the definition of depth for a lens: ``"z"`` or ``"range"``, see
-    `LensCamera`.
+    The cameras are those of the raw images, with the distortion of the calibration. All constructors accept `near` and
+    `far` [m], and `kind`, the definition of depth for a lens: ``"z"`` or ``"range"``, see `LensCamera`.
     """
 
     width: int
@@ -101,15 +101,15 @@ class CameraMakers:
         return camera_of(lens_from_opencv(K, D, fisheye=fisheye), width, height, near=near, far=far, kind=kind)
 
     @staticmethod
-    def from_ros(
-        camera_info: Message, *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
+    def from_raw_camera_info(
+        message: Message, *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
     ) -> CalibratedCamera:
         """Create a camera for the raw image of a ``sensor_msgs/CameraInfo``: `K`, `D` and `distortion_model`.
 
         For the rectified image, use `Camera.from_camera_info`. Binning and region of interest are applied.
 
         Args:
-            camera_info: The message, or any object with these fields, `width` and `height`.
+            message: The message, or any object with these fields, `width` and `height`.
             near: Minimum depth [m].
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
@@ -117,13 +117,13 @@ class CameraMakers:
         Raises:
             CameraError: If the model is not ``plumb_bob``, ``rational_polynomial`` or ``equidistant``, the number of
                 coefficients does not match the model, or the camera is not calibrated.
-            MessageError: If `camera_info` is not a CameraInfo.
+            MessageError: If `message` is not a CameraInfo.
         """
         from warpvis.core.messages import read_raw_camera_info
         from warpvis.sensors import camera_of
         from warpvis.sensors.lenses import lens_from_ros
 
-        info, coefficients, model = read_raw_camera_info(camera_info)
+        info, coefficients, model = read_raw_camera_info(message)
         lens = lens_from_ros(info.K, coefficients, model)
         return camera_of(lens, info.width, info.height, near=near, far=far, kind=kind)
 

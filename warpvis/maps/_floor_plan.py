@@ -28,7 +28,7 @@ _EDGES_AT_A_TIME = 20_000
 class PlanVisibility:
     """Lines of sight on the floor plan, one per image column."""
 
-    alone: NDArray[np.int64]
+    unoccluded: NDArray[np.int64]
     """Number of columns whose line hits the object's outline in range, ignoring occlusion, shape ``(V, objects)``."""
     first: NDArray[np.int64]
     """Number of columns whose line hits the object's outline first, shape ``(V, objects)``."""
@@ -78,7 +78,7 @@ def plan_visibility(
     outlines = [_edges(item.vertices[:, floor], item.faces) for item in scene.objects]
 
     shape = (len(poses), len(outlines))
-    alone, first = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    unoccluded, first = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
     for view, pose in enumerate(poses):
         directions = _column_directions(camera, pose[:3, :3], floor, view)
         distance = np.full((len(outlines), camera.width), np.inf)
@@ -88,9 +88,9 @@ def plan_visibility(
         distance[distance > camera.far] = np.inf
         met = np.isfinite(distance)
         nearest = distance.argmin(axis=0)
-        alone[view] = met.sum(axis=1)
+        unoccluded[view] = met.sum(axis=1)
         first[view] = np.bincount(nearest[met.any(axis=0)], minlength=len(outlines))
-    return PlanVisibility(alone, first)
+    return PlanVisibility(unoccluded, first)
 
 
 def _edges(corners: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:

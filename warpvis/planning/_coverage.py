@@ -118,9 +118,9 @@ class Coverage:
     cumulative: NDArray[np.float64] = field(repr=False)
     """Area covered by views 0 to i together [m^2], shape ``(V,)``."""
     order: NDArray[np.int64]
-    """Greedily chosen views, each with the largest gain over its predecessors, shape ``(k,)``."""
+    """Greedily chosen views, each with the largest gain over its predecessors, shape ``(count,)``."""
     gain: NDArray[np.float64]
-    """Area added by each view of `order` [m^2], shape ``(k,)``."""
+    """Area added by each view of `order` [m^2], shape ``(count,)``."""
 
     @cached_property
     def total(self) -> float:
@@ -134,16 +134,18 @@ class Coverage:
 
     @property
     def curve(self) -> NDArray[np.float64]:
-        """Area covered by the first 1, 2, ... views of `order` together [m^2], shape ``(k,)``."""
+        """Area covered by the first 1, 2, ... views of `order` together [m^2], shape ``(count,)``."""
         return np.cumsum(self.gain)
 
-    def best(self, k: int) -> NDArray[np.int64]:
-        """Return the first k views of `order`, which cover at least 1 - 1/e (63 %) of the optimum of k views.
+    def best(self, count: int) -> NDArray[np.int64]:
+        """Return the first `count` views of `order`.
+
+        They cover at least 1 - 1/e (63 %) of the largest area that `count` views can cover.
 
         Raises:
-            ArrayError: If `order` has fewer views, or k is less than 1.
+            ArrayError: If `order` has fewer views, or `count` is less than 1.
         """
-        return self.order[: _check_k(k, len(self.order), "views of order")]
+        return self.order[: _check_count(count, len(self.order), "views of order")]
 
     def unseen(self) -> NDArray[np.bool_]:
         """Return whether each sample is seen by no view, shape ``(N,)``."""
@@ -157,7 +159,7 @@ def coverage(
     *,
     samples: Samples | ArrayInput | None = None,
     weights: ArrayInput | None = None,
-    k: int | None = None,
+    count: int | None = None,
     tolerance: float = 1e-3,
     object_poses: ObjectPoses = None,
     exclude: Excluded = None,
@@ -181,7 +183,7 @@ def coverage(
         samples: Samples from `surface_samples`, or points in the world frame [m], shape ``(N, 3)``, each of area 1 m^2.
             By default, samples of all objects except those excluded in all views.
         weights: Weights of the samples, which multiply their areas, shape ``(N,)``; 1 by default.
-        k: Number of views to choose; by default all are ordered.
+        count: Number of views to choose; by default all are ordered.
         tolerance: Maximum distance of a visible sample behind the first surface along its ray [m]. Triangles of movable
             solids are farther than this behind the exact round surface, unless they are fine or this is greater.
         object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
@@ -201,7 +203,7 @@ def coverage(
     poses = parse_poses(camera_to_world, convention=convention, device=device)
     if not len(poses):
         raise PoseError("camera_to_world must have at least one pose, got 0")
-    count = len(poses) if k is None else _check_k(k, len(poses), "views")
+    count = len(poses) if count is None else _check_count(count, len(poses), "views")
     worlds = parse_worlds(scene, len(poses), object_poses, None, exclude)
     hidden: wp.array | None = worlds.excluded if worlds.excluded is not None and worlds.excluded.size else None
     samples = _read_samples(scene, samples, object_poses, hidden)
@@ -319,7 +321,7 @@ def _read_weights(weights: ArrayInput | None, count: int) -> NDArray[np.float64]
     return factors
 
 
-def _check_k(k: int, limit: int, what: str) -> int:
-    if isinstance(k, bool) or not isinstance(k, int | np.integer) or not 1 <= k <= limit:
-        raise ArrayError(f"k must be a whole number from 1 to the {limit} {what}, got {k!r}")
-    return int(k)
+def _check_count(count: int, limit: int, what: str) -> int:
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= limit:
+        raise ArrayError(f"count must be a whole number from 1 to the {limit} {what}, got {count!r}")
+    return int(count)

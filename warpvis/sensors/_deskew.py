@@ -21,20 +21,20 @@ _REQUIRED_FIELDS = ("x", "y", "z", "time")
 
 
 @overload
-def deskew(points: Cloud, motion: Motion, *, times: None = None, at: float = 0.0) -> Cloud: ...
+def deskew(points: Cloud, motion: Motion, *, times: None = None, target_time: float = 0.0) -> Cloud: ...
 
 
 @overload
-def deskew(points: Sequence[Cloud], motion: Motion, *, times: None = None, at: float = 0.0) -> list[Cloud]: ...
+def deskew(points: Sequence[Cloud], motion: Motion, *, times: None = None, target_time: float = 0.0) -> list[Cloud]: ...
 
 
 @overload
 def deskew(
-    points: ArrayInput, motion: Motion, *, times: ArrayLike | None = None, at: float = 0.0
+    points: ArrayInput, motion: Motion, *, times: ArrayLike | None = None, target_time: float = 0.0
 ) -> NDArray[np.float64]: ...
 
 
-def deskew(points: Any, motion: Motion, *, times: ArrayLike | None = None, at: float = 0.0) -> Any:
+def deskew(points: Any, motion: Motion, *, times: ArrayLike | None = None, target_time: float = 0.0) -> Any:
     """Transform points measured by a moving sensor, each in the sensor frame at its own time, to the frame at one time.
 
     Args:
@@ -43,7 +43,7 @@ def deskew(points: Any, motion: Motion, *, times: ArrayLike | None = None, at: f
         motion: The motion of the sensor that was rendered.
         times: Times of points without fields, after the start of the frame [s]; the shape of the points without the
             view axis and the last axis.
-        at: Time of the target frame, after the start of each frame [s].
+        target_time: Time of the target frame, after the start of each frame [s].
 
     Returns:
         The points in the form in which they were given: clouds with all their fields, arrays in double precision.
@@ -54,8 +54,8 @@ def deskew(points: Any, motion: Motion, *, times: ArrayLike | None = None, at: f
     """
     if not isinstance(motion, Motion):
         raise ArrayError(f"motion must be a warpvis.sensors.Motion, got {type(motion).__name__}")
-    at = check_number(at, "at")
-    views = motion.at(at).reshape(-1, 7)
+    target_time = check_number(target_time, "target_time")
+    views = motion.at(target_time).reshape(-1, 7)
     if isinstance(points, np.ndarray) and points.dtype.names is not None:
         _require_views(1, len(views))
         return _deskew_cloud(points, motion, 0, views[0])

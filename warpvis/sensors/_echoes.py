@@ -200,7 +200,7 @@ def gather_returns(
     *,
     keep: Keep = "strongest",
     separation: float = 0.5,
-    threshold: float = 0.0,
+    min_intensity: float = 0.0,
     out: Returns | None = None,
 ) -> Returns:
     """Combine the rays of each beam to returns: surfaces separated in range give distinct returns.
@@ -216,7 +216,7 @@ def gather_returns(
         keep: Which returns to keep: ``"strongest"``; ``"last"``, the farthest; or ``"dual"``, the strongest and the
             last, or the second strongest where these are the same, as in Velodyne's dual return mode.
         separation: Minimum distance in range between surfaces of distinct returns [m].
-        threshold: Minimum intensity of a detected return. With `reflect(..., falls_off=True)`, dark and slanted
+        min_intensity: Minimum intensity of a detected return. With `reflect(..., falls_off=True)`, dark and slanted
             surfaces then disappear at shorter ranges than others.
         out: The result of an earlier call, to be overwritten.
 
@@ -231,7 +231,7 @@ def gather_returns(
     keep = check_choice(keep, "keep", ("strongest", "last", "dual"))  # type: ignore[assignment]
     count = check_whole(count, "count")
     separation = check_number(separation, "separation", minimum=0.0)
-    threshold = check_number(threshold, "threshold", minimum=0.0)
+    min_intensity = check_number(min_intensity, "min_intensity", minimum=0.0)
     if not isinstance(depth, wp.array) or depth.dtype is not wp.float32 or depth.ndim not in (2, 3):
         raise ArrayError("depth must be a wp.array of float32 of shape (V, H, W * count) or (V, N * count)")
     if depth.shape[-1] % count:
@@ -248,7 +248,7 @@ def gather_returns(
     )
     images = [image.reshape((views, height, width * count)) for image in (depth, intensity)]
     targets = [image.reshape((views, num_returns, height, width)) for image in (result.range, result.intensity)]
-    options = [count, separation, threshold, keep == "last"]
+    options = [count, separation, min_intensity, keep == "last"]
     launch_images(
         echoes.gather_returns,
         (views, height, width),

@@ -151,7 +151,7 @@ class LensCamera(LensedCamera):
     def to_camera_info(self, *, frame_id: str, stamp: Stamp = 0.0, types: MessageTypes | None = None) -> Message:
         """Convert to a ``sensor_msgs/CameraInfo`` of ROS 2 for the raw image, with `K`, `D` and the distortion model.
 
-        `P` has the same intrinsics as `K`. `Camera.from_ros` is the inverse.
+        `P` has the same intrinsics as `K`. `Camera.from_raw_camera_info` is the inverse.
 
         Args:
             frame_id: The optical frame of the camera, with OpenCV axes.

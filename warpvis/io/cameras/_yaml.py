@@ -105,7 +105,7 @@ def opencv_lens_camera(path: Path, data: Mapping[str, Any]) -> CalibratedCamera:
     k = numbers.reshape(3, 3)
     if model is not None:
         info = SimpleNamespace(width=size[0], height=size[1], k=k, d=d or [], distortion_model=str(model))
-        return make_calibrated(str(path), partial(Camera.from_ros, info))
+        return make_calibrated(str(path), partial(Camera.from_raw_camera_info, info))
     kind: Literal["pinhole", "fisheye"] = "fisheye" if data.get("fisheye_model") in (1, True) else "pinhole"
     return make_calibrated(str(path), lambda: Camera.from_opencv(k, d, *size, model=kind))  # type: ignore[arg-type]  # it checks
 

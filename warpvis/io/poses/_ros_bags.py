@@ -192,7 +192,7 @@ class _BagCamera(NamedTuple):
 
 def _camera(info: CameraInfo, distortion: bool) -> CalibratedCamera:
     """Create the camera of the raw images if `distortion` is set and `D` is not zero, else of the rectified images."""
-    return Camera.from_ros(info) if distortion and np.any(info.d) else Camera.from_camera_info(info)
+    return Camera.from_raw_camera_info(info) if distortion and np.any(info.d) else Camera.from_camera_info(info)
 
 
 def _row(place: Point | Vector3, rotation: Quaternion) -> list[float]:

@@ -124,7 +124,7 @@ def fit(
     *,
     baseline: float | None = None,
     subpixel: int | None = None,
-    resolution: float = 0.0,
+    depth_step: float = 0.0,
     region: float = 0.8,
 ) -> StereoFit:
     """Fit noise, quantization step, f b, correlation and dropout of disparity to depth images of flat walls.
@@ -144,7 +144,7 @@ def fit(
         camera: Intrinsics of the images; its `fx` is the focal length of disparities.
         baseline: Distance between the two eyes [m], if known.
         subpixel: Steps of disparity per pixel, if known.
-        resolution: Quantization step of depth [m], such as 0.001 for files in millimeters.
+        depth_step: Quantization step of depth [m], such as 0.001 for files in millimeters.
         region: Fraction of the width and height of the image to use, about its center, as in Intel's tool.
 
     Raises:
@@ -156,13 +156,13 @@ def fit(
         check_baseline(baseline)
     if subpixel is not None:
         check_whole(subpixel, "subpixel")
-    check_number(resolution, "resolution", minimum=0.0)
+    check_number(depth_step, "depth_step", minimum=0.0)
     check_number(region, "region", minimum=0.1, maximum=1.0)
     walls = [
         measure_wall(image, camera, region, f"depth_images[{index}]")
         for index, image in enumerate(_images(depth_images, camera))
     ]
-    quantum = find_quantum(walls, resolution)
+    quantum = find_quantum(walls, depth_step)
     focal_baseline, found_by = _find_scale(walls, camera, quantum, baseline, subpixel)
     walls, spread = fit_spread(walls, quantum)
     measured = correlation(walls, quantum**2 / 12)

@@ -25,19 +25,19 @@ _SINGLE = 2.0**-23
 _SAMPLES, _ITERATIONS, _MIN_SIGMA = 6000, 25, 1e-3
 
 
-def find_quantum(walls: list[Wall], resolution: float) -> float:
+def find_quantum(walls: list[Wall], depth_step: float) -> float:
     """Return the median step of 1 / z [1/m] over all images; 0 if most images are not quantized."""
-    quanta = [_find_quantum_of_wall(wall, resolution) for wall in walls]
+    quanta = [_find_quantum_of_wall(wall, depth_step) for wall in walls]
     steps = [quantum for quantum in quanta if quantum > 0]
-    # With a `resolution`, a minority is enough: the steps of near walls may be finer than the resolution.
-    if not steps or (resolution == 0.0 and len(steps) <= len(quanta) / 2):
+    # With a `depth_step`, a minority is enough: the steps of near walls may be finer than the depth_step.
+    if not steps or (depth_step == 0.0 and len(steps) <= len(quanta) / 2):
         return 0.0
     median = float(np.median(steps))
     return float(np.median([_refine(wall, median) for wall, quantum in zip(walls, quanta, strict=True) if quantum > 0]))
 
 
-def _find_quantum_of_wall(wall: Wall, resolution: float) -> float:
-    values, rounding = _find_distinct_values(wall, resolution)
+def _find_quantum_of_wall(wall: Wall, depth_step: float) -> float:
+    values, rounding = _find_distinct_values(wall, depth_step)
     if not _MIN_VALUES <= len(values) <= _MAX_VALUES * wall.known.sum():
         return 0.0
     gaps = np.diff(values)
@@ -55,10 +55,10 @@ def _find_quantum_of_wall(wall: Wall, resolution: float) -> float:
     return float(quantum) if error <= _MAX_ERROR and spread >= _MIN_SPREAD else 0.0
 
 
-def _find_distinct_values(wall: Wall, resolution: float) -> tuple[NDArray[np.float64], float]:
+def _find_distinct_values(wall: Wall, depth_step: float) -> tuple[NDArray[np.float64], float]:
     """Return the values of 1 / z in an image, merged if they differ by rounding only, and the rounding error."""
     inverse = np.sort(wall.inverse[wall.known])
-    rounding = float(inverse[-1]) * _SINGLE + resolution * float(inverse[-1]) ** 2
+    rounding = float(inverse[-1]) * _SINGLE + depth_step * float(inverse[-1]) ** 2
     ends = np.flatnonzero(np.diff(inverse) > 2 * rounding)
     firsts = np.concatenate([[0], ends + 1])
     return np.add.reduceat(inverse, firsts) / np.diff(np.concatenate([firsts, [len(inverse)]])), rounding

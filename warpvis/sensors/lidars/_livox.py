@@ -94,12 +94,12 @@ class Livox:
         return Rays(directions, times=times, rings=indices % self.lines, near=near, far=far, axes="ros_body")
 
 
-def livox(model: str, file: str | os.PathLike[str] | None = None) -> Livox:
+def livox(model: str, path: str | os.PathLike[str] | None = None) -> Livox:
     """Read the scan pattern of a Livox lidar from a file of livox_laser_simulation or mujoco-lidar.
 
     Args:
         model: ``"mid360"``, ``"avia"``, ``"horizon"``, ``"tele"``, ``"mid40"``, ``"mid70"`` or ``"HAP"``.
-        file: A CSV file of livox_laser_simulation (``Time/s,Azimuth/deg,Zenith/deg``), or a ``.npy`` file of azimuth
+        path: A CSV file of livox_laser_simulation (``Time/s,Azimuth/deg,Zenith/deg``), or a ``.npy`` file of azimuth
             and elevation [rad], shape ``(samples, 2)``, as in the wheel of mujoco-lidar. By default the file of that
             wheel, which must be installed then.
 
@@ -115,8 +115,8 @@ def livox(model: str, file: str | os.PathLike[str] | None = None) -> Livox:
     if plain not in known:
         raise CameraError(f"model must be one of {', '.join(_MODELS)}, got {model!r}")
     model = known[plain]
-    path = _from_wheel(model) if file is None else as_path(file, "file")
-    azimuth, elevation = _read_npy(path) if path.suffix.lower() == ".npy" else _read_csv(path)
+    file = _from_wheel(model) if path is None else as_path(path, "path")
+    azimuth, elevation = _read_npy(file) if file.suffix.lower() == ".npy" else _read_csv(file)
     return Livox(azimuth, elevation, *_MODELS[model])
 
 
@@ -125,7 +125,7 @@ def _from_wheel(model: str) -> Path:
     found = importlib.util.find_spec("mujoco_lidar")
     if found is None or not found.origin:
         raise CameraError(
-            "file must be given, Livox's CSV or a .npy file of angles, because mujoco-lidar, which has such files, "
+            "path must be given, Livox's CSV or a .npy file of angles, because mujoco-lidar, which has such files, "
             "is not installed"
         )
     return Path(found.origin).parent / "scan_mode" / f"{model}.npy"
