@@ -336,8 +336,8 @@ def move_items(
         count = int(0)
         if rank < level_info(level, LARGE):
             count = level.left_count[rank]
-            left = before[item] - before[begin]
-            target = wp.where(lefts[item] == 1, begin + left, item + count - left)
+            rank_left = before[item] - before[begin]
+            target = wp.where(lefts[item] == 1, begin + rank_left, item + count - rank_left)
         else:
             best = level.best[rank]
             count = best_count(best)

@@ -79,10 +79,10 @@ def ordered(value: float) -> int:
 
 @wp.func
 def from_ordered(bits: int) -> float:
-    whole = bits
-    if whole < 0:
-        whole = whole ^ 2147483647
-    return wp.cast(whole, wp.float32)
+    ordered_bits = bits
+    if ordered_bits < 0:
+        ordered_bits = ordered_bits ^ 2147483647
+    return wp.cast(ordered_bits, wp.float32)
 
 
 @wp.func

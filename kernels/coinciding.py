@@ -128,12 +128,12 @@ def is_on_triangle(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, direction: wp.vec3d, r
     normal = wp.cross(b - a, c - a)
     if cull and wp.dot(normal, direction) >= wp.float64(0.0):
         return False
-    far = reach * wp.length(normal)
-    if wp.abs(wp.dot(normal, a)) > far:
+    max_volume = reach * wp.length(normal)
+    if wp.abs(wp.dot(normal, a)) > max_volume:
         return False
-    within_ab = wp.dot(normal, wp.cross(a, b)) >= -far * wp.length(b - a)
-    within_bc = wp.dot(normal, wp.cross(b, c)) >= -far * wp.length(c - b)
-    within_ca = wp.dot(normal, wp.cross(c, a)) >= -far * wp.length(a - c)
+    within_ab = wp.dot(normal, wp.cross(a, b)) >= -max_volume * wp.length(b - a)
+    within_bc = wp.dot(normal, wp.cross(b, c)) >= -max_volume * wp.length(c - b)
+    within_ca = wp.dot(normal, wp.cross(c, a)) >= -max_volume * wp.length(a - c)
     return within_ab and within_bc and within_ca
 
 

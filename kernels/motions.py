@@ -18,13 +18,14 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 class Leg:
     """The motion from one instant to the next: the initial pose, the translation, and the rotation vector (body frame).
 
-    After the last instant the pose is constant. For a twist, it is the pose at 0 s, and path and turn are velocities.
+    After the last instant the pose is constant. For a twist, it is the pose at 0 s, and the path and the rotation
+    vector are velocities.
     """
 
     origin: wp.vec3d
     rotation: wp.quatd
     path: wp.vec3d
-    turn: wp.vec3d
+    rotation_vector: wp.vec3d
 
 
 @wp.struct
@@ -98,13 +99,13 @@ def begin_legs(
     leg.rotation = first.rotation
     if linear_in:
         leg.path = linear_in[row, column]
-        leg.turn = angular_in[row, column]
+        leg.rotation_vector = angular_in[row, column]
     elif instant + 1 < poses_in.shape[0] and not is_same(
         poses_in[instant, row, column], poses_in[instant + 1, row, column]
     ):
         second = frame_of(poses_in[instant + 1, row, column])
         leg.path = second.origin - first.origin
-        leg.turn = rotation_vector_between(first.rotation, second.rotation)
+        leg.rotation_vector = rotation_vector_between(first.rotation, second.rotation)
     legs_out[instant, row, column] = leg
 
 
@@ -121,7 +122,7 @@ def compose_rotation(rotation: wp.quatd, rotation_vector: wp.vec3d) -> wp.quatd:
 @wp.func
 def along_screw(leg: Leg, time: wp.float64) -> Frame:
     """Return the pose at a time of a body that moves with constant velocities in its own frame."""
-    one, two, rotation_vector, along = wp.float64(1.0), wp.float64(2.0), time * leg.turn, time * leg.path
+    one, two, rotation_vector, along = wp.float64(1.0), wp.float64(2.0), time * leg.rotation_vector, time * leg.path
     square = wp.dot(rotation_vector, rotation_vector)
     angle = wp.sqrt(square)
     sine, cosine = wp.sin(angle / two), wp.cos(angle / two)
@@ -171,7 +172,7 @@ def frame_at(motion: Motion, row: int, column: int, time: wp.float64) -> Frame:
     leg = motion.legs[instant, row, column]
     frame = Frame()
     frame.origin = leg.origin + share * leg.path
-    frame.rotation = compose_rotation(leg.rotation, share * leg.turn)
+    frame.rotation = compose_rotation(leg.rotation, share * leg.rotation_vector)
     return frame
 
 

@@ -46,12 +46,12 @@ def no_box() -> Aabb:
 
 @wp.func
 def box_of_parts(box: Aabb) -> Aabb:
-    """Return, in every thread, the union of the boxes of all threads that share a leaf or a node."""
-    whole = Aabb()
+    """Return, in every thread, the bounds of the boxes of all threads that share a leaf or a node."""
+    bounds = Aabb()
     low, high = box.low, box.high
-    whole.low = wp.vec3(min_of_parts(low[0]), min_of_parts(low[1]), min_of_parts(low[2]))
-    whole.high = -wp.vec3(min_of_parts(-high[0]), min_of_parts(-high[1]), min_of_parts(-high[2]))
-    return whole
+    bounds.low = wp.vec3(min_of_parts(low[0]), min_of_parts(low[1]), min_of_parts(low[2]))
+    bounds.high = -wp.vec3(min_of_parts(-high[0]), min_of_parts(-high[1]), min_of_parts(-high[2]))
+    return bounds
 
 
 @wp.func

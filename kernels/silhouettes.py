@@ -401,13 +401,13 @@ def judge_silhouettes(
     """Derive visible fraction, status, main occluder and boxes from the counters of an object in a view."""
     view, slot = wp.tid()
     visible, inside = counts[VISIBLE_PIXELS, view, slot], counts[IMAGE_PIXELS, view, slot]
-    whole = counts[SILHOUETTE_PIXELS, view, slot]
+    total = counts[SILHOUETTE_PIXELS, view, slot]
     near, far = counts[TOO_NEAR_PIXELS, view, slot], counts[TOO_FAR_PIXELS, view, slot]
     fraction = float(0.0)
-    if whole > 0:
-        fraction = float(wp.float64(visible) / wp.float64(whole))
+    if total > 0:
+        fraction = float(wp.float64(visible) / wp.float64(total))
     fraction_out[view, slot] = fraction
-    status_out[view, slot] = reason(visible, inside - visible - near - far, near, far, whole - inside, min_pixels)
+    status_out[view, slot] = reason(visible, inside - visible - near - far, near, far, total - inside, min_pixels)
     occluder, max_count = int(-1), int(0)
     for index in range(hidden_by.shape[2]):
         pixels = hidden_by[view, slot, index]

@@ -212,12 +212,12 @@ def take_rows(array: wp.array, rows: slice | NDArray[np.integer]) -> wp.array:
     return array[wp.array(rows, dtype=wp.int32, device=array.device)].contiguous()
 
 
-def put_rows(array: wp.array, rows: NDArray[np.integer], made: wp.array) -> None:
-    """Write `made` to the rows of an array at the given indices."""
+def put_rows(array: wp.array, rows: NDArray[np.integer], values: wp.array) -> None:
+    """Write `values` to the rows of an array at the given indices."""
     if array.device.is_cpu:
-        array.numpy()[rows] = made.numpy()
+        array.numpy()[rows] = values.numpy()
     else:
-        wp.copy(array[wp.array(rows, dtype=wp.int32, device=array.device)], made)
+        wp.copy(array[wp.array(rows, dtype=wp.int32, device=array.device)], values)
 
 
 def check_out(out: wp.array, dtype: type, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:

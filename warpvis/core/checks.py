@@ -17,7 +17,7 @@ from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 _LONGEST_NAME = 255
 
 # Longest third-party text in an error message [characters].
-_LONGEST_SAID = 300
+_MAX_MESSAGE = 300
 
 # Exceptions that file readers raise accidentally on damaged files; their messages describe the reader, not the file.
 _STUMBLES = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, StopIteration, TypeError)
@@ -54,13 +54,13 @@ def format_percent(fraction: float, *, digits: int = 0) -> str:
     return f"{_round_between(100 * fraction, 100, digits)} %"
 
 
-def _round_between(value: float, whole: int, digits: int) -> str:
-    """Format a number with decimals, or as a bound where it would round to 0 or `whole` without being equal to it."""
+def _round_between(value: float, limit: int, digits: int) -> str:
+    """Format a number with decimals, or as a bound where it would round to 0 or `limit` without being equal to it."""
     text, step = f"{value:.{digits}f}", 10.0**-digits
     if value > 0 and float(text) == 0:
         return f"<{step:.{digits}f}"
-    if value < whole and float(text) == whole:
-        return f">{whole - step:.{digits}f}"
+    if value < limit and float(text) == limit:
+        return f">{limit - step:.{digits}f}"
     return text
 
 
@@ -132,8 +132,8 @@ def check_choice(value: object, name: str, choices: Collection[str], error: type
         WarpvisError: If `value` is not one of `choices`; raised as the class `error`.
     """
     if not isinstance(value, str) or value not in choices:
-        *most, last = (f'"{choice}"' for choice in choices)
-        raise error(f"{name} must be {', '.join(most)} or {last}, got {value!r}")
+        *initial, last = (f'"{choice}"' for choice in choices)
+        raise error(f"{name} must be {', '.join(initial)} or {last}, got {value!r}")
     return value
 
 
@@ -202,18 +202,18 @@ def as_path(path: object, name: str = "path") -> Path:
 
 def describe_exception(error: BaseException) -> str:
     """Describe an exception of third-party code as part of a single sentence with a limited length."""
-    said = " ".join(str(error).split())
+    message = " ".join(str(error).split())
     if isinstance(error, MemoryError):
-        said = "it asks for more memory than there is"
+        message = "it asks for more memory than there is"
     elif isinstance(error, RecursionError):
-        said = "it is nested too deeply"
+        message = "it is nested too deeply"
     elif isinstance(error, _STUMBLES):
-        said = f"it is damaged, or something else ({type(error).__name__}{': ' if said else ''}{said})"
-    said = said or type(error).__name__
-    return truncate(said, _LONGEST_SAID)
+        message = f"it is damaged, or something else ({type(error).__name__}{': ' if message else ''}{message})"
+    message = message or type(error).__name__
+    return truncate(message, _MAX_MESSAGE)
 
 
-def truncate(text: str, most: int = 120) -> str:
-    """Shorten a text to `most` characters for a message, by keeping its beginning and its end."""
-    end = most // 3
-    return text if len(text) <= most else f"{text[: most - end - 3]}...{text[-end:]}"
+def truncate(text: str, max_length: int = 120) -> str:
+    """Shorten a text to `max_length` characters for a message, by keeping its beginning and its end."""
+    end = max_length // 3
+    return text if len(text) <= max_length else f"{text[: max_length - end - 3]}...{text[-end:]}"

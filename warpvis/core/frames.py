@@ -179,31 +179,31 @@ def _length(array: np.ndarray, name: str, shape: tuple[int | None, ...]) -> int:
 
 def _camera_rows(poses: PoseLike, convention: Convention) -> NDArray[np.float64]:
     convention = check_convention(convention)
-    given = _host(poses, "poses")
-    if given.dtype.kind == "b":
+    array = _host(poses, "poses")
+    if array.dtype.kind == "b":
         raise PoseError("poses must be numbers, got booleans")
-    given = given.astype(np.float64)
-    if not given.size:
-        raise PoseError(f"there must be at least one pose, got an array of shape {given.shape}")
-    _check_size(given, "poses")
-    rows = poses_to_opencv(given, convention)
-    if given.ndim == 2 and given.shape[1] == 7 and convention == "opencv":
-        squared = np.einsum("ij,ij->i", given[:, 3:], given[:, 3:])
+    array = array.astype(np.float64)
+    if not array.size:
+        raise PoseError(f"there must be at least one pose, got an array of shape {array.shape}")
+    _check_size(array, "poses")
+    rows = poses_to_opencv(array, convention)
+    if array.ndim == 2 and array.shape[1] == 7 and convention == "opencv":
+        squared = np.einsum("ij,ij->i", array[:, 3:], array[:, 3:])
         unit = np.abs(squared - 1) < _UNIT_ROUNDING
-        rows[unit] = given[unit]
+        rows[unit] = array[unit]
     return rows
 
 
 def _object_rows(poses: PoseLike) -> NDArray[np.float32]:
-    given = _host(poses, "object_poses")
-    given = given[None] if given.ndim == 2 else given
-    if given.dtype.kind == "b" or given.ndim != 3 or given.shape[2] != 7 or not given.size:
+    array = _host(poses, "object_poses")
+    array = array[None] if array.ndim == 2 else array
+    if array.dtype.kind == "b" or array.ndim != 3 or array.shape[2] != 7 or not array.size:
         raise PoseError(
             "object_poses must have shape (W, M, 7), rows x y z qx qy qz qw of M objects in W worlds, "
-            f"got {given.dtype} of shape {given.shape}"
+            f"got {array.dtype} of shape {array.shape}"
         )
-    _check_size(given.astype(np.float64), "object_poses")
-    rows = given.astype(np.float32)
+    _check_size(array.astype(np.float64), "object_poses")
+    rows = array.astype(np.float32)
     bad = np.argwhere(is_not_unit(rows))
     if len(bad):
         where = ", ".join(f"object {m} in world {w}" for w, m in bad[:3])

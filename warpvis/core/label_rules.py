@@ -51,14 +51,14 @@ class LabelRules:
             rules = labels
         else:
             rules = cls({} if labels is None else _check_patterns(labels))
-        own = {} if label_names is None else check_mapping(label_names, "label_names", SceneError)
-        return rules.followed_by(cls(label_names=own))
+        checked_names = {} if label_names is None else check_mapping(label_names, "label_names", SceneError)
+        return rules.followed_by(cls(label_names=checked_names))
 
     def followed_by(self, other: LabelRules) -> LabelRules:
         """Return the combined rules: patterns of `other` come last, and so take precedence."""
-        kept = {pattern: label for pattern, label in self.labels.items() if pattern not in other.labels}
+        remaining = {pattern: label for pattern, label in self.labels.items() if pattern not in other.labels}
         ground = self.ground_labels if other.ground_labels is None else other.ground_labels
-        return LabelRules({**kept, **other.labels}, {**self.label_names, **other.label_names}, ground)
+        return LabelRules({**remaining, **other.labels}, {**self.label_names, **other.label_names}, ground)
 
 
 class LabelPatterns:
@@ -73,21 +73,21 @@ class LabelPatterns:
         self._patterns = {pattern: names.number(label) for pattern, label in labels.items()}
         self._unused = set(self._patterns)
 
-    def label(self, name: str, own: int | str, aliases: Iterable[str] = ()) -> int | str:
-        """Return the label of the last pattern that matches an object's name or alias; `own` if no pattern matches."""
-        label, names = own, (name, *aliases)
-        for pattern, given in self._patterns.items():
+    def label(self, name: str, default: int | str, aliases: Iterable[str] = ()) -> int | str:
+        """Return the label of the last pattern that matches an object's name or alias; else `default`."""
+        label, names = default, (name, *aliases)
+        for pattern, number in self._patterns.items():
             if any(fnmatch.fnmatchcase(one, pattern) for one in names):
-                label = given
+                label = number
                 self._unused.discard(pattern)
         return label
 
     def require_used(self, names: Iterable[str], path: object) -> None:
         """Raise `SceneError` if a pattern matches no object of a file."""
         if self._unused:
-            some = truncate(", ".join(map(repr, list(names)[:10])), 300)
+            known = truncate(", ".join(map(repr, list(names)[:10])), 300)
             wrong = truncate(", ".join(map(repr, sorted(self._unused))), 300)
-            raise SceneError(f"labels for {wrong} fit no object of {path}, which has {some}")
+            raise SceneError(f"labels for {wrong} fit no object of {path}, which has {known}")
 
 
 def _check_patterns(labels: object) -> Mapping[str, Any]:
@@ -157,8 +157,8 @@ def _parse(path: Path) -> object:
             hint = "; patterns that begin with * need quotes" if "alias" in str(error) else ""
             raise FileFormatError(f"{error}{hint}") from None
     if kind not in LABEL_FILES:
-        given = repr(path.suffix) if path.suffix else "a name without a suffix"
-        raise FileFormatError(f"{path}: {given} is no format of labels; those are json, toml and yaml")
+        suffix = repr(path.suffix) if path.suffix else "a name without a suffix"
+        raise FileFormatError(f"{path}: {suffix} is no format of labels; those are json, toml and yaml")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:

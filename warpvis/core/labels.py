@@ -127,9 +127,9 @@ class LabelNames(Mapping[int, str]):
         """
         number: int | None = None
         if isinstance(label, str):
-            wanted = label.strip().casefold()
-            number = next((number for number, name in self._names.items() if name.casefold() == wanted), None)
-            number = _number_in(wanted) if number is None else number
+            folded = label.strip().casefold()
+            number = next((number for number, name in self._names.items() if name.casefold() == folded), None)
+            number = _number_in(folded) if number is None else number
         elif is_whole(label):
             number = int(label)
         if number is None or not 0 <= number < LABEL_COUNT:
@@ -147,8 +147,8 @@ class LabelNames(Mapping[int, str]):
         Raises:
             SceneError: If there is no such class.
         """
-        given = [labels] if isinstance(labels, str) or is_whole(labels) else as_items(labels, name, SceneError)
-        return {self.number(label) for label in given}
+        items = [labels] if isinstance(labels, str) or is_whole(labels) else as_items(labels, name, SceneError)
+        return {self.number(label) for label in items}
 
     def name(self, label: Label | int | str) -> str:
         """Return the display name of a class: its name, or ``label 40`` if it has no name.

@@ -225,7 +225,7 @@ def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
         is_rectified = (
             not is_distorted and (p[:, :3] == k).all() and _is_plain(_matrix(field(message, "r", "R"), (3, 3), "R"))
         )
-        if region.rectify and not region.whole and not is_rectified:
+        if region.rectify and not region.is_full and not is_rectified:
             raise CameraError(
                 "CameraInfo has a region of interest of the raw image, but does not define the corresponding region of "
                 "the rectified image (do_rectify). Rectify the whole image."
@@ -277,7 +277,7 @@ class _Region:
     height: int
     binning_x: int
     binning_y: int
-    whole: bool
+    is_full: bool
     rectify: bool
 
 
@@ -297,8 +297,8 @@ def _read_region(message: Message) -> _Region:
         raise CameraError(
             f"binning of CameraInfo must be at most the image size {columns} x {rows}, got {binning_x} x {binning_y}"
         )
-    whole = (columns, rows) == (width, height)
-    return _Region(x, y, columns, rows, binning_x, binning_y, whole, bool(field(roi, "do_rectify")))
+    is_full = (columns, rows) == (width, height)
+    return _Region(x, y, columns, rows, binning_x, binning_y, is_full, bool(field(roi, "do_rectify")))
 
 
 def _check_projection(p: NDArray[np.float64]) -> None:

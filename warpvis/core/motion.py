@@ -283,9 +283,9 @@ def _read_poses(
     if several and any(on_gpu(part) for part in poses):
         return None, [to_xyzw(part, quaternion, "poses") for part in poses]
     if on_gpu(poses):
-        given: Any = poses
-        is_trajectory = isinstance(given, wp.array) and given.ndim == 1
-        parts = [given[k : k + 1] if is_trajectory else given[k] for k in range(given.shape[0])]
+        array: Any = poses
+        is_trajectory = isinstance(array, wp.array) and array.ndim == 1
+        parts = [array[k : k + 1] if is_trajectory else array[k] for k in range(array.shape[0])]
         return None, [to_xyzw(part, quaternion, "poses") for part in parts]
     if several:
         poses = [part.numpy() if isinstance(part, wp.array) else part for part in poses]
@@ -310,23 +310,23 @@ def _host_rows(host: NDArray, quaternion: QuaternionOrder) -> NDArray[np.float64
 
 def _numbers(value: ArrayInput, name: str, axes: int | None = 1) -> NDArray[np.float64]:
     """Check that a value is finite numbers with `axes` axes, and return them in double precision, read-only."""
-    given = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
-    if axes is not None and (given.ndim != axes or not given.size):
-        raise ArrayError(f"{name} must be a list of numbers of seconds, got shape {given.shape}")
-    array = given.astype(np.float64)
+    values = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
+    if axes is not None and (values.ndim != axes or not values.size):
+        raise ArrayError(f"{name} must be a list of numbers of seconds, got shape {values.shape}")
+    array = values.astype(np.float64)
     if not np.isfinite(array).all():
         raise ArrayError(f"{name} must be finite, and {int((~np.isfinite(array)).sum())} are not")
     return _freeze(array)
 
 
 def _velocities(value: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    given = as_numpy(value, name=name).astype(np.float64)
-    if given.shape not in ((3,), (*shape, 3)) or not np.isfinite(given).all():
+    values = as_numpy(value, name=name).astype(np.float64)
+    if values.shape not in ((3,), (*shape, 3)) or not np.isfinite(values).all():
         raise ArrayError(
             f"{name} must be three finite numbers, or three for each of the poses, of shape {(*shape, 3)}, got "
-            f"{given.tolist() if given.size < 5 else given.shape}"
+            f"{values.tolist() if values.size < 5 else values.shape}"
         )
-    return _freeze(np.broadcast_to(given, (*shape, 3)).copy())
+    return _freeze(np.broadcast_to(values, (*shape, 3)).copy())
 
 
 def _interpolate(a: NDArray[np.float64], b: NDArray[np.float64], fraction: NDArray[np.float64]) -> NDArray[np.float64]:

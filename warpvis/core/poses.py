@@ -95,10 +95,10 @@ def _axes_rotation(convention: Convention, axes: Convention) -> tuple[float, flo
     return x, y, z, w
 
 
-def vectors_in_axes(vectors: NDArray[np.float64], given: Convention, axes: Convention) -> NDArray[np.float64]:
-    """Convert vectors in a camera frame from the axes `given` to other axes."""
-    to_given, to_axes = (poses_to_matrices([0.0, 0.0, 0.0, *_OPENCV_TO[name]])[:3, :3] for name in (given, axes))
-    return vectors @ (to_axes @ to_given.T).T
+def vectors_in_axes(vectors: NDArray[np.float64], source: Convention, axes: Convention) -> NDArray[np.float64]:
+    """Convert vectors in a camera frame from the axes `source` to other axes."""
+    to_source, to_axes = (poses_to_matrices([0.0, 0.0, 0.0, *_OPENCV_TO[name]])[:3, :3] for name in (source, axes))
+    return vectors @ (to_axes @ to_source.T).T
 
 
 def host_poses(
@@ -112,15 +112,15 @@ def host_poses(
 
     Valid poses pass a quick check. Poses in single precision are not normalized, because casters do that.
     """
-    given = poses.numpy() if type(poses) is wp.array and poses.device.is_cpu else poses
-    if type(given) is np.ndarray:
+    array = poses.numpy() if type(poses) is wp.array and poses.device.is_cpu else poses
+    if type(array) is np.ndarray:
         rows = None
-        if given.size == 7 and given.shape in _ONE_ROW:
-            rows = _one_row(given)
-        elif given.size == 16 and given.shape in _ONE_MATRIX:
-            rows = _one_matrix(given)
-        elif given.dtype == np.float32 and given.ndim == 2 and given.shape[1] == 7 and _are_valid_rows(given):
-            rows = given
+        if array.size == 7 and array.shape in _ONE_ROW:
+            rows = _one_row(array)
+        elif array.size == 16 and array.shape in _ONE_MATRIX:
+            rows = _one_matrix(array)
+        elif array.dtype == np.float32 and array.ndim == 2 and array.shape[1] == 7 and _are_valid_rows(array):
+            rows = array
         if rows is not None and check_convention(convention) == axes:
             return rows
     parsed = parse_poses(poses, convention=convention, axes=axes, device="cpu", name=name)

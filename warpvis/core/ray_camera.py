@@ -100,13 +100,13 @@ class RayCamera(ABC):
             make: Function that creates the data. It must depend only on `rays` and `origins`, because cameras with
                 different ranges may share the data.
         """
-        return self._kept().get(name, make)
+        return self._cache().get(name, make)
 
-    def prepare_in(self, kept: OnceCache) -> None:
+    def prepare_in(self, cache: OnceCache) -> None:
         """Share a cache of prepared data between cameras with the same rays."""
-        self.__dict__["_prepared"] = kept
+        self.__dict__["_prepared"] = cache
 
-    def _kept(self) -> OnceCache:
+    def _cache(self) -> OnceCache:
         return self.__dict__.setdefault("_prepared", OnceCache())  # atomic: concurrent callers get the same cache
 
     def __getstate__(self) -> dict[str, Any]:

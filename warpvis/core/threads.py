@@ -174,16 +174,16 @@ def run_together(work: Callable[[], None], workers: int, all_finished: Callable[
     """
     if workers < 1:
         return
-    others = _submit(work, workers - 1)
+    pending = _submit(work, workers - 1)
     try:
         work()
         if all_finished():
             return
     except BaseException:
-        for other in _started(others):
+        for other in _started(pending):
             other.wait()  # it writes to memory that the caller reuses after the error
         raise
-    for other in _started(others):
+    for other in _started(pending):
         other.wait()
         if other.error is not None:
             raise other.error

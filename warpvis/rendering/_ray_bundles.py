@@ -248,7 +248,7 @@ class _Layout:
             self.place[slots], num_columns[slots] = bundle_tiles, columns[first:end]
             positions[:, slots] = np.where(bundle_tiles >= 0, split.positions.T[:, bundle_tiles], 0)
         rounded = positions.astype(np.float32)
-        rest = (positions - rounded).astype(np.float32)
+        errors = (positions - rounded).astype(np.float32)
         packet_rows, low, high = _rows(*self._packet_bounds(rounded))
         tile_rows, low, high = _rows(low, high)
         parts = [slice(*ends) for ends in pairwise(starts)]
@@ -262,7 +262,7 @@ class _Layout:
             "tile_bounds": tile_rows.ravel(),
             "packet_bounds": packet_rows.ravel(),
             **dict(zip(("u", "v"), rounded.reshape(2, -1), strict=True)),
-            **dict(zip(("rest_u", "rest_v"), rest.reshape(2, -1), strict=True)),
+            **dict(zip(("rest_u", "rest_v"), errors.reshape(2, -1), strict=True)),
             **dict(zip(("row_u", "row_v"), to_row_order(rounded, num_columns), strict=True)),
             "place": self.place.ravel(),
             "run": _runs(self.place.reshape(-1, _LANES)),

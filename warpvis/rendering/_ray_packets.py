@@ -74,12 +74,12 @@ def prepare_packets(
         full = (place >= 0).mean(axis=1) >= _MIN_FILL
         places.append((_LARGE_SIDE, place[full]))
         index = np.where(np.isin(index, place[full]), -1, index)
-    squares, others = _arrange(index, flat, _SMALL_SIDE)
+    squares, scattered = _arrange(index, flat, _SMALL_SIDE)
     places.append((_SMALL_SIDE, squares))
     packets = [(side, make.grid(place, side)) for side, place in places]
-    points = make.points(others) if len(others) else None
+    points = make.points(scattered) if len(scattered) else None
     return PreparedPackets(
-        [(side, made) for side, made in packets if made.frame.shape[0]],
+        [(side, grid) for side, grid in packets if grid.frame.shape[0]],
         points,
         float(np.median(np.concatenate(make.eye_offsets))) if make.eye_offsets else 0.0,
     )
@@ -91,11 +91,11 @@ def prepare_all(
     """Prepare rays as `prepare_packets` does, in one kind of packets: squares of `side`, or points if `side` is 0."""
     flat, index, make = _flat(rays), _indices(rays), _Maker(rays, origins, device)
     if side == 0:
-        full, rest, without = _sorted(index.ravel(), flat.reshape(rays.shape), POINTS)
-        place = np.concatenate([_in_points(full, rest), _padded(without, POINTS)])
+        full, partial_packets, without = _sorted(index.ravel(), flat.reshape(rays.shape), POINTS)
+        place = np.concatenate([_in_points(full, partial_packets), _padded(without, POINTS)])
         return make.points(place)
-    squares, others = _arrange(index, flat, side)
-    place = np.concatenate([squares, np.pad(others, ((0, 0), (0, side * side - POINTS)), constant_values=-1)])
+    squares, scattered = _arrange(index, flat, side)
+    place = np.concatenate([squares, np.pad(scattered, ((0, 0), (0, side * side - POINTS)), constant_values=-1)])
     return make.grid(place, side)
 
 
@@ -174,8 +174,8 @@ def _arrange(
     direction.
     """
     place = _near_blocks(index, rays, side, _MAX_SPREAD)
-    others = index[(index >= 0) & ~np.isin(index, place)]
-    full, partial_packets, without = _sorted(others, rays[None], side * side)
+    scattered = index[(index >= 0) & ~np.isin(index, place)]
+    full, partial_packets, without = _sorted(scattered, rays[None], side * side)
     squares = _as_squares(full)
     near = fit_grid(squares, rays, side).spread <= _MAX_SORTED_SPREAD
     points = _in_points(full[~near], partial_packets)

@@ -101,7 +101,7 @@ class RaysCaster:
         kernel: wp.Kernel,
         shape: tuple[int, int, int],
         poses: CastPoses,
-        others: KernelArguments,
+        inputs: KernelArguments,
         images: list[wp.array | None],
     ) -> None:
         triangles, outputs = self._scene.triangles(faces=wants_faces(images)), images_struct(images)
@@ -110,7 +110,7 @@ class RaysCaster:
         launch_images(
             kernel,
             shape,
-            lambda window: [triangles.struct, camera, device_poses, window, *others, self._cull_backfaces, outputs],
+            lambda window: [triangles.struct, camera, device_poses, window, *inputs, self._cull_backfaces, outputs],
             device=self._scene.device,
             threads=self._threads,
         )

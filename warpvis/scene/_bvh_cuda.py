@@ -116,7 +116,7 @@ class _Splitter:
         # Leaves are usually at least three quarters full; otherwise the buffer grows later.
         self._binary = self._new_binary(self._count // 8 + 64)
         # The maximum number of ranges that are not leaves, and of those that are large.
-        ranges, large = (self._count // (most + 1) + 1 for most in (CUDA_LANES, bvh_cuda_ranges.SMALL))
+        ranges, large = (self._count // (leaf_size + 1) + 1 for leaf_size in (CUDA_LANES, bvh_cuda_ranges.SMALL))
         self._flags, self._sums = (self._integers((2, 2 * ranges)) for _ in range(2))
         self._flat = self._flags.flatten(), self._sums.flatten()
         self._level = self._new_level(ranges)
@@ -165,15 +165,15 @@ class _Splitter:
         parts = -(-self._count // length), bvh_cuda_ranges.BINS
         moving = self._lefts, self._before, self._order
         for items, moved in (self._items, self._items[::-1]):
-            given = items, binary, level
-            self._fill.append(record(kernels.fill_bins, parts, *given, length, *bins))
-            self._sort.append(record(kernels.sort_small, self._count, *given, self._order))
+            state = items, binary, level
+            self._fill.append(record(kernels.fill_bins, parts, *state, length, *bins))
+            self._sort.append(record(kernels.sort_small, self._count, *state, self._order))
             # The destination of the items is still unused and serves as scratch for areas.
             areas = wp.array(ptr=moved.low.ptr, dtype=wp.float32, shape=(3, self._count), device=self._device)
             placing = self._order, areas, level.best
-            self._place.append(record(kernels.choose_places, (3, ranges), *given, *placing))
-            self._side.append(record(kernels.find_sides, self._count, *given, self._lefts))
-            self._move.append(record(kernels.move_items, self._count, *given, *moving, moved))
+            self._place.append(record(kernels.choose_places, (3, ranges), *state, *placing))
+            self._side.append(record(kernels.find_sides, self._count, *state, self._lefts))
+            self._move.append(record(kernels.move_items, self._count, *state, *moving, moved))
             self._part.append(record(kernels.part_small, ranges, moved, level, binary))
 
     def _next_level(self, depth: int) -> tuple[int, int]:
@@ -256,19 +256,19 @@ def _collapse(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> _N
     costs, opened = _find_costs(binary, levels, evenly=evenly), _new_opened(leaves, device)
     find = launch(node_kernels.open_nodes, 1, [binary, costs, opened], device, record_cmd=True)
     name = launch(node_kernels.name_children, 1, [binary, opened, children, leaf_ranges], device, record_cmd=True)
-    rows, depth, most = list[list[int]](), 0, 1
-    while most:
-        opened.depth, opened.max_nodes = depth, most
-        find.set_dim(most)
+    rows, depth, max_nodes = list[list[int]](), 0, 1
+    while max_nodes:
+        opened.depth, opened.max_nodes = depth, max_nodes
+        find.set_dim(max_nodes)
         find.launch()
-        wp.utils.array_scan(opened.counts[: 2 * most], opened.sums[: 2 * most])
-        name.set_dim(most)
+        wp.utils.array_scan(opened.counts[: 2 * max_nodes], opened.sums[: 2 * max_nodes])
+        name.set_dim(max_nodes)
         name.launch()
         depth += 1
-        most = min(CUDA_LANES**depth, leaves)
-        if most == leaves:
+        max_nodes = min(CUDA_LANES**depth, leaves)
+        if max_nodes == leaves:
             rows = opened.info.numpy()[: depth + 1].tolist()
-            most = rows[depth][node_kernels.NODES]
+            max_nodes = rows[depth][node_kernels.NODES]
     used, _, leaf_count = rows[depth]
     return _Nodes(_shrunk(children, used), leaf_ranges, [(first, size) for first, size, _ in rows[:depth]], leaf_count)
 
@@ -286,15 +286,15 @@ def _find_costs(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> 
     return costs
 
 
-def _new_opened(most: int, device: wp.Device) -> Any:
-    """Allocate buffers for levels of at most `most` nodes; the first level is the root."""
+def _new_opened(max_nodes: int, device: wp.Device) -> Any:
+    """Allocate buffers for levels of at most `max_nodes` nodes; the first level is the root."""
     opened = node_kernels.Opened()
     info = np.zeros((bvh_cuda_ranges.MAX_DEPTH + 2, node_kernels.OPENED_WORDS), dtype=np.int32)
     info[0, node_kernels.NODES] = 1
     opened.info = wp.array(info, dtype=wp.int32, device=device)
-    opened.nodes = wp.zeros((2, most), dtype=wp.int32, device=device)
-    opened.parts = wp.empty((most, CUDA_LANES), dtype=wp.int32, device=device)
-    opened.counts, opened.sums = (wp.empty(2 * most, dtype=wp.int32, device=device) for _ in range(2))
+    opened.nodes = wp.zeros((2, max_nodes), dtype=wp.int32, device=device)
+    opened.parts = wp.empty((max_nodes, CUDA_LANES), dtype=wp.int32, device=device)
+    opened.counts, opened.sums = (wp.empty(2 * max_nodes, dtype=wp.int32, device=device) for _ in range(2))
     return opened
 
 
@@ -305,28 +305,28 @@ def _shrunk(rows: wp.array, count: int) -> wp.array:
     return result
 
 
-def _fill(mesh: DeviceMesh, items: Any, made: _Nodes) -> Bvh:
+def _fill(mesh: DeviceMesh, items: Any, tree: _Nodes) -> Bvh:
     """Write the leaves, and the child bounds of all nodes, from the deepest level up."""
     device, lanes = mesh.vertices.device, CUDA_LANES
-    check_leaves(made.leaf_count, lanes)
+    check_leaves(tree.leaf_count, lanes)
     make = aligned_empty if device.is_cpu else partial(wp.empty, device=device)
-    leaves = make((made.leaf_count, LEAF_ROWS, lanes), wp.float32)
-    triangles, owners = (make((made.leaf_count, lanes), wp.int32) for _ in range(2))
-    nodes = make((made.node_count, NODE_ROWS, lanes), wp.float32)
-    inputs = [mesh.vertices, mesh.faces, mesh.owner, items.triangle, made.leaf_ranges]
+    leaves = make((tree.leaf_count, LEAF_ROWS, lanes), wp.float32)
+    triangles, owners = (make((tree.leaf_count, lanes), wp.int32) for _ in range(2))
+    nodes = make((tree.node_count, NODE_ROWS, lanes), wp.float32)
+    inputs = [mesh.vertices, mesh.faces, mesh.owner, items.triangle, tree.leaf_ranges]
     launch(node_kernels.fill_leaves, owners.shape, [*inputs, leaves, triangles, owners], device)
-    launch(node_kernels.fit_leaves, made.children.shape, [made.children, leaves, owners, mesh.closed, nodes], device)
-    for first, count in reversed(made.levels[:-1]):
-        launch(node_kernels.fit_nodes, (count, lanes), [made.children, first, nodes], device)
+    launch(node_kernels.fit_leaves, tree.children.shape, [tree.children, leaves, owners, mesh.closed, nodes], device)
+    for first, count in reversed(tree.levels[:-1]):
+        launch(node_kernels.fit_nodes, (count, lanes), [tree.children, first, nodes], device)
     return Bvh(
         leaves.flatten(),
         triangles.flatten(),
         owners.flatten(),
         nodes.flatten(),
-        made.children.flatten(),
+        tree.children.flatten(),
         lanes=lanes,
-        depth=made.depth,
-        leaf_count=made.leaf_count,
-        node_count=made.node_count,
+        depth=tree.depth,
+        leaf_count=tree.leaf_count,
+        node_count=tree.node_count,
         triangle_count=len(mesh.faces),
     )

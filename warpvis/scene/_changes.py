@@ -70,14 +70,14 @@ class SceneChanges(SceneTrees):
                 f"object {name!r} is not movable, so its vertices cannot be updated; add it with movable=True"
             )
         if item.points is None:  # nothing can be attached to an object that already deforms
-            self._require_alone(index, "vertices cannot be updated")
-        given = parse_vertices(vertices, item, self.device)
+            self._require_detached(index, "vertices cannot be updated")
+        parsed = parse_vertices(vertices, item, self.device)
         with self._lock:
             item = self._objects[index]
             if item.points is None:
                 item = self._objects[index] = DeformingObject(item, self.device)
                 self._forget()
-            wp.copy(item.points, given)
+            wp.copy(item.points, parsed)
             for built in (self._bvh, self._triangles):
                 if built is not None:
                     built.refits[index].refit()
@@ -115,7 +115,7 @@ class SceneChanges(SceneTrees):
 
         index = self.index(name)
         closed = check_flag(closed, "closed", SceneError)
-        self._require_alone(index, "mesh cannot be updated")
+        self._require_detached(index, "mesh cannot be updated")
         self._exchange(index, with_mesh(self._objects[index], vertices, faces, self.device), closed=closed)
 
     def replace_objects(self, objects: Sequence[SceneObject]) -> None:
@@ -135,12 +135,14 @@ class SceneChanges(SceneTrees):
             self._tree_cache = self._tree_cache or TreeCache()
             self._forget()
 
-    def _require_alone(self, index: int, what: str) -> None:
-        """Raise a `SceneError`, ending in `what`, if an object is rigidly attached to others."""
+    def _require_detached(self, index: int, consequence: str) -> None:
+        """Raise a `SceneError`, ending in `consequence`, if an object is rigidly attached to others."""
         item = self._objects[index]
-        others = [self._objects[other].name for other, parent in self.attached().items() if parent == index]
+        attached = [self._objects[other].name for other, parent in self.attached().items() if parent == index]
         if item.parent is not None:
-            others = [self._objects[item.parent].name]
-        if others:
-            some = ", ".join(map(repr, others))
-            raise SceneError(f"object {item.name!r} is rigidly attached to {some}, so its {what}; do not attach them")
+            attached = [self._objects[item.parent].name]
+        if attached:
+            names = ", ".join(map(repr, attached))
+            raise SceneError(
+                f"object {item.name!r} is rigidly attached to {names}, so its {consequence}; do not attach them"
+            )

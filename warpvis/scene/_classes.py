@@ -52,7 +52,7 @@ class SceneClasses:
         """Return the metadata from which `load` restores a mesh's label, with ``ground`` if not the default."""
         number, word = self._label_names.number(label), self._label_names.word(label)
         ground = number in self._ground_labels
-        said: dict[str, int | str | bool] = {} if ground == (number == Label.GROUND) else {"ground": ground}
+        flags: dict[str, int | str | bool] = {} if ground == (number == Label.GROUND) else {"ground": ground}
         if isinstance(number, Label) and word == number.name:
-            return {"label": word, **said}
-        return {"label": int(number), **({"label_name": word} if number in self._label_names else {}), **said}
+            return {"label": word, **flags}
+        return {"label": int(number), **({"label_name": word} if number in self._label_names else {}), **flags}

@@ -30,9 +30,9 @@ class SceneEnvironment:
     @lights.setter
     def lights(self, lights: Sequence[Light]) -> None:
         items = [lights] if isinstance(lights, Light) else as_items(lights, "lights", SceneError)
-        others = [item for item in items if not isinstance(item, Light)]
-        if others:
-            raise SceneError(f"lights must be Lights, got {type(others[0]).__name__}")
+        invalid = [item for item in items if not isinstance(item, Light)]
+        if invalid:
+            raise SceneError(f"lights must be Lights, got {type(invalid[0]).__name__}")
         self._lights = tuple(items)
 
     @property

@@ -53,15 +53,15 @@ def _walk(tree: Bvh, count: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
         for lane, child in enumerate(children[node].tolist()):
             if child == 0:
                 continue
-            at = len(source)
+            step = len(source)
             source.append(count + node * tree.lanes + lane)
             after.append(0)
             if child > 0:
                 visit(child)
             else:
                 source.extend(leaves[~child])
-                after.extend(range(at + 2, len(source) + 1))
-            after[at] = len(source)
+                after.extend(range(step + 2, len(source) + 1))
+            after[step] = len(source)
 
     visit(0)
     return np.array(source, dtype=np.intp), np.array(after, dtype=np.int32)

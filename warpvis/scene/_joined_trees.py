@@ -84,14 +84,14 @@ def _join_on_device(
 
     for name in ("leaves", "owners", "nodes", "children"):
         parts = [getattr(tree, name) for tree in trees]
-        whole = parts[0]
-        if len(parts) > 1 or not share or whole.device != device:
-            whole = wp.empty(sum(map(len, parts)), dtype=whole.dtype, device=device)
+        joined = parts[0]
+        if len(parts) > 1 or not share or joined.device != device:
+            joined = wp.empty(sum(map(len, parts)), dtype=joined.dtype, device=device)
             first = 0
             for part in parts:
-                wp.copy(whole, part, dest_offset=first, count=len(part))
+                wp.copy(joined, part, dest_offset=first, count=len(part))
                 first += len(part)
-        setattr(struct, name, whole)
+        setattr(struct, name, joined)
     node, leaf = 0, 0
     for tree, flags in zip(trees, closed, strict=True):
         lanes = tree.lanes

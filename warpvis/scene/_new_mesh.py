@@ -83,10 +83,10 @@ def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None,
         SceneError: If the mesh is empty or malformed.
     """
     name = item.name
-    given = item.faces if faces is None else faces
-    if item.pose is not None and on_gpu(vertices) and on_gpu(given):
-        return MeshOnDevice(item, _on_device(vertices, given, name, device))
-    corners, triangles = check_mesh((_host(vertices, "vertices", name), _host(given, "faces", name)), name)
+    new_faces = item.faces if faces is None else faces
+    if item.pose is not None and on_gpu(vertices) and on_gpu(new_faces):
+        return MeshOnDevice(item, _on_device(vertices, new_faces, name, device))
+    corners, triangles = check_mesh((_host(vertices, "vertices", name), _host(new_faces, "faces", name)), name)
     if np.abs(corners).max() > FARTHEST:
         raise SceneError(_too_far(item))
     rounded = np.ascontiguousarray(corners, dtype=np.float32)
@@ -157,8 +157,8 @@ def _check_values(vertices: wp.array, faces: wp.array, name: str) -> None:
             f"first at {first}"
         )
     if low < 0 or high >= count:
-        what = "vertex" if count == 1 else "vertices"
-        raise SceneError(f"faces of {name!r} must index its {count} {what}, got indices from {low} to {high}")
+        noun = "vertex" if count == 1 else "vertices"
+        raise SceneError(f"faces of {name!r} must index its {count} {noun}, got indices from {low} to {high}")
 
 
 def _rows(value: ArrayInput, kind: type) -> ArrayInput:
@@ -174,7 +174,7 @@ def _too_far(item: SceneObject) -> str:
     return f"vertices of {item.name!r} must lie within 1e18 m of {where}"
 
 
-def _host(array: ArrayInput, what: str, name: str) -> ArrayInput:
+def _host(array: ArrayInput, kind: str, name: str) -> ArrayInput:
     """Copy a GPU array to the host; return any other array unchanged."""
     if isinstance(array, wp.array):
         return array.numpy()
@@ -183,4 +183,4 @@ def _host(array: ArrayInput, what: str, name: str) -> ArrayInput:
     try:
         return wp.from_dlpack(array).numpy()
     except (RuntimeError, TypeError) as error:
-        raise SceneError(f"{what} of {name!r} must be an array of numbers: {error}") from None
+        raise SceneError(f"{kind} of {name!r} must be an array of numbers: {error}") from None

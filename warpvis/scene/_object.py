@@ -200,8 +200,8 @@ def check_mesh(mesh: MeshLike, name: str) -> tuple[NDArray[np.float64], NDArray[
         raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, the first at {bad[0]}")
     low, high = faces.min(), faces.max()
     if low < 0 or high >= len(vertices):
-        what = "vertex" if len(vertices) == 1 else "vertices"
-        raise SceneError(f"faces of {name!r} must index its {len(vertices)} {what}, got indices from {low} to {high}")
+        noun = "vertex" if len(vertices) == 1 else "vertices"
+        raise SceneError(f"faces of {name!r} must index its {len(vertices)} {noun}, got indices from {low} to {high}")
     return vertices, faces.astype(np.int32)
 
 

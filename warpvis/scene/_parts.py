@@ -167,14 +167,14 @@ def _with_movable(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
         if not any(part.movable for part in file.parts):
             raise SceneError(f"{file.path}: it defines no moving objects; name those that are movable")
         return list(file.parts)
-    wanted = [] if movable is False or movable is None else as_items(movable, "movable", SceneError)
-    if not all(isinstance(pattern, str) for pattern in wanted):
+    patterns = [] if movable is False or movable is None else as_items(movable, "movable", SceneError)
+    if not all(isinstance(pattern, str) for pattern in patterns):
         raise SceneError(f"movable must be true, false, or names of objects, got {movable!r}")
-    unused = [pattern for pattern in wanted if not any(part.matches(pattern) for part in file.parts)]
+    unused = [pattern for pattern in patterns if not any(part.matches(pattern) for part in file.parts)]
     if unused:
-        some = ", ".join(repr(part.name) for part in file.parts[:10])
-        raise SceneError(f"movable {unused[0]!r} matches no object of {file.path}, which has {some}")
-    return [replace(part, movable=any(map(part.matches, wanted)), attach_to=None) for part in file.parts]
+        names = ", ".join(repr(part.name) for part in file.parts[:10])
+        raise SceneError(f"movable {unused[0]!r} matches no object of {file.path}, which has {names}")
+    return [replace(part, movable=any(map(part.matches, patterns)), attach_to=None) for part in file.parts]
 
 
 def _keeps_pose(part: Part, uniform: bool) -> bool:
@@ -203,24 +203,24 @@ def _rotated_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, f
     if upright is None and factor == 1:
         return [part.pose for part in parts]
     posed = [part.pose is not None or isinstance(part.mesh, Solid) for part in parts]
-    given = dict(enumerate(part.pose for part, own in zip(parts, posed, strict=True) if own))
-    matrices = np.tile(np.eye(4), (len(given), 1, 1))
+    poses = dict(enumerate(part.pose for part, has_pose in zip(parts, posed, strict=True) if has_pose))
+    matrices = np.tile(np.eye(4), (len(poses), 1, 1))
     for shape in ((7,), (4, 4)):
-        alike = {number: pose for number, pose in given.items() if pose is not None and pose.shape == shape}
+        alike = {number: pose for number, pose in poses.items() if pose is not None and pose.shape == shape}
         if alike:
             matrices[list(alike)] = poses_to_matrices(poses_to_opencv(np.stack(list(alike.values()))))
     matrices[:, :3, 3] *= factor
     # One batch, since the conversion takes long.
     rotated = iter(poses_to_opencv(matrices if upright is None else upright @ matrices))
-    return [next(rotated) if own else None for own in posed]
+    return [next(rotated) if has_pose else None for has_pose in posed]
 
 
 def merge_instances(objects: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Merge consecutive arguments of `Scene.add` that differ only in name and pose to one of `Scene.add_instances`."""
     for _, run in itertools.groupby(objects, key=_instance_key):
-        first, *others = run
-        if others:
-            names, poses = ([item[key] for item in (first, *others)] for key in ("name", "pose"))
+        first, *remaining = run
+        if remaining:
+            names, poses = ([item[key] for item in (first, *remaining)] for key in ("name", "pose"))
             same = {name: first[name] for name in ("mesh", "label", "scale", "movable", "appearance")}
             yield {**same, "names": names, "poses": np.stack(poses)}
         else:

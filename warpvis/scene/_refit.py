@@ -87,8 +87,8 @@ def check_values(vertices: np.ndarray, name: str) -> None:
         return
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
-        some = ", ".join(map(str, bad[:_NAMED])) + (", ..." if len(bad) > _NAMED else "")
-        raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, at {some}")
+        indices = ", ".join(map(str, bad[:_NAMED])) + (", ..." if len(bad) > _NAMED else "")
+        raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, at {indices}")
     raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin of its frame")
 
 

@@ -255,12 +255,12 @@ class Scene(SceneExports):
         rows = poses_to_opencv(to_xyzw(poses, quaternion, "poses"), name="poses")
         indices = range(len(self._objects), len(self._objects) + len(rows))
         chosen = instance_names(names, indices, self._index)
-        what = chosen[0] if chosen else "instances"
-        factors = check_scale(scale, what)
-        shared = self._meshes.get(mesh, factors, what)
-        shared.check_reach(rows, what)
+        subject = chosen[0] if chosen else "instances"
+        factors = check_scale(scale, subject)
+        shared = self._meshes.get(mesh, factors, subject)
+        shared.check_reach(rows, subject)
         number = self._label_names.number(label)
-        lazy_appearance = choose_appearance(appearance, mesh, what, (len(shared.vertices), len(shared.faces)))
+        lazy_appearance = choose_appearance(appearance, mesh, subject, (len(shared.vertices), len(shared.faces)))
         solid = mesh.scaled(factors) if isinstance(mesh, Solid) and movable else None
         shared.uses += 0 if movable else len(rows)
         self._objects.add_instances(
@@ -288,10 +288,10 @@ class Scene(SceneExports):
             )
             raise SceneError(f"{name!r} cannot be attached to {attach_to!r}, {why}")
         if isinstance(mesh, Solid) or item.solid is not None or item.points is not None:
-            alone = f"{name!r} is a solid" if isinstance(mesh, Solid) else f"{attach_to!r} is a solid"
-            alone = alone if item.points is None else f"{attach_to!r} is deforming"
+            reason = f"{name!r} is a solid" if isinstance(mesh, Solid) else f"{attach_to!r} is a solid"
+            reason = reason if item.points is None else f"{attach_to!r} is deforming"
             raise SceneError(
-                f"{name!r} cannot be attached to {attach_to!r}: {alone}, and only rigid meshes can be attached"
+                f"{name!r} cannot be attached to {attach_to!r}: {reason}, and only rigid meshes can be attached"
             )
         place = poses_to_matrices(item.pose)
         inside = (placed - place[:3, 3]) @ place[:3, :3]
@@ -357,8 +357,8 @@ class Scene(SceneExports):
         return {**places, **classes, **around, "objects": objects, "movable": list(self._movable)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        given = {name: state[name] for name in ("device", "up", "label_names", "ground_labels") if name in state}
-        self.__init__(**given)  # type: ignore[misc]
+        arguments = {name: state[name] for name in ("device", "up", "label_names", "ground_labels") if name in state}
+        self.__init__(**arguments)  # type: ignore[misc]
         self._objects, self._movable = ObjectList(state["objects"]), state["movable"]
         self._index = {item.name: index for index, item in enumerate(self._objects)}
         self.lights, self.background = state.get("lights", ()), state.get("background")

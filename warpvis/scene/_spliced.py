@@ -153,11 +153,11 @@ def _set_columns(
     _set(struct, "movable_boxes", slice(BOX_WORDS * column, BOX_WORDS * (column + 1)), box)
 
 
-def _set(struct: Any, name: str, at: int | slice, value: Any) -> None:
+def _set(struct: Any, name: str, index: int | slice, value: Any) -> None:
     """Replace a small array of a struct by a copy with some elements changed."""
     array = getattr(struct, name)
     values = array.numpy().copy()
-    values[at] = value
+    values[index] = value
     setattr(struct, name, wp.array(values, dtype=array.dtype, device=array.device))
 
 

@@ -27,11 +27,11 @@ class TreeCache:
             keep: Whether to cache trees at all: this takes their memory a second time.
         """
         self.keep = keep
-        self._last: dict[_Key, Bvh] = {}
-        self._now: dict[_Key, Bvh] = {}
+        self._previous: dict[_Key, Bvh] = {}
+        self._current: dict[_Key, Bvh] = {}
         # Which meshes are known to be closed. Holds the arrays, so that their ids cannot be reused.
         self._closed: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, bool]] = {}
-        self._closed_now: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, bool]] = {}
+        self._current_closed: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, bool]] = {}
 
     def tree(
         self,
@@ -46,12 +46,12 @@ class TreeCache:
         if not self.keep:
             return build_tree(vertices, faces, owner, closed, lanes, device)
         # Only the flags of the triangles' objects matter.
-        own = closed[owner]
-        key = (vertices.tobytes(), faces.tobytes(), owner.tobytes(), own.tobytes(), bytes([lanes]))
-        found = self._last.get(key)
+        owner_closed = closed[owner]
+        key = (vertices.tobytes(), faces.tobytes(), owner.tobytes(), owner_closed.tobytes(), bytes([lanes]))
+        found = self._previous.get(key)
         if found is None:
             found = build_tree(vertices, faces, owner, closed, lanes, device)
-        self._now[key] = found
+        self._current[key] = found
         return found
 
     def closed(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
@@ -60,7 +60,7 @@ class TreeCache:
             return provably_closed(vertices, faces)
         key = (id(vertices), id(faces))
         known = self._closed.get(key) or (vertices, faces, provably_closed(vertices, faces))
-        self._closed_now[key] = known
+        self._current_closed[key] = known
         return known[2]
 
     def set_closed(self, item: SceneObject, closed: bool) -> None:
@@ -70,8 +70,8 @@ class TreeCache:
 
     def finish(self) -> None:
         """Drop entries that this build did not use."""
-        self._last, self._now = self._now, {}
-        self._closed, self._closed_now = self._closed_now, {}
+        self._previous, self._current = self._current, {}
+        self._closed, self._current_closed = self._current_closed, {}
 
 
 def build_tree(

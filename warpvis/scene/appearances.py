@@ -18,7 +18,7 @@ from warpvis.errors import WarpvisError
 from warpvis.scene._images import pixels_or_white
 from warpvis.scene.materials import Appearance, AppearanceLike, ColorSpace, Material, Texture, as_appearance
 
-_UNSAID = (102, 102, 102, 255)
+_DEFAULT_COLOR = (102, 102, 102, 255)
 """trimesh's default for colors that a SimpleMaterial does not define."""
 
 
@@ -117,39 +117,39 @@ def _from_visual(
     return found
 
 
-def _materials(given: Any) -> tuple[Material, ...]:
-    several = getattr(given, "materials", None)
+def _materials(material: Any) -> tuple[Material, ...]:
+    several = getattr(material, "materials", None)
     if isinstance(several, list | tuple) and several:
         return tuple(map(_material, several))
-    return (Material() if given is None else _material(given),)
+    return (Material() if material is None else _material(material),)
 
 
-def _material(given: Any) -> Material:
+def _material(source: Any) -> Material:
     """Convert a material of trimesh: a PBRMaterial has factors of glTF, a SimpleMaterial those of MTL."""
-    name = str(getattr(given, "name", None) or "")
-    if hasattr(given, "baseColorFactor"):
-        mode = str(given.alphaMode or "OPAQUE").lower()
+    name = str(getattr(source, "name", None) or "")
+    if hasattr(source, "baseColorFactor"):
+        mode = str(source.alphaMode or "OPAQUE").lower()
         return Material(
             name,
-            _unit_color(given.baseColorFactor, (1.0, 1.0, 1.0, 1.0)),
+            _unit_color(source.baseColorFactor, (1.0, 1.0, 1.0, 1.0)),
             "linear",
-            _texture(given.baseColorTexture, name),
+            _texture(source.baseColorTexture, name),
             mode if mode in ("opaque", "mask", "blend") else "opaque",  # type: ignore[arg-type]
-            alpha_cutoff=_or(given.alphaCutoff, 0.5),
-            metallic=_or(given.metallicFactor, 1.0),
-            roughness=_or(given.roughnessFactor, 1.0),
-            emission=_unit_color(given.emissiveFactor, (0.0, 0.0, 0.0))[:3],
-            double_sided=bool(given.doubleSided),
+            alpha_cutoff=_or(source.alphaCutoff, 0.5),
+            metallic=_or(source.metallicFactor, 1.0),
+            roughness=_or(source.roughnessFactor, 1.0),
+            emission=_unit_color(source.emissiveFactor, (0.0, 0.0, 0.0))[:3],
+            double_sided=bool(source.doubleSided),
         )
-    image = getattr(given, "image", None)
-    color = _said_color(getattr(given, "diffuse", None), (1.0, 1.0, 1.0, 1.0), image is not None)
+    image = getattr(source, "image", None)
+    color = _simple_color(getattr(source, "diffuse", None), (1.0, 1.0, 1.0, 1.0), image is not None)
     return Material(
         name,
         color,
         texture=_texture(image, name),
         alpha_mode="blend" if color[3] < 1 else "opaque",
-        specular=_said_color(getattr(given, "specular", None), (0.0, 0.0, 0.0), True)[:3],
-        shininess=max(0.0, _or(getattr(given, "glossiness", None), 0.0)),
+        specular=_simple_color(getattr(source, "specular", None), (0.0, 0.0, 0.0), True)[:3],
+        shininess=max(0.0, _or(getattr(source, "glossiness", None), 0.0)),
     )
 
 
@@ -157,20 +157,20 @@ def _or(value: Any, otherwise: float) -> float:
     return otherwise if value is None else float(value)
 
 
-def _unit_color(given: Any, otherwise: tuple[float, ...]) -> tuple[Any, ...]:
+def _unit_color(color: Any, otherwise: tuple[float, ...]) -> tuple[Any, ...]:
     """Return a color of trimesh, which are bytes or floats from 0 to 1, as numbers from 0 to 1."""
-    if given is None:
+    if color is None:
         return otherwise
-    numbers: NDArray[Any] = np.asarray(given)
+    numbers: NDArray[Any] = np.asarray(color)
     values = numbers.astype(np.float64) / (255.0 if numbers.dtype.kind in "iu" else 1.0)
     return tuple(values.tolist())
 
 
-def _said_color(given: Any, otherwise: tuple[float, ...], may_be_unsaid: bool) -> tuple[Any, ...]:
+def _simple_color(color: Any, otherwise: tuple[float, ...], may_be_default: bool) -> tuple[Any, ...]:
     """Return a color of a SimpleMaterial; the gray default of an undefined one is replaced, as it darkens textures."""
-    if may_be_unsaid and given is not None and np.array_equal(given, _UNSAID):
+    if may_be_default and color is not None and np.array_equal(color, _DEFAULT_COLOR):
         return otherwise
-    return _unit_color(given, otherwise)
+    return _unit_color(color, otherwise)
 
 
 def _texture(image: Any, name: str) -> Texture | None:

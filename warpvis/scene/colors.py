@@ -15,44 +15,44 @@ _COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
 def check_color(
-    given: ArrayLike, what: str, lengths: tuple[int, ...], *, most: float = 1.0, or_what: str = ""
+    color: ArrayLike, what: str, lengths: tuple[int, ...], *, maximum: float = 1.0, or_what: str = ""
 ) -> tuple[Any, ...]:
     """Return a color as numbers; the fourth is 1 where it is optional and not given.
 
     Args:
-        given: The color.
+        color: The color.
         what: Name of the argument, for messages.
         lengths: Allowed numbers of components.
-        most: Maximum of each component; infinity for any finite number.
+        maximum: Maximum of each component; infinity for any finite number.
         or_what: Alternatives to a color, for messages.
 
     Raises:
         SceneError: If it is not such a color.
     """
     count = " or ".join(_COUNTS[length] for length in lengths)
-    limit = "from 0 to 1" if most == 1 else "of at least 0"
-    message = f"{what} must be {or_what}{count} numbers {limit}, got {shown(given)}"
+    limit = "from 0 to 1" if maximum == 1 else "of at least 0"
+    message = f"{what} must be {or_what}{count} numbers {limit}, got {shown(color)}"
     try:
-        numbers = np.asarray(given)
+        numbers = np.asarray(color)
         if numbers.dtype.kind not in "iuf" or numbers.ndim != 1 or len(numbers) not in lengths:
             raise SceneError(message)
     except (TypeError, ValueError, RuntimeError):  # arrays of other libraries may raise any exception
         raise SceneError(message) from None
     values = numbers.astype(np.float64).tolist()
-    if not all(0 <= value <= most and value != np.inf for value in values):
+    if not all(0 <= value <= maximum and value != np.inf for value in values):
         raise SceneError(message)
     return (*values, *([1.0] if len(values) < lengths[-1] else []))
 
 
-def check_vector(given: ArrayLike, what: str) -> tuple[float, float, float]:
+def check_vector(vector: ArrayLike, what: str) -> tuple[float, float, float]:
     """Return three finite numbers.
 
     Raises:
         SceneError: If they are not.
     """
-    message = f"{what} must be three finite numbers, got {shown(given)}"
+    message = f"{what} must be three finite numbers, got {shown(vector)}"
     try:
-        numbers = np.asarray(given)
+        numbers = np.asarray(vector)
         if numbers.dtype.kind not in "iuf" or numbers.shape != (3,) or not np.isfinite(numbers).all():
             raise SceneError(message)
     except (TypeError, ValueError, RuntimeError):  # arrays of other libraries may raise any exception
@@ -72,7 +72,7 @@ def screen_color(color: ArrayLike) -> tuple[float, ...]:
     return tuple(np.where(parts <= 0.0031308, parts * 12.92, 1.055 * parts ** (1 / 2.4) - 0.055).tolist())
 
 
-def shown(given: object) -> str:
+def shown(value: object) -> str:
     """Return the text of a value for a message: its type, if its repr is long."""
-    text = repr(given)
-    return text if len(text) <= 80 else type(given).__name__
+    text = repr(value)
+    return text if len(text) <= 80 else type(value).__name__

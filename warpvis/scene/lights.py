@@ -81,41 +81,41 @@ class Light:
     """Whether surfaces block its light; ambient light and headlights are never blocked."""
 
     def __post_init__(self) -> None:
-        what = f"light {self.name!r}" if self.name else "a light"
+        light = f"light {self.name!r}" if self.name else "a light"
         put = partial(object.__setattr__, self)
-        check_choice(self.kind, f"kind of {what}", get_args(LightKind), SceneError)
-        check_choice(self.color_space, f"color_space of {what}", get_args(ColorSpace), SceneError)
-        check_choice(self.falloff, f"falloff of {what}", get_args(Falloff), SceneError)
+        check_choice(self.kind, f"kind of {light}", get_args(LightKind), SceneError)
+        check_choice(self.color_space, f"color_space of {light}", get_args(ColorSpace), SceneError)
+        check_choice(self.falloff, f"falloff of {light}", get_args(Falloff), SceneError)
         put("name", str(self.name))
-        put("position", check_vector(self.position, f"position of {what}"))
+        put("position", check_vector(self.position, f"position of {light}"))
         if max(map(abs, self.position)) > FARTHEST:
-            raise SceneError(f"position of {what} must be at most {FARTHEST:g} m from the origin, got {self.position}")
-        direction = np.array(check_vector(self.direction, f"direction of {what}"))
+            raise SceneError(f"position of {light} must be at most {FARTHEST:g} m from the origin, got {self.position}")
+        direction = np.array(check_vector(self.direction, f"direction of {light}"))
         if not direction.any():
-            raise SceneError(f"direction of {what} must not be 0")
+            raise SceneError(f"direction of {light} must not be 0")
         direction /= np.abs(direction).max()  # its square may be too large, or 0
         put("direction", tuple((direction / np.linalg.norm(direction)).tolist()))
         for name in ("color", "ambient", "attenuation"):
-            put(name, check_color(getattr(self, name), f"{name} of {what}", (3,), most=np.inf))
+            put(name, check_color(getattr(self, name), f"{name} of {light}", (3,), maximum=np.inf))
         if self.specular is not None:
-            put("specular", check_color(self.specular, f"specular of {what}", (3,), most=np.inf))
+            put("specular", check_color(self.specular, f"specular of {light}", (3,), maximum=np.inf))
         if not any(self.attenuation):
-            raise SceneError(f"attenuation of {what} must not be 0")
+            raise SceneError(f"attenuation of {light} must not be 0")
         for name in ("intensity", "exponent"):
-            put(name, check_number(getattr(self, name), f"{name} of {what}", minimum=0.0, error=SceneError))
+            put(name, check_number(getattr(self, name), f"{name} of {light}", minimum=0.0, error=SceneError))
         for name in ("inner_angle", "outer_angle"):
             value = check_angle(
-                getattr(self, name), f"{name} of {what}", minimum=0.0, maximum=_HALF_TURN, error=SceneError
+                getattr(self, name), f"{name} of {light}", minimum=0.0, maximum=_HALF_TURN, error=SceneError
             )
             put(name, min(value, np.pi))
         if np.float32(self.inner_angle) > np.float32(self.outer_angle):
             raise SceneError(
-                f"inner_angle of {what} must be at most its outer_angle {self.outer_angle:g}, got {self.inner_angle:g}"
+                f"inner_angle of {light} must be at most its outer_angle {self.outer_angle:g}, got {self.inner_angle:g}"
             )
         put("inner_angle", min(self.inner_angle, self.outer_angle))
         if self.reach != np.inf:
-            put("reach", check_number(self.reach, f"reach of {what}", minimum=0.0, error=SceneError))
-        put("cast_shadow", check_flag(self.cast_shadow, f"cast_shadow of {what}", SceneError))
+            put("reach", check_number(self.reach, f"reach of {light}", minimum=0.0, error=SceneError))
+        put("cast_shadow", check_flag(self.cast_shadow, f"cast_shadow of {light}", SceneError))
 
     def strength(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the fraction of its light that reaches points, without `intensity`, normals and shadows.
@@ -190,7 +190,7 @@ class Background:
 
     def __post_init__(self) -> None:
         put = partial(object.__setattr__, self)
-        put("color", check_color(self.color, "color of a background", (3,), most=np.inf))
+        put("color", check_color(self.color, "color of a background", (3,), maximum=np.inf))
         check_choice(self.color_space, "color_space of a background", get_args(ColorSpace), SceneError)
         put("luminosity", check_number(self.luminosity, "luminosity of a background", minimum=0.0, error=SceneError))
         sky = tuple(self.sky) if isinstance(self.sky, list | tuple) else (self.sky,)

@@ -129,26 +129,26 @@ class Material:
     to equal size along all axes."""
 
     def __post_init__(self) -> None:
-        what = f"material {self.name!r}" if self.name else "a material"
+        subject = f"material {self.name!r}" if self.name else "a material"
         put = partial(object.__setattr__, self)
         put("name", str(self.name))
-        put("base_color", check_color(self.base_color, f"base_color of {what}", (3, 4)))
-        put("specular", check_color(self.specular, f"specular of {what}", (3,)))
-        put("emission", check_color(self.emission, f"emission of {what}", (3,), most=np.inf))
+        put("base_color", check_color(self.base_color, f"base_color of {subject}", (3, 4)))
+        put("specular", check_color(self.specular, f"specular of {subject}", (3,)))
+        put("emission", check_color(self.emission, f"emission of {subject}", (3,), maximum=np.inf))
         check_choice(self.color_space, "color_space", get_args(ColorSpace), SceneError)
         check_choice(self.alpha_mode, "alpha_mode", get_args(AlphaMode), SceneError)
         check_choice(self.projection, "projection", get_args(Projection), SceneError)
-        put("texture_repeat", check_color(self.texture_repeat, f"texture_repeat of {what}", (2,), most=np.inf))
+        put("texture_repeat", check_color(self.texture_repeat, f"texture_repeat of {subject}", (2,), maximum=np.inf))
         put("texture_uniform", check_flag(self.texture_uniform, "texture_uniform", SceneError))
-        for name, most in (("metallic", 1.0), ("roughness", 1.0), ("shininess", np.inf), ("alpha_cutoff", np.inf)):
-            value = check_number(getattr(self, name), f"{name} of {what}", error=SceneError)
-            if not 0 <= value <= most:
-                wanted = "at least 0" if most == np.inf else "from 0 to 1"
-                raise SceneError(f"{name} of {what} must be {wanted}, got {value:g}")
+        for name, upper in (("metallic", 1.0), ("roughness", 1.0), ("shininess", np.inf), ("alpha_cutoff", np.inf)):
+            value = check_number(getattr(self, name), f"{name} of {subject}", error=SceneError)
+            if not 0 <= value <= upper:
+                expected = "at least 0" if upper == np.inf else "from 0 to 1"
+                raise SceneError(f"{name} of {subject} must be {expected}, got {value:g}")
             put(name, float(value))
         put("double_sided", check_flag(self.double_sided, "double_sided", SceneError))
         if self.texture is not None and not isinstance(self.texture, Texture):
-            raise SceneError(f"texture of {what} must be a Texture, got {type(self.texture).__name__}")
+            raise SceneError(f"texture of {subject} must be a Texture, got {type(self.texture).__name__}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,10 +170,14 @@ class Appearance:
     frame, of any length but 0; None for flat shading."""
 
     def __post_init__(self) -> None:
-        given = (self.materials,) if isinstance(self.materials, Material) else self.materials
-        if not isinstance(given, tuple | list) or not given or not all(isinstance(item, Material) for item in given):
-            raise SceneError(f"materials must be at least one Material, got {shown(given)}")
-        object.__setattr__(self, "materials", tuple(given))
+        materials = (self.materials,) if isinstance(self.materials, Material) else self.materials
+        if (
+            not isinstance(materials, tuple | list)
+            or not materials
+            or not all(isinstance(item, Material) for item in materials)
+        ):
+            raise SceneError(f"materials must be at least one Material, got {shown(materials)}")
+        object.__setattr__(self, "materials", tuple(materials))
         for name, check in (
             ("face_materials", self._check_face_materials),
             ("uv", _check_uv),
@@ -196,17 +200,17 @@ class Appearance:
 
     def check_fits(self, vertices: int, faces: int, name: str) -> None:
         """Raise a `SceneError` unless it fits a mesh of this number of vertices and faces."""
-        wanted = {"face_materials": faces, "vertex_colors": vertices, "face_colors": faces}
+        lengths = {"face_materials": faces, "vertex_colors": vertices, "face_colors": faces}
         for key in ("uv", "normals"):
             rows = getattr(self, key)
             if rows is not None:
-                wanted[key] = vertices if rows.ndim == 2 else faces
-        for key, count in wanted.items():
+                lengths[key] = vertices if rows.ndim == 2 else faces
+        for key, count in lengths.items():
             rows = getattr(self, key)
             if rows is not None and len(rows) != count:
-                what = "vertices" if count == vertices and (key == "vertex_colors" or rows.ndim == 2) else "faces"
-                what = {"face_materials": "faces", "face_colors": "faces", "vertex_colors": "vertices"}.get(key, what)
-                raise SceneError(f"{key} of {name!r} must be one for each of its {count} {what}, got {len(rows)}")
+                noun = "vertices" if count == vertices and (key == "vertex_colors" or rows.ndim == 2) else "faces"
+                noun = {"face_materials": "faces", "face_colors": "faces", "vertex_colors": "vertices"}.get(key, noun)
+                raise SceneError(f"{key} of {name!r} must be one for each of its {count} {noun}, got {len(rows)}")
 
     def corner_uv(self, faces: NDArray[np.integer]) -> NDArray[np.float32] | None:
         """Return texture coordinates of each corner of the mesh's faces, shape ``(m, 3, 2)``; None if it has none."""
@@ -241,13 +245,13 @@ def as_appearance(given: AppearanceLike, name: str) -> Appearance:
     return Appearance((Material(base_color=color, alpha_mode="blend" if color[3] < 1 else "opaque"),))
 
 
-def _array(given: ArrayLike, name: str) -> np.ndarray:
+def _array(array: ArrayLike, name: str) -> np.ndarray:
     try:
-        rows = np.asarray(given)
+        rows = np.asarray(array)
     except (TypeError, ValueError, RuntimeError):
-        raise SceneError(f"{name} must be an array of numbers, got {shown(given)}") from None
+        raise SceneError(f"{name} must be an array of numbers, got {shown(array)}") from None
     if rows.dtype.kind not in "iuf":
-        raise SceneError(f"{name} must be an array of numbers, got {shown(given)}")
+        raise SceneError(f"{name} must be an array of numbers, got {shown(array)}")
     return rows
 
 
@@ -287,9 +291,9 @@ def _check_colors(rows: np.ndarray, name: str) -> NDArray[np.uint8 | np.float32]
     return rows.copy() if rows.shape[1] == 4 else np.concatenate([rows, opaque], axis=1)
 
 
-def _image(given: ArrayLike, name: str) -> NDArray[np.uint8]:
-    what = f"image of texture {name!r}" if name else "image of a texture"
-    rows = _array(given, what)
+def _image(image: ArrayLike, name: str) -> NDArray[np.uint8]:
+    subject = f"image of texture {name!r}" if name else "image of a texture"
+    rows = _array(image, subject)
     if rows.dtype != np.uint8 or rows.ndim != 3 or rows.shape[2] not in (3, 4) or not rows.size:
-        raise SceneError(f"{what} must be uint8 of shape (H, W, 3) or (H, W, 4), got {rows.dtype} {rows.shape}")
+        raise SceneError(f"{subject} must be uint8 of shape (H, W, 3) or (H, W, 4), got {rows.dtype} {rows.shape}")
     return rows.copy()

@@ -185,8 +185,8 @@ def _ball_grid(radius: float, mesh_tolerance: float) -> tuple[int, float]:
     the centers of the faces at the equator. Corners at ``2 / (1 + q)`` make both errors ``(1-q) / (1+q)``.
     """
     error = largest_error(mesh_tolerance, radius) / radius
-    least = max((1 - error) / (1 + error), 0.0)
-    stacks = max(_MIN_STACKS, math.ceil(math.pi / 2 / math.acos(math.sqrt(least))))
+    min_radius = max((1 - error) / (1 + error), 0.0)
+    stacks = max(_MIN_STACKS, math.ceil(math.pi / 2 / math.acos(math.sqrt(min_radius))))
     stacks += stacks % 2
     return stacks, 2 / (1 + math.cos(math.pi / (2 * stacks)) ** 2)
 

@@ -64,9 +64,9 @@ def parse_worlds(
     if world_index is not None:
         worlds.world = _parse_world(world_index, views, count, scene.device)
     elif count not in (1, views):
-        given = "object_scales" if repeated > 1 else "object_poses"
+        source = "object_scales" if repeated > 1 else "object_poses"
         raise ArrayError(
-            f"{given} have {pluralize(count, 'world')} for {pluralize(views, 'view')}; give world_index= for each view"
+            f"{source} have {pluralize(count, 'world')} for {pluralize(views, 'view')}; give world_index= for each view"
         )
     exclude = (exclude,) if isinstance(exclude, str) else exclude
     if exclude is not None and not _is_empty(exclude):
@@ -196,15 +196,15 @@ def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
     with np.errstate(invalid="ignore", over="ignore"):
         x, y, z, w = (rows[..., k] for k in range(3, 7))
         squared = x * x + y * y + z * z + w * w
-        least, most = np.minimum.reduce(squared, axis=None), np.maximum.reduce(squared, axis=None)
-        if surely_finite(rows) and least > _MIN_SQUARE and most < _MAX_SQUARE:
+        low, high = np.minimum.reduce(squared, axis=None), np.maximum.reduce(squared, axis=None)
+        if surely_finite(rows) and low > _MIN_SQUARE and high < _MAX_SQUARE:
             return rows
         finite = np.isfinite(rows).all(axis=2)
     for bad in (np.argwhere(~finite), np.argwhere(is_not_unit(rows))):
         if len(bad):
-            wanted = describe_wrong_length(rows[tuple(bad[0])]) if finite.all() else "must be finite"
+            problem = describe_wrong_length(rows[tuple(bad[0])]) if finite.all() else "must be finite"
             names = [f"{scene.objects[scene.movable[m]].name!r} in world {w}" for w, m in bad[:3]]
-            raise PoseError(f"object_poses {wanted}: wrong in {len(bad)}, of {', '.join(names)}")
+            raise PoseError(f"object_poses {problem}: wrong in {len(bad)}, of {', '.join(names)}")
     return rows
 
 

@@ -140,7 +140,7 @@ class LensCamera(LensedCamera):
         with np.errstate(all="ignore"):  # between pixel centers, rays may be 90 degrees from the axis
             return directions / directions[..., 2:]
 
-    def _kept(self) -> OnceCache:
+    def _cache(self) -> OnceCache:
         """Return the cache, shared with live cameras of the same lens, image size and kind (`dataclasses.replace`)."""
         if "_prepared" not in self.__dict__:
             caches = self.lens.__dict__.setdefault("_prepared", WeakValueDictionary())
