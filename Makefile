@@ -13,6 +13,10 @@ VIEW := $(VENV)/viewer
 STAMP := $(VENV)/installed
 DOCS := $(VENV)/docs
 
+# The tests start many Python processes; without bytecode, each would compile all modules that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/pycache
+
 .DELETE_ON_ERROR:
 .PHONY: demo docs test test-slow test-browser test-lanes test-lowest mutate fuzz fuzz-files lint bench format clean
 
@@ -32,10 +36,11 @@ docs: $(DOCS)
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build/html
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "(docs or site) and not slow" $(DOCS_TESTS)
 
-# What takes long: most parameters of the slowest tests, the native code under sanitizers over random scenes, Ray.
+# What takes long: most parameters of the slowest tests, the native code under sanitizers over random scenes, Ray. Tests
+# of the CUDA code on a CPU (cxx) all run, because together they must run every line.
 test-slow: $(STAMP)
 	-@./scripts/ensure_clang.sh $(BIN)/python
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m slow
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "slow or cxx"
 
 # The live viewer in a real browser. Screenshots are in .pytest_cache/screenshots, or where WARPVIS_SCREENSHOTS says.
 test-browser: $(STAMP)

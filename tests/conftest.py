@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
@@ -107,14 +108,25 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip(f"{need.title.lower()}: {why}")
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest evaluates -m
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deselect tests that need a GPU if there is no GPU."""
+    """Mark the parameters that `smoke` does not list as slow, and deselect tests that need a GPU if there is none."""
+    _mark_slow(items)
     if CUDA_DEVICES:
         return
     needs_cuda = [item for item in items if "cuda" in getattr(item, "fixturenames", ())]
     if needs_cuda:
         config.hook.pytest_deselected(items=needs_cuda)
         items[:] = [item for item in items if "cuda" not in getattr(item, "fixturenames", ())]
+
+
+def _mark_slow(items: list[pytest.Item]) -> None:
+    """Mark tests as slow whose parameters match no pattern of their `smoke` marker, except tests on a GPU."""
+    for item in items:
+        smoke = item.get_closest_marker("smoke")
+        if smoke and isinstance(item, pytest.Function) and "cuda" not in item.callspec.id:
+            if not any(fnmatchcase(item.callspec.id, pattern) for pattern in smoke.args):
+                item.add_marker(pytest.mark.slow)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

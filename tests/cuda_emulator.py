@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from native_build import cache_folder
+from native_build import cache_folder, find_compiler
 
 from warpvis import Camera, Scene
 from warpvis.core.ray_camera import RayCamera
@@ -40,8 +40,8 @@ _FLAGS = ["-std=c++17", "-g1", "-Wall", "-Wextra", "-fno-omit-frame-pointer", "-
 _CHECKED = ["-O0", "-ffp-contract=off", "-ftrivial-auto-var-init=pattern", "--coverage"]
 _CHECKED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Wno-unused-function"]
 _UNCHECKED = ["-O2", "-DEMULATOR_ASAN"]
-MAX_PROGRAMS = 10
-"""Maximum number of cached programs: those of the current sources and of a few earlier versions."""
+MAX_PROGRAMS = 160
+"""Maximum number of cached programs: about 40 variants of the current sources and of a few earlier versions."""
 
 _SHARED = "__shared__ WarpMemory memory;"
 _ABSENT, _GIVEN, _IMAGE = range(3)
@@ -81,52 +81,55 @@ REQUIRED = os.environ.get("WARPVIS_REQUIRE_CXX") == "1"
 
 
 class Emulator:
-    """An executable that contains several variants."""
+    """Launches variants, each a program that is compiled when it is first launched."""
 
-    def __init__(self, folder: Path, variants: tuple[Variant, ...], compiler: str) -> None:
-        """Compile the program, unless a program of the same sources and options is cached.
+    def __init__(self, folder: Path) -> None:
+        """Find a compiler.
 
         Args:
-            folder: An empty folder, for the line counts of this program's runs.
-            variants: The variants that the program holds.
-            compiler: The C++ compiler.
+            folder: An empty folder, for the line counts of the launches.
         """
-        self.variants = variants
+        compiler = find_compiler()
+        assert compiler is not None
         self._compiler, self._folder = compiler, folder
-        functions = [_native_function(variant) for variant in variants]
-        arguments = functions[0].input_types
-        assert all(function.input_types.keys() == arguments.keys() for function in functions)
-        self.arguments = {name: kind for name, kind in arguments.items() if name not in _PLACE}
-        sources = {path.name: path.read_text() for path in sorted(NATIVE.glob("cuda_*"))}
-        sources["cuda_launch.h"] = _launch_header(self.arguments, variants)
-        for variant, function in zip(variants, functions, strict=True):
-            sources[f"{variant.name}.cpp"] = _variant_source(variant, function)
-        built = _build(sources, compiler)
-        self.program = built / "cuda_emulator"
-        for notes in built.glob("*.gcno"):
-            (folder / notes.name).symlink_to(notes)
+        self._programs: dict[Variant, tuple[Path, dict[str, Any]]] = {}
         # The runtime of --coverage writes counts to this folder instead of the object's folder.
         self._environment = {**os.environ, "GCOV_PREFIX": str(folder), "GCOV_PREFIX_STRIP": "99"}
 
     def launch(self, variant: Variant, size: tuple[int, int, int], arguments: dict[str, Any]) -> None:
         """Launch views, rows and columns of packets, and write the images among the arguments."""
+        if variant not in self._programs:
+            self._programs[variant] = self._compile(variant)
+        program, types = self._programs[variant]
         images: list[np.ndarray] = []
-        parts = [struct.pack("4i", self.variants.index(variant), *size)]
-        for name, kind in self.arguments.items():
+        parts = [struct.pack("3i", *size)]
+        for name, kind in types.items():
             _write(parts, images, kind, arguments[name], is_image=name == "images")
-        result = subprocess.run([self.program], input=b"".join(parts), capture_output=True, env=self._environment)
+        result = subprocess.run([program], input=b"".join(parts), capture_output=True, env=self._environment)
         if result.returncode:
             raise AssertionError(result.stderr.decode()[-4000:])
-        at = 0
+        offset = 0
         for image in images:
-            image[...] = np.frombuffer(result.stdout, image.dtype, image.size, at).reshape(image.shape)
-            at += image.nbytes
-        assert at == len(result.stdout)
+            image[...] = np.frombuffer(result.stdout, image.dtype, image.size, offset).reshape(image.shape)
+            offset += image.nbytes
+        assert offset == len(result.stdout)
+
+    def _compile(self, variant: Variant) -> tuple[Path, dict[str, Any]]:
+        """Return a variant's program, from the cache if possible, and the types of its arguments."""
+        function = _native_function(variant)
+        types = {name: kind for name, kind in function.input_types.items() if name not in _PLACE}
+        sources = {path.name: path.read_text() for path in sorted(NATIVE.glob("cuda_*"))}
+        sources["cuda_launch.h"] = _launch_header(types)
+        sources[f"{variant.name}.cpp"] = _variant_source(variant, function)
+        built = _build(sources, self._compiler)
+        notes = built / f"{variant.name}.gcno"
+        (self._folder / notes.name).symlink_to(notes)
+        return built / "cuda_emulator", types
 
     def line_counts(self) -> dict[tuple[str, int, str], int]:
         """Return how often all launches so far ran each line of the CUDA headers: by file, line number and text."""
         counts: dict[tuple[str, int, str], int] = {}
-        for variant in self.variants:
+        for variant in self._programs:
             file = ""
             for line in _run([*_gcov(self._compiler), "-t", f"{variant.name}.gcda"], self._folder).splitlines():
                 count, number, text = (part.strip() for part in (line + "::").split(":", 2))
@@ -377,15 +380,12 @@ def _struct(name: str, fields: dict[str, Any]) -> str:
     return f"struct {name} {{\n{members}}};\ninline void read(Reader& reader, {name}& value) {{\n{reads}}}\n"
 
 
-def _launch_header(arguments: dict[str, Any], variants: tuple[Variant, ...]) -> str:
+def _launch_header(arguments: dict[str, Any]) -> str:
     structs = {_cpp_type(kind): _fields(kind) for kind in arguments.values() if _is_struct(kind)}
     text = ['#pragma once\n#include "cuda_emulator.h"\n#include "cuda_reader.h"\n']
     text += [_struct(name, fields) for name, fields in structs.items()]
     text.append(_struct("Arguments", arguments))
-    names = [variant.name for variant in variants]
-    text += [f"void {name}(void* arguments, int view, int packet_y, int packet_x);\n" for name in names]
-    text.append(f"enum {{ VARIANTS = {len(names)} }};\n")
-    text.append(f"static void (*const packet_functions[])(void*, int, int, int) = {{{', '.join(names)}}};\n")
+    text.append("void packet_function(void* arguments, int view, int packet_y, int packet_x);\n")
     return "".join(text)
 
 
@@ -398,7 +398,7 @@ def _variant_source(variant: Variant, function: Any) -> str:
     return (
         f'#define __CUDA_ARCH__ {variant.arch}\n#include "cuda_launch.h"\n'
         f"static void cast_packet({parameters}) {{\n{body}}}\n"
-        f"void {variant.name}(void* arguments, int view, int packet_y, int packet_x) {{\n    (void)packet_x;\n"
+        "void packet_function(void* arguments, int view, int packet_y, int packet_x) {\n    (void)packet_x;\n"
         f"    const Arguments& all = *(const Arguments*)arguments;\n    cast_packet({given});\n}}\n"
     )
 

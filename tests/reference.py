@@ -209,10 +209,9 @@ def _cast(
         if round_surface is not None and not (round_surface[0] < clip).any():
             nearest_of[index], round_normals[index] = round_surface
             continue
-        for start in range(0, len(rays), _RAYS_AT_A_TIME):
-            part = slice(start, start + _RAYS_AT_A_TIME)
-            found = _nearest_triangle(rays[part], corners[owner == index], cull_backfaces, clip)
-            nearest_of[index, part], triangle_of[index, part] = found[0], first + found[1]
+        near = np.flatnonzero(_may_hit(rays, corners[owner == index]))
+        found = _nearest_triangle(rays[near], corners[owner == index], cull_backfaces, clip)
+        nearest_of[index, near], triangle_of[index, near] = found[0], first + found[1]
     seen = nearest_of.argmin(axis=0)
     depth, triangle = nearest_of.min(axis=0), triangle_of[seen, np.arange(len(rays))]
     ordered = np.sort(nearest_of, axis=0)
@@ -314,40 +313,50 @@ def near_silhouette(scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray
     return (objects != objects[:, :1]).any(axis=1)
 
 
+def _may_hit(rays: NDArray, corners: NDArray) -> NDArray[np.bool_]:
+    """Return whether the line of each ray passes through the bounding sphere of the triangles."""
+    center = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
+    squared_radius = ((corners - center) ** 2).sum(axis=-1).max()
+    squared_distance = center @ center - (rays @ center) ** 2 / (rays * rays).sum(axis=1)
+    return squared_distance <= squared_radius + 1e-9 * (squared_radius + center @ center)
+
+
 def _nearest_triangle(
     rays: NDArray, corners: NDArray, cull_backfaces: bool, clip: float = 0.0
 ) -> tuple[NDArray, NDArray]:
     """Return the smallest depth of every ray over the triangles, +inf for a miss, and the triangle's index.
 
-    Hits nearer than `clip` are ignored.
+    A ray d hits the triangle a b c if d . (b x c), d . (c x a) and d . (a x b) have the same sign, at the depth
+    a . n / d . n of its plane. Hits nearer than `clip` are ignored.
     """
+    a, b, c = corners.swapaxes(0, 1)
+    sides = [_cross(b, c), _cross(c, a), _cross(a, b)]
+    normal = _cross(b - a, c - a)
+    offset = (normal * a).sum(axis=1)
     depth, triangle = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=np.int64)
-    for start in range(0, len(corners), _TRIANGLES_AT_A_TIME):
-        z = _depth_of_triangles(rays, corners[start : start + _TRIANGLES_AT_A_TIME], cull_backfaces)
-        z[z < clip] = np.inf
-        first = z.argmin(axis=1)
-        z = z[np.arange(len(rays)), first]
-        nearer = z < depth
-        depth[nearer], triangle[nearer] = z[nearer], start + first[nearer]
+    for begin in range(0, len(rays), _RAYS_AT_A_TIME):
+        part = slice(begin, begin + _RAYS_AT_A_TIME)
+        for start in range(0, len(corners), _TRIANGLES_AT_A_TIME):
+            some = slice(start, start + _TRIANGLES_AT_A_TIME)
+            first, second, third = (rays[part] @ side[some].T for side in sides)
+            least = np.minimum(np.minimum(first, second), third)
+            greatest = np.maximum(np.maximum(first, second), third)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                z = offset[some] / (rays[part] @ normal[some].T)
+            hit = ((least >= 0) | (greatest <= 0)) & (least < greatest) & (z > 0) & (z >= clip)
+            if cull_backfaces:
+                hit &= offset[some] < 0
+            z[~hit] = np.inf
+            index = z.argmin(axis=1)
+            z = z[np.arange(len(z)), index]
+            nearer = z < depth[part]
+            depth[part][nearer], triangle[part][nearer] = z[nearer], start + index[nearer]
     return depth, triangle
 
 
-def _depth_of_triangles(rays: NDArray, corners: NDArray, cull_backfaces: bool) -> NDArray:
-    """Return the planar depth of every ray (N) on every triangle (T), +inf for a miss, shape (N, T).
-
-    A ray d hits the triangle a b c if d . (b x c), d . (c x a) and d . (a x b) have the same sign, at the depth
-    a . n / d . n of its plane.
-    """
-    a, b, c = corners.swapaxes(0, 1)
-    sides = [rays @ np.cross(p, q).T for p, q in ((b, c), (c, a), (a, b))]
-    normal = np.cross(b - a, c - a)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        z = (normal * a).sum(axis=1) / (rays @ normal.T)
-    least, greatest = np.minimum.reduce(sides), np.maximum.reduce(sides)
-    hit = ((least >= 0) | (greatest <= 0)) & (least < greatest) & (z > 0)
-    if cull_backfaces:
-        hit &= (normal * a).sum(axis=1) < 0
-    return np.where(hit, z, np.inf)
+def _cross(p: NDArray, q: NDArray) -> NDArray:
+    """Return cross products of rows; `np.cross` has a high cost per call."""
+    return p[:, [1, 2, 0]] * q[:, [2, 0, 1]] - p[:, [2, 0, 1]] * q[:, [1, 2, 0]]
 
 
 def edge_distance(scene: Scene, camera: Camera, pose: NDArray, pixels: NDArray) -> NDArray[np.float64]:

@@ -62,6 +62,7 @@ def appearances():
 APPEARANCES = appearances()
 
 
+@pytest.mark.smoke("*-mirror clamp", "*-repeated, of vertices", "*-clamp repeat", "*-srgb of linear", "*-nearest")
 @pytest.mark.parametrize("name", APPEARANCES)
 def test_colors_match_the_double_precision_reference(name, device):
     scene = wv.Scene(device=device)

@@ -85,6 +85,7 @@ def test_room_matches_the_reference(packets_only):
         assert np.isposinf(views.depth.numpy()).any()
 
 
+@pytest.mark.smoke("room")
 @pytest.mark.parametrize("name", ["room", "blobs_77k"])
 def test_ouster_scan_matches_single_rays(name):
     scene, poses = (

@@ -30,6 +30,7 @@ def test_attached_object_has_no_pose():
     np.testing.assert_allclose(lamp.vertices, twin.vertices, atol=1e-6)
 
 
+@pytest.mark.smoke("*-packets-*")
 @parametrize("cull_backfaces", [False, True])
 def test_attached_objects_move_with_their_parent(device, caster, cull_backfaces):
     rng = np.random.default_rng(1)

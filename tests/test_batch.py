@@ -143,6 +143,7 @@ def test_bytes_do_not_depend_on_threads_or_time(tmp_path, whole):
 NEEDS = {"zarr": "zarr", "ros2": "rosbags"}
 
 
+@pytest.mark.smoke("npz", "bop", "png", "zarr", "ply", "tum")
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_is_complete_and_reproducible(tmp_path, name):
     if name in NEEDS:
@@ -160,6 +161,7 @@ def test_every_format_is_complete_and_reproducible(tmp_path, name):
     assert tree(tmp_path / "a") == tree(tmp_path / "b")
 
 
+@pytest.mark.slow
 def test_several_device_processes(tmp_path, monkeypatch, whole):
     """Simulate several GPUs by using the CPU twice."""
     monkeypatch.setattr("warpvis.batch._render_batch.parse_devices", lambda device: ["cpu", "cpu"])

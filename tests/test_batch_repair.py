@@ -46,6 +46,7 @@ def damage(out, name):
 DAMAGED = {f"shards/00000{shard}.json" for shard in (1, 3, 4, 5)}
 
 
+@pytest.mark.smoke("npz")
 @pytest.mark.parametrize("name", ["npz", "bop"])
 def test_damaged_shards_are_rendered_again(wholes, tmp_path, name):
     for at_once in (False, True):

@@ -55,10 +55,12 @@ def test_tree_contains_every_triangle_once(case):
     assert_every_triangle_is_there_once(*case)
 
 
+@pytest.mark.smoke("doubling-*", "blobs_77k-32", "slivers-*", "room-*", "soup-*", "powers-*")
 def test_boxes_and_cones_bound_their_subtrees(case):
     assert_boxes_and_cones_hold(*case)
 
 
+@pytest.mark.smoke("32")
 @pytest.mark.parametrize("lanes", LANES)
 def test_culled_children_face_away(lanes):
     given = preset("blobs_77k")
@@ -105,6 +107,7 @@ def test_tree_does_not_depend_on_threads(name, options):
         assert_equal(first, given.build(threads=threads, **options))
 
 
+@pytest.mark.smoke("*-32", "room-16", "soup-16")
 def test_tree_depth_does_not_exceed_max_levels(case):
     given, unlimited = case
     for max_levels in range(min_levels(len(given.faces), unlimited.lanes), unlimited.depth):

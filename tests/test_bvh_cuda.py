@@ -39,6 +39,7 @@ def areas(tree) -> tuple[float, float]:
     return area[children < 0].sum(), area[children > 0].sum()
 
 
+@pytest.mark.smoke("*-doubling", "*-slivers", "*-powers", "*-soup", "*-tiny", "*-lines", "*-huge", "*-33")
 @pytest.mark.parametrize("name", CASES)
 def test_tree_contains_all_triangles_and_bounds_them(name, device):
     given = CASES[name]()
@@ -112,6 +113,7 @@ def exponents():
     )
 
 
+@pytest.mark.smoke("soup", "identical", "one leaf")
 @pytest.mark.parametrize(
     ("make", "halves"),
     [

@@ -19,6 +19,7 @@ ALL = ("depth", "points", "normals", "labels", "segmentation")
 SMALL = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
 
 
+@pytest.mark.smoke("*-packets-experiment_2", "*-rays-experiment_3", "*-packets-experiment_4")
 @pytest.mark.parametrize("name", [preset.name for preset in scenes.EXPERIMENTS])
 def test_experiments_match_the_reference(name, device, caster):
     preset = scenes.PRESETS[name]
@@ -28,6 +29,7 @@ def test_experiments_match_the_reference(name, device, caster):
     assert_matches_reference(views, scene, camera, preset.poses())
 
 
+@pytest.mark.smoke("*packets*")
 def test_room_matches_the_reference_from_several_views(device, caster):
     preset = scenes.PRESETS["room"]
     scene = preset.build(device)
@@ -53,6 +55,7 @@ def test_odd_image_sizes(size, device, caster):
     assert_matches_reference(views, scene, camera, preset.poses(2))
 
 
+@pytest.mark.smoke("*-packets-*", "*-rays-1000.0-10000.0")
 @pytest.mark.parametrize(("scale", "offset"), [(1e-3, 0.0), (1.0, 0.0), (1e3, 0.0), (1.0, 1e4), (1e3, 1e4)])
 def test_scales_and_positions_match_the_reference(scale, offset, device, caster):
     """A ball with a radius of 1 mm to 1 km, at the origin and 10 km away."""
@@ -234,6 +237,7 @@ def test_objects_added_later_are_rendered(device, caster):
     assert renderer.render(pose).segmentation.numpy()[0, 45, 60] == 1
 
 
+@pytest.mark.smoke("*-packets-True", "*-rays-False")
 @pytest.mark.parametrize("at_points", [False, True])
 def test_renderer_keeps_no_references_to_caller_arrays(at_points, device, caster):
     """The recorded launch keeps no reference to the last images, object poses or pixels."""

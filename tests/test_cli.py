@@ -36,6 +36,7 @@ def demo(tmp_path_factory):
     return folder, run_cli("demo", "--out", folder / "new" / "demo", cwd=folder).stdout
 
 
+@pytest.mark.slow
 def test_demo_writes_its_images(demo):
     folder = demo[0] / "new" / "demo"
     names = sorted(path.name for path in folder.iterdir())

@@ -56,6 +56,7 @@ def test_solids_coincide_beyond_their_triangles(kind, moving, device):
     assert ((seen == 1).sum(axis=(1, 2)) > 500).all() and not (seen == 0).any()
 
 
+@pytest.mark.smoke("*-packets-True", "*-rays-False")
 @pytest.mark.parametrize("cull_backfaces", [True, False])
 def test_flush_surfaces_match_the_reference(cull_backfaces, device, caster):
     model, data = model_of(FLUSH)

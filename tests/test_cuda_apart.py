@@ -17,7 +17,6 @@ from apart_checks import (
     spread_out,
 )
 from cuda_emulator import Emulator, Variant, emulated_renderer
-from native_build import find_compiler
 
 import warpvis as wv
 from warpvis.rendering._cuda_table import MAX_EYE_OFFSET
@@ -39,8 +38,7 @@ KINDS = {"squares": (SQUARES, SQUARES_MOVE), "points": (POINTS, POINTS_MOVE)}
 
 @pytest.fixture(scope="module")
 def emulator(tmp_path_factory):
-    variants = (SQUARES, POINTS, SQUARES_MOVE, POINTS_MOVE, DEPTH)
-    return Emulator(tmp_path_factory.mktemp("apart_emulator"), variants, find_compiler())
+    return Emulator(tmp_path_factory.mktemp("apart_emulator"))
 
 
 @pytest.fixture(params=KINDS)
@@ -55,12 +53,14 @@ def render(request, emulator):
     return call
 
 
+@pytest.mark.smoke("points*")
 @pytest.mark.cxx
 @parametrize("size", [0.05, 1.0, 40.0])
 def test_ranges_inside_a_box(size, render):
     check_box(render, size, (outlets(20, 100), spread_out(700)))
 
 
+@pytest.mark.smoke("squares*")
 @pytest.mark.cxx
 @parametrize("cull_backfaces", [False, True])
 @parametrize("near", [0.004, 0.05, 1.0])
@@ -84,12 +84,14 @@ def test_room_matches_the_reference(render):
     assert np.isposinf(views.depth.numpy()).any()
 
 
+@pytest.mark.slow
 @pytest.mark.cxx
 @parametrize("render", KINDS, indirect=True)
 def test_no_ray_passes_between_triangles(render):
     check_no_leaks(render, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.cxx
 @parametrize("render", KINDS, indirect=True)
 def test_closed_mesh_from_outside(render):

@@ -7,15 +7,12 @@ memory
 errors or undefined behavior.
 """
 
-from collections import Counter
-
 import numpy as np
 import pytest
 import trimesh
 import warp as wp
 from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
-from native_build import find_compiler
 
 import warpvis as wv
 from warpvis import sensors
@@ -58,16 +55,8 @@ few_share = instance_scenes.shared  # a fixture
 
 @pytest.fixture(scope="module")
 def emulator(tmp_path_factory):
-    """Return an emulator of all variants, compiled with sanitizers and line counts."""
-    compiler = find_compiler()
-    assert compiler is not None
-    return Emulator(tmp_path_factory.mktemp("cuda_emulator"), (*VARIANTS, OLD, CLIPS, RESIZED, FINDS, LARGE), compiler)
-
-
-@pytest.fixture(scope="module")
-def table_emulator(tmp_path_factory):
-    """Return an emulator of ray bundles."""
-    return Emulator(tmp_path_factory.mktemp("table_emulator"), TABLES, find_compiler())
+    """Return an emulator with sanitizers and line counts."""
+    return Emulator(tmp_path_factory.mktemp("cuda_emulator"))
 
 
 def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
@@ -91,6 +80,7 @@ def moved(count=5, seed=1):
     return random_poses(np.random.default_rng(seed), count)
 
 
+@pytest.mark.smoke("32-False", "4-True")
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("side", [pytest.param(1, marks=pytest.mark.slow), 2, *SOME_SIDES])
 def test_static_objects(emulator, side, cull_backfaces):
@@ -102,6 +92,7 @@ def test_static_objects(emulator, side, cull_backfaces):
     assert_matches_reference(views, scene, CAMERA, poses, cull_backfaces=cull_backfaces)
 
 
+@pytest.mark.smoke("32-True", "4-False")
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("side", SOME_SIDES)
 def test_movable_objects(emulator, side, cull_backfaces):
@@ -116,6 +107,7 @@ def test_movable_objects(emulator, side, cull_backfaces):
         assert_matches_reference(view_of(views, index), twin, CAMERA, poses[one], cull_backfaces=cull_backfaces)
 
 
+@pytest.mark.smoke("False")
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_static_instances(emulator, few_share, cull_backfaces):
     scene, poses = instance_scenes.build(), eyes(2)
@@ -125,6 +117,7 @@ def test_static_instances(emulator, few_share, cull_backfaces):
     assert_matches_reference(views, twin, CAMERA, poses, cull_backfaces=cull_backfaces)
 
 
+@pytest.mark.smoke("True")
 @pytest.mark.parametrize("scaled", [False, True])
 def test_instances_among_movable_objects(emulator, few_share, scaled):
     """One world index is out of range; scaling applies to movable objects only."""
@@ -141,6 +134,7 @@ def test_instances_among_movable_objects(emulator, few_share, scaled):
         instance_scenes.assert_missing_world_is_empty(renderer, rows)
 
 
+@pytest.mark.smoke("True")
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_near_plane_clips_meshes(emulator, cull_backfaces):
     """Boxes and balls are clipped, viewed from outside and inside."""
@@ -159,6 +153,7 @@ def test_near_plane_clips_solids(emulator, kind):
     near_plane_scenes.assert_solid_is_cut(kind, "cpu", render)
 
 
+@pytest.mark.smoke("False")
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_scaled_objects(emulator, cull_backfaces):
     """Scaled objects match objects built at that size; scales of 1 change no bit."""
@@ -176,6 +171,7 @@ def test_scaled_objects(emulator, cull_backfaces):
     assert_bits_equal(same, plain.render(eyes(2), object_poses=rows))
 
 
+@pytest.mark.smoke("4")
 @pytest.mark.parametrize("kind", [1, 3, 4])
 def test_scaled_objects_from_inside_and_clipped(emulator, kind):
     shapes, row, scales = [sized_scenes.SHAPES[kind]], [sized_scenes.TURNED], [(1.5, 0.8, 1.2)]
@@ -197,6 +193,7 @@ def test_camera_inside_a_scaled_object(emulator, kind, factor, x):
     assert (views.segmentation.numpy() == 1).mean() > 0.9
 
 
+@pytest.mark.slow
 def test_all_variants_render_the_same(emulator):
     """Images do not depend on the packet size or the other outputs."""
     for movable in (False, True):
@@ -222,12 +219,14 @@ def test_trees_built_on_a_gpu(emulator, monkeypatch):
     assert len(built) == 1 + 5
 
 
+@pytest.mark.smoke("normals", "depth")
 @pytest.mark.parametrize("output", ALL)
 def test_single_output_is_the_same(emulator, output):
     scene = build("cpu", moved(), movable=True)
     assert_bits_equal(render(emulator, scene, eyes(1), outputs=(output,)), render(emulator, scene, eyes(1)))
 
 
+@pytest.mark.smoke("size0", "size3")
 @pytest.mark.parametrize("size", [(1, 1), (7, 3), (33, 31), (70, 1)])
 def test_image_sizes_that_are_no_multiple_of_packets(emulator, size):
     scene = build("cpu", moved(), movable=True)
@@ -237,6 +236,7 @@ def test_image_sizes_that_are_no_multiple_of_packets(emulator, size):
         assert_matches_reference(views, scene, camera, eyes(2))
 
 
+@pytest.mark.smoke("stretched capsule-32", "disc-32", "short capsule-32")
 @pytest.mark.parametrize("side", [*(pytest.param(side, marks=pytest.mark.slow) for side in SIDES[:-1]), SIDES[-1]])
 @pytest.mark.parametrize("name", solid_scenes.SHAPES)
 def test_solids_of_every_kind(emulator, name, side):
@@ -341,6 +341,7 @@ def test_invalid_poses_render_nothing(emulator):
         assert (views.segmentation.numpy()[1:] == -1).all()
 
 
+@pytest.mark.smoke("True")
 @pytest.mark.parametrize("solid", [False, True])
 def test_more_objects_than_one_list_holds(emulator, solid):
     """Without static objects; the movable objects fill two lists and part of a third."""
@@ -407,6 +408,7 @@ def test_slivers_and_grazing_planes(emulator):
         assert_matches_reference(views, scene, camera, pose.astype(np.float32))
 
 
+@pytest.mark.smoke("True")
 @pytest.mark.parametrize("movable", [False, True])
 def test_slivers_near_the_camera_need_few_exact_decisions(emulator, movable):
     """A post of slivers extends behind the camera, where their projections are unbounded."""
@@ -428,6 +430,7 @@ def test_slivers_near_the_camera_need_few_exact_decisions(emulator, movable):
     assert exact_decisions() - before < 5 * 200
 
 
+@pytest.mark.smoke("False")
 @pytest.mark.parametrize("movable", [False, True])
 def test_surfaces_through_the_camera_and_closer_than_near(emulator, movable):
     """A surface through the camera is not visible; surfaces closer than `near` occlude but have no depth."""
@@ -445,6 +448,7 @@ def test_surfaces_through_the_camera_and_closer_than_near(emulator, movable):
     assert np.isneginf(views.depth.numpy()[1]).any() and np.isfinite(views.depth.numpy()[0]).any()
 
 
+@pytest.mark.smoke("0.01-True")
 @pytest.mark.parametrize("movable", [False, True])
 @pytest.mark.parametrize("nearest", [-1.0, 0.01])
 def test_triangles_passing_the_camera_reach_the_packets_edge(emulator, nearest, movable):
@@ -480,6 +484,7 @@ WALLS = [(movable, seed, side) for movable in (False, True) for seed in (0, 1, 5
 FAST_WALLS = ((False, 0, 32), (True, 1, 8))
 
 
+@pytest.mark.smoke("False-0-32")
 @pytest.mark.parametrize(
     ("movable", "seed", "side"),
     [pytest.param(*given, marks=() if given in FAST_WALLS else pytest.mark.slow) for given in WALLS],
@@ -493,13 +498,13 @@ def test_no_ray_passes_through_a_vertex(emulator, movable, seed, side):
     assert np.isfinite(depth).all()
 
 
-def test_ray_bundle_in_the_room(table_emulator):
+def test_ray_bundle_in_the_room(emulator):
     """Depth alone in small packets, all outputs in large ones."""
     scene, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     for name in ("lidar", "planar, wide"):
         camera = ray_tables.PATTERNS[name]
         depth, views = (
-            emulated_renderer(table_emulator, variant, scene, camera, outputs=outputs).render(pose)
+            emulated_renderer(emulator, variant, scene, camera, outputs=outputs).render(pose)
             for variant, outputs in zip(TABLES, (("depth",), ALL), strict=False)
         )
         ray_tables.assert_views_match(views, scene, camera, [pose])
@@ -507,7 +512,7 @@ def test_ray_bundle_in_the_room(table_emulator):
         np.testing.assert_allclose(depth.depth.numpy()[shown], views.depth.numpy()[shown], rtol=2e-6)
 
 
-def test_ray_bundle_with_movable_objects(table_emulator):
+def test_ray_bundle_with_movable_objects(emulator):
     """Scaled meshes and solids."""
     rng = np.random.default_rng(0)
     shapes = [sized_scenes.SHAPES[kind] for kind in (0, 1, 3, 4)]
@@ -515,7 +520,7 @@ def test_ray_bundle_with_movable_objects(table_emulator):
     scene, twin = (sized_scenes.build("cpu", rows, some, shapes=shapes) for some in (None, scales))
     camera = ray_tables.Table(ray_tables.PATTERNS["gaps"].table, near=0.5, far=4.0)
     poses = random_poses(rng, 2, spread=0.3)
-    views = emulated_renderer(table_emulator, TABLES[2], scene, camera, outputs=ALL).render(poses, object_scales=scales)
+    views = emulated_renderer(emulator, TABLES[2], scene, camera, outputs=ALL).render(poses, object_scales=scales)
     ray_tables.assert_views_match(views, twin, camera, poses)
     assert len(np.unique(views.segmentation.numpy())) >= 4
 
@@ -524,7 +529,8 @@ def test_ray_bundle_with_movable_objects(table_emulator):
 UNREACHED: dict[str, str] = {}
 
 
-def test_faces(emulator, table_emulator, few_share):
+@pytest.mark.slow
+def test_faces(emulator, few_share):
     """Faces are indices of each object's mesh, for static objects, instances and movable objects; -1 for solids."""
     for moving in (False, True):
         scene, given = face_scenes.build(moving=moving)
@@ -538,16 +544,16 @@ def test_faces(emulator, table_emulator, few_share):
         np.testing.assert_array_equal(alone.faces.numpy(), views.faces.numpy())
     camera = sensors.Rays(sphere_of_rays(400))
     options["object_scales"] = np.ones((len(scene.movable), 3), dtype=np.float32)
-    renderer = emulated_renderer(table_emulator, TABLES[2], scene, camera, outputs=face_scenes.FACES)
+    renderer = emulated_renderer(emulator, TABLES[2], scene, camera, outputs=face_scenes.FACES)
     face_scenes.assert_faces_hold(renderer.render(poses, **options), scene, given, worlds)
 
 
-def test_every_line_runs(emulator, table_emulator, request):
+@pytest.mark.slow
+def test_every_line_runs(emulator, request):
     """Together, all tests of this file run every line of the headers."""
     chosen = {item.function for item in request.session.items if item.path == request.path}
     if not all(value in chosen for name, value in globals().items() if name.startswith("test_") and callable(value)):
         pytest.skip("only some of this file's tests ran")
-    counts = Counter(emulator.line_counts())
-    counts.update(table_emulator.line_counts())
+    counts = emulator.line_counts()
     missed = [f"{name}:{number}: {text}" for (name, number, text), count in sorted(counts.items()) if count == 0]
     assert [line for line in missed if line not in UNREACHED] == []

@@ -2,15 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packets of image points on CUDA: images of an emulated warp, and the sorting of points."""
 
-from collections import Counter
-
 import numpy as np
 import pytest
 import trimesh
 import warp as wp
 from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
-from native_build import find_compiler
 from reference_point_order import OUTSIDE_CELLS, cells_of, count_points, hilbert_curve, measure_blocks, sort_points
 
 import warpvis as wv
@@ -38,19 +35,12 @@ RESIZED = Variant(32, True, True, clip=True, resized=True, points=256)
 RAYS = Variant(32, True, False, ray_table=True, points=256)
 RAYS_MOVE = Variant(32, True, True, resized=True, ray_table=True, points=256)
 RAYS_DEPTH = Variant(32, False, False, ray_table=True, points=256)
-VARIANTS, TABLES = (PLAIN, MOVES, SMALL, DEPTH, CLIPS, RESIZED), (RAYS, RAYS_MOVE, RAYS_DEPTH)
 
 
 @pytest.fixture(scope="module")
 def emulator(tmp_path_factory):
-    """Return an emulator of all variants, compiled with sanitizers and line counts."""
-    return Emulator(tmp_path_factory.mktemp("point_emulator"), VARIANTS, find_compiler())
-
-
-@pytest.fixture(scope="module")
-def table_emulator(tmp_path_factory):
-    """Return an emulator of the variants for ray bundles."""
-    return Emulator(tmp_path_factory.mktemp("table_point_emulator"), TABLES, find_compiler())
+    """Return an emulator with sanitizers and line counts."""
+    return Emulator(tmp_path_factory.mktemp("point_emulator"))
 
 
 def renderer_of(emulator, scene, *, variant=None, camera=CAMERA, outputs=ALL, **options):
@@ -82,6 +72,7 @@ def assert_points_match(views, scene, camera, poses, pixels, **options):
         assert apart.mean() < 1e-2 if apart.size else True
 
 
+@pytest.mark.smoke("True")
 @pytest.mark.cxx
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_arbitrary_points_match_the_reference(emulator, cull_backfaces):
@@ -226,6 +217,7 @@ def test_near_plane_clips_meshes(emulator):
     assert wrong_depth(depth, image.reshape(depth.shape)).mean() < 1e-3
 
 
+@pytest.mark.smoke("True-1")
 @pytest.mark.cxx
 @pytest.mark.parametrize(("movable", "seed"), [(False, 0), (True, 1)])
 def test_no_ray_passes_through_a_vertex(emulator, movable, seed):
@@ -250,29 +242,30 @@ def test_principal_point_outside_the_image_and_wide_images(emulator):
         assert_points_match(views, scene, camera, eyes(1), pixels)
 
 
+@pytest.mark.smoke("lidar", "gaps")
 @pytest.mark.cxx
 @pytest.mark.parametrize("name", ["no order", "lidar", "gaps"])
-def test_ray_bundles_as_points(table_emulator, name):
+def test_ray_bundles_as_points(emulator, name):
     """Unordered rays, and rows treated as unordered."""
     scene, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     camera = ray_tables.PATTERNS[name]
-    views = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render(pose)
+    views = emulated_renderer(emulator, RAYS, scene, camera, outputs=ALL).render(pose)
     ray_tables.assert_views_match(views, scene, camera, [pose])
-    depth = emulated_renderer(table_emulator, RAYS_DEPTH, scene, camera, outputs=("depth",)).render(pose).depth.numpy()
+    depth = emulated_renderer(emulator, RAYS_DEPTH, scene, camera, outputs=("depth",)).render(pose).depth.numpy()
     shown = np.isfinite(views.depth.numpy())
     np.testing.assert_allclose(depth[shown], views.depth.numpy()[shown], rtol=2e-6)
 
 
 @pytest.mark.cxx
-def test_unordered_rays_and_small_triangles(table_emulator):
+def test_unordered_rays_and_small_triangles(emulator):
     preset = wv.scenes.PRESETS["blobs_77k"]
     scene, camera = preset.build("cpu"), ray_tables.PATTERNS["no order"]
-    views = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render(preset.poses(1))
+    views = emulated_renderer(emulator, RAYS, scene, camera, outputs=ALL).render(preset.poses(1))
     ray_tables.assert_views_match(views, scene, camera, preset.poses(1))
 
 
 @pytest.mark.cxx
-def test_unordered_rays_through_mesh_vertices(table_emulator):
+def test_unordered_rays_through_mesh_vertices(emulator):
     """Double precision decides which triangle is hit, and every ray hits one."""
     ball, scene = trimesh.creation.icosphere(subdivisions=2, radius=0.7), wv.Scene(device="cpu")
     scene.add(ball, name="ball")
@@ -280,12 +273,12 @@ def test_unordered_rays_through_mesh_vertices(table_emulator):
     targets = np.random.default_rng(0).permutation(corners.astype(np.float64))
     lengths = np.linalg.norm(targets, axis=1)
     camera = ray_tables.Table((targets / lengths[:, None])[None])
-    depth = emulated_renderer(table_emulator, RAYS, scene, camera, outputs=ALL).render([0, 0, 0, 0, 0, 0, 1.0]).depth
+    depth = emulated_renderer(emulator, RAYS, scene, camera, outputs=ALL).render([0, 0, 0, 0, 0, 0, 1.0]).depth
     np.testing.assert_allclose(depth.numpy()[0, 0], lengths, atol=2e-6)
 
 
 @pytest.mark.cxx
-def test_unordered_rays_and_movable_objects(table_emulator):
+def test_unordered_rays_and_movable_objects(emulator):
     """Scaled meshes and solids."""
     rng = np.random.default_rng(0)
     shapes = [sized_scenes.SHAPES[kind] for kind in (0, 1, 3, 4)]
@@ -293,7 +286,7 @@ def test_unordered_rays_and_movable_objects(table_emulator):
     scene, twin = (sized_scenes.build("cpu", rows, some, shapes=shapes) for some in (None, scales))
     camera = ray_tables.Table(ray_tables.PATTERNS["no order"].table, near=0.5, far=4.0)
     poses = random_poses(rng, 2, spread=0.3)
-    views = emulated_renderer(table_emulator, RAYS_MOVE, scene, camera, outputs=ALL).render(poses, object_scales=scales)
+    views = emulated_renderer(emulator, RAYS_MOVE, scene, camera, outputs=ALL).render(poses, object_scales=scales)
     ray_tables.assert_views_match(views, twin, camera, poses)
     assert len(np.unique(views.segmentation.numpy())) >= 4
 
@@ -306,12 +299,13 @@ def test_faces(emulator):
     assert len(face_scenes.assert_faces_hold(views, scene, given, worlds)) > 5
 
 
-def test_every_line_of_points_runs(emulator, table_emulator, request):
+@pytest.mark.cxx
+@pytest.mark.slow
+def test_every_line_of_points_runs(emulator, request):
     chosen = {item.function for item in request.session.items if item.path == request.path}
     if not all(value in chosen for name, value in globals().items() if name.startswith("test_") and callable(value)):
         pytest.skip("only some of this file's tests ran")
-    counts = Counter(emulator.line_counts())
-    counts.update(table_emulator.line_counts())
+    counts = emulator.line_counts()
     counts = {line: count for line, count in counts.items() if "point" in line[0]}
     assert len(counts) > 60
     assert [f"{name}:{number}: {text}" for (name, number, text), count in counts.items() if count == 0] == []

@@ -46,6 +46,7 @@ def test_wrong_pixels_are_detected(device):
     assert len(check._compare(case, poses_to_matrices(case.poses), depth)) > 100
 
 
+@pytest.mark.smoke("*-movable")
 @pytest.mark.parametrize("movable", [False, True], ids=["still", "movable"])
 def test_no_ray_passes_through_a_vertex(movable, device):
     holes = 0

@@ -43,6 +43,7 @@ def test_every_example_is_tested():
 _FAST = {"depth_sensors.py"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [name if name in _FAST else pytest.param(name, marks=pytest.mark.slow) for name in SAYS]
 )

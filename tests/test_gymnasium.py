@@ -189,6 +189,7 @@ def test_models_of_other_environment_classes():
         assert image["state"] == 1 and image["depth"].min() < 3
 
 
+@pytest.mark.smoke("camera1-SameStep", "front-NextStep")
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("camera", ["front", ["chase", -1]])
 def test_vector_matches_single_environments(mode, camera):

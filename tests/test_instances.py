@@ -31,6 +31,7 @@ from support.worlds import ALL, SMALL, STILL, assert_bits_equal, eyes, random_po
 shared = instance_scenes.shared  # a fixture
 
 
+@pytest.mark.smoke("*-packets-*")
 @parametrize("cull_backfaces", [False, True])
 def test_instances_match_the_reference(shared, cull_backfaces, device, caster):
     scene = build(device)
@@ -139,6 +140,7 @@ def test_instances_added_one_by_one_share_mesh(shared):
         assert_bits_equal(wv.render(other, SMALL, eyes(2), outputs=ALL), views)
 
 
+@pytest.mark.smoke("*packets*")
 def test_update_mesh_detaches_instance(shared, device, caster):
     scene = build(device)
     before = scene["early_4"].vertices

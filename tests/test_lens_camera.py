@@ -132,6 +132,7 @@ def assert_matches_reference(views, scene, poses, camera, **options):
         assert_view_matches(views, view, expected, depth_beside)
 
 
+@pytest.mark.smoke("*-range", "*-z")
 @pytest.mark.parametrize("kind", ["z", "range", "wide"])
 def test_room_matches_reference(kind, device):
     scene = wv.scenes.PRESETS["room"].build(device)
@@ -229,6 +230,7 @@ WARNS = {
 }
 
 
+@pytest.mark.smoke("ros", "LensCamera")
 @pytest.mark.parametrize("name", WARNS)
 def test_warnings_name_the_callers_line(name):
     """The reported line is the caller's at any depth of calls."""

@@ -155,6 +155,7 @@ def test_pixels_without_rays_have_no_points_or_labels(device):
     np.testing.assert_array_equal(labels == wv.Label.EMPTY, camera.mask)
 
 
+@pytest.mark.smoke("*-0.015-wide", "*-0.0-z")
 @pytest.mark.parametrize("kind", ["z", "wide"])
 @pytest.mark.parametrize("delta", [0.0, BOP_DELTA])
 def test_object_visibility_matches_bop_reference(kind, delta, device):

@@ -59,6 +59,9 @@ def directions(max_angle, count=2000):
     return np.stack([*sides, np.cos(angle)], axis=-1) * rng.uniform(0.1, 10, count)[:, None]
 
 
+@pytest.mark.smoke(
+    "opencv 14", "opencv folded", "azure kinect", "aria", "fisheye folded", "*sphere*", "eucm", "*radial*"
+)
 @pytest.mark.parametrize("name", LENSES)
 def test_projection_round_trips(name):
     lens = LENSES[name]
@@ -86,6 +89,7 @@ def test_axis_maps_to_principal_point_and_rear_to_nan(name):
     assert lens.project(np.zeros((0, 3))).shape == (0, 2) and lens.unproject(np.zeros((2, 0, 2))).shape == (2, 0, 3)
 
 
+@pytest.mark.smoke("14", "8")
 @pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
 def test_pinhole_projection_matches_opencv(count):
     """OpenCV's pixel centers are at integers, so coordinates differ by half a pixel."""
@@ -229,6 +233,7 @@ COLMAP = {
 }
 
 
+@pytest.mark.smoke("RAD_TAN*", "FULL_OPENCV", "*FISHEYE", "DIVISION", "FOV", "EUCM", "SIMPLE_RADIAL")
 @pytest.mark.parametrize("model", COLMAP)
 def test_projection_matches_pycolmap(model):
     pycolmap = pytest.importorskip("pycolmap")
@@ -249,6 +254,7 @@ def test_colmap_model_numbers_are_complete():
     assert set(COLMAP) == set(COLMAP_NUMBERS.values())
 
 
+@pytest.mark.smoke("RAD_TAN_THIN_PRISM_FISHEYE", "RADIAL", "EUCM")
 @pytest.mark.parametrize("model", COLMAP)
 def test_colmap_models_round_trip(model):
     lens = lens_from_colmap(model, COLMAP[model])

@@ -52,6 +52,7 @@ def two_boxes(device):
     return scene
 
 
+@pytest.mark.smoke("*-all", "*-webots", "*-gltf sun", "*-reach", "*-wide spot")
 @pytest.mark.parametrize("name", MIXES)
 def test_lit_colors_match_reference(name, device):
     scene, lights = two_boxes(device), MIXES[name]

@@ -59,6 +59,7 @@ def test_mjcf_matches_compiled_model(tmp_path, device):
     assert {item.name for item in expected if item.movable and not moving[item.name].movable} == {"own_color"}
 
 
+@pytest.mark.slow
 def test_aloha_matches_compiled_model():
     package = pytest.importorskip("mujoco_warp")
     path = Path(package.__file__).parent / "test_data" / "aloha_pot" / "scene.xml"
@@ -207,6 +208,7 @@ def test_urdf_collada_is_converted_to_meters(tmp_path):
     np.testing.assert_allclose(scene.bounds, [[-0.5, -1, 3.5], [3.5, 1, 6.5]], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_urdf_accepts_large_stl_files(tmp_path):
     """MuJoCo's decoder reads at most 200,000 triangles."""
     ball = trimesh.creation.icosphere(7)

@@ -116,6 +116,7 @@ def test_moved_static_geoms_are_rejected():
     batch.render(qpos)
 
 
+@pytest.mark.smoke("*-angles2")
 @pytest.mark.parametrize("angles", [[40, 70, 55, 90], [50, 80, 50, 80], [60, 60, 60, 60], [1, 33.3, 77.7, 150]])
 def test_fields_of_view_differ_between_worlds(angles, device):
     worlds = []

@@ -214,6 +214,7 @@ TEXTURED = """<mujoco><visual><headlight ambient=".9 .9 .9" diffuse="0 0 0" spec
   <camera pos="0 -1 0" xyaxes="1 0 0 0 0 1"/><geom type="box" size=".2 .2 .2" material="image"/></worldbody></mujoco>"""
 
 
+@pytest.mark.smoke("*-auto-cube", "*-linear-2d")
 @pytest.mark.gl
 @pytest.mark.parametrize("kind", ["2d", "cube"])
 @pytest.mark.parametrize("space", ["auto", "linear", "sRGB"])

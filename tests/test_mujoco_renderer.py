@@ -87,6 +87,7 @@ def test_geom_groups_and_static_flag_match_mujoco():
     assert images(renderer, data, "front")[1].max() > 0  # the default is restored
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("name", ROBOTS)
 def test_real_robots_match_mujoco(name):

@@ -93,6 +93,7 @@ def points_on(vertices, faces, steps=5):
     return np.einsum("gc,fcx->fgx", np.array(grid) / steps, vertices[faces]).reshape(-1, 3)
 
 
+@pytest.mark.smoke("*-0.0005", "*-0.002", "sphere-*", "capsule-*")
 @pytest.mark.parametrize("tolerance", [2e-3, 5e-4, 5e-5])
 @pytest.mark.parametrize("name", ROUND)
 def test_triangles_are_within_tolerance_of_exact_surface(name, tolerance):
@@ -368,6 +369,7 @@ def test_kernels_match_reference(device):
     assert np.array_equal(out.numpy(), reference.geoms_of_objects(objects, ids))
 
 
+@pytest.mark.smoke("*-packets-wrist", "*-packets-lens", "*-rays-side")
 @pytest.mark.parametrize("camera", ["front", "side", "follower", "wrist", "lens"])
 def test_pixels_match_mj_ray(camera, device, caster, tolerance=2e-4):
     model, data = shapes_model()

@@ -58,6 +58,7 @@ def drawn(item, rays, eye):
     return which, colors / 255, clear
 
 
+@pytest.mark.smoke("forward0*")
 @pytest.mark.gl
 @parametrize("more", ['texrepeat="1.5 2.5"', 'texrepeat="1.5 2.5" texuniform="true"'])
 @pytest.mark.parametrize("forward", [(0.4, 1, -0.7), (-0.5, -1, 0.6)])

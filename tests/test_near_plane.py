@@ -12,6 +12,7 @@ from support.near_plane import CAMERA, SOLIDS, assert_cut, assert_solid_is_cut, 
 from support.worlds import ALL
 
 
+@pytest.mark.smoke("*-packets-*", "*-rays-outputs1-True")
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("outputs", [("depth",), ("depth", "points", "labels", "segmentation"), ALL])
 def test_clipped_surfaces_are_invisible(device, caster, outputs, cull_backfaces):

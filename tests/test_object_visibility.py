@@ -30,6 +30,7 @@ def target():
     return scene
 
 
+@pytest.mark.smoke("*-0.015-packets")
 @pytest.mark.parametrize("caster", ["packets", "rays"])
 @pytest.mark.parametrize("delta", [0.0, BOP_DELTA])
 def test_fractions_match_bop_reference(device, caster, delta):
@@ -120,6 +121,7 @@ def test_truncated_part_counts_as_unseen(target):
     assert (wide.visible_box.numpy() == image.visible_box.numpy()).all()
 
 
+@pytest.mark.smoke("*packets*")
 @pytest.mark.parametrize("caster", ["packets", "rays"])
 def test_silhouettes_that_surround_the_camera(device, caster):
     """Inside an object, its silhouette fills the canvas; a floor extends behind the camera."""

@@ -109,6 +109,7 @@ def test_flush_geoms_match_reference(device):
     assert np.array_equal(seen.labels.numpy()[0], labels[now])
 
 
+@pytest.mark.smoke("free")
 @pytest.mark.gl
 @pytest.mark.parametrize("camera", ["flat", -1, "free"])
 def test_orthographic_cameras_match_mujoco(camera):

@@ -57,6 +57,7 @@ def test_wheel_contains_every_module(wheel):
     assert not [name for name in names if name.startswith(("tests/", "bench/", "kernels/", "scenes/"))]
 
 
+@pytest.mark.slow
 def test_wheel_works_from_another_folder(wheel, tmp_path):
     target = tmp_path / "site"
     zipfile.ZipFile(wheel).extractall(target)

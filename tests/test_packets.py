@@ -34,6 +34,7 @@ def assert_same(one, other):
         assert (one.segmentation.numpy() != other.segmentation.numpy()).mean() <= 1e-5
 
 
+@pytest.mark.smoke("*-blobs_77k")
 @pytest.mark.parametrize("name", ["blobs_77k", "blobs_1m"])
 def test_large_scenes_match_ray_caster(name, device):
     preset = scenes.PRESETS[name]
@@ -86,6 +87,7 @@ def test_boxes_do_not_hide_triangles(seed, device):
     np.testing.assert_array_equal(depth, leaf_by_leaf(vertices, faces, camera, poses, device))
 
 
+@pytest.mark.smoke("*-turn1")
 @pytest.mark.parametrize("turn", [(0, 0, 0, 1), (1, 0, 0, 0), (0.5, -0.5, 0.5, -0.5), (0.5, 0.5, 0.5, 0.5)])
 def test_boxes_ending_at_pixel_centers_do_not_hide_triangles(turn, device):
     """Every pixel center coincides with a vertex, and so with edges of boxes."""
@@ -105,6 +107,7 @@ def test_boxes_ending_at_pixel_centers_do_not_hide_triangles(turn, device):
     np.testing.assert_allclose(depth, 100.0 * scale, rtol=1e-4)
 
 
+@pytest.mark.smoke("*packets*")
 def test_culled_back_faces_are_transparent(device, caster):
     """A camera is inside a ball, and another ball is outside: culling makes the first one invisible."""
     scene = wv.Scene(device=device)
@@ -240,6 +243,7 @@ def test_output_arrays_may_be_unaligned():
             assert (memory[name][-3 * images[name].numpy().dtype.itemsize - 1 :] == 0xA5).all()
 
 
+@pytest.mark.smoke("*-experiment_3")
 @pytest.mark.parametrize("name", ["experiment_3", "room"])
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_image_points_match_reference(name, cull_backfaces, device, caster):
@@ -308,6 +312,7 @@ np.savez(sys.argv[2], **images)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.uname().machine != "x86_64", reason="names x86-64's instruction sets")
 @parametrize("flags", ["-target-cpu haswell", ""], ids=["AVX2", "generic"])
 def test_narrower_instruction_sets_match_ray_caster(flags, tmp_path):
@@ -322,6 +327,7 @@ def test_narrower_instruction_sets_match_ray_caster(flags, tmp_path):
         assert (stored[f"{name}_objects"] != views.segmentation.numpy()).mean() <= 1e-4
 
 
+@pytest.mark.smoke("*-packets-*")
 @parametrize("thickness", [1e-4, 1e-3, 0.02])
 @pytest.mark.parametrize("behind", [False, True])
 def test_slivers_match_reference(device, caster, thickness, behind):

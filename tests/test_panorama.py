@@ -38,6 +38,7 @@ def assert_matches_reference(views, scene, poses, rays, **options):
         assert_view_matches(views, view, expected, depth_beside)
 
 
+@pytest.mark.smoke("cylindrical-*-3.0", "spherical-*-6.28*")
 @pytest.mark.parametrize("hfov", [0.8, 3.0, AROUND])
 def test_room_matches_reference(projection, hfov, device):
     preset = scenes.PRESETS["room"]
@@ -221,6 +222,7 @@ def test_images_are_bit_identical_for_all_thread_counts(projection, device):
         assert_bits_equal(first, render_wide(scene, 160, 120, AROUND, preset.poses(3), threads=threads, **arguments))
 
 
+@pytest.mark.smoke("cylindrical-*-auto", "spherical-*-rays")
 @pytest.mark.parametrize("caster", ["auto", "rays"])
 def test_wide_camera_matches_render_wide(projection, caster, device):
     """Images and image points match the reference and `render_wide`."""

@@ -103,6 +103,7 @@ def assert_tidy(figure):
         assert not box_a.overlaps(box_b), f"{a!r} and {b!r}"
 
 
+@pytest.mark.smoke("experiment_2")
 def test_texts_do_not_overlap_or_leave_the_figure(drawn):
     assert_tidy(drawn[0])
 
@@ -138,6 +139,7 @@ def test_legend_names_the_state(case, drawn):
     assert "What the human sees (200 degrees wide)" in texts
 
 
+@pytest.mark.smoke("experiment_3")
 def test_picture_is_small_and_shows_the_state_color(case, drawn):
     """The picture is small enough for a README, and the ball has only the color of its state."""
     experiment, path = case[0], drawn[1]

@@ -64,6 +64,7 @@ def test_camera_frames_match_reference(device):
         np.testing.assert_allclose(ours.numpy(), expected, rtol=0, atol=1e-12)
 
 
+@pytest.mark.smoke("*-rays-experiment_1", "*-packets-room")
 @pytest.mark.parametrize("name", ["room", "experiment_1"])
 def test_random_and_surface_points_match_reference(name, device, caster):
     preset = scenes.PRESETS[name]

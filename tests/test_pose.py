@@ -34,6 +34,7 @@ AXES = {
 }
 
 
+@pytest.mark.smoke("ros_body", "opengl")
 @pytest.mark.parametrize("convention", AXES)
 @given(rows)
 def test_conventions_are_converted_to_opencv(convention, poses):

@@ -67,6 +67,7 @@ def assert_map_matches(views, scene, camera, poses, places, **options):
 
 
 # Whole tiles; partial blocks; less than a block; several trees side by side and one above another.
+@pytest.mark.smoke("*-packets-*", "*-rays-shape3")
 @parametrize("shape", [(64, 64), (75, 90), (3, 70), (2, 2), (9, 700), (260, 150)], keep=(1, 3))
 def test_maps_match_reference(shape, device, caster):
     scene, cameras = build(device, random_poses(np.random.default_rng(1), len(SHAPES))), eyes(2)
@@ -76,6 +77,7 @@ def test_maps_match_reference(shape, device, caster):
     assert_map_matches(views, scene, CAMERA, cameras, places)
 
 
+@pytest.mark.smoke("*-packets-*")
 @parametrize("cull_backfaces", [False, True])
 def test_square_pixels_in_a_room(cull_backfaces, device, caster):
     preset = scenes.PRESETS["room"]

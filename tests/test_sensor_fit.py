@@ -44,6 +44,7 @@ def millimeters(depth):
     return np.rint(np.where(np.isfinite(depth), depth, 0) * 1000) / 1000
 
 
+@pytest.mark.smoke("smooth-meters-baseline", "without steps-meters-baseline")
 @parametrize("given", [{"baseline": BASELINE}, {"subpixel": "own"}, {}], ids=["baseline", "subpixel", "band"])
 @parametrize("rounded", [False, True], ids=["meters", "millimeters"])
 @pytest.mark.parametrize(

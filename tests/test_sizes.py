@@ -17,6 +17,7 @@ from support.sizes import NEAR, SHAPES, SURROUNDED, TURNED, assert_alike, build,
 from support.worlds import ALL, MESHES, SMALL, assert_bits_equal, assert_views_match_twins, eyes, random_poses
 
 
+@pytest.mark.smoke("*-packets-True", "*-rays-False")
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_scaled_objects_match_scene_built_at_scale(device, caster, cull_backfaces):
     rng, world = np.random.default_rng(0), np.array([1, 0, 2, 1])

@@ -28,6 +28,7 @@ def test_surfaces_match_reference(device, caster, name):
     assert_matches_reference(render(scene, SMALL, cameras, caster), scene, SMALL, cameras)
 
 
+@pytest.mark.smoke("*packets*")
 def test_intersecting_solids_and_meshes(device, caster):
     rng = np.random.default_rng(0)
     meshes = [trimesh.creation.box((0.5, 0.3, 0.7)), trimesh.creation.icosphere(subdivisions=2, radius=0.3)]
@@ -137,6 +138,7 @@ def test_static_solid_equals_its_triangles(device, caster):
     assert_bits_equal(*(render(one, SMALL, eyes(2), caster) for one in (scene, twin)))
 
 
+@pytest.mark.smoke("*packets*")
 def test_deformed_solid_becomes_triangles(device, caster):
     scene = build(device, [(0, 0, 1, 0, 0, 0, 1)], names=["sphere"])
     before = scene["sphere"].solid

@@ -24,6 +24,7 @@ def assert_matches_reference(scene, camera, poses, **options):
     return views
 
 
+@pytest.mark.smoke("*-gaps", "*-few rows", "*-borders", "*-column", "*-one")
 @pytest.mark.parametrize("name", PATTERNS)
 def test_room_matches_reference(name, device):
     scene = wv.scenes.PRESETS["room"].build(device)
@@ -31,6 +32,7 @@ def test_room_matches_reference(name, device):
     assert_matches_reference(scene, PATTERNS[name], poses)
 
 
+@pytest.mark.smoke("*-no order-clip", "*-lidar-occlude")
 @pytest.mark.parametrize(
     ("name", "near_plane"),
     [
@@ -179,6 +181,7 @@ def test_lidar_scans_use_grid_packets():
     assert not scattered.packets and scattered.points.frame.shape[0] < 1.3 * 1500 / 256  # points per packet
 
 
+@pytest.mark.slow
 def test_large_lens_packets_match_single_rays(device):
     """Most of a lens's rays are in packets of 32x32, the rest in smaller ones."""
     matrix = [[330, 0, 319.5], [0, 330, 239.5], [0, 0, 1]]
@@ -248,6 +251,7 @@ def fine_scene():
     return scene
 
 
+@pytest.mark.smoke("few rows")
 @pytest.mark.parametrize("name", FINE)
 def test_triangles_smaller_than_ray_spacing_match_reference(name):
     views = assert_matches_reference(fine_scene(), FINE[name], STRAIGHT[None])

@@ -92,6 +92,7 @@ def mix_by_twin(scene, sensor, camera, poses, seen):
     return mix, margin
 
 
+@pytest.mark.smoke("*-packets-full", "*-rays-three")
 @pytest.mark.parametrize(
     "sensor",
     [

@@ -66,6 +66,7 @@ def test_native_code_is_stopped_by_the_time_limit(case, project, monkeypatch):
     protos.close()
 
 
+@pytest.mark.slow
 def test_world_loads_despite_endless_templates(project, monkeypatch):
     monkeypatch.setattr(templates, "SECONDS", 1)
     project.proto("Endless", "", ENDLESS["lua pattern"][1] + sphere(1))
@@ -251,6 +252,7 @@ def is_alive(pid):
         return False
 
 
+@pytest.mark.smoke("idle")
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
 @pytest.mark.parametrize("case", ["idle", pytest.param("busy", marks=pytest.mark.slow), "held"])
 def test_process_ends_with_its_parent(case):

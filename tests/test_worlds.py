@@ -28,6 +28,7 @@ from support.worlds import (
 )
 
 
+@pytest.mark.smoke("*packets*")
 def test_unmoved_scene_equals_static_scene(device, caster):
     rows = random_poses(np.random.default_rng(0), 5)
     still, movable = (build(device, rows, movable=movable) for movable in (False, True))
@@ -39,6 +40,7 @@ def test_unmoved_scene_equals_static_scene(device, caster):
     assert_matches_reference(other, still, SMALL, eyes(3))
 
 
+@pytest.mark.smoke("*-packets-True-True", "*-rays-False-False")
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("static", [True, False])
 def test_moved_objects_match_scene_built_there(static, cull_backfaces, device, caster):
@@ -73,6 +75,7 @@ def test_moving_rebuilds_nothing(device, caster):
     assert_bits_equal(first, again)
 
 
+@pytest.mark.smoke("*packets*")
 def test_instances_share_one_tree(device, caster):
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.12)
     rows = random_poses(np.random.default_rng(4), 2, 40)
@@ -136,6 +139,7 @@ def test_invalid_world_index_on_device_is_empty(device, caster):
     assert_bits_equal(view_of(views, 3), renderer.render(eyes(4)[3], object_poses=rows[0]))
 
 
+@pytest.mark.smoke("*packets*")
 def test_excluded_objects_are_not_rendered(device, caster):
     """By name or index, movable and static objects; equal to a scene where these are far away."""
     rows = random_poses(np.random.default_rng(8), 5)
@@ -153,6 +157,7 @@ def test_excluded_objects_are_not_rendered(device, caster):
     assert (shifted != expected).mean() <= 1e-4
 
 
+@pytest.mark.smoke("*packets*")
 def test_exclude_in_a_static_scene(device, caster):
     rows = random_poses(np.random.default_rng(9), 5)
     scene = build(device, rows, movable=False)
@@ -252,6 +257,7 @@ def test_render_at_with_worlds_and_exclude(device, caster):
     np.testing.assert_allclose(points.points.numpy()[seen], image.points.numpy().reshape(2, -1, 3)[seen], atol=1e-4)
 
 
+@pytest.mark.smoke("*packets*", "*-rays-outputs1-3")
 @pytest.mark.parametrize("views", [1, 3])
 @pytest.mark.parametrize("outputs", [ALL, ("depth", "points", "labels", "segmentation"), ("depth",)])
 def test_results_are_bit_identical_for_any_thread_count(outputs, views, device, caster):
@@ -269,6 +275,7 @@ def test_results_are_bit_identical_for_any_thread_count(outputs, views, device, 
         assert_bits_equal(renderer.render(eyes(views), object_poses=rows, exclude=flags), first)
 
 
+@pytest.mark.smoke("*packets*")
 def test_camera_plane_crosses_objects(device, caster):
     """The camera is inside closed objects, and in front of, next to and behind others."""
     rng = np.random.default_rng(13)
@@ -330,6 +337,7 @@ def test_mesh_far_from_its_own_origin(offset, device):
     assert_matches_reference(views, twin, SMALL, poses)
 
 
+@pytest.mark.smoke("*packets*")
 def test_thousand_objects(device, caster):
     rng = np.random.default_rng(15)
     meshes = [trimesh.creation.box((0.1, 0.2, 0.15)), trimesh.creation.icosphere(subdivisions=1, radius=0.1)] * 500

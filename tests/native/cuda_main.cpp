@@ -45,12 +45,10 @@ void* Reader::array(int* shape) {
 int main() {
     static Reader reader;
     static Arguments arguments;
-    int32_t variant, size[3];
-    reader.bytes(&variant, sizeof(variant));
+    int32_t size[3];
     reader.bytes(size, sizeof(size));
-    require(variant >= 0 && variant < VARIANTS, "no such variant");
     read(reader, arguments);
-    const emulator::Launch launch = {packet_functions[variant], &arguments, size[0], size[1], size[2]};
+    const emulator::Launch launch = {packet_function, &arguments, size[0], size[1], size[2]};
     char* expected[Reader::MAX_IMAGES];
     for (int order = 0; order < emulator::ORDERS; ++order) {
         // Bytes that are not written differ between orders.
