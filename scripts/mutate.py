@@ -68,7 +68,7 @@ TESTS: tuple[tuple[str, str], ...] = (
     ("cpu/plain_rays.h", "exact_pixels casters"),
     ("cpu/sparse.h", "packets points solids exact_pixels"),
     ("cpu/solids.h", "solids sizes"),
-    ("cpu/movables.h", "worlds sizes instances solids"),
+    ("cpu/movables.h", "worlds sizes instances solids object_visibility"),
     ("cpu/worlds.h", "worlds sizes instances packets"),
     ("shared/stretch.h", "sizes"),
     ("cpu/workers.h", "threads packets worlds"),

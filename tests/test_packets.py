@@ -147,6 +147,27 @@ def test_skipping_back_faces_of_closed_meshes_is_exact(monkeypatch, device):
         np.testing.assert_array_equal(getattr(lean, name).numpy(), getattr(whole, name).numpy())
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_front_faces_in_a_long_box_of_mostly_back_faces(axis, device):
+    """The bases of two long cones, 2 m apart along their common normal: a camera is in between, off to a side."""
+    angle, next_one = np.arange(8) * np.pi / 4, np.roll(np.arange(8), -1)
+    ring = np.stack([np.zeros(8), 0.05 * np.cos(angle), 0.05 * np.sin(angle)], axis=1)
+    cone = np.concatenate([ring, [(0, 0, 0), (-30, 0, 0)]])
+    faces = [(8, k, next_one[k]) for k in range(8)] + [(9, next_one[k], k) for k in range(8)]
+    bases = np.array([(-1, 0, 0), (1, 0, 0.12)])
+    scene = wv.Scene(device=device)
+    for base in bases:
+        scene.add((np.roll(cone + base, axis, axis=1), np.array(faces)))
+    assert scene.bvh().struct.closed_count == 2
+    eye, target, up = np.roll([(-0.7, -1, 0), bases[0], (0, 0, 1)], axis, axis=1)
+    pose = wv.look_at(eye, target, up=up)[None].astype(np.float32)
+    camera = wv.Camera.from_fov(120, 90, hfov=0.3)
+    views = wv.render(scene, camera, pose, outputs=ALL)
+    toward = np.nan_to_num(views.normals.numpy()[0, ..., axis])
+    assert (toward > 0.99).sum() > 200
+    assert_matches_reference(views, scene, camera, pose)
+
+
 def test_million_triangles_in_one_pixel(device):
     """A finely meshed ball, much smaller than a pixel, is exactly at the pixel center."""
     ball = trimesh.creation.icosphere(subdivisions=8, radius=0.1)
@@ -348,3 +369,19 @@ def test_slivers_match_reference(device, caster, thickness, behind):
     assert_matches_reference(views, scene, camera, cameras)
     few = wv.render(scene, camera, cameras, outputs="depth", caster=caster, threads=3)
     assert few.depth.numpy().tobytes() == views.depth.numpy().tobytes()
+
+
+@pytest.mark.parametrize("upright", [True, False], ids=["upright", "level"])
+def test_pixel_centers_exactly_on_edges_of_slivers(device, caster, upright):
+    """Edges belong to a triangle: 100 centers are on one edge, and none is inside if that edge is one ulp further."""
+    camera = wv.Camera(128, 128, 64.0, 64.0, 64.5, 64.5)
+    first = np.float32(9.0)  # in pixels from the principal point, at a depth of 64 m
+    for offset, expected in ((first, 100), (np.nextafter(first, np.float32(10)), 0)):
+        corners = np.array([(offset, -49.75, 64), (offset, 50.25, 64), (9.0078125, 0, 64)], dtype=np.float32)
+        scene = wv.Scene(device=device)
+        scene.add((corners[:, [0, 1, 2] if upright else [1, 0, 2]], np.array([[0, 1, 2]])), name="sliver")
+        views = wv.render(scene, camera, (0, 0, 0, 0, 0, 0, 1), outputs=("depth", "segmentation"), caster=caster)
+        seen = np.argwhere(views.segmentation.numpy()[0] == 0)
+        assert len(seen) == expected
+        assert (seen[:, 1 if upright else 0] == 64 + 9).all()
+        np.testing.assert_array_equal(views.depth.numpy()[0][tuple(seen.T)], 64.0)

@@ -258,6 +258,26 @@ def test_triangles_smaller_than_ray_spacing_match_reference(name):
     assert len(np.unique(views.segmentation.numpy())) >= 2
 
 
+@pytest.mark.parametrize("culled", [True, False], ids=["culled", "excluded"])
+def test_tiny_triangles_do_not_reveal_invisible_ones(culled, device):
+    """A tetrahedron smaller than the ray spacing, in one leaf with a box around it: back faces, or excluded.
+
+    Invisible triangles have an empty rectangle at the corner of a cube face, to which some rays are close.
+    """
+    camera = Table(scan(121, 240, 1.2))
+    middle = camera.rays[60, 120]
+    corners = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]) * 0.005 + 1.5 * middle + (0.002, 0.001, 0)
+    dot = corners.astype(np.float32), np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)])
+    scene, alone = wv.Scene(device=device), wv.Scene(device=device)
+    for one in (scene, alone):
+        one.add(dot, name="dot")
+    scene.add(trimesh.creation.box((9, 9, 9)), name="around")
+    options = {"cull_backfaces": True} if culled else {"exclude": np.array([[0, 1]], dtype=np.uint8)}
+    views = wv.render(scene, camera, STRAIGHT[None], outputs=ALL, **options)
+    assert set(np.unique(views.segmentation.numpy())) == {-1, 0}
+    assert_views_match(views, alone, camera, STRAIGHT[None])
+
+
 @pytest.mark.parametrize("name", FINE)
 def test_results_are_independent_of_ray_order(name):
     """Rays that are not adjacent in the table have no fits, and separate packets."""
