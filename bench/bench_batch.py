@@ -92,10 +92,10 @@ def new_dataset(out: Path) -> Iterator[None]:
         shutil.rmtree(out, ignore_errors=True)
 
 
-def write_batch(scene: wv.Scene, frames: Frames, arguments: argparse.Namespace, **given: Any) -> BatchSummary:
+def write_batch(scene: wv.Scene, frames: Frames, arguments: argparse.Namespace, **settings: Any) -> BatchSummary:
     """Render to the dataset."""
     kind = {"format": arguments.format, "outputs": arguments.outputs.split(","), "options": arguments.options}
-    return render_batch(scene, CAMERA, frames, arguments.out, shard_frames=arguments.shard_frames, **kind, **given)
+    return render_batch(scene, CAMERA, frames, arguments.out, shard_frames=arguments.shard_frames, **kind, **settings)
 
 
 def compare_with_rendering(scene: wv.Scene, frames: Frames, arguments: argparse.Namespace) -> None:
@@ -103,19 +103,19 @@ def compare_with_rendering(scene: wv.Scene, frames: Frames, arguments: argparse.
     poses, outputs = frames.camera_to_world.astype(np.float32), tuple(arguments.outputs.split(","))
     ratios, growths = [], []
     for round_ in range(arguments.rounds):
-        others = OtherWork()
+        other_work = OtherWork()
         before = max(render_alone(scene, poses, outputs, batch) for batch in BATCHES)
         memory = Memory(arguments.out, arguments.shard_frames or BATCHES[-1], len(frames))
         with new_dataset(arguments.out), memory:
             summary = write_batch(scene, frames, arguments)
-        alone = (before + max(render_alone(scene, poses, outputs, batch) for batch in BATCHES)) / 2
-        ratios.append(summary.frames_per_second / alone)
+        rendering_rate = (before + max(render_alone(scene, poses, outputs, batch) for batch in BATCHES)) / 2
+        ratios.append(summary.frames_per_second / rendering_rate)
         growth, size = memory.growth()
         growths.append(growth)
         print(
-            f"round {round_ + 1}: alone {alone:.0f} frames/s, batch {summary.frames_per_second:.0f} frames/s "
+            f"round {round_ + 1}: alone {rendering_rate:.0f} frames/s, batch {summary.frames_per_second:.0f} frames/s "
             f"({summary.bytes / summary.seconds / 1e9:.2f} GB/s): {ratios[-1]:.0%}; "
-            f"{size / 1e6:.0f} MB resident, within {growth:.1%} from frame {FLAT_FROM} on. {others.warning()}"
+            f"{size / 1e6:.0f} MB resident, within {growth:.1%} from frame {FLAT_FROM} on. {other_work.warning()}"
         )
     reached = "reached" if np.median(ratios) >= MIN_RATIO and max(growths) <= MAX_GROWTH else "MISSED"
     print(
@@ -159,16 +159,16 @@ def compare_with_each_other(scene: wv.Scene, frames: Frames, arguments: argparse
         choices = {f"{count} workers": (count, {"engine": "ray", "workers": count}) for count in counts}
     rates: dict[str, list[float]] = {name: [] for name in choices}
     for round_ in range(arguments.rounds):
-        for name, (cores, given) in choices.items():
+        for name, (cores, settings) in choices.items():
             with ray_cluster(cores), new_dataset(arguments.out):
-                summary = write_batch(scene, frames, arguments, **given)
+                summary = write_batch(scene, frames, arguments, **settings)
                 rates[name].append(steady_rate(arguments.out, len(frames)))
-            whole = f"{summary.frames_per_second:.0f} with the start of processes"
-            print(f"round {round_ + 1}: {name}: {rates[name][-1]:.0f} frames/s, {whole}")
+            total_rate = f"{summary.frames_per_second:.0f} with the start of processes"
+            print(f"round {round_ + 1}: {name}: {rates[name][-1]:.0f} frames/s, {total_rate}")
     print(f"medians: {', '.join(f'{name} {np.median(rate):.0f}' for name, rate in rates.items())} frames/s")
     first, *_, last = map(np.array, rates.values())
-    times, least = float(np.median(last / first)), MIN_SPEEDUP[arguments.engine]
-    print(f"{times:.2f} times in the median round, at least {least}: {'reached' if times >= least else 'MISSED'}")
+    times, minimum = float(np.median(last / first)), MIN_SPEEDUP[arguments.engine]
+    print(f"{times:.2f} times in the median round, at least {minimum}: {'reached' if times >= minimum else 'MISSED'}")
 
 
 def parse_arguments() -> argparse.Namespace:

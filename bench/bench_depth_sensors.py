@@ -48,8 +48,8 @@ def calls(name: str, **options: Any) -> dict[str, Callable[[], Any]]:
     renderers["exact, with normals"] = wv.Renderer(scene, endless, outputs=("depth", "normals"), **options)
     for part, sensor in PARTS.items():
         renderers[part] = wv.Renderer(scene, CAMERA, outputs="depth", sensor=sensor, **options)
-    made = {part: renderer.render(poses) for part, renderer in renderers.items()}
-    return {part: lambda part=part: renderers[part].render(poses, out=made[part]) for part in renderers}
+    views = {part: renderer.render(poses) for part, renderer in renderers.items()}
+    return {part: lambda part=part: renderers[part].render(poses, out=views[part]) for part in renderers}
 
 
 @pytest.mark.benchmark(group="depth sensors")

@@ -57,11 +57,11 @@ def render(device: str, case: str, threads: int | None = None) -> Callable[[], o
         "twist": Motion.from_twist(poses, (1.0, 0, 0), (0, 1.0, 0)),
     }.get(moves, poses)
     rows = objects()
-    there = {"objects": Motion(rows, [0, READOUT])}.get(moves, rows[0] if among == "20 objects" else None)
-    views = renderer.render(sensor, object_poses=there)
+    object_poses = {"objects": Motion(rows, [0, READOUT])}.get(moves, rows[0] if among == "20 objects" else None)
+    views = renderer.render(sensor, object_poses=object_poses)
 
     def call() -> None:
-        renderer.render(sensor, object_poses=there, out=views)
+        renderer.render(sensor, object_poses=object_poses, out=views)
         wp.synchronize_device(device)
 
     return call
@@ -91,8 +91,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument("--device", default="cpu")
-    given = parser.parse_args()
-    times = take_turns([render(given.device, case) for case in CASES], given.rounds)
+    arguments = parser.parse_args()
+    times = take_turns([render(arguments.device, case) for case in CASES], arguments.rounds)
     medians = [1e3 / VIEWS * float(np.median(column)) for column in times]
     for case, median in zip(CASES, medians, strict=True):
         still = medians[0 if case.startswith("room") else 3]

@@ -128,9 +128,9 @@ def compare(rounds: int) -> None:
         (f"Open3D only those in view, {share.sum():,}", check("everywhere"), open3d(everywhere[share])),
         ("a million points in view", check("in view"), open3d(seen)),
     )
-    for title, own, other in rows:
-        own(), other()
-        times = [np.median(column) for column in take_turns([own, other], rounds)]
+    for title, ours, theirs in rows:
+        ours(), theirs()
+        times = [np.median(column) for column in take_turns([ours, theirs], rounds)]
         print(
             f"{title}: {1e3 * times[0]:.1f} ms, Open3D {1e3 * times[1]:.1f} ms: {times[1] / times[0]:.1f} times as fast"
         )
@@ -170,11 +170,11 @@ def disagreements(name: str, judge: Callable[..., NDArray[np.bool_]]) -> tuple[i
         pose = pose_of(name, view, VIEWS)
         for points, allowed in ((random, 0.0), (surface, 1e-4)):
             status = wv.point_visibility(scene, CAMERA, pose, points, tolerance=allowed).numpy()[0]
-            chosen, own = points[in_view(status)], status[in_view(status)] == wv.Visibility.OCCLUDED
-            other = np.flatnonzero(own != judge(pose[0], chosen, np.full(len(chosen), allowed)))
+            chosen, hidden_here = points[in_view(status)], status[in_view(status)] == wv.Visibility.OCCLUDED
+            other = np.flatnonzero(hidden_here != judge(pose[0], chosen, np.full(len(chosen), allowed)))
             eye = pose[0, :3].astype(np.float64)
             exact = [is_sure(corners, eye, chosen[i].astype(np.float64), allowed) for i in other]
-            wrong = [sure and hidden != own[i] for i, (hidden, sure) in zip(other, exact, strict=True)]
+            wrong = [sure and hidden != hidden_here[i] for i, (hidden, sure) in zip(other, exact, strict=True)]
             counts += [len(chosen), len(other), sum(wrong)]
     return int(counts[0]), int(counts[1]), int(counts[2])
 

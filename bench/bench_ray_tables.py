@@ -98,23 +98,23 @@ def compare(name: str, rounds: int) -> None:
     calls = [*(render(name, camera) for camera in names), render(name, "ouster", caster="rays"), render_once(name)]
     calls[-1]()
     peer, images = open3d(name)
-    own, other = calls[0]().depth.numpy(), images(peer())
+    depth, peer_depth = calls[0]().depth.numpy(), images(peer())
     with np.errstate(invalid="ignore"):
-        same = (own == other) | (np.abs(own - other) <= TOLERANCE * np.maximum(1, other))
+        same = (depth == peer_depth) | (np.abs(depth - peer_depth) <= TOLERANCE * np.maximum(1, peer_depth))
     times = [1e3 / VIEWS * float(np.median(column)) for column in take_turns([*calls, peer], rounds)]
-    scan, lens, pinhole, ouster, one_place, alone, once, theirs = times
+    scan, lens, pinhole, ouster, one_place, single, wide, theirs = times
     print(
         f"{name}: scan {scan:.3f} ms, Open3D {theirs:.3f} ms ({same.mean():.4%} of rays alike): {theirs / scan:.1f} "
         f"times as fast, {_reached(theirs / scan >= MIN_TIMES[name])} ({MIN_TIMES[name]:g})"
     )
-    print(f"{name}: scan by render_wide {once:.3f} ms: {theirs / once:.1f} times as fast as Open3D")
+    print(f"{name}: scan by render_wide {wide:.3f} ms: {theirs / wide:.1f} times as fast as Open3D")
     print(
         f"{name}: lens {lens:.3f} ms, pinhole {pinhole:.3f} ms: {lens / pinhole:.2f} of its time, "
         f"{_reached(lens / pinhole <= MAX_OF_PINHOLE)} ({MAX_OF_PINHOLE:g})"
     )
     print(
         f"{name}: Ouster {ouster:.3f} ms, from one place {one_place:.3f} ms: {ouster / one_place:.2f} of its time, "
-        f"{_reached(ouster / one_place <= MAX_OF_ONE_ORIGIN)} ({MAX_OF_ONE_ORIGIN:g}); {alone / ouster:.1f} times as "
+        f"{_reached(ouster / one_place <= MAX_OF_ONE_ORIGIN)} ({MAX_OF_ONE_ORIGIN:g}); {single / ouster:.1f} times as "
         "fast as ray by ray"
     )
 

@@ -85,13 +85,13 @@ def main() -> None:
     write(arguments.out, arguments.scene, arguments.frames)
     rng = np.random.default_rng(0)
     rates: dict[str, list[float]] = {}
-    for turn in range(-1, arguments.rounds):  # the first round fills the page cache
+    for round_ in range(-1, arguments.rounds):  # the first round fills the page cache
         for name, read in readers(arguments.out).items():
             if arguments.cold:
                 os.sync()
                 Path("/proc/sys/vm/drop_caches").write_text("1")
             rate = measure(read, rng.permutation(arguments.frames), arguments.seconds)
-            if turn >= 0:
+            if round_ >= 0:
                 rates.setdefault(name, []).append(rate)
     for name, rounds in rates.items():
         print(f"{name:28} {np.median(rounds):8,.0f} frames/s (from {min(rounds):,.0f} to {max(rounds):,.0f})")

@@ -44,12 +44,12 @@ def calls(name: str, **options: Any) -> dict[str, Callable[[], Any]]:
     y, x = np.mgrid[: CAMERA.height, : CAMERA.width] + 0.5
     places = np.stack([x - shift, np.broadcast_to(y, depth.shape)], axis=-1).astype(np.float32)
     shapes = {"map": places.shape[:3], "list": (VIEWS, depth[0].size)}
-    given = {way: wp.array(places.reshape(*shape, 2), dtype=wp.vec2, device="cpu") for way, shape in shapes.items()}
-    out = {way: renderer.render_at(aside, pixels) for way, pixels in given.items()}
+    arrays = {way: wp.array(places.reshape(*shape, 2), dtype=wp.vec2, device="cpu") for way, shape in shapes.items()}
+    out = {way: renderer.render_at(aside, pixels) for way, pixels in arrays.items()}
     return {
         "image": lambda: renderer.render(poses, out=image),
-        "map": lambda: renderer.render_at(aside, given["map"], out=out["map"]),
-        "list": lambda: renderer.render_at(aside, given["list"], out=out["list"]),
+        "map": lambda: renderer.render_at(aside, arrays["map"], out=out["map"]),
+        "list": lambda: renderer.render_at(aside, arrays["list"], out=out["list"]),
     }
 
 

@@ -80,9 +80,9 @@ def check_fractions(name: str, delta: float) -> int:
     distance = everything.depth.numpy() * length
     worst = 0
     for k, index in enumerate(chosen):
-        item, alone = scene.objects[index], wv.Scene()
-        alone.add((item.vertices, item.faces), name=item.name)
-        depth = wv.render(alone, wide, poses, outputs=("depth",)).depth.numpy()
+        item, isolated = scene.objects[index], wv.Scene()
+        isolated.add((item.vertices, item.faces), name=item.name)
+        depth = wv.render(isolated, wide, poses, outputs=("depth",)).depth.numpy()
         model = depth[:, height : 2 * height, width : 2 * width] * length
         with np.errstate(invalid="ignore"):
             shown = model - distance <= delta if delta > 0 else everything.segmentation.numpy() == index

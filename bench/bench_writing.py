@@ -76,7 +76,7 @@ def write(out: Path, name: str, depth: np.ndarray, threads: int, seconds: float)
     plan = make_plan(scene, CAMERA, frames, find_format(kind), shard_frames=SHARD, options=options)
     store = open_store(out)
     store.create()
-    whole: dict[int, Record] = {}
+    records: dict[int, Record] = {}
 
     def shards() -> Iterator[int]:
         for shard in range(MAX_SHARDS):
@@ -89,9 +89,9 @@ def write(out: Path, name: str, depth: np.ndarray, threads: int, seconds: float)
         if writer._processes is not None:
             writer._processes.ready()
         start = time.perf_counter()
-        writer.run(shards(), whole.__setitem__)
-        rate = SHARD * len(whole) / (time.perf_counter() - start)
-    return rate, dict(whole[0].files)
+        writer.run(shards(), records.__setitem__)
+        rate = SHARD * len(records) / (time.perf_counter() - start)
+    return rate, dict(records[0].files)
 
 
 def cv2_in_a_loop(out: Path, depth: np.ndarray, seconds: float) -> float:
@@ -145,7 +145,7 @@ PEERS: dict[str, tuple[str, Peer]] = {
 def compare(out: Path, name: str, depth: np.ndarray, arguments: argparse.Namespace) -> None:
     """Print a row: the rates of all numbers of threads, and that of the peer."""
     rates, sums = {}, []
-    others = OtherWork()
+    other_work = OtherWork()
     for threads in arguments.threads:
         try:
             rates[threads], files = write(out, name, depth, threads, arguments.seconds)
@@ -157,16 +157,16 @@ def compare(out: Path, name: str, depth: np.ndarray, arguments: argparse.Namespa
         sums.append(files)
     title, peer = PEERS[name]
     try:
-        beside = f"{title} {peer(out, depth, arguments.seconds):,.0f}"
+        peer_rate = f"{title} {peer(out, depth, arguments.seconds):,.0f}"
     except ImportError as error:
-        beside = f"{title} left out: {error}"
+        peer_rate = f"{title} left out: {error}"
     finally:
         shutil.rmtree(out, ignore_errors=True)
     first, last = arguments.threads[0], arguments.threads[-1]
     line = " ".join(f"{rate:9,.0f}" for rate in rates.values())
     same = "the same bytes" if all(item == sums[0] for item in sums) else "OTHER BYTES"
     times = rates[last] / rates[first]
-    print(f"{name:11}{line}   {times:5.2f} times, {same}; {beside}. {others.warning()}", flush=True)
+    print(f"{name:11}{line}   {times:5.2f} times, {same}; {peer_rate}. {other_work.warning()}", flush=True)
     if first == 1 and last >= 16 <= core_count() and name != "npz":
         verdict = "reached" if times >= MIN_TIMES else "MISSED"
         print(f"{name}: {times:.1f} times one thread, at least {MIN_TIMES:g}: {verdict}")

@@ -203,7 +203,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _say(f"compare.py: {error}")
             return 2
     wp.config.log_level = wp.LOG_WARNING
-    others = OtherWork()
+    other_work = OtherWork()
     methods = [method for method in METHODS if _is_wanted(method, options.methods)]
     results = []
     for name in options.scenes:
@@ -211,8 +211,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     more = [] if options.skip_more else measure_more(options.scenes, options.rounds)
     tables = "\n\n".join([markdown(results, methods, options.rounds), *([more_markdown(more)] if more else [])])
     print(tables, flush=True)
-    if others.warning():
-        _say(others.warning())
+    if other_work.warning():
+        _say(other_work.warning())
     if options.json:
         write_json(options.json, results, more)
     if options.markdown:

@@ -138,11 +138,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_options(parser, _LIMIT, TOLERATED, _ROUNDS)
     options = parser.parse_args(arguments)
     wp.config.log_level = wp.LOG_WARNING
-    machine, others = machine_id(), OtherWork()
+    machine, other_work = machine_id(), OtherWork()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     status = run_guard(options, machine, ROOT / ".benchmarks" / machine / "ratios.json", workloads())
-    print(others.warning(), flush=True)
+    print(other_work.warning(), flush=True)
     return status
 
 

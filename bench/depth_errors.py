@@ -41,8 +41,8 @@ def say_icl_nuim(depth: NDArray, rng: np.random.Generator) -> NDArray[np.float64
     views, height, width = depth.shape
     view, y, x = np.ogrid[:views, :height, :width]
     row, column = (
-        np.clip(np.rint(at + rng.normal(scale=0.5, size=depth.shape)), 0, size - 1).astype(int)
-        for at, size in ((y, height), (x, width))
+        np.clip(np.rint(center + rng.normal(scale=0.5, size=depth.shape)), 0, size - 1).astype(int)
+        for center, size in ((y, height), (x, width))
     )
     centimeters = 100.0 * depth[view, row, column].astype(np.float64)
     with np.errstate(divide="ignore"):  # the sky has infinite depth
@@ -57,8 +57,8 @@ def measure(views: int) -> tuple[NDArray, dict[str, NDArray]]:
     for name, model in MODELS.items():
         seen = wv.render(scene, CAMERA, poses, outputs=("depth", "true_depth"), sensor=model, seed=1, frame=0)
         exact = seen.true_depth.numpy()
-        said = {name: seen.depth.numpy()} if errors else {FORMULA: say_icl_nuim(exact, rng), name: seen.depth.numpy()}
-        errors |= {key: np.where(np.isfinite(depth + exact), depth, np.nan) - exact for key, depth in said.items()}
+        images = {name: seen.depth.numpy()} if errors else {FORMULA: say_icl_nuim(exact, rng), name: seen.depth.numpy()}
+        errors |= {key: np.where(np.isfinite(depth + exact), depth, np.nan) - exact for key, depth in images.items()}
     return exact, errors
 
 
@@ -73,14 +73,14 @@ def show(exact: NDArray, errors: dict[str, NDArray]) -> None:
     print("| depth, m | " + " | ".join(errors) + " |")
     print("|---|" + "---:|" * len(errors))
     for low, high in pairwise(BANDS):
-        there = (exact >= low) & (exact < high)
+        in_band = (exact >= low) & (exact < high)
         cells = []
         for found in errors.values():
-            of_band = found[there]
+            of_band = found[in_band]
             seen = of_band[np.isfinite(of_band)]
-            kept = 1000 * middle_of(seen)
+            central = 1000 * middle_of(seen)
             lost = 1 - len(seen) / len(of_band)
-            cells.append(f"{kept.mean():+.1f}, {kept.std():.1f}; {lost:.1%}")
+            cells.append(f"{central.mean():+.1f}, {central.std():.1f}; {lost:.1%}")
         print(f"| {low:g} to {high:g} | " + " | ".join(cells) + " |")
 
 
@@ -93,12 +93,12 @@ def draw(exact: NDArray, errors: dict[str, NDArray], path: str) -> None:
         len(bands), len(names), figsize=(2.5 * len(names), 1.15 * len(bands)), sharex="row", layout="constrained"
     )
     for row, (low, high) in zip(axes, bands, strict=True):
-        there = (exact >= low) & (exact < high)
-        most = 3 * 2.85e-3 * high**2
-        bins = 1000 * np.linspace(-most, most, 61)
+        in_band = (exact >= low) & (exact < high)
+        limit = 3 * 2.85e-3 * high**2
+        bins = 1000 * np.linspace(-limit, limit, 61)
         for axis, name in zip(row, names, strict=True):
-            axis.hist(1000 * errors[FORMULA][there], bins, density=True, color="0.75")
-            axis.hist(1000 * errors[name][there], bins, density=True, histtype="step", color="tab:blue")
+            axis.hist(1000 * errors[FORMULA][in_band], bins, density=True, color="0.75")
+            axis.hist(1000 * errors[name][in_band], bins, density=True, histtype="step", color="tab:blue")
             axis.set_yticks([])
             axis.tick_params(labelsize=7)
         row[0].set_ylabel(f"{low:g} to {high:g} m", fontsize=8)

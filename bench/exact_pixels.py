@@ -42,7 +42,7 @@ class Prepared:
     """Triangles in views, ``[view, triangle]``."""
 
     edges: wp.array3d[wp.vec3d]  # edge functions, linear in u, v and 1: not negative inside
-    doubt: wp.array2d[wp.vec3d]  # rounding error bound of each edge function
+    error_bound: wp.array2d[wp.vec3d]  # rounding error bound of each edge function
     plane: wp.array2d[wp.vec3d]  # 1 / z, linear in u, v and 1
     box: wp.array2d[wp.vec4i]  # x0, y0, x1, y1 in pixels, inclusive
 
@@ -87,15 +87,15 @@ def prepare_triangles(
     normal = wp.cross(b - a, c - a)
     volume = wp.dot(normal, a)
     ray = wp.vec3d(wp.max(cx, wp.float64(width)), wp.max(cy, wp.float64(height)), wp.float64(1.0))
-    least = wp.float64(1.0e-15)
-    edge_on = wp.abs(volume) <= least * largest(b - a) * largest(c - a) * largest(a)
+    epsilon = wp.float64(1.0e-15)
+    edge_on = wp.abs(volume) <= epsilon * largest(b - a) * largest(c - a) * largest(a)
     sign = wp.where(volume < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
     near_a, near_b, near_c = nearer(b, c), nearer(c, a), nearer(a, b)  # of the edge opposite each corner
     prepared_out.edges[view, triangle, 0] = sign * wp.cross(b - c, near_a)
     prepared_out.edges[view, triangle, 1] = sign * wp.cross(c - a, near_b)
     prepared_out.edges[view, triangle, 2] = sign * wp.cross(a - b, near_c)
-    prepared_out.doubt[view, triangle] = (
-        least
+    prepared_out.error_bound[view, triangle] = (
+        epsilon
         * largest(ray)
         * wp.vec3d(largest(b - c) * largest(near_a), largest(c - a) * largest(near_b), largest(a - b) * largest(near_c))
     )
@@ -138,11 +138,11 @@ def compare_depth(
     for triangle in range(prepared_in.box.shape[1]):
         box = prepared_in.box[view, triangle]
         if x >= box[0] and x <= box[2] and y >= box[1] and y <= box[3]:
-            doubt = prepared_in.doubt[view, triangle]
+            error_bound = prepared_in.error_bound[view, triangle]
             if (
-                wp.dot(prepared_in.edges[view, triangle, 0], ray) >= -doubt[0]
-                and wp.dot(prepared_in.edges[view, triangle, 1], ray) >= -doubt[1]
-                and wp.dot(prepared_in.edges[view, triangle, 2], ray) >= -doubt[2]
+                wp.dot(prepared_in.edges[view, triangle, 0], ray) >= -error_bound[0]
+                and wp.dot(prepared_in.edges[view, triangle, 1], ray) >= -error_bound[1]
+                and wp.dot(prepared_in.edges[view, triangle, 2], ray) >= -error_bound[2]
             ):
                 nearest = wp.max(nearest, wp.dot(prepared_in.plane[view, triangle], ray))
     shown = wp.float64(depth_in[view, y, x])
@@ -163,7 +163,7 @@ class Wrong:
     where: str
     kind: str  # "hole", "no hole" or "depth"
     shown: float
-    there: float
+    true_depth: float
     edge: float  # distance to the nearest edge that could explain it [px]
     angle: float  # between the ray and the true or the rendered surface, whichever is less [degrees]
 
@@ -190,26 +190,26 @@ def look_again(case: Case, matrix: NDArray[np.float64], x: int, y: int, shown: f
             edge = np.cross(places[:, i] - places[:, j], np.where(from_i[:, None], places[:, i], places[:, j]))
             values.append(np.sign(volume) * (edge @ ray))
             lengths.append(np.hypot(edge[:, 0], edge[:, 1]))
-        beside = np.array(values) / np.array(lengths)  # pixels; negative outside
-    inside = (beside.min(0) >= -1e-12) & (volume != 0) & (z > 0)
-    there = z[inside].min() if inside.any() else np.inf
+        edge_distance = np.array(values) / np.array(lengths)  # pixels; negative outside
+    inside = (edge_distance.min(0) >= -1e-12) & (volume != 0) & (z > 0)
+    true_depth = z[inside].min() if inside.any() else np.inf
     # Triangles whose edges decide: those that the ray hits or passes, up to the farther of the two surfaces.
-    reach = max(depth for depth in (shown, there, 0.0) if np.isfinite(depth))
-    reach = np.inf if not (np.isfinite(shown) and np.isfinite(there)) else reach * (1 + 2 * TOLERANCE)
-    deciding = np.isfinite(beside).all(0) & (local[..., 2].max(-1) > 0) & (np.nan_to_num(z, nan=0.0) <= reach)
+    reach = max(depth for depth in (shown, true_depth, 0.0) if np.isfinite(depth))
+    reach = np.inf if not (np.isfinite(shown) and np.isfinite(true_depth)) else reach * (1 + 2 * TOLERANCE)
+    deciding = np.isfinite(edge_distance).all(0) & (local[..., 2].max(-1) > 0) & (np.nan_to_num(z, nan=0.0) <= reach)
     # Distance to leave or enter a triangle: to its nearest edge from inside, to the farthest edge passed from outside.
-    away = np.where(inside, beside.min(0), np.maximum(-beside, 0).max(0))
+    away = np.where(inside, edge_distance.min(0), np.maximum(-edge_distance, 0).max(0))
     metric = np.cross(local[:, 1] - local[:, 0], local[:, 2] - local[:, 0])
     direction = np.array([u / camera.fx, v / camera.fy, 1.0])
     with np.errstate(all="ignore"):
         sine = np.abs(metric @ direction) / (np.linalg.norm(metric, axis=1) * np.linalg.norm(direction))
     angles = np.degrees(np.arcsin(np.clip(sine, 0, 1)))
-    near = inside & (np.abs(z - there) <= 1e-9 * np.abs(there)) if np.isfinite(there) else inside
+    near = inside & (np.abs(z - true_depth) <= 1e-9 * np.abs(true_depth)) if np.isfinite(true_depth) else inside
     if np.isfinite(shown):
         near = near | (deciding & (away < 1e-2) & (np.abs(z - shown) < 1e-3 * shown))
     angle = float(np.nanmin(angles[near])) if near.any() else 90.0
-    kind = "hole" if not np.isfinite(shown) else "no hole" if not np.isfinite(there) else "depth"
-    return Wrong(where, kind, shown, float(there), float(away[deciding].min(initial=np.inf)), angle)
+    kind = "hole" if not np.isfinite(shown) else "no hole" if not np.isfinite(true_depth) else "depth"
+    return Wrong(where, kind, shown, float(true_depth), float(away[deciding].min(initial=np.inf)), angle)
 
 
 class Check:
@@ -250,7 +250,7 @@ class Check:
         size = len(case.poses), len(case.corners)
         prepared = Prepared()
         prepared.edges = wp.empty((*size, 3), dtype=wp.vec3d, device=device)
-        prepared.doubt = wp.empty(size, dtype=wp.vec3d, device=device)
+        prepared.error_bound = wp.empty(size, dtype=wp.vec3d, device=device)
         prepared.plane = wp.empty(size, dtype=wp.vec3d, device=device)
         prepared.box = wp.empty(size, dtype=wp.vec4i, device=device)
         lens = wp.array([camera.fx, camera.fy, camera.cx, camera.cy], dtype=wp.float64, device=device)
@@ -275,9 +275,10 @@ class Check:
             print(f"{family:14s} {self.pixels[family]:8.1e}  {text}{more}")
             worst = sorted((w for w in self.wrong[family] if w.edge > EDGE), key=lambda w: -w.edge)
             for wrong in worst[:_SHOWN]:
-                off = "" if wrong.kind != "depth" else f", {wrong.shown - wrong.there:+.2e} m"
+                off = "" if wrong.kind != "depth" else f", {wrong.shown - wrong.true_depth:+.2e} m"
                 print(
-                    f"    {wrong.where}: {wrong.kind}, {wrong.shown:.7g} shown, {wrong.there:.7g} there{off},", end=" "
+                    f"    {wrong.where}: {wrong.kind}, {wrong.shown:.7g} shown, {wrong.true_depth:.7g} there{off},",
+                    end=" ",
                 )
                 print(f"edge {wrong.edge:.2e} px, {wrong.angle:.4f} degrees")
             right &= not worst and not self.more[family]

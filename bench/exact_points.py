@@ -72,8 +72,8 @@ def _between(triangles: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArr
     normal = np.cross(b - a, c - a)
     sides = np.stack([np.cross(p, q) @ ends.T for p, q in ((a, b), (b, c), (c, a))])
     with np.errstate(divide="ignore", invalid="ignore"):
-        at = (normal * a).sum(axis=1)[:, None] / (normal @ ends.T)
-    return ((sides >= 0).all(axis=0) | (sides <= 0).all(axis=0)) & (at > 0) & (at < 1)
+        share = (normal * a).sum(axis=1)[:, None] / (normal @ ends.T)
+    return ((sides >= 0).all(axis=0) | (sides <= 0).all(axis=0)) & (share > 0) & (share < 1)
 
 
 def is_sure(
@@ -89,8 +89,8 @@ def is_sure(
     def hides(eye: NDArray[np.float64], end: NDArray[np.float64]) -> bool:
         return bool(_between(corners - eye, (end - eye)[None]).any())
 
-    beside = MARGIN * (np.outer(np.cos(turns), right) + np.outer(np.sin(turns), down))
+    offsets = MARGIN * (np.outer(np.cos(turns), right) + np.outer(np.sin(turns), down))
     hidden = hides(eye, end)
-    others = [hides(eye + step, end + step) for step in beside]
-    others += [hides(eye, end + step * along) for step in (-MARGIN, MARGIN)]
-    return hidden, all(other == hidden for other in others)
+    shifted = [hides(eye + step, end + step) for step in offsets]
+    shifted += [hides(eye, end + step * along) for step in (-MARGIN, MARGIN)]
+    return hidden, all(other == hidden for other in shifted)

@@ -45,10 +45,10 @@ class Case:
         parts = [vertices.astype(np.float64)[faces] for vertices, faces in self.still]
         for k, (vertices, faces) in enumerate(self.moving):
             matrix = poses_to_matrices(self.object_poses[k])
-            there = vertices.astype(np.float64)
+            scaled = vertices.astype(np.float64)
             if self.object_scales is not None:
-                there = there * self.object_scales[k]
-            parts.append((there @ matrix[:3, :3].T + matrix[:3, 3])[faces])
+                scaled = scaled * self.object_scales[k]
+            parts.append((scaled @ matrix[:3, :3].T + matrix[:3, 3])[faces])
         return np.concatenate(parts)
 
 
@@ -92,9 +92,9 @@ def soup(rng: Generator, count: int, size: float) -> Mesh:
     return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
 
 
-def as_mesh(made: trimesh.Trimesh, scale: float = 1.0, at: NDArray[np.float64] | float = 0.0) -> Mesh:
+def as_mesh(mesh: trimesh.Trimesh, scale: float = 1.0, offset: NDArray[np.float64] | float = 0.0) -> Mesh:
     """Return a mesh scaled and moved."""
-    return (made.vertices * scale + at).astype(np.float32), made.faces.astype(np.int32)
+    return (mesh.vertices * scale + offset).astype(np.float32), mesh.faces.astype(np.int32)
 
 
 def random(rng: Generator, width: int, height: int, views: int) -> Case:
@@ -142,16 +142,16 @@ def grazing(rng: Generator, width: int, height: int, views: int) -> Case:
     count = int(rng.choice([2, 9]))
     x = np.linspace(-1, 1, count) * scale
     grid = np.stack([*np.meshgrid(x, x, indexing="ij"), np.zeros((count, count))], -1).reshape(-1, 3)
-    turn = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
-    at = rng.normal(size=3) * scale
+    rotation = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
+    offset = rng.normal(size=3) * scale
     heights = scale * np.radians(10.0 ** rng.uniform(-3, 0.3, views)) * rng.choice([-1, 1], views)
     angle = rng.uniform(0, 2 * np.pi, views)
     away = rng.uniform(0.1, 1.5, views) * scale
     eyes = np.stack([np.cos(angle) * away, np.sin(angle) * away, heights], -1)
     targets = np.stack([*(rng.normal(size=(2, views)) * 0.3 * scale), np.zeros(views)], -1)
-    up = turn @ np.array([rng.normal() * 0.3, rng.normal() * 0.3, 1.0])
-    poses = looking(eyes @ turn.T + at, targets @ turn.T + at, up)
-    mesh = (grid @ turn.T + at).astype(np.float32), grid_faces(count).astype(np.int32)
+    up = rotation @ np.array([rng.normal() * 0.3, rng.normal() * 0.3, 1.0])
+    poses = looking(eyes @ rotation.T + offset, targets @ rotation.T + offset, up)
+    mesh = (grid @ rotation.T + offset).astype(np.float32), grid_faces(count).astype(np.int32)
     return Case(camera_of(rng, width, height), poses, [mesh])
 
 
@@ -177,26 +177,26 @@ def slivers(rng: Generator, width: int, height: int, views: int) -> Case:
 def far_away(rng: Generator, width: int, height: int, views: int) -> Case:
     """Place camera and surface 10 km and more from the origin, where coordinates are coarse."""
     inner = FAMILIES[str(rng.choice(["random", "closed", "slivers"]))](rng, width, height, views)
-    at = rng.normal(size=3) * 10.0 ** rng.uniform(3, 5)
-    still = [((vertices + at).astype(np.float32), faces) for vertices, faces in inner.still]
+    offset = rng.normal(size=3) * 10.0 ** rng.uniform(3, 5)
+    still = [((vertices + offset).astype(np.float32), faces) for vertices, faces in inner.still]
     poses = inner.poses.astype(np.float64)
-    poses[:, :3] += at
+    poses[:, :3] += offset
     return Case(inner.camera, poses.astype(np.float32), still)
 
 
 def moved(rng: Generator, width: int, height: int, views: int) -> Case:
     """Make moving objects, some with vertices far from their frame's origin, scaled or not."""
     scale = 10.0 ** rng.uniform(-1, 1.5)
-    at = rng.normal(size=3) * scale * rng.choice([1.0, 1e4])
+    center = rng.normal(size=3) * scale * rng.choice([1.0, 1e4])
     meshes = [as_mesh(trimesh.creation.icosphere(subdivisions=1), scale), soup(rng, 40, scale)]
     meshes.append(as_mesh(trimesh.creation.box((1, 2, 0.5)), scale, rng.choice([0.0, 1000.0]) * scale))
     meshes.append(as_mesh(trimesh.creation.cylinder(0.5, 2.0, sections=24), scale))
-    poses = np.concatenate([at + rng.normal(size=(4, 3)) * 2 * scale, turned(rng, 4)], -1).astype(np.float32)
+    poses = np.concatenate([center + rng.normal(size=(4, 3)) * 2 * scale, turned(rng, 4)], -1).astype(np.float32)
     if np.abs(meshes[2][0]).max() > 100 * scale:  # back to the other objects
         poses[2, :3] -= (poses_to_matrices(poses[2])[:3, :3] @ np.full(3, 1000.0 * scale)).astype(np.float32)
     scales = (10.0 ** rng.uniform(-0.5, 0.5, (4, 3))).astype(np.float32) if rng.random() < 0.5 else None
-    still = [as_mesh(trimesh.creation.box((8, 8, 0.1)), scale, at)]
-    views_of = around(rng, at, 3 * scale, views)
+    still = [as_mesh(trimesh.creation.box((8, 8, 0.1)), scale, center)]
+    views_of = around(rng, center, 3 * scale, views)
     return Case(camera_of(rng, width, height), views_of, still, meshes, poses, scales)
 
 

@@ -60,8 +60,8 @@ class Images:
 
     def floor_map(self) -> Run:
         """Return the call that computes a floor map of points and labels."""
-        made = wv.render(self.scene, self.camera, self.poses, outputs=("points", "labels"))
-        return lambda: wv.floor_map(made.points, made.labels, bounds=self.scene.bounds)
+        views = wv.render(self.scene, self.camera, self.poses, outputs=("points", "labels"))
+        return lambda: wv.floor_map(views.points, views.labels, bounds=self.scene.bounds)
 
     def voxel_map(self) -> Run:
         """Return the call that computes a voxel map of depth."""

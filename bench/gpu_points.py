@@ -42,10 +42,10 @@ def _centers(camera: wv.Camera, depth: np.ndarray, _: np.random.Generator) -> np
 
 
 def _other_eye(camera: wv.Camera, depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    at = _centers(camera, depth, rng).copy()
+    points = _centers(camera, depth, rng).copy()
     near = np.where(np.isfinite(depth), depth, np.inf).reshape(len(depth), -1)
-    at[..., 0] -= camera.fx * _BASELINE / np.maximum(near, camera.near)
-    return at
+    points[..., 0] -= camera.fx * _BASELINE / np.maximum(near, camera.near)
+    return points
 
 
 def _in_no_order(count: int) -> Make:
@@ -90,10 +90,10 @@ class Setup:
         self.subject, self.count = subject_of(scene_name, str(device)), views or count
         self.poses = self.subject.poses(self.count)
         image = wv.Renderer(self.subject.scene, CAMERA, outputs=("depth",))
-        self.whole = image.render(self.poses)
-        self.image = lambda: image.render(self.poses, out=self.whole)
-        self.at = make(CAMERA, self.whole.depth.numpy(), np.random.default_rng(0)).astype(np.float32)
-        self.pixels = wp.array(self.at, dtype=wp.vec2, device=device)
+        self.reference = image.render(self.poses)
+        self.image = lambda: image.render(self.poses, out=self.reference)
+        self.positions = make(CAMERA, self.reference.depth.numpy(), np.random.default_rng(0)).astype(np.float32)
+        self.pixels = wp.array(self.positions, dtype=wp.vec2, device=device)
 
     def points(self, caster: Any) -> tuple[wv.Views, Run]:
         """Return the images at the points, and the call that makes them."""
@@ -107,8 +107,8 @@ def world_points(scene_name: str, count: int, device: wp.Device) -> dict[str, Ru
     subject = subject_of(scene_name, str(device))
     poses = subject.poses(4)
     low, high = subject.vertices.min(axis=0), subject.vertices.max(axis=0)
-    at = np.random.default_rng(0).uniform(low, high, (count, 3)).astype(np.float32)
-    points = wp.array(at, dtype=wp.vec3, device=device)
+    positions = np.random.default_rng(0).uniform(low, high, (count, 3)).astype(np.float32)
+    points = wp.array(positions, dtype=wp.vec3, device=device)
     hidden = wp.empty((4, count), dtype=bool, device=device)
     inputs = [warp_mesh(subject, "sah").id, poses, points, hidden]
     runs: dict[str, Run] = {
@@ -139,12 +139,13 @@ def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]
 def measure(scene_name: str, case: str, device: wp.Device, views: int | None) -> str:
     """Return a row of the table, for one case of a scene."""
     setup = Setup(scene_name, case, device, views)
-    made = {kind: setup.points(kind) for kind in ("packets", "rays")}
-    seen = {kind: views for kind, (views, _) in made.items()}
-    runs = {"image": setup.image, **{kind: run for kind, (_, run) in made.items()}}
+    calls = {kind: setup.points(kind) for kind in ("packets", "rays")}
+    seen = {kind: views for kind, (views, _) in calls.items()}
+    runs = {"image": setup.image, **{kind: run for kind, (_, run) in calls.items()}}
     same, best = _same(seen["packets"].depth, seen["rays"].depth), _compare(runs, device)
     points, pixel = (
-        best[name] / size for name, size in (("packets", setup.at.size / 2), ("image", setup.whole.depth.size))
+        best[name] / size
+        for name, size in (("packets", setup.positions.size / 2), ("image", setup.reference.depth.size))
     )
     return (
         f"| {scene_name}, {case} | {setup.count / best['packets']:,.0f} | {1e-9 / points:.2f} "

@@ -29,7 +29,7 @@ class Comparison:
     """The speed of a row of this library relative to the fastest row of other libraries."""
 
     title: str
-    own: str
+    row_name: str
     groups: tuple[str, ...]
     """Names of the libraries; empty for all others."""
 
@@ -116,12 +116,12 @@ def _figures(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:
 
 
 def _cell(found: list[Result], of_case: list[Result]) -> str:
-    own, baseline = best(found), best(of_row(of_case, BASELINE))
-    if own is None:
+    fastest, baseline = best(found), best(of_row(of_case, BASELINE))
+    if fastest is None:
         return "different image" if any(result.agreement for result in found) else "-"
-    if baseline is None or own is baseline:
-        return number(own.fps)
-    return f"{number(own.fps)} ({compared(baseline.fps / own.fps)})"
+    if baseline is None or fastest is baseline:
+        return number(fastest.fps)
+    return f"{number(fastest.fps)} ({compared(baseline.fps / fastest.fps)})"
 
 
 def _caption(cases: dict[str, list[Result]], titles: dict[str, str], rounds: int) -> str:
@@ -147,9 +147,9 @@ def _comparisons(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:
 
 
 def _ratio(comparison: Comparison, results: list[Result]) -> str:
-    own = best(of_row(results, comparison.own))
+    fastest = best(of_row(results, comparison.row_name))
     other = best(result for result in results if comparison.is_about(result.method.group))
-    return "-" if own is None or other is None else f"{own.fps / other.fps:.1f}x"
+    return "-" if fastest is None or other is None else f"{fastest.fps / other.fps:.1f}x"
 
 
 def _calls(cases: dict[str, list[Result]], titles: dict[str, str]) -> str:

@@ -50,15 +50,15 @@ def refit_of(built: Callable[[wv.Scene], Any], scene: wv.Scene) -> Callable[[], 
 
 def builders_of_a_gpu(mesh: Mesh, device: wp.Device) -> dict[str, Callable[[], object]]:
     """Return builders for a mesh on a GPU by name."""
-    there = DeviceMesh.of(*mesh, np.zeros(len(mesh[1]), dtype=np.int32), np.array([True]), device)
-    indices = there.faces.flatten()
+    device_mesh = DeviceMesh.of(*mesh, np.zeros(len(mesh[1]), dtype=np.int32), np.array([True]), device)
+    indices = device_mesh.faces.flatten()
 
     def build() -> None:
-        build_device_bvh(there, max_levels=8)
+        build_device_bvh(device_mesh, max_levels=8)
         wp.synchronize_device(device)
 
     def build_warp(constructor: str) -> None:
-        wp.Mesh(there.vertices, indices, bvh_constructor=constructor)
+        wp.Mesh(device_mesh.vertices, indices, bvh_constructor=constructor)
         wp.synchronize_device(device)
 
     names = ("cubql", "lbvh")

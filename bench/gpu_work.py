@@ -41,7 +41,7 @@ class Subject:
         self.vertices: NDArray[np.float32] = np.concatenate([item.vertices for item in self.scene])
         faces = [item.faces + start for item, start in zip(self.scene, first, strict=False)]
         self.faces: NDArray[np.int32] = np.concatenate(faces).astype(np.int32)
-        self._kept: dict[Any, Any] = {}
+        self._cached: dict[Any, Any] = {}
 
     @property
     def still(self) -> wv.Scene:
@@ -62,9 +62,9 @@ class Subject:
 
     def keep(self, key: Any, make: Callable[[], Any]) -> Any:
         """Return the result of `make`, which is called once."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        return self._kept[key]
+        if key not in self._cached:
+            self._cached[key] = make()
+        return self._cached[key]
 
 
 @cache

@@ -156,9 +156,9 @@ class Pair:
 def load(path: Path, worlds: int, device: str, roll: float = 0.0) -> Placed:
     """Set up worlds of a model file, with all cameras rolled about their optical axes [rad]."""
     model = mujoco.MjModel.from_xml_path(str(path))
-    turn = np.array([np.cos(roll / 2), 0.0, 0.0, np.sin(roll / 2)])
+    rotation = np.array([np.cos(roll / 2), 0.0, 0.0, np.sin(roll / 2)])
     for quaternion in model.cam_quat:
-        mujoco.mju_mulQuat(quaternion, quaternion.copy(), turn)
+        mujoco.mju_mulQuat(quaternion, quaternion.copy(), rotation)
     return Placed.of(model, random_joints(model, worlds), wp.get_device(device))
 
 
@@ -190,10 +190,10 @@ def compare(path: Path, camera: str, worlds: int, size: int, mesh_tolerance: flo
     pair = Pair(load(path, worlds, device), camera, size, mesh_tolerance=mesh_tolerance)
     eighth = np.arange(0, worlds, 8)
     data, batch = pair.placed.data, pair.batch
-    some = batch.render(data, cameras=camera, worlds=eighth)
+    eighth_views = batch.render(data, cameras=camera, worlds=eighth)
     calls = {
         "warpvis": pair.ours,
-        "warpvis, one world in eight": lambda: batch.render(data, cameras=camera, worlds=eighth, out=some),
+        "warpvis, one world in eight": lambda: batch.render(data, cameras=camera, worlds=eighth, out=eighth_views),
         "MuJoCo Warp": pair.theirs,
         "MuJoCo Warp, render alone": pair.their_rendering,
     }
@@ -248,10 +248,10 @@ def main() -> int:
             for size in options.sizes:
                 found = compare(path, camera, options.worlds, size, options.mesh_tolerance, options.device)
                 ours, theirs = found["warpvis"], found["MuJoCo Warp"]
-                part, alone = found["warpvis, one world in eight"], found["MuJoCo Warp, render alone"]
+                part, render_only = found["warpvis, one world in eight"], found["MuJoCo Warp, render alone"]
                 print(
                     f"| {path.parent.name}/{path.name}, {camera}, {size}x{size} | {1e3 * ours:.3f} ms | "
-                    f"{1e3 * part:.3f} ms ({part / ours:.2f}) | {1e3 * theirs:.3f} ms | {1e3 * alone:.3f} ms | "
+                    f"{1e3 * part:.3f} ms ({part / ours:.2f}) | {1e3 * theirs:.3f} ms | {1e3 * render_only:.3f} ms | "
                     f"{theirs / ours:.1f}x | {100 * found['hit by both or neither']:.2f} %, "
                     f"{1e3 * found['median difference']:.3f} mm, {found['triangles']} triangles |",
                     flush=True,

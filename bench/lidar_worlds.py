@@ -56,11 +56,11 @@ def ours(
     **options: Any,
 ) -> tuple[Callable[[], Any], Callable[[], NDArray]]:
     """Return the call to measure, and a function that reads its ranges."""
-    made = scene_from_mujoco(model, device=device)
+    built = scene_from_mujoco(model, device=device)
     worlds = len(poses.site_xpos)
-    renderer = wv.Renderer(made.scene, rays, outputs=outputs, device_bytes=2**36, **options)
+    renderer = wv.Renderer(built.scene, rays, outputs=outputs, device_bytes=2**36, **options)
     places = wp.array(site_poses(poses), dtype=wp.transform, device=device)
-    moved = wp.array(geom_poses(poses, made), dtype=wp.transform, device=device)
+    moved = wp.array(geom_poses(poses, built), dtype=wp.transform, device=device)
     index = wp.array(np.arange(worlds, dtype=np.int32), dtype=wp.int32, device=device)
     held = renderer.render(places, object_poses=moved, world_index=index)
     call = partial(renderer.render, places, object_poses=moved, world_index=index, out=held)
@@ -81,7 +81,7 @@ def theirs(
     xpos = array(np.asarray(poses.geom_xpos, dtype=np.float32), dtype=wp.vec3)
     xmat = array(np.asarray(poses.geom_xmat, dtype=np.float32), dtype=wp.float32)
     place = array(np.asarray(poses.site_xpos)[:, 0], dtype=wp.vec3)
-    turn = array(np.asarray(poses.site_xmat)[:, 0].reshape(-1, 3, 3), dtype=wp.float32)
+    rotation = array(np.asarray(poses.site_xmat)[:, 0].reshape(-1, 3, 3), dtype=wp.float32)
     theta = array(np.arctan2(directions[:, 1], directions[:, 0]).astype(np.float32), dtype=wp.float32)
     phi = array(np.arcsin(np.clip(directions[:, 2], -1, 1)).astype(np.float32), dtype=wp.float32)
     distances = wp.zeros((worlds, count), dtype=wp.float32, device=device)
@@ -90,7 +90,7 @@ def theirs(
     def call() -> None:
         caster._update_batch_bvh(worlds, xpos, xmat)
         inputs = [caster._batch_bvh.id, caster.geom_types, caster.geom_sizes, caster.geom_mesh_ids, caster.mesh_ids]
-        inputs += [xpos, xmat, place, turn, theta, phi, FAR, distances, points]
+        inputs += [xpos, xmat, place, rotation, theta, phi, FAR, distances, points]
         wp.launch(trace_rays_batch_bvh_kernel, dim=(worlds, count), inputs=inputs, device=device)
 
     call()
@@ -122,9 +122,12 @@ def mujoco_itself(
 def compare(mine: NDArray, other: NDArray) -> str:
     """Describe how many ranges differ, among those that both hit."""
     both = np.isfinite(mine) & (other > 0) & (other < FAR)
-    apart = np.abs(mine[both] - other[both]) > TOLERANCE
-    alone = int((np.isfinite(mine) != ((other > 0) & (other < FAR))).sum())
-    return f"of {mine.size} ranges, {int(both.sum())} hit in both and {alone} in one; {int(apart.sum())} are 2 mm apart"
+    differs = np.abs(mine[both] - other[both]) > TOLERANCE
+    unmatched = int((np.isfinite(mine) != ((other > 0) & (other < FAR))).sum())
+    return (
+        f"of {mine.size} ranges, {int(both.sum())} hit in both and {unmatched} in one; "
+        f"{int(differs.sum())} are 2 mm apart"
+    )
 
 
 def seconds_of(call: Callable[[], Any], device: str) -> float:

@@ -47,13 +47,13 @@ class OtherWork:
     def __init__(self) -> None:
         """Start the measurement."""
         self._busy, self._all = _processor_time()
-        self._own = _own_time()
+        self._own_start = _own_time()
 
     def share(self) -> float:
         """Return the fraction of all cores' time that other processes used since then; 0 if Linux has no counters."""
         busy, everything = _processor_time()
         elapsed = everything - self._all
-        return max(0.0, (busy - self._busy - (_own_time() - self._own)) / elapsed) if elapsed else 0.0
+        return max(0.0, (busy - self._busy - (_own_time() - self._own_start)) / elapsed) if elapsed else 0.0
 
     def warning(self) -> str:
         """Return a sentence about it, or an empty string if it is negligible."""

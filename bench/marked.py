@@ -14,8 +14,8 @@ def split_marked(path: Path, name: str) -> tuple[str, str]:
         ValueError: If the file does not contain both marks in order.
     """
     first, last = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-    head, begin, rest = path.read_text(encoding="utf-8").partition(first)
-    _, end, tail = rest.partition(last)
+    head, begin, remainder = path.read_text(encoding="utf-8").partition(first)
+    _, end, tail = remainder.partition(last)
     if not (begin and end):
         raise ValueError(f"{path} must contain {first} and, after it, {last}")
     return head + begin, end + tail

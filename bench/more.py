@@ -106,7 +106,7 @@ def _single_view(preset: wv.scenes.ScenePreset, rounds: int) -> Iterator[Figure]
             yield _times(title, preset.name, seconds[_ONE_ALONE] / value)
         else:
             milliseconds = value / len(works) * 1e3
-            yield Figure(title, preset.name, milliseconds, f"{milliseconds:.3g} ms{_beside(value, seconds[_ONE])}")
+            yield Figure(title, preset.name, milliseconds, f"{milliseconds:.3g} ms{_comparison(value, seconds[_ONE])}")
 
 
 def _small_view(preset: wv.scenes.ScenePreset, side: int, rounds: int) -> Iterator[Figure]:
@@ -117,9 +117,14 @@ def _small_view(preset: wv.scenes.ScenePreset, side: int, rounds: int) -> Iterat
     poses = [pose[None] for pose in preset.poses(_SINGLE_VIEWS)]
     ours = _one_by_one([partial(renderer.render, pose) for pose in poses] * _SMALL_CALLS)
     theirs = _one_by_one([open3d(Work(scene, camera, pose))[0] for pose in poses] * _SMALL_CALLS)
-    own, other = (seconds / (len(poses) * _SMALL_CALLS) for seconds in _medians([ours, theirs], rounds))
-    yield Figure(_SMALL.format(side), preset.name, own, f"{own * 1e6:.0f} us")
-    yield Figure(_SMALL_OPEN3D.format(side), preset.name, other, f"{other * 1e6:.0f} us{_beside(other, own)}")
+    ours_median, theirs_median = (seconds / (len(poses) * _SMALL_CALLS) for seconds in _medians([ours, theirs], rounds))
+    yield Figure(_SMALL.format(side), preset.name, ours_median, f"{ours_median * 1e6:.0f} us")
+    yield Figure(
+        _SMALL_OPEN3D.format(side),
+        preset.name,
+        theirs_median,
+        f"{theirs_median * 1e6:.0f} us{_comparison(theirs_median, ours_median)}",
+    )
 
 
 def _one_by_one(runs: list[Callable[[], Any]]) -> Callable[[], None]:
@@ -153,7 +158,7 @@ def _building(preset: wv.scenes.ScenePreset) -> Iterator[Figure]:
     mesh()  # warm, as the other builder is
     clusters, other = _medians([lambda: scene.to(scene.device).bvh(), mesh], _BUILDS)
     yield Figure(_CLUSTERS, preset.name, clusters, f"{clusters:.2f} s")
-    yield Figure(_MESH, preset.name, other, f"{other:.2f} s{_beside(other, clusters)}")
+    yield Figure(_MESH, preset.name, other, f"{other:.2f} s{_comparison(other, clusters)}")
     memory = scene.bvh().bytes_per_triangle
     yield Figure(_MEMORY, preset.name, memory, f"{memory:.0f}")
 
@@ -177,7 +182,7 @@ def _times(title: str, scene: str, ratio: float) -> Figure:
     return Figure(title, scene, ratio, f"{ratio:.2f}x")
 
 
-def _beside(seconds: float, baseline: float) -> str:
+def _comparison(seconds: float, baseline: float) -> str:
     return "" if seconds == baseline else f" ({compared(seconds / baseline)})"
 
 

@@ -101,11 +101,11 @@ def take_images(renderer: Any, data: mujoco.MjData, camera: int) -> tuple[NDArra
 
 def away_from_silhouettes(depth: NDArray[np.float64], reach: int = 2, step: float = 0.03) -> NDArray[np.bool_]:
     """Return the pixels without a step of depth nearby."""
-    least = most = np.pad(depth, reach, mode="edge")
+    low = high = np.pad(depth, reach, mode="edge")
     for axis, size in enumerate(depth.shape):
         near = [(slice(None),) * axis + (slice(k, k + size),) for k in range(2 * reach + 1)]
-        least, most = np.minimum.reduce([least[k] for k in near]), np.maximum.reduce([most[k] for k in near])
-    return most - least < step * depth + step
+        low, high = np.minimum.reduce([low[k] for k in near]), np.maximum.reduce([high[k] for k in near])
+    return high - low < step * depth + step
 
 
 def compare_images(ours: Renderer, theirs: mujoco.Renderer, data: mujoco.MjData, camera: int, found: Found) -> None:
@@ -150,8 +150,8 @@ def agreement(path: Path, configurations: int, mesh_tolerance: float) -> Found:
     spec.visual.quality.numslices, spec.visual.quality.numstacks, spec.visual.quality.offsamples = 128, 64, 0
     model = spec.compile()
     # Rays have no near plane.
-    whole = {"cull_backfaces": False, "near_plane": "occlude"}
-    data, uncut = mujoco.MjData(model), Renderer(model, *_SIZE, mesh_tolerance=mesh_tolerance, **whole)
+    unclipped = {"cull_backfaces": False, "near_plane": "occlude"}
+    data, uncut = mujoco.MjData(model), Renderer(model, *_SIZE, mesh_tolerance=mesh_tolerance, **unclipped)
     with Renderer(model, *_SIZE, mesh_tolerance=mesh_tolerance) as ours, mujoco.Renderer(model, *_SIZE) as theirs:
         for data.qpos[:] in random_joints(model, configurations):
             mujoco.mj_forward(model, data)

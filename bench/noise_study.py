@@ -61,8 +61,8 @@ def worlds(count: int, seed: int) -> NDArray[np.float32]:
     rows[..., 6] = 1
     eye = np.array(EXPERIMENTS[0].poses()[0][:2])
     for world in rows:
-        distance, turn = rng.uniform(0.5, 3.6), rng.uniform(-0.4, 0.4)
-        ball = eye + distance * np.array([np.cos(turn), np.sin(turn)])
+        distance, angle = rng.uniform(0.5, 3.6), rng.uniform(-0.4, 0.4)
+        ball = eye + distance * np.array([np.cos(angle), np.sin(angle)])
         world[0, :3] = (*ball, BALL / 2)
         for index, size in enumerate((LOW, HIGH), start=1):
             place = ball
@@ -97,8 +97,8 @@ def ask(scene: wv.Scene, rows: NDArray[np.float32], level: float | None, floor: 
         numbers = np.arange(first, first + count)
         drawn = {} if level is None else {"frame": 0, "view_index": numbers}
         views = renderer.render(poses[:count], object_poses=part, **drawn)
-        alone = wv.object_visibility(scene, camera, poses[:count], object_poses=part, objects=("ball",))
-        fraction.append(alone.fraction.numpy()[:, 0])
+        visibility = wv.object_visibility(scene, camera, poses[:count], object_poses=part, objects=("ball",))
+        fraction.append(visibility.fraction.numpy()[:, 0])
         distance.append(np.linalg.norm(part[:, 0, :3] - pose[0, :3], axis=-1))
         _count_floor(views, pose[0], floor)
         for view in range(count):
@@ -130,27 +130,27 @@ def _ranges(ends: tuple[float, ...], unit: str) -> list[str]:
     return [f"{low:g} to {high:g}{unit}" for low, high in pairwise(ends)]
 
 
-def table(answers: dict[float | None, Answers], least: int) -> str:
+def table(answers: dict[float | None, Answers], min_pixels: int) -> str:
     """Return how often the answer is wrong, by noise and visible fraction, for far and near balls."""
     lines = ["| Ball visible, distance | scenes | " + " | ".join(_title(level) for level in LEVELS) + " |"]
     lines.append("|---|---:|" + "---:|" * len(LEVELS))
     first = answers[LEVELS[0]]
     for index in range(-1, len(FRACTIONS) - 1):
         for near, far in pairwise(DISTANCES):
-            here = (first.distance >= near) & (first.distance < far)
+            selected = (first.distance >= near) & (first.distance < far)
             if index < 0:
-                here &= first.fraction == 0
-                what = "not at all"
+                selected &= first.fraction == 0
+                title = "not at all"
             else:
-                here &= (first.fraction > FRACTIONS[index]) & (first.fraction <= FRACTIONS[index + 1])
-                what = f"{FRACTIONS[index]:.0%} to {FRACTIONS[index + 1]:.0%}"
-            if not here.any():
+                selected &= (first.fraction > FRACTIONS[index]) & (first.fraction <= FRACTIONS[index + 1])
+                title = f"{FRACTIONS[index]:.0%} to {FRACTIONS[index + 1]:.0%}"
+            if not selected.any():
                 continue
             cells = []
             for level in LEVELS:
-                said = answers[level].pixels[here] >= least
-                cells.append(f"{(said != (index >= 0)).mean():.1%}")
-            lines.append(f"| {what}, {near:g} to {far:g} m | {here.sum()} | " + " | ".join(cells) + " |")
+                reported = answers[level].pixels[selected] >= min_pixels
+                cells.append(f"{(reported != (index >= 0)).mean():.1%}")
+            lines.append(f"| {title}, {near:g} to {far:g} m | {selected.sum()} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 

@@ -113,10 +113,10 @@ def measure(contest: Contest, rounds: int) -> Figure:
     fastest = {
         peer: min(seconds for (other, _), seconds in zip(rows, first, strict=True) if other == peer) for peer, _ in rows
     }
-    kept = [i for i, (peer, _) in enumerate(rows) if first[i] <= _WORTH_A_LOOK * fastest[peer]]
-    times = np.array(_rounds(timer, [rows[i][1] for i in kept], [first[i] for i in kept], rounds))
+    selected = [i for i, (peer, _) in enumerate(rows) if first[i] <= _WORTH_A_LOOK * fastest[peer]]
+    times = np.array(_rounds(timer, [rows[i][1] for i in selected], [first[i] for i in selected], rounds))
     ratios: dict[str, float] = {}
-    for i, column in zip(kept[1:], times[1:], strict=True):
+    for i, column in zip(selected[1:], times[1:], strict=True):
         peer, ratio = rows[i][0], float(np.median(column / times[0]))
         ratios[peer] = min(ratio, ratios.get(peer, ratio))
     return Figure(1e3 * float(np.median(times[0])), ratios)

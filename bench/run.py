@@ -41,10 +41,10 @@ def run_benchmarks(storage: Path, name: str, last: Path | None) -> int:
 
 def report(new: Path, last: Path | None) -> list[str]:
     """Print all figures next to those of the last run, and return those that became slower."""
-    now, before = _load(new), _load(last) if last else {}
+    current, before = _load(new), _load(last) if last else {}
     slower = []
     print(f"\n{'median':>12} {'fps':>10} {'time':>8}  benchmark")
-    for name, bench in now.items():
+    for name, bench in current.items():
         change = _seconds(bench) / _seconds(before[name]) - 1 if name in before else None
         fps = f"{bench['extra_info']['fps']:,.0f}" if "fps" in bench["extra_info"] else ""
         shown = "new" if change is None else f"{change:+.0%}"
@@ -88,7 +88,7 @@ def main() -> int:
     options, for_compare = parser.parse_known_args()
 
     storage, name = ROOT / ".benchmarks" / machine_id(), commit_name()
-    last, others = last_run(storage), OtherWork()
+    last, other_work = last_run(storage), OtherWork()
     code = run_benchmarks(storage, name, last)
     new = last_run(storage)
     if code != 0 or new is None or new == last:
@@ -96,7 +96,7 @@ def main() -> int:
             new.unlink()  # a failed run must not serve for comparison
         return code or 1
     slower = report(new, last)
-    print(others.warning(), flush=True)
+    print(other_work.warning(), flush=True)
     for older in set(storage.glob(f"*/*_{name}.json")) - {new}:
         older.unlink()
     fallen = run_ratios() != 0

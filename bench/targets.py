@@ -37,10 +37,10 @@ def compare_targets(scenes: Sequence[str]) -> dict[str, dict[str, float]]:
     if platform.machine().lower() not in ("x86_64", "amd64"):
         raise RuntimeError(f"the machine is {platform.machine()}, not x86-64")
     runs: dict[str, list[dict[str, float]]] = {target: [] for target in FLAGS}
-    for turn in range(_TURNS + 1):
+    for round_ in range(_TURNS + 1):
         for target in FLAGS:
             found = _run(target, scenes)
-            if turn > 0:  # the first may have compiled, which leaves a processor hot
+            if round_ > 0:  # the first may have compiled, which leaves a processor hot
                 runs[target].append(found)
     return {target: {s: float(np.median([run[s] for run in found])) for s in scenes} for target, found in runs.items()}
 

@@ -120,8 +120,8 @@ class Eye:
         self.lost: set[str] = set()
         """Objects whose pose was never found in tf."""
         self._exclude = set(exclude)
-        others = [item.name for item in scene.objects if item.name not in set(links)]
-        self._objects = list(objects) or others or list(links)
+        objects_of_scene = [item.name for item in scene.objects if item.name not in set(links)]
+        self._objects = list(objects) or objects_of_scene or list(links)
         self._renderer = wv.Renderer(scene, camera, outputs=("depth",))
         self._poses = np.array([scene.objects[index].pose for index in scene.movable]).reshape(-1, 7)
         self._placed: set[str] = set()
@@ -169,7 +169,7 @@ class Viewer:
         self._node, self._ros, self._search_path = node, ros, search_path
         self._set = {name: node.declare_parameter(name, value).value for name, value in PARAMETERS.items()}
         self._urdf = ""
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._eye: Eye | None = None
         self._camera: wv.Camera | None = None
         if self._set["camera_info"]:
@@ -242,8 +242,8 @@ class Viewer:
             return None
 
     def _tell_once(self, name: str, text: str) -> None:
-        if name not in self._told:
-            self._told.add(name)
+        if name not in self._warned:
+            self._warned.add(name)
             self._node.get_logger().warning(text)
 
 

@@ -60,9 +60,9 @@ def person(height: float, x: float, y: float) -> trimesh.Trimesh:
     middle, radius = PERSON_HEAD
     head = trimesh.creation.icosphere(subdivisions=2, radius=height * radius)
     head.apply_translation((0, 0, height * middle))
-    whole = trimesh.util.concatenate([head, *(limb(*item) for item in PERSON_LIMBS)])
-    whole.apply_translation((x, y, 0))
-    return whole
+    mesh = trimesh.util.concatenate([head, *(limb(*item) for item in PERSON_LIMBS)])
+    mesh.apply_translation((x, y, 0))
+    return mesh
 
 
 ROBOT_BASE = (0.2, 0.3, 0.17)
@@ -83,6 +83,6 @@ def robot(height: float, x: float, y: float) -> trimesh.Trimesh:
     for size, place in robot_boxes(height):
         parts.append(trimesh.creation.box(size))
         parts[-1].apply_translation(place)
-    whole = trimesh.util.concatenate(parts)
-    whole.apply_translation((x, y, 0))
-    return whole
+    mesh = trimesh.util.concatenate(parts)
+    mesh.apply_translation((x, y, 0))
+    return mesh

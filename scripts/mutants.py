@@ -243,10 +243,10 @@ def _statements(path: str, text: str) -> Iterator[Mutant]:
     for number, line in enumerate(lines, 1):
         code = line.split("//")[0].rstrip()
         stripped = code.strip()
-        whole = stripped.endswith(";") and stripped.count("(") == stripped.count(")") and not inside
+        is_complete = stripped.endswith(";") and stripped.count("(") == stripped.count(")") and not inside
         if stripped:
             inside = not stripped.endswith((";", "{", "}", ":"))
-        if whole and not _UNCHANGED_LINES.match(line) and not _DECLARATIONS.match(stripped):
+        if is_complete and not _UNCHANGED_LINES.match(line) and not _DECLARATIONS.match(stripped):
             yield Mutant(path, number, "statement", line, line[: len(line) - len(line.lstrip())] + ";")
 
 

@@ -329,9 +329,9 @@ def main() -> int:
     equivalents = known_equivalents()
     # Stillborn ones are replaced by the next ones.
     waiting = mutants if arguments.at else choose(mutants, 2 * arguments.count, arguments.seed)
-    wanted = len(waiting) if arguments.at else min(arguments.count, len(waiting))
+    target_count = len(waiting) if arguments.at else min(arguments.count, len(waiting))
     if arguments.list:
-        for mutant in waiting[:wanted]:
+        for mutant in waiting[:target_count]:
             print(f"{mutant.place} ({mutant.kind})\n- {mutant.before.strip()}\n+ {mutant.after.strip()}")
         return 0
     if not waiting:
@@ -345,10 +345,10 @@ def main() -> int:
         pool = ThreadPoolExecutor(arguments.jobs)
         try:
             limits = check_baseline(waiting, copies, arguments.command, arguments.limit)
-            rest = iter(waiting)
+            pending = iter(waiting)
 
             def work() -> None:
-                while len(verdicts) < wanted and (mutant := next(rest, None)) is not None:
+                while len(verdicts) < target_count and (mutant := next(pending, None)) is not None:
                     reasons = [known.reason for known in equivalents if known.excuses(mutant)]
                     if reasons:
                         verdict = Verdict(mutant, "equivalent", reasons[0])
@@ -369,7 +369,7 @@ def main() -> int:
         finally:
             copies.stop()
             pool.shutdown(cancel_futures=True)
-    return 1 if report(verdicts[:wanted]) else 0
+    return 1 if report(verdicts[:target_count]) else 0
 
 
 if __name__ == "__main__":
