@@ -68,12 +68,12 @@ def add_lens_views(
         for layer in range(0, size[0], step):
             layers = range(layer, min(layer + step, size[0]))
             shown = wp.array(_pixels_of(target, camera, row, layers), dtype=wp.int32, device=device)
-            given = [wp.vec2i(view, layer), grid, shown, depth, labels, marks, target.states, target.labels]
+            inputs = [wp.vec2i(view, layer), grid, shown, depth, labels, marks, target.states, target.labels]
 
             def arguments(
-                window: Window, pose: wp.transformd = pose, given: KernelArguments = given
+                window: Window, pose: wp.transformd = pose, inputs: KernelArguments = inputs
             ) -> KernelArguments:
-                return [lens, pose, window, *given]
+                return [lens, pose, window, *inputs]
 
             launch_images(kernels.judge_voxels_at, shown.shape, arguments, device=device, threads=threads)
 

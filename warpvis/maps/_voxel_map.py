@@ -201,16 +201,16 @@ def check_same_grid(
     theirs = require_map(other, name)
     if theirs.states.device != get_device(device):
         raise ArrayError(f"{name} must be on device {device}, got {theirs.states.device}")
-    wanted = _describe(size, cell_size, origin, up)
+    expected = _describe(size, cell_size, origin, up)
     got = _describe(theirs.states.shape, theirs.cell_size, theirs.origin, theirs.up)
-    if got != wanted:
-        raise ArrayError(f"{name} must be of {wanted}, got {got}")
+    if got != expected:
+        raise ArrayError(f"{name} must be of {expected}, got {got}")
 
 
 def check_same_ground(other: VoxelMap, name: str, ground: frozenset[int]) -> None:
     if other.ground_labels != ground:
-        wanted, got = (sorted(map(int, labels)) for labels in (ground, other.ground_labels))
-        raise ArrayError(f"{name} must have the ground_labels {wanted}, got {got}")
+        expected, got = (sorted(map(int, labels)) for labels in (ground, other.ground_labels))
+        raise ArrayError(f"{name} must have the ground_labels {expected}, got {got}")
 
 
 def _describe(size: tuple[int, ...], cell_size: float, origin: tuple[float, ...], up: str) -> str:

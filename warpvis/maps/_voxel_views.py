@@ -112,8 +112,8 @@ def voxel_map(
     if len(poses) != len(images):
         raise ArrayError(f"camera_to_world must have one pose for each view of depth, {len(images)}, got {len(poses)}")
     pixel_labels = None if labels is None else read_labels(labels, images.shape, device)
-    given: Iterable[Label | int | str] = (Label.GROUND,) if ground_labels is None else ground_labels
-    _, ground = read_classes(label_names, given)
+    ground_classes: Iterable[Label | int | str] = (Label.GROUND,) if ground_labels is None else ground_labels
+    _, ground = read_classes(label_names, ground_classes)
     if out is not None and ground_labels is None:
         ground = require_map(out, "out").ground_labels
     result = _map_for(bounds, cell_size, up, device, out, label_names, ground)

@@ -92,7 +92,7 @@ class GeomAppearances:
         repeat, uniform = values.mat_texrepeat[material].astype(np.float64), bool(values.mat_texuniform[material])
         uv = None if laid is None or number < 0 else _coordinates(model, number, repeat, laid, uniform=uniform)
         normals = self._normals(laid)() if laid is not None and has_normals(laid.kind) else None
-        made = Material(
+        result = Material(
             model.material(material).name,
             _unit(color),
             texture=self._texture(number) if number >= 0 else None,
@@ -105,7 +105,7 @@ class GeomAppearances:
             projection="cube" if number >= 0 and uv is None else "uv",
             texture_uniform=uv is None and uniform,
         )
-        return Appearance((made,), uv=uv, normals=normals)
+        return Appearance((result,), uv=uv, normals=normals)
 
 
 class _Laid(NamedTuple):

@@ -276,8 +276,8 @@ def _read_triangles(
 ) -> tuple[_Floats, _Ints, _Ints]:
     """Read an object's flat triangles near other objects: corners ``(n, 3, 3)``, face indices, and object indices."""
     item, (low, high) = objects[index], boxes
-    others = np.r_[pairs[1][pairs[0] == index], pairs[0][pairs[1] == index]]
-    lower, upper = low[others].min(axis=0), high[others].max(axis=0)
+    neighbors = np.r_[pairs[1][pairs[0] == index], pairs[0][pairs[1] == index]]
+    lower, upper = low[neighbors].min(axis=0), high[neighbors].max(axis=0)
     triangles = _flat_faces(item)
     inside = (item.vertices <= upper) & (item.vertices >= lower)
     if not inside.all():
@@ -299,9 +299,9 @@ def _bins(normal: _Floats, offset: _Floats, distance: _Floats, piece: NDArray[np
     error in a normal changes an offset by the error times the distance from the reference point.
     """
     reach = max(float(np.median(distance)), _FINE) if len(distance) else 1.0
-    turn, away = normal @ _SKEW / (2 * _TURN), offset / (2 * _TURN * reach)
+    angle, away = normal @ _SKEW / (2 * _TURN), offset / (2 * _TURN * reach)
     for shift, other_shift in product((0.0, 0.5), repeat=2):
-        yield _mixed(np.floor(turn + shift).astype(np.int64), np.floor(away + other_shift).astype(np.int64), piece)
+        yield _mixed(np.floor(angle + shift).astype(np.int64), np.floor(away + other_shift).astype(np.int64), piece)
 
 
 def _may_match(

@@ -209,8 +209,8 @@ class _LaterWins:
 
     def cast(self, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
-        wanted = any(images[place] is not None for place in (_LABELS, _SEGMENTATION, _FACES))
-        coinciding = self._coinciding.find() if wanted else None
+        needs_objects = any(images[place] is not None for place in (_LABELS, _SEGMENTATION, _FACES))
+        coinciding = self._coinciding.find() if needs_objects else None
         if coinciding is None:
             self._caster.cast(poses, worlds, images)
             return
@@ -238,11 +238,11 @@ class _LaterWins:
         camera = self._camera.device_struct()
         # On the CPU a thread processes a row, because starting a thread takes longer than most pixels.
         span = segmentation.shape[2] if self._scene.device.is_cpu else 1
-        given = [worlds, depth, self._cull_backfaces, span, segmentation, labels, faces]
+        inputs = [worlds, depth, self._cull_backfaces, span, segmentation, labels, faces]
         launch_images(
             self._kernel(),
             segmentation.shape,
-            lambda window: [coinciding, camera, poses, window, *given],
+            lambda window: [coinciding, camera, poses, window, *inputs],
             device=self._scene.device,
             threads=self._threads,
             span=span,

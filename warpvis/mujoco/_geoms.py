@@ -131,10 +131,10 @@ def check_groups(groups: Iterable[int], name: str = "geom_groups") -> tuple[int,
         SceneError: If one is not an integer from 0 to 5.
     """
     known = range(mujoco.mjNGROUP)
-    given = [groups] if is_whole(groups) else as_items(groups, name, SceneError)
-    if not all(is_whole(group) and group in known for group in given):
-        raise SceneError(f"{name} must be of 0 to {known[-1]}, got {tuple(given)}")
-    return tuple(sorted({int(group) for group in given}))
+    items = [groups] if is_whole(groups) else as_items(groups, name, SceneError)
+    if not all(is_whole(group) and group in known for group in items):
+        raise SceneError(f"{name} must be of 0 to {known[-1]}, got {tuple(items)}")
+    return tuple(sorted({int(group) for group in items}))
 
 
 def _group(model: mujoco.MjModel, geom: int) -> int:

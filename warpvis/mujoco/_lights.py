@@ -39,15 +39,15 @@ def model_lights(model: mujoco.MjModel) -> tuple[Light, ...]:
     Raises:
         SceneError: If a number of a light is not finite.
     """
-    wanted = [number for number in range(model.nlight) if model.light_active[number]]
-    check_light_numbers(model, wanted)
+    active = [number for number in range(model.nlight) if model.light_active[number]]
+    check_light_numbers(model, active)
     found = [_headlight(model)] if model.vis.headlight.active else []
-    if wanted:
+    if active:
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_camlight(model, data)
-        kinds = [(number, _KINDS.get(int(model.light_type[number]))) for number in wanted]
+        kinds = [(number, _KINDS.get(int(model.light_type[number]))) for number in active]
         found += [_light(model, data, number, kind) for number, kind in kinds if kind is not None]
     if not any(light.kind != "point" for light in found):
         found.append(Light("ambient", color=(0.0, 0.0, 0.0), ambient=_AMBIENT))

@@ -64,7 +64,7 @@ def read_model(
             raise
         _require_assets(path, root, folders)
         raise FileFormatError(f"{path}: MuJoCo cannot compile it: {describe_exception(error)}") from None
-    soft = [f"{count} {what}" for count, what in ((model.nflex, "flexes"), (model.nskin, "skins")) if count]
+    soft = [f"{count} {noun}" for count, noun in ((model.nflex, "flexes"), (model.nskin, "skins")) if count]
     skipped += [f"{' and '.join(soft)}, which have no fixed shape"] if soft else []
     message = f"{path}: skipped {'; '.join(skipped)}" if skipped else ""
     if strict and message:

@@ -83,5 +83,5 @@ def _check(
             continue
         row = int(np.argwhere(~np.isfinite(rows))[0, 0])
         index, kind = row if chosen is None else chosen[row], name.split("_")[0]
-        who = getattr(model, _NOUNS[kind])(index).name or index
-        raise error(f"{name} of {_NOUNS[kind]} {who!r} must be finite, got {values[index].tolist()}")
+        label = getattr(model, _NOUNS[kind])(index).name or index
+        raise error(f"{name} of {_NOUNS[kind]} {label!r} must be finite, got {values[index].tolist()}")

@@ -323,20 +323,20 @@ class Kinematics:
         parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
         # Every thread has its own copy of a model that changes from world to world.
         models = [_changeable(model, changes) if changes else model for _ in parts]
-        spare = [mujoco.MjData(own) if changes else self._take() for own in models]
+        spare = [mujoco.MjData(thread_model) if changes else self._take() for thread_model in models]
 
         def work(index: int) -> None:
-            own, data = models[index], spare[index]
-            mujoco.mj_resetData(own, data)
+            thread_model, data = models[index], spare[index]
+            mujoco.mj_resetData(thread_model, data)
             fields = [(out, getattr(data, name)) for name, out in arrays.items()]
-            changed = [(getattr(own, name), values) for name, values in changes.items()]
+            changed = [(getattr(thread_model, name), values) for name, values in changes.items()]
             for world in parts[index].tolist():
                 place(data, world)
                 for field, values in changed:
                     field[:] = values[world % len(values)]
-                mujoco.mj_kinematics(own, data)
-                mujoco.mj_comPos(own, data)  # cameras may look at a center of mass
-                mujoco.mj_camlight(own, data)
+                mujoco.mj_kinematics(thread_model, data)
+                mujoco.mj_comPos(thread_model, data)  # cameras may look at a center of mass
+                mujoco.mj_camlight(thread_model, data)
                 for out, field in fields:
                     out[world] = field
 
@@ -476,8 +476,8 @@ def _read(source: PoseSource, name: str, count: int, device: wp.Device) -> wp.ar
 def _check_rows(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
     rows = as_numpy(values, name=name).astype(np.float64)
     if rows.shape[1:] != shape or rows.ndim != len(shape) + 1:
-        wanted = ", ".join(map(str, ("W", *shape)))
-        raise ArrayError(f"{name} must have shape ({wanted}), got {rows.shape}")
+        expected = ", ".join(map(str, ("W", *shape)))
+        raise ArrayError(f"{name} must have shape ({expected}), got {rows.shape}")
     bad = np.flatnonzero(~np.isfinite(rows).all(axis=tuple(range(1, rows.ndim))))
     if len(bad):
         raise ArrayError(

@@ -156,9 +156,9 @@ class Rangefinders:
                 raise ArrayError(f"{kind}_xpos must be of as many worlds as geom_xpos, {worlds}, got {len(part[0])}")
             frames += (None, None) if part is None else part
         shape = (worlds, len(self.addresses))
-        wanted = shape[1:] if single else shape
-        out = empty(wanted, wp.float32, name="readings", device=device) if out is None else out
-        check_out(out, wp.float32, wanted, name="out", device=device)
+        out_shape = shape[1:] if single else shape
+        out = empty(out_shape, wp.float32, name="readings", device=device) if out is None else out
+        check_out(out, wp.float32, out_shape, name="out", device=device)
         rows = out.reshape(shape)
         launch_images(
             read_rangefinders,
@@ -183,8 +183,10 @@ class Rangefinders:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for pickling, without device data."""
-        made = {"_ray_struct", "_ray_watch", "_rays", "_geom_struct", "_geom_watch", "_meshes"}
-        return {name: value for name, value in self.__dict__.items() if name not in made} | {"device": str(self.device)}
+        derived = {"_ray_struct", "_ray_watch", "_rays", "_geom_struct", "_geom_watch", "_meshes"}
+        return {name: value for name, value in self.__dict__.items() if name not in derived} | {
+            "device": str(self.device)
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Copy rays and shapes to the device again."""
@@ -203,7 +205,7 @@ def _sensor_rays(model: mujoco.MjModel, sensors: NDArray[np.integer]) -> dict[st
         size = sum(numbers for field, numbers in enumerate(_FIELD_SIZES) if fields >> field & 1)
         count, cutoff = len(direction), float(model.sensor_cutoff[sensor])
         clips = int(model.sensor_datatype[sensor]) if cutoff > 0 else None
-        whole = {
+        integers = {
             "site": frame if of_site else -1,
             "camera": -1 if of_site else frame,
             "body": (model.site_bodyid if of_site else model.cam_bodyid)[frame],
@@ -214,7 +216,7 @@ def _sensor_rays(model: mujoco.MjModel, sensors: NDArray[np.integer]) -> dict[st
             "low": -cutoff if clips == _REAL else -np.inf,
             "high": cutoff if clips in (_REAL, _POSITIVE) else np.inf,
         }
-        part = {name: np.full(count, value, dtype=np.int32) for name, value in whole.items()}
+        part = {name: np.full(count, value, dtype=np.int32) for name, value in integers.items()}
         part |= {name: np.full(count, value, dtype=np.float64) for name, value in limits.items()}
         parts.append(part | {"origin": origin, "direction": direction})
         column += size * count

@@ -335,9 +335,9 @@ class Renderer:
                 "MUJOCO_GL=egl uses that of a GPU or of Mesa"
             ) from None
         except (AttributeError, OverflowError, TypeError) as error:
-            given = ", ".join(f"{name}={truncate(repr(value))}" for name, value in self._fallback_options.items())
+            options = ", ".join(f"{name}={truncate(repr(value))}" for name, value in self._fallback_options.items())
             raise ArrayError(
-                f"{given} must be valid for mujoco.Renderer, which fallback=True uses: {describe_exception(error)}"
+                f"{options} must be valid for mujoco.Renderer, which fallback=True uses: {describe_exception(error)}"
             ) from None
 
     def _draw(

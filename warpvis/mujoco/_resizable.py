@@ -58,7 +58,7 @@ class ResizableGeoms:
         self._scene = mujoco_scene
         self._geoms = np.array(sorted(set(geoms) & set(mujoco_scene.geom_ids.tolist())), dtype=np.int64)
         self._kinds = np.array(model.geom_type, dtype=np.int32)
-        self._own = model.geom_size.astype(np.float32)
+        self._model_size = model.geom_size.astype(np.float32)
         self._arrays: list[wp.array] | None = None
 
     @property
@@ -81,12 +81,12 @@ class ResizableGeoms:
         """
         from warpvis.kernels.mujoco import geom_sizes
 
-        given = models.field("geom_size")
-        if given is None or not self._checked(given):
+        field = models.field("geom_size")
+        if field is None or not self._checked(field):
             return None
         device, movable = self._scene.scene.device, len(self._scene.scene.movable)
         sizes = wp.empty((len(rows), movable), dtype=wp.vec4, device=device)
-        geom_size = as_warp(given, wp.vec3, ("W", len(self._kinds)), name="geom_size", device=device)
+        geom_size = as_warp(field, wp.vec3, ("W", len(self._kinds)), name="geom_size", device=device)
         worlds = wp.array(rows, dtype=wp.int32, device=device)
         inputs = [geom_size, worlds, *self._on_device(movable), self._scene.scene.movable_sizes(), sizes]
         launch(geom_sizes, sizes.shape, inputs, device)
@@ -99,22 +99,23 @@ class ResizableGeoms:
             moving = self._scene.movable_geoms
             columns[: len(moving)] = np.where(np.isin(moving, self._geoms), moving, -1)
             self._arrays = [wp.array(part, dtype=wp.int32, device=device) for part in (columns, self._kinds)]
-            self._arrays.append(wp.array(self._own, dtype=wp.vec3, device=device))
+            self._arrays.append(wp.array(self._model_size, dtype=wp.vec3, device=device))
         return self._arrays
 
-    def _checked(self, given: Any) -> bool:
+    def _checked(self, sizes: Any) -> bool:
         """Check sizes, except on a GPU; return whether there are resizable geoms."""
-        if on_gpu(given):
-            if not len(self._geoms) and given.shape[0] > 1:
+        if on_gpu(sizes):
+            if not len(self._geoms) and sizes.shape[0] > 1:
                 raise ArrayError(
                     "geom_size must be of 1 world if no geom is resizable; create the BatchRenderer with "
                     'resizable=["box*", ...] or resizable="all"'
                 )
             return len(self._geoms) > 0
-        rows = as_numpy(given.numpy() if isinstance(given, wp.array) else given, name="geom_size")
-        if rows.ndim != 3 or rows.shape[1:] != self._own.shape or not len(rows) or rows.dtype.kind not in "fiu":
+        rows = as_numpy(sizes.numpy() if isinstance(sizes, wp.array) else sizes, name="geom_size")
+        if rows.ndim != 3 or rows.shape[1:] != self._model_size.shape or not len(rows) or rows.dtype.kind not in "fiu":
             raise ArrayError(
-                f"geom_size must be numbers of shape (W, {len(self._own)}, 3), got {rows.dtype} of shape {rows.shape}"
+                f"geom_size must be numbers of shape (W, {len(self._model_size)}, 3), got {rows.dtype} of shape "
+                f"{rows.shape}"
             )
         with np.errstate(over="ignore"):
             rows = rows.astype(np.float32)
@@ -125,7 +126,7 @@ class ResizableGeoms:
     def _check_constant(self, rows: NDArray[np.float32]) -> None:
         """Raise an `ArrayError` if a geom that is not resizable differs from the model."""
         constant = np.setdiff1d(self._scene.geom_ids, self._geoms)
-        other = np.argwhere((rows[:, constant] != self._own[constant]).any(axis=2))
+        other = np.argwhere((rows[:, constant] != self._model_size[constant]).any(axis=2))
         if not len(other):
             return
         world, place = other[0].tolist()

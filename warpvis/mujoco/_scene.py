@@ -244,8 +244,8 @@ def select_geoms(
     check_shape_numbers(model)
     names = object_names(model)
     rules = LabelRules.of(labels, label_names)
-    wanted, left_out = _assign_labels(model, names, rules, exclude)
-    return Selection(names, wanted, rules, frozenset(left_out), groups, sites, static, mesh_tolerance)
+    label_numbers, left_out = _assign_labels(model, names, rules, exclude)
+    return Selection(names, label_numbers, rules, frozenset(left_out), groups, sites, static, mesh_tolerance)
 
 
 def warn_of_soft(model: mujoco.MjModel, selection: Selection, option: mujoco.MjvOption | None) -> None:
@@ -316,11 +316,11 @@ def _assign_labels(
 ) -> tuple[list[int], set[int]]:
     """Return labels of all visual elements, and numbers of excluded ones."""
     classes = LabelNames(rules.label_names)
-    wanted: list[int] = [default_label(model, geom, name) for geom, name in enumerate(names)]
+    numbers: list[int] = [default_label(model, geom, name) for geom, name in enumerate(names)]
     for pattern, label in rules.labels.items():
         for geom in fitting(model, names, pattern, "labels"):
-            wanted[geom] = classes.number(label)
-    return wanted, {geom for pattern in exclude for geom in fitting(model, names, pattern, "exclude")}
+            numbers[geom] = classes.number(label)
+    return numbers, {geom for pattern in exclude for geom in fitting(model, names, pattern, "exclude")}
 
 
 def fitting(model: mujoco.MjModel, names: list[str], pattern: str, argument: str) -> list[int]:

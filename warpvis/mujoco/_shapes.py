@@ -86,12 +86,12 @@ def object_names(model: mujoco.MjModel) -> list[str]:
     return names
 
 
-def free_name(wanted: str, taken: set[str]) -> str:
-    """Return `wanted`, with ``_1``, ``_2``, ... appended if it is taken."""
-    name, number = wanted, 0
+def free_name(preferred: str, taken: set[str]) -> str:
+    """Return `preferred`, with ``_1``, ``_2``, ... appended if it is taken."""
+    name, number = preferred, 0
     while name in taken:
         number += 1
-        name = f"{wanted}_{number}"
+        name = f"{preferred}_{number}"
     return name
 
 

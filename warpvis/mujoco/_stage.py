@@ -33,7 +33,7 @@ from warpvis.scene.solids import Solid
 _STILL = 1e-9
 
 
-class _Made(NamedTuple):
+class _Built(NamedTuple):
     """The shape and rigid piece from which a geom's object was built."""
 
     shape: tuple[float, ...]
@@ -81,24 +81,24 @@ class Stage:
         self._independent: set[int] = set()
         pieces, self._poses = rigid_pieces(model), initial_poses(model, self._spare)
         """Geom-to-world poses from which the objects were built, ``(ngeom, 4, 4)``."""
-        self._made: dict[int, _Made] = {}
+        self._built: dict[int, _Built] = {}
         """Shapes and pieces from which the objects were built, by geom, in the order of the objects."""
         for geom, part in self._parts(selection.shown(model), pieces, self._poses):
             scene.add(**part.arguments())
-            self._made[geom] = _Made(shape_key(model, geom), int(pieces[geom]))
-        self._watch = ModelWatch(model, self._made, sites=self._sites)
+            self._built[geom] = _Built(shape_key(model, geom), int(pieces[geom]))
+        self._watch = ModelWatch(model, self._built, sites=self._sites)
         self._get_ready()
 
     @property
     def hidden(self) -> list[int]:
         """Indices of the objects that are not visible now."""
-        return self._hidden + self.visuals.hidden(len(self._made))
+        return self._hidden + self.visuals.hidden(len(self._built))
 
     def meanings(self) -> NDArray[np.int32]:
         """List the id and type of every object, with a last row for no object (index -1)."""
         pairs = np.full((len(self.scene) + 1, 2), -1, dtype=np.int32)
         pairs[:-1, 1] = UNKNOWN
-        known = [*(shape_meaning(self._model, geom) for geom in self._made), *self.visuals.meanings()]
+        known = [*(shape_meaning(self._model, geom) for geom in self._built), *self.visuals.meanings()]
         pairs[: len(known)] = np.array(known, dtype=np.int32).reshape(-1, 2)
         return pairs
 
@@ -124,7 +124,7 @@ class Stage:
 
     def draw(self, drawn: Mapping[VisualKey, Blocks]) -> None:
         """Update the visual elements other than geoms and sites."""
-        self.visuals.update(drawn, len(self._made))
+        self.visuals.update(drawn, len(self._built))
 
     def object_poses(self) -> NDArray[np.float32] | None:
         """Return poses of the movable objects, shape ``(1, M, 7)``; None without movable objects."""
@@ -143,13 +143,13 @@ class Stage:
         objects = self.scene.objects
         parents = [None if item.parent is None else objects[item.parent].name for item in objects]
         items = [(take_snapshot(item), parent) for item, parent in zip(objects, parents, strict=True)]
-        added, places = items[len(self._made) + len(self.visuals) :], (self._position.copy(), self._rotation.copy())
-        return StageState(list(self._made), added, self.visuals.state(), *places)
+        added, places = items[len(self._built) + len(self.visuals) :], (self._position.copy(), self._rotation.copy())
+        return StageState(list(self._built), added, self.visuals.state(), *places)
 
     def restore(self, state: StageState) -> None:
         """Restore the state of another stage of the same model."""
         # Add geoms that are hidden in this stage, since objects may be attached to them.
-        shown = set(self._made)
+        shown = set(self._built)
         self._replace(set(), set(state.geoms) - shown, initial_poses(self._model, self._spare))
         self._hide_all_but(shown)
         self.draw(state.visuals)
@@ -161,7 +161,7 @@ class Stage:
         self._position[:], self._rotation[:] = state.position, state.rotation
 
     def _hide_all_but(self, shown: set[int]) -> None:
-        self._hidden = [index for index, geom in enumerate(self._made) if geom not in shown]
+        self._hidden = [index for index, geom in enumerate(self._built) if geom not in shown]
 
     def _parts(
         self, geoms: Iterable[int], pieces: NDArray[np.int32], poses: NDArray[np.float64]
@@ -173,7 +173,7 @@ class Stage:
         """Allocate the arrays and the launch of updates for the current objects."""
         from warpvis.kernels.mujoco import geom_transforms
 
-        geoms, objects = np.array(list(self._made), dtype=np.int32), self.scene.objects[: len(self._made)]
+        geoms, objects = np.array(list(self._built), dtype=np.int32), self.scene.objects[: len(self._built)]
         self.coinciding.follow(geoms)
         self._fixed = geoms[[index for index, item in enumerate(objects) if not item.movable]]
         self._fixed_now = np.empty((len(self._fixed), 3)), np.empty((len(self._fixed), 9))
@@ -201,30 +201,30 @@ class Stage:
             self._watch.accept()
             return
         changed = self._watch.changed_assets()
-        keys = {geom: shape_key(self._model, geom) for geom in self._made}
-        reshaped = {geom for geom, made in self._made.items() if keys[geom] != made.shape or keys[geom] in changed}
+        keys = {geom: shape_key(self._model, geom) for geom in self._built}
+        reshaped = {geom for geom, built in self._built.items() if keys[geom] != built.shape or keys[geom] in changed}
         shown = self._selection.shown(self._model)
-        self._replace(reshaped - self._deform(reshaped), set(shown) - set(self._made), poses)
-        self._watch = ModelWatch(self._model, self._made, sites=self._sites)
+        self._replace(reshaped - self._deform(reshaped), set(shown) - set(self._built), poses)
+        self._watch = ModelWatch(self._model, self._built, sites=self._sites)
         self._hide_all_but(set(shown))
 
     def _follow_fixed(self, data: mujoco.MjData) -> None:
         """Make static geoms movable whose poses in the data differ from the model's."""
         places = shape_places(data) if self._fixed_sites else (data.geom_xpos, data.geom_xmat)
-        for place, now in zip(places, self._fixed_now, strict=True):
-            place.take(self._fixed, axis=0, out=now, mode="clip")
+        for place, current in zip(places, self._fixed_now, strict=True):
+            place.take(self._fixed, axis=0, out=current, mode="clip")
         pairs = zip(self._fixed_before, self._fixed_now, strict=True)
-        if all(before == now.data.cast("B") for before, now in pairs):
+        if all(before == current.data.cast("B") for before, current in pairs):
             return
         position, rotation = self._fixed_now
-        made = self._poses[self._fixed]
-        moved = (np.abs(position - made[:, :3, 3]) > _STILL).any(axis=1)
-        moved |= (np.abs(rotation.reshape(-1, 3, 3) - made[:, :3, :3]) > _STILL).any(axis=(1, 2))
+        built = self._poses[self._fixed]
+        moved = (np.abs(position - built[:, :3, 3]) > _STILL).any(axis=1)
+        moved |= (np.abs(rotation.reshape(-1, 3, 3) - built[:, :3, :3]) > _STILL).any(axis=(1, 2))
         if moved.any():
             self._independent.update(self._fixed[moved].tolist())
             self._replace(set(), set(), initial_poses(self._model, self._spare))
         else:
-            self._fixed_before = [bytearray(now.tobytes()) for now in self._fixed_now]
+            self._fixed_before = [bytearray(current.tobytes()) for current in self._fixed_now]
 
     def _release(self, poses: NDArray[np.float64]) -> None:
         """Detach static bodies that moved, and geoms that moved within their rigid pieces."""
@@ -233,40 +233,40 @@ class Stage:
         bodies = shape_bodies(self._model)[moved]
         self._loose_bodies.update(bodies[bodies != 0].tolist())
         self._independent.update(moved[bodies == 0].tolist())
-        now, before = (np.linalg.inv(p[self._parents]) @ p[self._attached] for p in (poses, self._poses))
-        self._independent.update(self._attached[_differs(now, before)].tolist())
+        current, before = (np.linalg.inv(p[self._parents]) @ p[self._attached] for p in (poses, self._poses))
+        self._independent.update(self._attached[_differs(current, before)].tolist())
 
     def _deform(self, geoms: Iterable[int]) -> set[int]:
         """Update the vertices of geoms with separate trees and unchanged faces; return these geoms."""
-        done, objects = set(), dict(zip(self._made, self.scene.objects, strict=False))
+        done, objects = set(), dict(zip(self._built, self.scene.objects, strict=False))
         independent = [geom for geom in geoms if objects[geom].points is not None]
         pieces = rigid_pieces(self._model, loose_bodies=self._loose_bodies, independent=self._independent)
         for geom, part in self._parts(independent, pieces, self._poses):
             if not isinstance(part.mesh, Solid) and np.array_equal(part.mesh[1], objects[geom].faces):
                 self.scene.update_vertices(part.name, part.mesh[0])
-                self._made[geom] = self._made[geom]._replace(shape=shape_key(self._model, geom))
+                self._built[geom] = self._built[geom]._replace(shape=shape_key(self._model, geom))
                 done.add(geom)
         if done:
-            self.coinciding.follow(list(self._made))
+            self.coinciding.follow(list(self._built))
         return done
 
     def _replace(self, reshaped: set[int], new: set[int], poses: NDArray[np.float64]) -> None:
         """Rebuild the objects of geoms that changed, or that are now in another rigid piece."""
         old = rigid_pieces(self._model, loose_bodies=self._loose_bodies, independent=self._independent)
-        occupied = {made.piece for made in self._made.values()} - {FIXED}
+        occupied = {built.piece for built in self._built.values()} - {FIXED}
         self._independent |= reshaped | {geom for geom in new if int(old[geom]) in occupied}
         pieces = rigid_pieces(self._model, loose_bodies=self._loose_bodies, independent=self._independent)
-        gone = {geom for geom, made in self._made.items() if made.piece != pieces[geom]}
-        left = {self._made[geom].piece for geom in gone & set(self._parents.tolist())}
-        affected = reshaped | new | gone | {geom for geom, made in self._made.items() if made.piece in left}
+        gone = {geom for geom, built in self._built.items() if built.piece != pieces[geom]}
+        old_pieces = {self._built[geom].piece for geom in gone & set(self._parents.tolist())}
+        affected = reshaped | new | gone | {geom for geom, built in self._built.items() if built.piece in old_pieces}
         if not affected:
             return
         parts = self._parts(sorted(affected), pieces, poses)
         self._put(parts)
         for geom, _ in parts:
-            self._made[geom] = _Made(shape_key(self._model, geom), int(pieces[geom]))
+            self._built[geom] = _Built(shape_key(self._model, geom), int(pieces[geom]))
             self._poses[geom] = poses[geom]
-        self._made = dict(sorted(self._made.items()))
+        self._built = dict(sorted(self._built.items()))
         self._get_ready()
         for geom, part in parts:
             if geom in reshaped and not isinstance(part.mesh, Solid) and self._moves_alone(part.name):
@@ -275,8 +275,8 @@ class Stage:
     def _put(self, parts: Iterable[tuple[int, Part]]) -> None:
         """Replace the objects of geoms by parts; objects added to the scene remain after the geoms."""
         objects = self.scene.objects
-        items = dict(zip(self._made, objects, strict=False))
-        added = objects[len(self._made) :]
+        items = dict(zip(self._built, objects, strict=False))
+        added = objects[len(self._built) :]
         parents = {item.name: objects[item.parent].name for item in objects if item.parent is not None}
         draft = Scene()
         for geom, part in parts:
@@ -303,5 +303,5 @@ class Stage:
         return all(item.parent != index for item in self.scene.objects)
 
 
-def _differs(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.abs(poses - others).max(axis=(1, 2), initial=0.0) > _STILL
+def _differs(poses: NDArray[np.float64], reference: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return np.abs(poses - reference).max(axis=(1, 2), initial=0.0) > _STILL

@@ -49,8 +49,8 @@ def plain_uv(
         uv[..., 1] += np.where(size[1] > 0, 0.0, 1.0)
         shift = 0.0 if (size[:2] > 0).all() else 0.5
     else:
-        whole = np.where(size[:2] > 0, size[:2], 1.0)
-        along = np.abs(repeat) * (1.0 if uniform else 1 / whole)
+        lengths = np.where(size[:2] > 0, size[:2], 1.0)
+        along = np.abs(repeat) * (1.0 if uniform else 1 / lengths)
         return np.stack(
             [0.5 * along[0] * corners[..., 0] - 0.5, 1.5 + 0.5 * along[1] * corners[..., 1]], axis=-1
         ).astype(np.float32)
@@ -118,8 +118,8 @@ def _azimuth(unit: Corners) -> Corners:
     pole = np.abs(unit[..., :2]).max(axis=-1) < 1e-6
     low, high = np.where(pole, 1.0, share).min(axis=1), np.where(pole, 0.0, share).max(axis=1)
     share = np.where((high - low > 0.5)[:, None] & (share < 0.5), share + 1, share)
-    others = np.where(pole, 0.0, share).sum(axis=1) / np.maximum((~pole).sum(axis=1), 1)
-    return np.where(pole, others[:, None], share)
+    mean = np.where(pole, 0.0, share).sum(axis=1) / np.maximum((~pole).sum(axis=1), 1)
+    return np.where(pole, mean[:, None], share)
 
 
 def _elevation(unit: Corners) -> Corners:

@@ -221,17 +221,17 @@ def _find_mesh(url: str, path: Path, search_path: Sequence[Path]) -> Path | None
     """Find the file of a mesh in packages of the search path or of parent folders, or in the robot file's folder."""
     folder = path.resolve().parent
     scheme = _SCHEME.fullmatch(url)
-    kind, rest = (scheme[1], scheme[2]) if scheme else ("", url)
+    kind, relative = (scheme[1], scheme[2]) if scheme else ("", url)
     if kind in ("package", "model"):
-        rest = rest.lstrip("/")
-    places = [folder / rest] if kind in ("", "file") else []
+        relative = relative.lstrip("/")
+    places = [folder / relative] if kind in ("", "file") else []
     for root in search_path:
-        places.append(root / rest)
-        package, _, tail = rest.partition("/")
+        places.append(root / relative)
+        package, _, tail = relative.partition("/")
         if kind in ("package", "model") and root.resolve().name == package:
             places.append(root / tail)
     if kind in ("package", "model"):
-        places += [parent / rest for parent in folder.parents] + [folder / rest]
+        places += [parent / relative for parent in folder.parents] + [folder / relative]
     return next((place.resolve() for place in places if url and is_file(place)), None)
 
 

@@ -32,7 +32,7 @@ class ViewerScene:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
-        self._made: mujoco.MjvScene | None = None
+        self._mjv_scene: mujoco.MjvScene | None = None
         self._frustum: Frustum | None = None
         self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
         self._before: list[tuple[Any, ...]] = []
@@ -41,19 +41,19 @@ class ViewerScene:
     def update(self, frustum: Frustum, pose: NDArray[np.float32]) -> None:
         """Set the frustum and pose of both cameras of the stereo pair."""
         self._frustum, self._pose = frustum, pose
-        if self._made is not None:
-            self._fill(self._made)
+        if self._mjv_scene is not None:
+            self._fill(self._mjv_scene)
 
     def mujoco_scene(self) -> mujoco.MjvScene:
         """Return MuJoCo's scene, used for its flags and cameras only."""
-        if self._made is None:
-            self._made = mujoco.MjvScene(self._model, maxgeom=1)
-            self._fill(self._made)
-        return self._made
+        if self._mjv_scene is None:
+            self._mjv_scene = mujoco.MjvScene(self._model, maxgeom=1)
+            self._fill(self._mjv_scene)
+        return self._mjv_scene
 
     def flags(self) -> list[int] | None:
         """Return the flags; None if they were never accessed."""
-        return None if self._made is None else self._made.flags.tolist()
+        return None if self._mjv_scene is None else self._mjv_scene.flags.tolist()
 
     def set_flags(self, flags: list[int] | None) -> None:
         """Set the flags."""
@@ -62,9 +62,13 @@ class ViewerScene:
 
     def seen(self, camera: AnyCamera, pose: NDArray[np.float32]) -> tuple[AnyCamera, NDArray[np.float32]]:
         """Return the camera and its pose, with the user's changes since the update."""
-        if self._made is None or self._frustum is None or [_values(own) for own in self._made.camera] == self._before:
+        if (
+            self._mjv_scene is None
+            or self._frustum is None
+            or [_values(eye) for eye in self._mjv_scene.camera] == self._before
+        ):
             return camera, pose
-        middle = mujoco.mjv_averageCamera(*self._made.camera)
+        middle = mujoco.mjv_averageCamera(*self._mjv_scene.camera)
         half = middle.frustum_width or (middle.frustum_top - middle.frustum_bottom) / 2 * camera.width / camera.height
         frustum = Frustum(
             up=middle.frustum_top,
@@ -83,12 +87,12 @@ class ViewerScene:
 
     def culls(self) -> bool:
         """Return whether the flag for culling back faces is set; warn if the flag for wireframes is."""
-        if self._made is None:
+        if self._mjv_scene is None:
             return True
-        if self._made.flags[_WIREFRAME] and not self._warned:
+        if self._mjv_scene.flags[_WIREFRAME] and not self._warned:
             self._warned = True
             warnings.warn("mjRND_WIREFRAME has no effect: surfaces are rendered", stacklevel=5)
-        return bool(self._made.flags[_CULL_FACE])
+        return bool(self._mjv_scene.flags[_CULL_FACE])
 
     def _fill(self, scene: mujoco.MjvScene) -> None:
         if self._frustum is None:

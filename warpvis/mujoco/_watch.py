@@ -171,8 +171,8 @@ class _AssetRun:
         """List the changed ones."""
         if not self.watched.changed():
             return []
-        before, now = self.watched.before(), self.watched.array
-        return [k for k, begin, end in self._parts if not np.array_equal(before[begin:end], now[begin:end])]
+        before, current = self.watched.before(), self.watched.array
+        return [k for k, begin, end in self._parts if not np.array_equal(before[begin:end], current[begin:end])]
 
 
 def _runs(indices: Iterable[int]) -> list[list[int]]:

@@ -27,34 +27,34 @@ _KNOWN = (*POSE_FIELDS, "cam_fovy", *_COLOR_FIELDS, "geom_size")
 class WorldModels:
     """The arrays of a call that differ between worlds."""
 
-    def __init__(self, model: mujoco.MjModel, given: object, worlds: int) -> None:
+    def __init__(self, model: mujoco.MjModel, source: object, worlds: int) -> None:
         """Read the arrays.
 
         Args:
             model: The model.
-            given: A mapping of names to arrays, or an object with them as attributes, like MuJoCo Warp's model.
+            source: A mapping of names to arrays, or an object with them as attributes, like MuJoCo Warp's model.
             worlds: Number of worlds.
 
         Raises:
             ArrayError: If there are no known arrays, or an array is invalid.
         """
         self._model, self._worlds = model, worlds
-        self._given = _read(given)
+        self._fields = _read(source)
         for name in _SHARED_FIELDS:
-            if name in self._given:
+            if name in self._fields:
                 self._check_shared(name)
 
     def poses(self) -> dict[str, NDArray[np.float64]]:
         """Return the fields that determine poses, arrays of shape ``(1 or W, ...)``."""
-        return {name: self._host(name) for name in POSE_FIELDS if name in self._given}
+        return {name: self._host(name) for name in POSE_FIELDS if name in self._fields}
 
     def fovy(self) -> NDArray[np.float64] | None:
         """Return vertical fields of view [degrees], shape ``(1 or W, ncam)``; None for the model's."""
-        return self._host("cam_fovy") if "cam_fovy" in self._given else None
+        return self._host("cam_fovy") if "cam_fovy" in self._fields else None
 
     def field(self, name: str) -> Any:
         """Return a given array, of one world or of all; None for the model's."""
-        value = self._given.get(name)
+        value = self._fields.get(name)
         if value is not None:
             value = value if hasattr(value, "shape") else as_numpy(value, name=name)
             if not value.shape:
@@ -64,12 +64,12 @@ class WorldModels:
 
     def colors(self, device: wp.Device) -> list[wp.array] | None:
         """Return colors and materials of geoms, and colors of materials; None for the model's."""
-        if not any(name in self._given for name in _COLOR_FIELDS):
+        if not any(name in self._fields for name in _COLOR_FIELDS):
             return None
         arrays = []
         for name, dtype in _COLOR_FIELDS.items():
             default = getattr(self._model, name)
-            value = self._given.get(name)
+            value = self._fields.get(name)
             value = default[None] if value is None else value
             self._check_worlds(name, value)
             if not on_gpu(value):
@@ -86,9 +86,9 @@ class WorldModels:
         bad = np.argwhere((rows < -1) | (rows >= count) if is_material else ~np.isfinite(rows))
         if len(bad):
             world, index = bad[0, :2].tolist()
-            wanted = f"from -1 to {count - 1}" if is_material else "finite"
+            expected = f"from -1 to {count - 1}" if is_material else "finite"
             raise ArrayError(
-                f"{name} must be {wanted}, got {rows[world, index].tolist()} at index {index} in world {world}"
+                f"{name} must be {expected}, got {rows[world, index].tolist()} at index {index} in world {world}"
             )
 
     def check_own_colors(self, geoms: NDArray[np.int32]) -> None:
@@ -100,10 +100,10 @@ class WorldModels:
         Raises:
             ArrayError: If colors or materials differ, or arrays are on a GPU, where they are not compared.
         """
-        names = [name for name in _COLOR_FIELDS if name in self._given]
+        names = [name for name in _COLOR_FIELDS if name in self._fields]
         if not names:
             return
-        far = [name for name in names if on_gpu(self._given[name])]
+        far = [name for name in names if on_gpu(self._fields[name])]
         if far:
             raise ArrayError(
                 f"{far[0]} must be in host memory, or omitted, for the outputs color and albedo: these "
@@ -128,7 +128,7 @@ class WorldModels:
     def _rows(self, name: str) -> NDArray[Any]:
         """Return colors or materials of worlds on the host, shape ``(1 or W, ...)``, in MuJoCo's dtype."""
         default = getattr(self._model, name)
-        value = self._given.get(name)
+        value = self._fields.get(name)
         value = default[None] if value is None else value
         return np.asarray(
             value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name), dtype=default.dtype
@@ -136,7 +136,7 @@ class WorldModels:
 
     def _check_shared(self, name: str) -> None:
         """Raise an `ArrayError` if a shared field differs from the model; arrays on a GPU are not compared."""
-        value = self._given[name]
+        value = self._fields[name]
         on_gpu = isinstance(value, wp.array) and not value.device.is_cpu
         if (value.shape[0] > 1) if on_gpu else not self._is_own(name, value):
             raise ArrayError(f"{name} must equal that of the renderer's model, which all worlds share; omit it")
@@ -150,12 +150,12 @@ class WorldModels:
 
     def _host(self, name: str) -> NDArray[np.float64]:
         """Return an array on the host, with quaternions normalized."""
-        value = self._given[name]
+        value = self._fields[name]
         rows = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
         shape = getattr(self._model, name).shape
         if rows.dtype.kind not in "fiu" or rows.shape[1:] != shape or not len(rows):
-            wanted = ", ".join(map(str, ("W", *shape)))
-            raise ArrayError(f"{name} must be numbers of shape ({wanted}), got {rows.dtype} of shape {rows.shape}")
+            expected = ", ".join(map(str, ("W", *shape)))
+            raise ArrayError(f"{name} must be numbers of shape ({expected}), got {rows.dtype} of shape {rows.shape}")
         self._check_worlds(name, rows)
         if not np.isfinite(rows).all():
             raise ArrayError(f"{name} must be finite")
@@ -191,20 +191,20 @@ def _effective(
     return np.where(of_material[..., None], mat_rgba[worlds, np.maximum(matid, 0)], rgba), matid
 
 
-def _read(given: object) -> dict[str, Any]:
+def _read(source: object) -> dict[str, Any]:
     """Collect the arrays by name.
 
     Raises:
         ArrayError: If no arrays are found, or a mapping has unknown names.
     """
-    if isinstance(given, mujoco.MjModel):
+    if isinstance(source, mujoco.MjModel):
         raise ArrayError("model must have arrays with a dimension for worlds, like MuJoCo Warp's model, got an MjModel")
-    if isinstance(given, Mapping):
-        unknown = [str(name) for name in given if name not in _KNOWN + _SHARED_FIELDS]
+    if isinstance(source, Mapping):
+        unknown = [str(name) for name in source if name not in _KNOWN + _SHARED_FIELDS]
         if unknown:
             raise ArrayError(f"model must have keys among {', '.join(_KNOWN)}, got {', '.join(unknown)}")
-        return dict(given)
-    found = {name: getattr(given, name) for name in _KNOWN + _SHARED_FIELDS if hasattr(given, name)}
+        return dict(source)
+    found = {name: getattr(source, name) for name in _KNOWN + _SHARED_FIELDS if hasattr(source, name)}
     if not found:
-        raise ArrayError(f"model must have attributes among {', '.join(_KNOWN)}, got {type(given).__name__}")
+        raise ArrayError(f"model must have attributes among {', '.join(_KNOWN)}, got {type(source).__name__}")
     return found

@@ -193,16 +193,16 @@ def best_views(
     poses = parse_worlds(scene, 1, object_poses, [0], None).object_poses
     if len(poses) != 1:
         raise ArrayError(f"object_poses must be of one world, got {len(poses)}")
-    given = {"object_poses": poses if scene.movable else None, "exclude": _check_exclude(exclude)}
+    surroundings = {"object_poses": poses if scene.movable else None, "exclude": _check_exclude(exclude)}
 
     free = np.isfinite(lengths)
     if radius is not None:
-        free &= _room(scene, rows, radius, floor, given)
+        free &= _free_poses(scene, rows, radius, floor, surroundings)
     if not free.any():
         needed = "a path to it" if radius is None else "a path to it and room for the robot"
         raise ArrayError(f"at least one candidate must have {needed}, got {len(rows)} without")
     values = np.full((len(rows), len(chosen)), np.nan, dtype=np.float32)
-    options = {**given, "objects": chosen, "delta": delta, "skip_unseen": True, "threads": threads}
+    options = {**surroundings, "objects": chosen, "delta": delta, "skip_unseen": True, "threads": threads}
     if measure == "pixels":
         options["canvas"] = (0, 0, 0, 0)
     values[free] = _measure(scene, camera, rows[free], _FIELDS[measure], options)
@@ -240,21 +240,21 @@ def _ranked(scores: NDArray[np.float32], lengths: NDArray[np.float64], tie: floa
     return np.lexsort((-exact, lengths, -tied))
 
 
-def _room(
-    scene: Scene, rows: NDArray[np.float64], radius: float, floor: float, given: dict[str, Any]
+def _free_poses(
+    scene: Scene, rows: NDArray[np.float64], radius: float, floor: float, surroundings: dict[str, Any]
 ) -> NDArray[np.bool_]:
     from warpvis.planning._free_space import standing_room
 
-    room = standing_room(scene, rows, radius=radius, floor=floor, **given)
-    return as_numpy(room.numpy() if isinstance(room, wp.array) else room, name="room").astype(bool)
+    is_free = standing_room(scene, rows, radius=radius, floor=floor, **surroundings)
+    return as_numpy(is_free.numpy() if isinstance(is_free, wp.array) else is_free, name="room").astype(bool)
 
 
 def _candidate_rows(candidates: PoseLike, convention: Convention) -> NDArray[np.float64]:
-    given = candidates.numpy() if isinstance(candidates, wp.array) else candidates
-    given = as_numpy(given, name="candidates")
-    if given.size == 0:
+    array = candidates.numpy() if isinstance(candidates, wp.array) else candidates
+    array = as_numpy(array, name="candidates")
+    if array.size == 0:
         raise ArrayError("candidates must be one or more poses, got none")
-    rows = parse_poses(given, convention=convention, name="candidates").numpy()
+    rows = parse_poses(array, convention=convention, name="candidates").numpy()
     return rows.astype(np.float64).reshape(-1, 7)
 
 
@@ -274,8 +274,8 @@ def _path_lengths(
         return lengths
     if start is None:
         return np.zeros(len(rows))
-    given = as_numpy(start, name="start")
-    places = as_point(start, "start")[None] if given.shape == (3,) else poses_to_opencv(start, name="start")
+    start_array = as_numpy(start, name="start")
+    places = as_point(start, "start")[None] if start_array.shape == (3,) else poses_to_opencv(start, name="start")
     if len(places) != 1:
         raise ArrayError(f"start must be a point or one pose, got {len(places)}")
     point = places[0, :3]

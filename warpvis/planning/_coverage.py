@@ -88,14 +88,14 @@ def surface_samples(
     corners = [vertices[index].astype(np.float64)[scene.objects[index].faces] for index in chosen]
     doubled = [np.cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0]) for part in corners]
     areas = [np.linalg.norm(part, axis=1).sum() / 2 for part in doubled]
-    wanted = [max(1.0, np.rint(area / spacing / spacing)) for area in areas]
-    if not sum(wanted) <= _MAX_SAMPLES:
+    counts = [max(1.0, np.rint(area / spacing / spacing)) for area in areas]
+    if not sum(counts) <= _MAX_SAMPLES:
         raise ArrayError(
-            f"spacing must give at most {_MAX_SAMPLES:g} samples, got {sum(wanted):.3g} with {spacing:g} m; "
+            f"spacing must give at most {_MAX_SAMPLES:g} samples, got {sum(counts):.3g} with {spacing:g} m; "
             "use a greater spacing"
         )
     parts = []
-    for index, part, doubles, area, count in zip(chosen, corners, doubled, areas, map(int, wanted), strict=True):
+    for index, part, doubles, area, count in zip(chosen, corners, doubled, areas, map(int, counts), strict=True):
         places, faces = _spread(part, np.linalg.norm(doubles, axis=1), count, np.random.default_rng([seed, index]))
         with np.errstate(invalid="ignore"):  # triangles without an area have no normal
             unit = doubles[faces] / np.linalg.norm(doubles[faces], axis=1, keepdims=True)
@@ -282,10 +282,10 @@ def _choose(
         return choose_objects(scene, objects)
     if objects is not None:
         raise SceneError("objects and labels must not both be given")
-    wanted = scene.label_names.numbers(labels)
-    chosen = [index for index, item in enumerate(scene.objects) if item.label in wanted]
+    numbers = scene.label_names.numbers(labels)
+    chosen = [index for index, item in enumerate(scene.objects) if item.label in numbers]
     if not chosen:
-        names = ", ".join(scene.label_names.word(label) for label in sorted(wanted)) or "no label"
+        names = ", ".join(scene.label_names.word(label) for label in sorted(numbers)) or "no label"
         raise SceneError(f"the scene has no object labeled {names}")
     return chosen
 
@@ -298,8 +298,8 @@ def _read_samples(
         if not len(in_view):
             raise SceneError("exclude must not contain all objects if no samples are given")
         return surface_samples(scene, objects=in_view.tolist(), object_poses=object_poses)
-    given = samples.points if isinstance(samples, Samples) else samples
-    points = as_points(given, "samples", "N", scene.device).numpy()
+    positions = samples.points if isinstance(samples, Samples) else samples
+    points = as_points(positions, "samples", "N", scene.device).numpy()
     if not len(points):
         raise ArrayError("samples must be at least one, got 0")
     if isinstance(samples, Samples):

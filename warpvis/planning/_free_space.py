@@ -72,9 +72,9 @@ def clearance(
         distance.fill_(math.inf)
         return distance
     mesh = build_mesh(scene, vertices, chosen)
-    given = [places, min(max_distance, _FARTHEST), distance]
+    outputs = [places, min(max_distance, _FARTHEST), distance]
     launch_points(
-        nearest_surface, (1, len(places)), lambda window: [mesh.id, window, *given], device=device, threads=threads
+        nearest_surface, (1, len(places)), lambda window: [mesh.id, window, *outputs], device=device, threads=threads
     )
     return distance
 
@@ -132,12 +132,12 @@ def standing_room(
     solid = [may_contain_points(vertices[i], scene.objects[i].faces, cameras) for i in hinders]
     flags = np.repeat(np.array(solid, dtype=np.uint8), [len(scene.objects[i].faces) for i in hinders])
     inputs = [mesh.id if mesh else 0, wp.array(flags, dtype=wp.uint8, device=device), up, poses]
-    room = empty(poses.shape, wp.uint8, name="room", device=device)
-    given = [wp.float64(low), wp.float64(radius), room]
+    is_free = empty(poses.shape, wp.uint8, name="room", device=device)
+    outputs = [wp.float64(low), wp.float64(radius), is_free]
     launch_points(
-        find_free_poses, (1, len(poses)), lambda window: [*inputs, window, *given], device=device, threads=threads
+        find_free_poses, (1, len(poses)), lambda window: [*inputs, window, *outputs], device=device, threads=threads
     )
-    return room.numpy() != 0
+    return is_free.numpy() != 0
 
 
 def one_world(

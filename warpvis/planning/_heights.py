@@ -83,8 +83,8 @@ def minimum_height(
         heights.zero_()
         return heights
     blockers, _tree = _build_blockers(corners_of(scene, vertices, chosen), check_up(scene.up), device)
-    given = [viewers, points, raises == "eye", wp.float64(max_height), wp.float64(end_tolerance), heights]
-    launch_points(climb, heights.shape, lambda window: [blockers, window, *given], device=device, threads=threads)
+    inputs = [viewers, points, raises == "eye", wp.float64(max_height), wp.float64(end_tolerance), heights]
+    launch_points(climb, heights.shape, lambda window: [blockers, window, *inputs], device=device, threads=threads)
     return heights
 
 

@@ -61,11 +61,11 @@ def inside_solids(
     mesh = build_mesh(scene, vertices, chosen)
     solid = wp.ones(sum(len(scene.objects[i].faces) for i in chosen), dtype=wp.uint8, device=device)
     inside = empty(places.shape, wp.uint8, name="inside", device=device)
-    given = [mesh.id, solid, check_up(scene.up)]
+    inputs = [mesh.id, solid, check_up(scene.up)]
     launch_points(
         find_inside,
         (1, len(places)),
-        lambda window: [*given, window, places, inside],
+        lambda window: [*inputs, window, places, inside],
         device=device,
         threads=threads,
     )

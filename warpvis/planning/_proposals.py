@@ -80,36 +80,41 @@ def propose_view(
     require_scene(scene)
     if not isinstance(robot, Agent):
         raise SceneError(f"robot must be a warpvis.Agent, got {type(robot).__name__}")
-    given = as_items(candidates, "candidates", SceneError)
-    wrong = [type(item).__name__ for item in given if not isinstance(item, Candidate)]
+    items = as_items(candidates, "candidates", SceneError)
+    wrong = [type(item).__name__ for item in items if not isinstance(item, Candidate)]
     if wrong:
         raise SceneError(f"candidates must be Candidate objects from Perspective.candidates, got {wrong[0]}")
     if isinstance(robot.camera, FieldOfView):
         raise CameraError(f"camera of {robot.name!r} must be a warpvis.Camera, got a FieldOfView")
     if len(robot.poses) != 1:
         raise ArrayError(f"{robot.name!r} must have one pose, got {len(robot.poses)}")
-    missed = [item for item in given if item.state == State.FIRST and item.object not in robot.body]
+    missed = [item for item in items if item.state == State.FIRST and item.object not in robot.body]
     if not missed:
         return None
     max_distance = check_length(max_distance, "max_distance")
-    here, vertical = robot.poses[0], check_up(scene.up)
+    current_pose, vertical = robot.poses[0], check_up(scene.up)
     moved = missed[0].object_poses if object_poses is None else object_poses
     corners = one_world(scene, moved, None)[0][scene.index(missed[0].object)]
     target = np.stack([corners.min(axis=0), corners.max(axis=0)]).astype(np.float64).mean(axis=0)
     places = pose_grid(
-        here[:3], radius=max_distance, step=step, height=float(here[vertical]), look_at=target, up=scene.up
+        current_pose[:3],
+        radius=max_distance,
+        step=step,
+        height=float(current_pose[vertical]),
+        look_at=target,
+        up=scene.up,
     )
     options: dict[str, Any] = {"object_poses": moved, "exclude": list(robot.body) or None}
-    room = standing_room(scene, places, radius=radius, floor=floor, **options)
-    if not room.any():
+    is_free = standing_room(scene, places, radius=radius, floor=floor, **options)
+    if not is_free.any():
         return None
     found = best_views(
         scene,
         robot.camera,
-        places[room],
+        places[is_free],
         objects=[item.object for item in missed],
         weights=[item.score for item in missed],
-        start=here,
+        start=current_pose,
         tie=_TIE,
         **options,
     )

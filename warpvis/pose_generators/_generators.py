@@ -367,5 +367,5 @@ def _check_count(count: int) -> int:
     return int(count)
 
 
-def _check_whole(value: object, name: str, least: int) -> int:
-    return check_whole(value, name, minimum=least)
+def _check_whole(value: object, name: str, minimum: int) -> int:
+    return check_whole(value, name, minimum=minimum)

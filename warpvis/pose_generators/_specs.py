@@ -83,19 +83,19 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
     if name not in _GENERATORS:
         raise PoseError(f"a pose spec must begin with one of {', '.join(_GENERATORS)}, got {name!r}")
     generator = _GENERATORS[name]
-    given = _parse_keys(name, generator, words[1:])
+    values = _parse_keys(name, generator, words[1:])
     upright = up if up is not None else scene.up if scene is not None else "z"
     check_up(upright)
-    if name in ("grid", "random") and "bounds" not in given:
+    if name in ("grid", "random") and "bounds" not in values:
         if scene is None:
             raise PoseError(f"{name} needs bounds=, or a scene")
-        given["bounds"] = np.asarray(scene.bounds, dtype=np.float64)
+        values["bounds"] = np.asarray(scene.bounds, dtype=np.float64)
     if name == "random":
-        given.setdefault("seed", 0)
+        values.setdefault("seed", 0)
     source: dict[str, Json] = {"generator": name, "up": upright}
-    source |= {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in given.items()}
-    arguments: dict[str, object] = {**given, "up": upright}
-    path = given.get("path")
+    source |= {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()}
+    arguments: dict[str, object] = {**values, "up": upright}
+    path = values.get("path")
     if isinstance(path, str):
         arguments["path"], source["path"] = read_points(path), Path(path).name
     if name == "random":
@@ -116,21 +116,21 @@ class _Generator:
 def _parse_keys(name: str, generator: _Generator, words: list[str]) -> dict[str, _Value]:
     known = generator.required | generator.optional
     keys = ", ".join(key if key in generator.required else f"[{key}]" for key in known)
-    given: dict[str, _Value] = {}
+    values: dict[str, _Value] = {}
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or key not in known:
             raise PoseError(f"{name} has no {key!r}; its keys are {keys}, each as key=value")
-        if key in given:
+        if key in values:
             raise PoseError(f"{key} of {name} must be given once, got it twice")
         try:
-            given[key] = known[key](value)
+            values[key] = known[key](value)
         except ValueError as error:
             raise PoseError(f"{key} of {name} must be {error}, got {value!r}") from None
-    missing = [key for key in generator.required if key not in given]
+    missing = [key for key in generator.required if key not in values]
     if missing:
         raise PoseError(f"{name} needs {', '.join(missing)}; its keys are {keys}")
-    return given
+    return values
 
 
 def _number(text: str) -> float:
@@ -148,8 +148,8 @@ def _place(text: str) -> NDArray[np.float64]:
 
 
 def _box(text: str) -> NDArray[np.float64]:
-    wanted = "six finite numbers, the lower and upper corner, X,Y,Z,X,Y,Z"
-    return np.array(_numbers(text, 6, wanted)).reshape(2, 3)
+    expected = "six finite numbers, the lower and upper corner, X,Y,Z,X,Y,Z"
+    return np.array(_numbers(text, 6, expected)).reshape(2, 3)
 
 
 def _names(text: str) -> list[str]:
@@ -165,13 +165,13 @@ def _look(*words: str) -> Callable[[str], str | NDArray[np.float64]]:
     return parse
 
 
-def _numbers(text: str, count: int, wanted: str) -> list[float]:
+def _numbers(text: str, count: int, expected: str) -> list[float]:
     try:
         values = [float(word) for word in text.split(",")]
     except ValueError:
         values = []
     if len(values) != count or not all(map(math.isfinite, values)):
-        raise ValueError(wanted)
+        raise ValueError(expected)
     return values
 
 

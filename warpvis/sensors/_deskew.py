@@ -62,19 +62,19 @@ def deskew(points: Any, motion: Motion, *, times: ArrayLike | None = None, targe
     if isinstance(points, list | tuple) and any(isinstance(part, np.ndarray) and part.dtype.names for part in points):
         _require_views(len(points), len(views))
         return [_deskew_cloud(cloud, motion, view, views[view]) for view, cloud in enumerate(points)]
-    given = as_numpy(points, name="points").astype(np.float64)
+    array = as_numpy(points, name="points").astype(np.float64)
     if times is None:
         raise ArrayError("times must be given for points without a time field")
     moments = as_numpy(times, name="times")
-    shape = moments.shape if given.ndim == moments.ndim + 1 and len(views) == 1 else (len(views), *moments.shape)
-    if given.shape != (*shape, 3):
+    shape = moments.shape if array.ndim == moments.ndim + 1 and len(views) == 1 else (len(views), *moments.shape)
+    if array.shape != (*shape, 3):
         raise ArrayError(
             f"points must have shape {(*moments.shape, 3)}, or {(len(views), *moments.shape, 3)} for {len(views)} "
-            f"views, for times of shape {moments.shape}, got {given.shape}"
+            f"views, for times of shape {moments.shape}, got {array.shape}"
         )
-    rows = given.reshape(len(views), -1, 3)
+    rows = array.reshape(len(views), -1, 3)
     transformed = [_transform(rows[view], motion, view, moments.ravel(), pose) for view, pose in enumerate(views)]
-    return np.stack(transformed).reshape(given.shape)
+    return np.stack(transformed).reshape(array.shape)
 
 
 def _deskew_cloud(cloud: Any, motion: Motion, view: int, pose: NDArray[np.float64]) -> Cloud:

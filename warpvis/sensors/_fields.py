@@ -54,18 +54,18 @@ def lens_camera_to_fields(camera: LensCamera) -> dict[str, Json]:
     }
 
 
-def lens_camera_from_fields(given: Mapping[str, Any]) -> LensCamera:
+def lens_camera_from_fields(values: Mapping[str, Any]) -> LensCamera:
     """Create the camera from fields of `lens_camera_to_fields`; `near`, `far` and `kind` are optional.
 
     Raises:
         CameraError: If the fields are invalid, or if the class of the lens is in a module that is not imported.
     """
-    unknown = sorted(given.keys() - set(_KNOWN))
-    missing = [name for name in ("lens", "width", "height") if name not in given]
+    unknown = sorted(values.keys() - set(_KNOWN))
+    missing = [name for name in ("lens", "width", "height") if name not in values]
     if unknown or missing:
         problem = f"unknown {truncate(unknown[0])}" if unknown else f"missing {missing[0]}"
         raise CameraError(f"{problem}; the fields of a camera with a lens are {', '.join(_KNOWN)}")
-    parameters = dict(check_mapping(given["lens"], "lens", CameraError))
+    parameters = dict(check_mapping(values["lens"], "lens", CameraError))
     model = parameters.pop("model", None)
     if not isinstance(model, str) or (model not in _LENSES and ":" not in model):
         raise CameraError(f"model of a lens must be one of {', '.join(_LENSES)}, got {truncate(repr(model))}")
@@ -81,8 +81,10 @@ def lens_camera_from_fields(given: Mapping[str, Any]) -> LensCamera:
         lens = kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in parameters.items()})
     except TypeError:
         raise CameraError(f"{model} needs the parameters {', '.join(names)}, got {', '.join(parameters)}") from None
-    rest = {name: value for name, value in given.items() if name != "lens" and not (name == "far" and value is None)}
-    return LensCamera(lens, **rest)
+    options = {
+        name: value for name, value in values.items() if name != "lens" and not (name == "far" and value is None)
+    }
+    return LensCamera(lens, **options)
 
 
 def _model_name(kind: type[Lens]) -> str:

@@ -114,8 +114,8 @@ class Rays(RayCamera):
 
     def __repr__(self) -> str:
         """Return the shape and the options; arrays are not listed."""
-        given = [name for name in ("origins", "times", "rings") if getattr(self, name) is not None]
-        more = f" with {', '.join(given)}" if given else ""
+        names = [name for name in ("origins", "times", "rings") if getattr(self, name) is not None]
+        more = f" with {', '.join(names)}" if names else ""
         return f"Rays({self.shape}{more}, near={self.near}, far={self.far}, kind={self.kind!r}, axes={self.axes!r})"
 
     def _scale_to_unit_z(self) -> None:

@@ -71,5 +71,5 @@ class VisibleFractions:
             assert seen.segmentation is not None
             isolated[batch, mine] = (seen.segmentation.numpy() >= 0).sum(axis=(1, 2))
         # Pixel coordinates of the canvas differ, so that rounding may lose a pixel at an edge.
-        whole = np.maximum(isolated, visible)
-        return np.divide(visible, whole, out=np.zeros(visible.shape, dtype=np.float32), where=whole > 0)
+        total = np.maximum(isolated, visible)
+        return np.divide(visible, total, out=np.zeros(visible.shape, dtype=np.float32), where=total > 0)

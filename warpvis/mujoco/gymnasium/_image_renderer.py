@@ -53,16 +53,16 @@ class ImageRenderer(Renderer):
         view_index, frame = (None, None) if outputs.sensor is None else (draws[:1], draws[1:])
         options: dict[str, Any] = {"object_poses": places, "exclude": stage.hidden}
         views = casters.images.render(self._pose[None], view_index=view_index, frame=frame, **options)
-        made: dict[str, np.ndarray] = {name: getattr(views, name).numpy()[0] for name in outputs.images}
-        if SEGMENTATION in made:
-            segmentation, of_object = made[SEGMENTATION], self._shapes_of_objects()
-            made[SEGMENTATION] = of_object[segmentation]
+        entries: dict[str, np.ndarray] = {name: getattr(views, name).numpy()[0] for name in outputs.images}
+        if SEGMENTATION in entries:
+            segmentation, of_object = entries[SEGMENTATION], self._shapes_of_objects()
+            entries[SEGMENTATION] = of_object[segmentation]
         if len(outputs.members):
             hidden = np.zeros((1, len(stage.scene)), dtype=bool)
             hidden[:, stage.hidden] = True
             members, eye = outputs.members_of(of_object[:-1]), self._pose[None]
-            made[FRACTION] = casters.fractions.count(segmentation[None], members, eye, places, hidden)[0]
-        return made
+            entries[FRACTION] = casters.fractions.count(segmentation[None], members, eye, places, hidden)[0]
+        return entries
 
     def _nothing(self, outputs: Outputs, camera: AnyCamera) -> dict[str, np.ndarray]:
         """Return the images of a scene without geoms."""

@@ -138,11 +138,11 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             height, width = self._outputs.shape
             self._renderer = ImageRenderer(model, height, width, device=self._device, threads=self._threads)
         numbers = view_draws(self._draws.next()[None], len(self._outputs.cameras))
-        made, option = [], self._option or _without_sites()
+        rendered, option = [], self._option or _without_sites()
         for camera, draws in zip(self._outputs.cameras, numbers[:, 0], strict=True):
             self._renderer.update_scene(data, camera, option)
-            made.append(self._renderer.images(self._outputs, draws))
-        images = {name: np.stack([part[name] for part in made]) for name in made[0]}
+            rendered.append(self._renderer.images(self._outputs, draws))
+        images = {name: np.stack([part[name] for part in rendered]) for name in rendered[0]}
         return add_entries(observation, self._outputs.entries(images))
 
     def close(self) -> None:

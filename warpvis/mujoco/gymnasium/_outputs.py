@@ -74,9 +74,9 @@ class Outputs:
     @property
     def images(self) -> tuple[Output, ...]:
         """The outputs to render."""
-        wanted = {*self.names, SEGMENTATION} if len(self.members) else set(self.names)
+        requested = {*self.names, SEGMENTATION} if len(self.members) else set(self.names)
         known: tuple[Output, ...] = ("depth", "segmentation", "reasons", "true_depth")
-        return tuple(name for name in known if name in wanted)
+        return tuple(name for name in known if name in requested)
 
     def members_of(self, shapes: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Return whether geoms and sites (-1 for none) are part of each of `objects`, shape ``(objects, shapes)``."""
@@ -85,18 +85,18 @@ class Outputs:
     def spaces(self) -> dict[str, spaces.Space]:
         """Return the spaces of the entries."""
         size = (*self._axes, *self.shape)
-        made: dict[str, spaces.Space] = {}
+        result: dict[str, spaces.Space] = {}
         if DEPTH in self.names:
-            made[DEPTH] = spaces.Box(*self._depths, size, np.float32)
+            result[DEPTH] = spaces.Box(*self._depths, size, np.float32)
         if SEGMENTATION in self.names:
-            made[SEGMENTATION] = spaces.Box(-1, self._max_number, size, np.int32)
+            result[SEGMENTATION] = spaces.Box(-1, self._max_number, size, np.int32)
         if REASONS in self.names:
-            made[REASONS] = spaces.Box(0, max(Reason), size, np.uint8)
+            result[REASONS] = spaces.Box(0, max(Reason), size, np.uint8)
         if TRUE_DEPTH in self.names:
-            made[TRUE_DEPTH] = spaces.Box(0.0, np.inf, size, np.float32)
+            result[TRUE_DEPTH] = spaces.Box(0.0, np.inf, size, np.float32)
         if len(self.members):
-            made[FRACTION] = spaces.Box(0.0, 1.0, (*self._axes, len(self.members)), np.float32)
-        return made
+            result[FRACTION] = spaces.Box(0.0, 1.0, (*self._axes, len(self.members)), np.float32)
+        return result
 
     def entries(self, images: Mapping[str, np.ndarray], *, axis: int = 0) -> dict[str, np.ndarray]:
         """Return an observation's entries, owned by the caller, from the images of all cameras.
@@ -106,10 +106,10 @@ class Outputs:
                 -1. Visible fractions are ``(C, ..., objects)``. Images that are not entries are ignored.
             axis: Position of the axis for cameras, if there is one.
         """
-        made = {name: images[name] for name in self.spaces()}
-        if SEGMENTATION in made:
-            made[SEGMENTATION] = self.numbers[made[SEGMENTATION]]
-        return {name: (np.moveaxis(part, 0, axis) if self._axes else part[0]).copy() for name, part in made.items()}
+        chosen = {name: images[name] for name in self.spaces()}
+        if SEGMENTATION in chosen:
+            chosen[SEGMENTATION] = self.numbers[chosen[SEGMENTATION]]
+        return {name: (np.moveaxis(part, 0, axis) if self._axes else part[0]).copy() for name, part in chosen.items()}
 
 
 def _numbers(model: mujoco.MjModel, segmentation: Segmentation) -> tuple[NDArray[np.int32], int]:

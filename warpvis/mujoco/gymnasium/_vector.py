@@ -171,12 +171,12 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             of_object = np.full(len(self._batch.scene) + 1, -1, dtype=np.int32)
             of_object[: len(shown)] = shown
             images[SEGMENTATION] = of_object[segmentation]
-        made: dict[str, np.ndarray] = {name: image.reshape(shape) for name, image in images.items()}
+        entries: dict[str, np.ndarray] = {name: image.reshape(shape) for name, image in images.items()}
         if len(outputs.members):
             members = outputs.members_of(of_object[:-1])
             fractions = self._count(poses, segmentation, members, of_object[:-1], changes)
-            made[FRACTION] = fractions.reshape(*shape[:2], -1)
-        return outputs.entries(made, axis=1)
+            entries[FRACTION] = fractions.reshape(*shape[:2], -1)
+        return outputs.entries(entries, axis=1)
 
     def _changes(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
         """Return the differences from the model, for `BatchRenderer.render`."""

@@ -102,12 +102,12 @@ class Corruptions(DepthSensor):
             rectangles = exposure.scratch("rectangles", (views, model.max_count), wp.vec4i)
             placed = [camera, model, exposure.draws, rectangles]
             launch(place_rectangles, rectangles.shape, placed, exposure.scene.device)
-        given = [model, exposure.true_depth if self.of is None else None, rectangles, exposure.draws]
+        inputs = [model, exposure.true_depth if self.of is None else None, rectangles, exposure.draws]
         kernel, span = _kernel(exposure.scene.device)
         launch_images(
             kernel,
             exposure.depth_out.shape,
-            lambda window: [camera, window, *given, exposure.depth_out, exposure.reasons_out],
+            lambda window: [camera, window, *inputs, exposure.depth_out, exposure.reasons_out],
             device=exposure.scene.device,
             threads=exposure.threads,
             span=span,
@@ -125,12 +125,12 @@ def _kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
     return corrupt_depth, 1
 
 
-def _check_limits(value: object, name: str, least: int, most: int) -> tuple[int, int]:
+def _check_limits(value: object, name: str, minimum: int, maximum: int) -> tuple[int, int]:
     """Check that `value` is two integers in ascending order within limits, and return them."""
     limits = as_items(value, name)
     if len(limits) != 2:
         raise ArrayError(f"{name} must be two whole numbers, minimum and maximum, got {value!r}")
-    low, high = (check_whole(limit, name, minimum=least) for limit in limits)
-    if not low <= high <= most:
-        raise ArrayError(f"{name} must be a minimum and a maximum of at most {most}, got {low} and {high}")
+    low, high = (check_whole(limit, name, minimum=minimum) for limit in limits)
+    if not low <= high <= maximum:
+        raise ArrayError(f"{name} must be a minimum and a maximum of at most {maximum}, got {low} and {high}")
     return low, high

@@ -39,8 +39,10 @@ def fatten(exposure: Exposure, *, reach: int, scale: float, step: float) -> Expo
     nearest = exposure.scratch("nearest of rows", shape, wp.float32)
     offsets = wp.array(closest_first(reach), dtype=wp.vec2i, device=device)
 
-    def launch(kernel: wp.Kernel, *given: object) -> None:
-        launch_images(kernel, shape, lambda window: [window, model, *given], device=device, threads=exposure.threads)
+    def launch(kernel: wp.Kernel, *arguments: object) -> None:
+        launch_images(
+            kernel, shape, lambda window: [window, model, *arguments], device=device, threads=exposure.threads
+        )
 
     launch(find_nearest_in_rows, exposure.true_depth, nearest)
     launch(

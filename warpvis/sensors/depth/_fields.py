@@ -52,9 +52,9 @@ def sensor_from_fields(values: Mapping[str, Json]) -> DepthSensor | None:
     if kind is None:
         return None
     try:
-        given = {key: _from_json(value) for key, value in values.items() if key != "model"}
+        parameters = {key: _from_json(value) for key, value in values.items() if key != "model"}
         inner = [key for key, value in values.items() if isinstance(value, Mapping) and "model" in value]
-        return None if any(given[key] is None for key in inner) else kind(**given)
+        return None if any(parameters[key] is None for key in inner) else kind(**parameters)
     except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
         raise CameraError(f"the fields of a {model} are invalid: {describe_exception(error)}") from None
 

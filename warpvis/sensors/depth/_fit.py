@@ -181,9 +181,9 @@ def fit(
 
 
 def _images(depth_images: ArrayLike | Sequence[ArrayLike], camera: Camera) -> list[NDArray[np.floating]]:
-    whole = hasattr(depth_images, "__dlpack__") or hasattr(depth_images, "__array__")
+    is_array = hasattr(depth_images, "__dlpack__") or hasattr(depth_images, "__array__")
     images: list[NDArray[np.floating]]
-    if whole:
+    if is_array:
         stack = as_numpy(depth_images, name="depth_images")
         images = list(stack) if stack.ndim else [stack]
     else:

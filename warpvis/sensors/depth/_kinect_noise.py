@@ -70,12 +70,12 @@ class NguyenNoise(DepthSensor):
             setattr(model, name, getattr(self, name))
         model.seed = exposure.seed
         camera = exposure.camera.device_struct()
-        given = [model, exposure.true_depth, exposure.normals, exposure.draws]
+        inputs = [model, exposure.true_depth, exposure.normals, exposure.draws]
         kernel, span = _nguyen_kernel(exposure.scene.device)
         launch_images(
             kernel,
             exposure.depth_out.shape,
-            lambda window: [camera, exposure.poses, window, *given, exposure.depth_out, exposure.reasons_out],
+            lambda window: [camera, exposure.poses, window, *inputs, exposure.depth_out, exposure.reasons_out],
             device=exposure.scene.device,
             threads=exposure.threads,
             span=span,
@@ -115,12 +115,12 @@ class KhoshelhamNoise(DepthSensor):
         model = KhoshelhamModel()
         model.step, model.sigma, model.rounds, model.seed = self.step, self.sigma, int(self.rounds), exposure.seed
         camera = exposure.image_range
-        given = [model, exposure.true_depth, exposure.draws, exposure.depth_out, exposure.reasons_out]
+        inputs = [model, exposure.true_depth, exposure.draws, exposure.depth_out, exposure.reasons_out]
         kernel, span = _khoshelham_kernel(exposure.scene.device)
         launch_images(
             kernel,
             exposure.depth_out.shape,
-            lambda window: [camera, window, *given],
+            lambda window: [camera, window, *inputs],
             device=exposure.scene.device,
             threads=exposure.threads,
             span=span,

@@ -81,13 +81,13 @@ class Latency:
         history = self._allocate(views, names)
         written = views_for(names, depth.shape, depth.device, out)
         rows = (len(depth), depth.shape[1] if depth.ndim == 3 else 1, depth.shape[-1])
-        now = SensorImages()
+        current = SensorImages()
         for name in names:
-            setattr(now, name, getattr(views, name).reshape(rows))
-        given: list[Any] = [now, wp.array(self._advance(numbers), dtype=wp.vec2i, device=depth.device)]
-        given += [history[name].reshape((self._max_delay + 1, *rows)) if name in names else None for name in _DELAYED]
-        given += [getattr(written, name).reshape(rows) if name in names else None for name in _DELAYED]
-        launch_images(delay_images, rows, lambda window: [window, *given], device=depth.device)
+            setattr(current, name, getattr(views, name).reshape(rows))
+        inputs: list[Any] = [current, wp.array(self._advance(numbers), dtype=wp.vec2i, device=depth.device)]
+        inputs += [history[name].reshape((self._max_delay + 1, *rows)) if name in names else None for name in _DELAYED]
+        inputs += [getattr(written, name).reshape(rows) if name in names else None for name in _DELAYED]
+        launch_images(delay_images, rows, lambda window: [window, *inputs], device=depth.device)
         return type(views)(**(vars(views) | {name: getattr(written, name) for name in names}))
 
     def reset(self, views: ArrayInput | None = None) -> None:

@@ -61,25 +61,25 @@ class Randomized(DepthSensor):
             raise ArrayError(
                 f"ranges must be a mapping of 1 to {_MAX_RANGES} parameters, got {truncate(repr(self.ranges))}"
             )
-        limits = {name: self._check_range(name, given) for name, given in self.ranges.items()}
+        limits = {name: self._check_range(name, ends) for name, ends in self.ranges.items()}
         object.__setattr__(self, "ranges", limits)
         self._corners  # noqa: B018 - validates all of them
 
-    def _check_range(self, name: object, given: object) -> tuple[float, float]:
+    def _check_range(self, name: object, ends: object) -> tuple[float, float]:
         """Check a range, and return its limits with the type of the parameter."""
         kind = type(self.of).__name__
         known = {field.name: field.type for field in fields(cast(Any, self.of))}
         if name not in known:
             raise ArrayError(f"{kind} has no parameter {truncate(repr(name))}; it has {', '.join(known)}")
-        value, limits = getattr(self.of, str(name)), [] if is_number(given) else as_items(given, str(name))
-        whole = is_whole(value) and "float" not in str(known[str(name)]) and not isinstance(value, bool)
+        value, limits = getattr(self.of, str(name)), [] if is_number(ends) else as_items(ends, str(name))
+        is_integer = is_whole(value) and "float" not in str(known[str(name)]) and not isinstance(value, bool)
         if not is_number(value) and not (value is None and "float" in str(known[str(name)])):
             raise ArrayError(f"{name} of {kind} must be a number to have a range")
-        fits = is_whole if whole else is_number
+        fits = is_whole if is_integer else is_number
         if len(limits) != 2 or not all(fits(limit) and np.isfinite(limit) for limit in limits):
-            expected = "whole numbers" if whole else "numbers"
-            raise ArrayError(f"{name} must be two {expected}, minimum and maximum, got {truncate(repr(given))}")
-        low, high = (int(limit) if whole else float(limit) for limit in limits)
+            expected = "whole numbers" if is_integer else "numbers"
+            raise ArrayError(f"{name} must be two {expected}, minimum and maximum, got {truncate(repr(ends))}")
+        low, high = (int(limit) if is_integer else float(limit) for limit in limits)
         if low > high:
             raise ArrayError(f"{name} must be a minimum and a maximum, got {low:g} and {high:g}")
         return low, high
@@ -95,11 +95,11 @@ class Randomized(DepthSensor):
 
     def _with(self, values: Iterable[float]) -> DepthSensor:
         pairs = zip(self.ranges.items(), values, strict=True)
-        given = {name: type(low)(value) for (name, (low, _)), value in pairs}
+        parameters = {name: type(low)(value) for (name, (low, _)), value in pairs}
         try:
-            return cast(DepthSensor, replace(cast(Any, self.of), **given))
+            return cast(DepthSensor, replace(cast(Any, self.of), **parameters))
         except WarpvisError as error:
-            values_text = ", ".join(f"{name} {value:g}" for name, value in given.items())
+            values_text = ", ".join(f"{name} {value:g}" for name, value in parameters.items())
             raise ArrayError(f"ranges have {values_text}: {describe_exception(error)}") from None
 
     def camera(self) -> Camera:

@@ -69,11 +69,11 @@ class RedwoodNoise(ByValue, DepthSensor):
         table = wp.array(self.distortion, dtype=wp.float32, device=device)
         streams = {"across": STREAM_ACROSS, "down": STREAM_DOWN, "disparity": STREAM_DISPARITY}
         normals = [draw_normal_image(exposure, stream, name) for name, stream in streams.items()]
-        given = [model, table, exposure.true_depth, *normals, exposure.depth_out, exposure.reasons_out]
+        inputs = [model, table, exposure.true_depth, *normals, exposure.depth_out, exposure.reasons_out]
         launch_images(
             measure_redwood,
             exposure.depth_out.shape,
-            lambda window: [camera, window, *given],
+            lambda window: [camera, window, *inputs],
             device=device,
             threads=exposure.threads,
         )

@@ -90,20 +90,20 @@ class SimKinect(ByValue, DepthSensor):
         pattern = make_pattern(lens.height, lens.width) if self.pattern is None else self.pattern
         dots = wp.array(pattern, dtype=wp.uint8, device=device)
         nearest = wp.array(closest_first(_FILL_REACH, _FILL_REACH**2), dtype=wp.vec2i, device=device)
-        levels, kept = (exposure.scratch(name, shape, wp.int32) for name in ("levels", "kept"))
+        levels, detected = (exposure.scratch(name, shape, wp.int32) for name in ("levels", "kept"))
 
-        def launch(kernel: wp.Kernel, *given: object, cameras: tuple[object, ...] = ()) -> None:
+        def launch(kernel: wp.Kernel, *arguments: object, cameras: tuple[object, ...] = ()) -> None:
             launch_images(
-                kernel, shape, lambda window: [*cameras, window, *given], device=device, threads=exposure.threads
+                kernel, shape, lambda window: [*cameras, window, *arguments], device=device, threads=exposure.threads
             )
 
         across = draw_normal_image(exposure, STREAM_ACROSS, "across")
         down = draw_normal_image(exposure, STREAM_DOWN, "down")
         launch(shift_to_levels, model, exposure.true_depth, across, down, levels)
-        launch(detect_dots, dots, levels, kept)
+        launch(detect_dots, dots, levels, detected)
         noise = draw_normal_image(exposure, STREAM_DISPARITY, "across")
         written = exposure.depth_out, exposure.reasons_out
-        launch(fill_from_dots, model, exposure.true_depth, kept, nearest, noise, *written, cameras=(camera,))
+        launch(fill_from_dots, model, exposure.true_depth, detected, nearest, noise, *written, cameras=(camera,))
 
 
 def make_pattern(height: int, width: int) -> NDArray[np.uint8]:

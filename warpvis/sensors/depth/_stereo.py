@@ -152,10 +152,10 @@ class StereoDepth(Device):
         _check_at_most(self.edge_window, "edge_window", _MAX_WINDOW)
         check_number(self.edge_step, "edge_step", minimum=0.0)
         check_number(self.min_support, "min_support", minimum=0.0, maximum=1.0)
-        least = check_number(self.min_signal, "min_signal", minimum=0.0)
+        min_signal = check_number(self.min_signal, "min_signal", minimum=0.0)
         full = check_number(self.full_signal, "full_signal", minimum=0.0)
-        if full <= least and full + least > 0:
-            raise ArrayError(f"full_signal must be above min_signal, got {full:g} and {least:g}")
+        if full <= min_signal and full + min_signal > 0:
+            raise ArrayError(f"full_signal must be above min_signal, got {full:g} and {min_signal:g}")
         check_number(self.dropout, "dropout", minimum=0.0, maximum=1.0)
 
     @property
@@ -216,21 +216,21 @@ class StereoDepth(Device):
         eyes = wp.empty(len(poses), dtype=OtherEye, device=device)
         side = self.baseline if self.other_eye == "right" else -self.baseline
         launch(place_other_eyes, len(poses), [poses, wp.float64(side), other_poses, eyes], device)
-        model, given = self._model(exposure), self._views(exposure)
+        model, inputs = self._model(exposure), self._views(exposure)
         if self.shadow:
-            given.other_depth = self._render_other_eye(exposure, given, eyes, other_poses)
+            inputs.other_depth = self._render_other_eye(exposure, inputs, eyes, other_poses)
         _, kernel, span = _kernels(device)
         written = [exposure.depth_out, exposure.reasons_out]
         launch_images(
             kernel,
             exposure.depth_out.shape,
-            lambda window: [eyes, window, model, given, *written],
+            lambda window: [eyes, window, model, inputs, *written],
             device=device,
             threads=exposure.threads,
             span=span,
         )
 
-    def _render_other_eye(self, exposure: Exposure, given: StereoViews, eyes: wp.array, poses: wp.array) -> wp.array:
+    def _render_other_eye(self, exposure: Exposure, inputs: StereoViews, eyes: wp.array, poses: wp.array) -> wp.array:
         """Return the depth seen by the other eye at the projection of the point of each pixel."""
         shape, device = exposure.true_depth.shape, exposure.scene.device
         other = self._other_camera(exposure.camera, exposure.clip_near)
@@ -241,7 +241,7 @@ class StereoDepth(Device):
         launch_images(
             kernel,
             shape,
-            lambda window: [lens, eyes, window, given, margin, min_depth, points],
+            lambda window: [lens, eyes, window, inputs, margin, min_depth, points],
             device=device,
             threads=exposure.threads,
             span=span,
@@ -272,24 +272,24 @@ class StereoDepth(Device):
         """Return the input images as a struct for kernels, without the depth seen by the other eye."""
         from warpvis.kernels.stereo import StereoViews
 
-        given = StereoViews()
-        given.true_depth, given.draws = exposure.true_depth, exposure.draws
-        given.column_slopes, given.row_slopes = _slopes(exposure.camera, exposure.scene.device)
+        inputs = StereoViews()
+        inputs.true_depth, inputs.draws = exposure.true_depth, exposure.draws
+        inputs.column_slopes, inputs.row_slopes = _slopes(exposure.camera, exposure.scene.device)
         if exposure.normals is not None:
-            given.normals = exposure.normals
+            inputs.normals = exposure.normals
         if exposure.segmentation is not None:
-            given.segmentation = exposure.segmentation
-            given.reflectivity = self.reflectivity_of_objects(exposure)
+            inputs.segmentation = exposure.segmentation
+            inputs.reflectivity = self.reflectivity_of_objects(exposure)
         if self._smooth:
-            self._draw_nodes(exposure, given)
-        return given
+            self._draw_nodes(exposure, inputs)
+        return inputs
 
-    def _draw_nodes(self, exposure: Exposure, given: StereoViews) -> None:
+    def _draw_nodes(self, exposure: Exposure, inputs: StereoViews) -> None:
         """Draw noise at the nodes of each view, and set the interpolation weights of pixels."""
         views, height, width = exposure.true_depth.shape
         device, spacing = exposure.scene.device, self.noise_spacing
         shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
-        given.nodes = nodes = exposure.scratch("nodes", shape, wp.float32)
+        inputs.nodes = nodes = exposure.scratch("nodes", shape, wp.float32)
         kernel, span = drawing_kernel(device)
         drawn: list[Any] = [exposure.draws, wp.uint32(exposure.seed), wp.uint32(STREAM_DISPARITY), nodes]
         launch_images(
@@ -299,9 +299,9 @@ class StereoDepth(Device):
         weights = np.stack([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
         column_weights = weights[np.arange(width) % spacing].T.copy()
         columns = np.arange(width, dtype=np.int32) // spacing
-        given.weights = wp.array(weights, dtype=wp.vec2, device=device)
-        given.column_nodes = wp.array(columns, dtype=wp.int32, device=device)
-        given.left_weights, given.right_weights = (
+        inputs.weights = wp.array(weights, dtype=wp.vec2, device=device)
+        inputs.column_nodes = wp.array(columns, dtype=wp.int32, device=device)
+        inputs.left_weights, inputs.right_weights = (
             wp.array(side, dtype=wp.float32, device=device) for side in column_weights
         )
 
@@ -324,6 +324,6 @@ def _slopes(camera: Camera, device: wp.Device) -> tuple[wp.array, wp.array]:
     return tuple(wp.array(slopes.astype(np.float32), dtype=wp.float32, device=device) for slopes in (columns, rows))
 
 
-def _check_at_most(value: int, name: str, most: int) -> None:
-    if value > most:
-        raise ArrayError(f"{name} must be at most {most} px, got {value}")
+def _check_at_most(value: int, name: str, maximum: int) -> None:
+    if value > maximum:
+        raise ArrayError(f"{name} must be at most {maximum} px, got {value}")

@@ -91,18 +91,18 @@ class TimeOfFlight(Device):
     def __post_init__(self) -> None:
         super().__post_init__()
         if is_number(self.frequencies):
-            given: tuple[Any, ...] = (self.frequencies,)
+            numbers: tuple[Any, ...] = (self.frequencies,)
         elif isinstance(self.frequencies, Sequence | np.ndarray) and not isinstance(self.frequencies, str | bytes):
-            given = tuple(self.frequencies)
+            numbers = tuple(self.frequencies)
         else:
-            given = ()
-        if not 1 <= len(given) <= _MAX_FREQUENCIES or not all(_is_frequency(number) for number in given):
+            numbers = ()
+        if not 1 <= len(numbers) <= _MAX_FREQUENCIES or not all(_is_frequency(number) for number in numbers):
             raise ArrayError(f"frequencies must be 1 to 3 whole numbers of Hz from 1 to 1e12, got {self.frequencies!r}")
-        whole = tuple(sorted({int(number) for number in given}, reverse=True))
-        object.__setattr__(self, "frequencies", tuple(float(number) for number in whole))
-        if whole[0] // reduce(math.gcd, whole) > _MAX_LAPS:
+        frequencies = tuple(sorted({int(number) for number in numbers}, reverse=True))
+        object.__setattr__(self, "frequencies", tuple(float(number) for number in frequencies))
+        if frequencies[0] // reduce(math.gcd, frequencies) > _MAX_LAPS:
             raise ArrayError(
-                f"frequencies must have a common divisor of at least 1/{_MAX_LAPS} of the highest, got {whole}"
+                f"frequencies must have a common divisor of at least 1/{_MAX_LAPS} of the highest, got {frequencies}"
             )
         _check_positive(self.signal, "signal")
         check_number(self.background, "background", minimum=0.0)
@@ -115,15 +115,15 @@ class TimeOfFlight(Device):
         if check_number(self.edge_step, "edge_step", minimum=0.0) == 0.0:
             raise ArrayError("edge_step must be above 0 m")
         check_number(self.min_coherence, "min_coherence", minimum=0.0, maximum=1.0)
-        least = check_number(self.min_signal, "min_signal", minimum=0.0)
+        min_signal = check_number(self.min_signal, "min_signal", minimum=0.0)
         _check_positive(self.max_signal, "max_signal")
-        if least >= self.max_signal:
-            raise ArrayError(f"max_signal must be above min_signal, got {self.max_signal:g} and {least:g}")
+        if min_signal >= self.max_signal:
+            raise ArrayError(f"max_signal must be above min_signal, got {self.max_signal:g} and {min_signal:g}")
 
     @property
     def unambiguous_range(self) -> float:
         """Range at which measured range wraps to 0 [m]: c / (2 f), f being the greatest common divisor."""
-        return SPEED_OF_LIGHT / (2 * reduce(math.gcd, self._whole))
+        return SPEED_OF_LIGHT / (2 * reduce(math.gcd, self._integers))
 
     @property
     def bytes_per_pixel(self) -> int:
@@ -131,33 +131,33 @@ class TimeOfFlight(Device):
         return 28 if self.mixing else 0
 
     @property
-    def _whole(self) -> tuple[int, ...]:
+    def _integers(self) -> tuple[int, ...]:
         return tuple(int(number) for number in self.frequencies)  # type: ignore[union-attr]
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
         from warpvis.kernels.sub_rays import find_axes
 
-        model, given = self._model(exposure), self._views(exposure)
+        model, inputs = self._model(exposure), self._views(exposure)
         axes = exposure.scratch("axes", exposure.poses.shape, wp.mat33)
         launch(find_axes, len(exposure.poses), [exposure.poses, axes], exposure.scene.device)
         cameras = [exposure.camera.device_struct(), axes]
         if self.mixing:
-            given.slots, given.mixes = self._mix(exposure, cameras, model, given)
+            inputs.slots, inputs.mixes = self._mix(exposure, cameras, model, inputs)
         written = [exposure.depth_out, exposure.reasons_out]
         _, kernel, span = _kernels(exposure.scene.device)
-        _launch(exposure, kernel, exposure.depth_out.shape, cameras, [model, given, *written], span)
+        _launch(exposure, kernel, exposure.depth_out.shape, cameras, [model, inputs, *written], span)
 
     def _model(self, exposure: Exposure) -> FlightModel:
         """Return the parameters as a struct for kernels."""
         from warpvis.kernels.time_of_flight import FlightModel
 
-        camera, model, whole = exposure.camera, FlightModel(), self._whole
-        model.frequencies = len(whole)
-        turns = [2 * frequency / SPEED_OF_LIGHT for frequency in whole]
+        camera, model, frequencies = exposure.camera, FlightModel(), self._integers
+        model.frequencies = len(frequencies)
+        turns = [2 * frequency / SPEED_OF_LIGHT for frequency in frequencies]
         model.turns = wp.vec3d(*turns, *[0.0] * (_MAX_FREQUENCIES - len(turns)))
-        model.unambiguous, model.laps = self.unambiguous_range, whole[0] // reduce(math.gcd, whole)
-        one = SPEED_OF_LIGHT / (4 * math.sqrt(2) * math.pi * whole[0])
+        model.unambiguous, model.laps = self.unambiguous_range, frequencies[0] // reduce(math.gcd, frequencies)
+        one = SPEED_OF_LIGHT / (4 * math.sqrt(2) * math.pi * frequencies[0])
         model.noise_scale = one / (self.contrast * math.sqrt(self.signal))
         model.background = self.background / self.signal
         model.min_signal, model.max_signal = self.min_signal, self.max_signal
@@ -170,15 +170,15 @@ class TimeOfFlight(Device):
         """Return the input images as a struct for kernels, without the results of sub-rays."""
         from warpvis.kernels.time_of_flight import FlightViews
 
-        given = FlightViews()
-        given.true_depth, given.normals, given.draws = exposure.true_depth, exposure.normals, exposure.draws
+        inputs = FlightViews()
+        inputs.true_depth, inputs.normals, inputs.draws = exposure.true_depth, exposure.normals, exposure.draws
         if exposure.segmentation is not None:
-            given.segmentation = exposure.segmentation
-            given.reflectivity = self.reflectivity_of_objects(exposure)
-        return given
+            inputs.segmentation = exposure.segmentation
+            inputs.reflectivity = self.reflectivity_of_objects(exposure)
+        return inputs
 
     def _mix(
-        self, exposure: Exposure, cameras: list[Any], model: FlightModel, given: FlightViews
+        self, exposure: Exposure, cameras: list[Any], model: FlightModel, inputs: FlightViews
     ) -> tuple[wp.array, wp.array]:
         """Return the slots of pixels at edges, -1 elsewhere, and the mixed signals of their sub-rays by slot."""
         from warpvis.kernels.sub_rays import place_sub_rays
@@ -194,7 +194,7 @@ class TimeOfFlight(Device):
         for first in range(0, pixels.shape[1], part):
             _launch(exposure, place_sub_rays, points.shape, [], [pixels, first, width, points])
             seen = exposure.cast_images_at(ideal, exposure.poses, points, ("depth", *self.needs))
-            images = [seen["depth"], seen["normals"], seen.get("segmentation"), given.reflectivity]
+            images = [seen["depth"], seen["normals"], seen.get("segmentation"), inputs.reflectivity]
             _launch(exposure, mix_sub_rays, tiles, cameras, [model, pixels, points, *images, first, mixes])
         return slots, mixes
 
@@ -224,14 +224,14 @@ def _launch(
     kernel: wp.Kernel,
     shape: tuple[int, int, int],
     cameras: list[Any],
-    others: list[Any],
+    inputs: list[Any],
     span: int = 1,
 ) -> None:
     """Launch a kernel with the arguments cameras, window and others, and `span` pixels per thread."""
     launch_images(
         kernel,
         shape,
-        lambda window: [*cameras, window, *others],
+        lambda window: [*cameras, window, *inputs],
         device=exposure.scene.device,
         threads=exposure.threads,
         span=span,

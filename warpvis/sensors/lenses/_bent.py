@@ -87,14 +87,14 @@ class BentLens(RadialLens):
     def _unproject(self, pixels: Floats) -> Floats:
         if self.is_radial:
             return super()._unproject(pixels)
-        given = np.stack(self._from_pixels(pixels))
-        candidates = np.flatnonzero(self._may_have_direction(*given))
-        target = given[:, candidates]
+        targets = np.stack(self._from_pixels(pixels))
+        candidates = np.flatnonzero(self._may_have_direction(*targets))
+        target = targets[:, candidates]
         solution = self._newton(target, self._undistorted(target))
         failed = np.flatnonzero(~self._solves(solution, target))
         if len(failed):
             solution[:, failed] = self._continue_from_center(target[:, failed])
-        x, y = np.full_like(given, np.nan)
+        x, y = np.full_like(targets, np.nan)
         x[candidates], y[candidates] = solution
         radius = np.hypot(x, y)
         return rays_of(np.arctan(radius) if self._is_flat else radius, x, y, radius)

@@ -122,14 +122,14 @@ def nerfstudio_model(fields: Mapping[str, Any]) -> str:
     Raises:
         CameraError: If a key is malformed, or if the keys contradict each other.
     """
-    given = fields.get("camera_model")
-    models = [] if given is None else [str(given)]
+    name = fields.get("camera_model")
+    models = [] if name is None else [str(name)]
     for key, model in _NGP_MODELS.items():
         if key in fields and (key.startswith("ftheta") or check_flag(fields[key], key, CameraError)):
-            if given is None:
+            if name is None:
                 models.append(model)
-            elif given != model and not (model == "OPENCV_FISHEYE" and given in _NERF_FISHEYES):
-                raise CameraError(f"camera_model must be {model} or left out with {key}, got {truncate(repr(given))}")
+            elif name != model and not (model == "OPENCV_FISHEYE" and name in _NERF_FISHEYES):
+                raise CameraError(f"camera_model must be {model} or left out with {key}, got {truncate(repr(name))}")
     if len(models) > 1:
         raise CameraError(f"a camera must have one model, got keys of {' and '.join(models)}")
     return models[0] if models else "OPENCV"
@@ -169,10 +169,10 @@ def lens_from_nerfstudio(fields: Mapping[str, Any], size: Sequence[float], intri
             raise CameraError(f"p1 and p2 of camera_model {model} must be 0, got {p1:g} and {p2:g}")
         return KannalaBrandt(fx, fy, cx, cy, (k1, k2, k3, k4))
     if model == "FTHETA":
-        constant, *rest = (_number(fields, f"ftheta_p{power}") for power in range(5))
+        constant, *coefficients = (_number(fields, f"ftheta_p{power}") for power in range(5))
         if constant:
             raise CameraError(f"ftheta_p0, the angle at the principal point, must be 0, got {constant:g}")
-        return FTheta(cx, cy, tuple(rest))
+        return FTheta(cx, cy, tuple(coefficients))
     if model == "EQUIRECTANGULAR":
         return Equirectangular(float(size[0]), float(size[1]))
     raise CameraError(f"camera_model {truncate(repr(model))} of nerfstudio is not supported")

@@ -43,11 +43,11 @@ class Lens(ABC):
         Raises:
             CameraError: If `points` is not an array of numbers of this shape.
         """
-        given = _as_rows(points, 3, "points")
+        rows = _as_rows(points, 3, "points")
         with np.errstate(all="ignore"):  # results that are not finite become NaN below
-            result = self._project(np.ascontiguousarray(given.reshape(-1, 3)))
+            result = self._project(np.ascontiguousarray(rows.reshape(-1, 3)))
         result[~np.isfinite(result).all(axis=1)] = np.nan
-        return result.reshape(*given.shape[:-1], 2)
+        return result.reshape(*rows.shape[:-1], 2)
 
     def unproject(self, pixels: ArrayLike) -> NDArray[np.float64]:
         """Return the directions of image points.
@@ -61,11 +61,11 @@ class Lens(ABC):
         Raises:
             CameraError: If `pixels` is not an array of numbers of this shape.
         """
-        given = _as_rows(pixels, 2, "pixels")
+        rows = _as_rows(pixels, 2, "pixels")
         with np.errstate(all="ignore"):
-            result = self._unproject(np.ascontiguousarray(given.reshape(-1, 2)))
+            result = self._unproject(np.ascontiguousarray(rows.reshape(-1, 2)))
         result[~np.isfinite(result).all(axis=1)] = np.nan
-        return result.reshape(*given.shape[:-1], 3)
+        return result.reshape(*rows.shape[:-1], 3)
 
     def directions(self, width: int, height: int, first: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the directions of the pixel centers of an image. The result is cached and read-only.
@@ -220,8 +220,8 @@ def check_coefficients(
 
 def format_alternatives(counts: Sequence[int]) -> str:
     """Format alternatives: ``4, 5 or 8``."""
-    *most, last = map(str, counts)
-    return f"{', '.join(most)} or {last}" if most else last
+    *initial, last = map(str, counts)
+    return f"{', '.join(initial)} or {last}" if initial else last
 
 
 def _as_rows(values: ArrayLike, count: int, name: str) -> Floats:

@@ -168,8 +168,8 @@ def _read_csv(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _check_angles(
-    path: Path, azimuth: NDArray[np.float64], elevation: NDArray[np.float64], most: float
+    path: Path, azimuth: NDArray[np.float64], elevation: NDArray[np.float64], max_elevation: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    if not len(azimuth) or not (np.isfinite(azimuth) & (np.abs(elevation) <= most + 1e-6)).all():
+    if not len(azimuth) or not (np.isfinite(azimuth) & (np.abs(elevation) <= max_elevation + 1e-6)).all():
         raise FileFormatError(f"{path}: must contain finite angles, with elevations from -90 to 90 degrees")
     return azimuth, elevation

@@ -219,19 +219,19 @@ def _read_beam_origin(beams: dict[str, Json], product: str, path: os.PathLike[st
     if isinstance(beams.get("beam_to_lidar_transform"), list):
         transform = _floats(beams["beam_to_lidar_transform"], (4, 4), "beam_to_lidar_transform", path)
         return transform[0, 3] / 1000, transform[2, 3] / 1000
-    given = beams.get("lidar_origin_to_beam_origin_mm")
-    if given is None:
+    radius = beams.get("lidar_origin_to_beam_origin_mm")
+    if radius is None:
         prefixes = [prefix for prefix in _BEAM_RADIUS if product.startswith(prefix)]
-        given = _BEAM_RADIUS[prefixes[0]] if prefixes else _BEAM_RADIUS_GEN1
-    return float(_floats(given, (), "lidar_origin_to_beam_origin_mm", path)) / 1000, 0.0
+        radius = _BEAM_RADIUS[prefixes[0]] if prefixes else _BEAM_RADIUS_GEN1
+    return float(_floats(radius, (), "lidar_origin_to_beam_origin_mm", path)) / 1000, 0.0
 
 
 def _read_lidar_to_sensor(lidar: dict[str, Json], path: os.PathLike[str]) -> NDArray[np.float64]:
     """Return the transform from the lidar frame to the sensor frame [m]."""
-    given = lidar.get("lidar_to_sensor_transform")
-    if given is None:
+    value = lidar.get("lidar_to_sensor_transform")
+    if value is None:
         return _default_lidar_to_sensor()
-    transform = _floats(given, (4, 4), "lidar_to_sensor_transform", path)
+    transform = _floats(value, (4, 4), "lidar_to_sensor_transform", path)
     rotation = transform[:3, :3]
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
         raise FileFormatError(f"{path}: lidar_to_sensor_transform must be a rotation and a translation")
@@ -239,15 +239,15 @@ def _read_lidar_to_sensor(lidar: dict[str, Json], path: os.PathLike[str]) -> NDA
     return transform
 
 
-def _read_window(given: Json, columns: Json, path: os.PathLike[str]) -> tuple[int, int] | None:
+def _read_window(value: Json, columns: Json, path: os.PathLike[str]) -> tuple[int, int] | None:
     """Return the first and last measured column."""
-    if given is None:
+    if value is None:
         return None
-    ends = given if isinstance(given, list) and len(given) == 2 else []
+    ends = value if isinstance(value, list) and len(value) == 2 else []
     if not is_whole(columns) or columns < 1:
         raise FileFormatError(f"{path}: columns_per_frame must be a whole number from 1 up, got {columns!r}")
     if not ends or not all(is_whole(end) and 0 <= end < columns for end in ends):
-        raise FileFormatError(f"{path}: column_window must be two columns of the {columns} per frame, got {given!r}")
+        raise FileFormatError(f"{path}: column_window must be two columns of the {columns} per frame, got {value!r}")
     return int(ends[0]), int(ends[1])
 
 

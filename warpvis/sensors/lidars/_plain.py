@@ -204,8 +204,8 @@ def _columns(first: float, last: float, step: float, channels: int) -> NDArray[n
             "have more"
         )
     azimuth = _steps(first, last, step, "increment")
-    whole = len(azimuth) > 1 and azimuth[-1] - azimuth[0] > _TURN - 1e-9
-    return azimuth[:-1] if whole else azimuth
+    is_closed = len(azimuth) > 1 and azimuth[-1] - azimuth[0] > _TURN - 1e-9
+    return azimuth[:-1] if is_closed else azimuth
 
 
 def _steps(first: float, last: float, step: float, name: str) -> NDArray[np.float64]:
