@@ -53,7 +53,7 @@ class Dataset:
         """Open the store at `out`; nothing is written yet."""
         self._store: Store = open_store(out)
         self._plan, self._layout, self._manifest = plan, layout, manifest
-        self._whole = 0
+        self._complete = 0
         self.name = self._store.name
         self.bytes = 0
         self.frames = 0
@@ -104,7 +104,7 @@ class Dataset:
 
     def add(self, shard: int, record: Record) -> None:
         """Add a complete shard to the counts."""
-        self._whole += 1
+        self._complete += 1
         self.bytes += record.bytes
         self.frames += record.frames
         self.empty_frames += record.empty
@@ -121,7 +121,7 @@ class Dataset:
     def _state(self) -> str:
         count = self._plan.shard_count
         shards = f"{pluralize(count, 'shard')} {'is' if count == 1 else 'are'}"
-        return f"{self._whole} of {shards} complete. Use resume=True to continue"
+        return f"{self._complete} of {shards} complete. Use resume=True to continue"
 
     def _require_ours(self, *, resume: bool) -> bool:
         """Return whether the dataset already exists and may be resumed.

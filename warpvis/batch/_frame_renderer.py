@@ -227,8 +227,8 @@ def check_batch_outputs(outputs: object, sensor: object) -> tuple[str, ...]:
 
 def choose_excluded(scene: Scene, exclude: Sequence[str | int] | None) -> list[int]:
     """Return the indices of the hidden objects; an empty list for None or an empty sequence."""
-    given = [] if exclude is None else as_items(exclude, "exclude", SceneError)
-    return choose_objects(scene, given) if given else []
+    items = [] if exclude is None else as_items(exclude, "exclude", SceneError)
+    return choose_objects(scene, items) if items else []
 
 
 def make_scene(scene: SceneSource, device: DeviceLike) -> Scene:
@@ -261,8 +261,8 @@ def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array
     import mmap
 
     scalar = np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype)))
-    whole = (*shape, *getattr(dtype, "_shape_", ()))
-    size = max(1, math.prod(whole) * scalar.itemsize)
+    full_shape = (*shape, *getattr(dtype, "_shape_", ()))
+    size = max(1, math.prod(full_shape) * scalar.itemsize)
     try:
         memory = mmap.mmap(-1, size)
     except (OSError, OverflowError):
@@ -271,5 +271,5 @@ def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array
         ) from None
     if hasattr(memory, "madvise") and hasattr(mmap, "MADV_HUGEPAGE"):
         memory.madvise(mmap.MADV_HUGEPAGE)
-    host = np.frombuffer(memory, dtype=scalar, count=math.prod(whole)).reshape(whole)
+    host = np.frombuffer(memory, dtype=scalar, count=math.prod(full_shape)).reshape(full_shape)
     return wp.array(host, dtype=dtype, shape=shape, device="cpu", copy=False)

@@ -95,9 +95,9 @@ def describe_scene(scene: Scene) -> SceneDescription:
         }
         for item in scene.objects
     }
-    whole = hash_values(scene.up, *(item["sha256"] for item in objects.values()))
+    scene_hash = hash_values(scene.up, *(item["sha256"] for item in objects.values()))
     names = {str(number): name for number, name in scene.label_names.items()}
-    return {"up": scene.up, "sha256": whole, "label_names": names, "objects": objects}
+    return {"up": scene.up, "sha256": scene_hash, "label_names": names, "objects": objects}
 
 
 def describe_camera(camera: CalibratedCamera) -> dict[str, Json]:

@@ -333,8 +333,8 @@ def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Cali
 
         pixel = masks + sum(wp.types.type_size_in_bytes(IMAGES[name]) for name in outputs if name in IMAGES)
         return max(1, min(_MAX_SHARD_FRAMES, _SHARD_BYTES // max(1, pixel * camera.width * camera.height)))
-    whole = isinstance(shard_frames, int | np.integer) and not isinstance(shard_frames, bool)
-    if not whole or shard_frames < 1:
+    is_integer = isinstance(shard_frames, int | np.integer) and not isinstance(shard_frames, bool)
+    if not is_integer or shard_frames < 1:
         raise ArrayError(f"shard_frames must be a whole number from 1 up, got {shard_frames!r}")
     return int(shard_frames)
 
@@ -350,11 +350,11 @@ class _Progress:
 
     def __enter__(self) -> _Progress:
         frames = sum(self._frames(shard) for shard in self._missing)
-        whole = len(self._plan.frames) - frames
+        complete = len(self._plan.frames) - frames
         if not self._hidden:
             from tqdm import tqdm
 
-            self._bar = tqdm(total=whole + frames, initial=whole, unit=" frames", unit_scale=True)
+            self._bar = tqdm(total=complete + frames, initial=complete, unit=" frames", unit_scale=True)
         return self
 
     def __call__(self, shard: int, record: Record) -> None:

@@ -103,9 +103,9 @@ def _verify(store: Store) -> VerifyReport:
     problems = list(_check_poses(store, contents.poses_sha256, frames))
     recorded = _recorded_shards(store, shards)
     expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in recorded}
-    others = {INDEX_RECORD: frames} | ({} if store.size(BEGIN_RECORD) is None else {BEGIN_RECORD: frames})
+    other_records = {INDEX_RECORD: frames} | ({} if store.size(BEGIN_RECORD) is None else {BEGIN_RECORD: frames})
     with ThreadPoolExecutor(core_count()) as pool:
-        checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), *others.items()]))
+        checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), *other_records.items()]))
     present = [shard for shard, item in zip(recorded, checked, strict=False) if not item.missing]
     if len(present) < shards:
         missing = f"{pluralize(shards, 'shard')} {'is' if shards == 1 else 'are'} missing"
@@ -115,10 +115,10 @@ def _verify(store: Store) -> VerifyReport:
     problems += [
         f"{name}: is not part of any record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})
     ]
-    whole = sum(not item.problems and not item.missing for item in checked[: len(recorded)])
+    complete = sum(not item.problems and not item.missing for item in checked[: len(recorded)])
     size = sum(item.bytes for item in checked)
     damaged = tuple(item.files[0] for item in checked if item.problems and item.files)
-    counts = (frames, shards, whole, len(files), size)
+    counts = (frames, shards, complete, len(files), size)
     return VerifyReport(store.name, contents.format, *counts, tuple(problems), damaged)
 
 

@@ -28,13 +28,13 @@ def with_help(command: _Class) -> _Class:
     for name in inspect.get_annotations(command):
         kind, *extras = get_args(hints[name]) if get_origin(hints[name]) is Annotated else (hints[name],)
         configs = [item for item in extras if isinstance(item, _Config)]
-        given = {key: value for item in configs for key, value in vars(item).items() if value is not None}
-        text = texts.get(name) or given.get("help") or ""
+        settings = {key: value for item in configs for key, value in vars(item).items() if value is not None}
+        text = texts.get(name) or settings.get("help") or ""
         config = tyro.conf.arg(
-            metavar=given.get("metavar") or _metavar(kind), help=text or None, help_behavior_hint=_default
+            metavar=settings.get("metavar") or _metavar(kind), help=text or None, help_behavior_hint=_default
         )
-        others = [item for item in extras if item not in configs]
-        command.__annotations__[name] = Annotated[(kind, *others, config)]
+        annotations = [item for item in extras if item not in configs]
+        command.__annotations__[name] = Annotated[(kind, *annotations, config)]
     return command
 
 

@@ -40,8 +40,8 @@ class Info(SceneOptions):
             refuse_options(self, scene_options, "info of this machine takes")
             _print_versions()
         elif is_world(self.file):
-            own = [name for name in scene_options if name not in ("search_path", "strict", "labels", "label_names")]
-            refuse_options(self, own, "info of a Webots world takes")
+            unused = [name for name in scene_options if name not in ("search_path", "strict", "labels", "label_names")]
+            refuse_options(self, unused, "info of a Webots world takes")
             scene = print_world(self.file, search_path=self.folders(), strict=self.strict, labels=self.label_rules())
             print(f"\n{describe(scene)}")
         else:

@@ -173,13 +173,13 @@ class ViewpointOptions(SceneOptions):
         from warpvis.io import load_camera
         from warpvis.sensors import require_calibrated
 
-        given = None if self.camera is None else load_camera(self.camera, distortion=self.distortion)
-        own = None if frames is None else frames.camera
-        if self.replace_camera and (given is None or own is None):
+        camera = None if self.camera is None else load_camera(self.camera, distortion=self.distortion)
+        stored = None if frames is None else frames.camera
+        if self.replace_camera and (camera is None or stored is None):
             raise CameraError("--replace-camera requires a pose file that defines a camera, and another --camera")
-        if frames is None or own is None or self.replace_camera:
-            return (self.device_camera() or load_camera("kinect")) if given is None else given
-        return require_calibrated(frames.choose_camera(given))
+        if frames is None or stored is None or self.replace_camera:
+            return (self.device_camera() or load_camera("kinect")) if camera is None else camera
+        return require_calibrated(frames.choose_camera(camera))
 
     def orders(self, path: str) -> bool:
         """Return whether `quaternion` has an effect on a pose file."""
@@ -289,8 +289,8 @@ class FrameOptions(ViewpointOptions):
         camera = self.choose_camera()
         if self.camera is None and self.device_camera() is None:
             camera = replace(camera, near=0.0, far=math.inf)
-        own = camera if self.camera is None else None
-        return Frames.from_poses(framing(scene, camera), camera=own, source={"made": "framing"})
+        stored = camera if self.camera is None else None
+        return Frames.from_poses(framing(scene, camera), camera=stored, source={"made": "framing"})
 
 
 scene_options = tuple(field.name for field in fields(SceneOptions))
@@ -326,10 +326,10 @@ def refuse_options(command: SceneOptions, names: Sequence[str], why: str) -> Non
     Raises:
         SceneError: If one is given.
     """
-    given = given_options(command, names)
-    if given:
+    changed = given_options(command, names)
+    if changed:
         listed = ", ".join(
-            ("--no-" if getattr(command, name) is False else "--") + name.replace("_", "-") for name in given
+            ("--no-" if getattr(command, name) is False else "--") + name.replace("_", "-") for name in changed
         )
         raise SceneError(f"{why} no {listed}")
 

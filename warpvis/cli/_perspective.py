@@ -123,8 +123,8 @@ class Perspective(ViewpointOptions):
 
     def _refuse_options(self, name: str) -> None:
         """Reject options that an experiment defines itself: agents, labels and units."""
-        own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
-        refuse_options(self, own, f"{name} defines its robot and its person, so it takes")
+        unused = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
+        refuse_options(self, unused, f"{name} defines its robot and its person, so it takes")
 
 
 def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:

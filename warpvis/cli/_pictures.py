@@ -48,5 +48,5 @@ def write_pictures(dataset: FrameDataset, out: Path) -> str:
         save_preview(dataset.read("depth", index), out / PREVIEWS / f"{index:06d}.png", depth_range)
     names = [f"{index:06d}" for index in spread]
     save_contact_sheet([dataset.read("depth", index) for index in spread], names, out / SHEET, depth_range)
-    some = "" if count == len(first) else f" of the first {pluralize(len(first), 'frame')}"
-    return f"{out / PREVIEWS}{some}, {out / SHEET}"
+    extent = "" if count == len(first) else f" of the first {pluralize(len(first), 'frame')}"
+    return f"{out / PREVIEWS}{extent}, {out / SHEET}"

@@ -109,8 +109,8 @@ class View(ViewpointOptions):
         }
         experiment = find_experiment(self.file)
         if experiment is not None:
-            own = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
-            refuse_options(self, own, f"{experiment.name} defines its robot and its person, so it takes")
+            unused = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
+            refuse_options(self, unused, f"{experiment.name} defines its robot and its person, so it takes")
             scene = experiment.build()
             return ViewerState(scene, experiment.agents(), frames=self._frames(scene), **names)
         if self.file.suffix.lower() == ".xml" and not given_options(self, _NOT_OF_MODELS):
@@ -146,8 +146,8 @@ class View(ViewpointOptions):
             if text in stage.cameras():
                 agents.append(stage.agent(name, text))
         if len(agents) < sum(text is not None for text in (self.robot, self.human)) or not agents:
-            given = [text for text in (self.robot, self.human) if text is not None]
-            check_viewpoints(self, [text for text in given if text not in stage.cameras()])
+            texts = [text for text in (self.robot, self.human) if text is not None]
+            check_viewpoints(self, [text for text in texts if text not in stage.cameras()])
             known = {agent.name: agent for agent in agents}
             agents = [known.get(agent.name, agent) for agent in self._agents(stage.stage.scene, set(known))]
         return ViewerState(stage, agents, frames=self._frames(stage.stage.scene), **names)

@@ -97,9 +97,9 @@ def render_world(
         if not quiet:
             print(f"{name}: {folder / 'ranges.npz'}, {folder / 'pcd' / '000000.pcd'}")
     if blind:
-        some, sees = ", ".join(map(repr, blind)), "sees nothing in its" if len(blind) == 1 else "see nothing in their"
+        names, sees = ", ".join(map(repr, blind)), "sees nothing in its" if len(blind) == 1 else "see nothing in their"
         count = pluralize(len(finders) + len(lidars), "device")
-        warnings.warn(f"{len(blind)} of {count} {sees} range: {some}", stacklevel=2)
+        warnings.warn(f"{len(blind)} of {count} {sees} range: {names}", stacklevel=2)
     return len(blind) < len(finders) + len(lidars)
 
 

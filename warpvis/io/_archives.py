@@ -72,10 +72,10 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
     return found
 
 
-def _read(stream: _Stream, most: int) -> bytes:
-    """Read up to `most` bytes, in pieces, since libraries hold data read at once twice."""
+def _read(stream: _Stream, max_bytes: int) -> bytes:
+    """Read up to `max_bytes` bytes, in pieces, since libraries hold data read at once twice."""
     buffer = io.BytesIO()
-    while piece := stream.read(min(_PIECE, most - buffer.tell())):
+    while piece := stream.read(min(_PIECE, max_bytes - buffer.tell())):
         buffer.write(piece)
     return buffer.getvalue()
 

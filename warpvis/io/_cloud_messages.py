@@ -65,14 +65,14 @@ def as_layout(cloud: NDArray[np.void], layout: CloudLayout | None, stamp: Stamp 
         MessageError: If the layout is unknown.
     """
     if layout is None:
-        wanted = [(name, cloud.dtype[name].newbyteorder("<").str) for name in cloud.dtype.names or ()]
+        fields = [(name, cloud.dtype[name].newbyteorder("<").str) for name in cloud.dtype.names or ()]
     else:
         check_choice(layout, "layout", ("velodyne", "ouster", "livox"), MessageError)
         if layout == "livox":
             return _as_livox_cloud(cloud, stamp)
-        wanted = list(_VELODYNE if layout == "velodyne" else _OUSTER)
-    packed = np.zeros(cloud.shape, dtype=wanted)
-    for name, _ in wanted:
+        fields = list(_VELODYNE if layout == "velodyne" else _OUSTER)
+    packed = np.zeros(cloud.shape, dtype=fields)
+    for name, _ in fields:
         packed[name] = _field(cloud, name, layout)
     return packed
 
@@ -129,20 +129,20 @@ def _as_livox_cloud(cloud: NDArray[np.void], stamp: Stamp) -> NDArray[np.void]:
 
 def _scaled(values: NDArray[Any], name: str, source: str) -> NDArray[np.float64]:
     """Return whole numbers in the unit of an Ouster field; 0 where nothing was measured."""
-    scale, most = _SCALES[name]
-    return _whole(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0), scale, most, name, source)
+    scale, maximum = _SCALES[name]
+    return _whole(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0), scale, maximum, name, source)
 
 
-def _whole(values: NDArray[Any], scale: float, most: int, name: str, source: str) -> NDArray[np.float64]:
+def _whole(values: NDArray[Any], scale: float, maximum: int, name: str, source: str) -> NDArray[np.float64]:
     """Return whole numbers in the unit of a field.
 
     Raises:
         ArrayError: If they are out of the field's range.
     """
     scaled = np.rint(values.astype(np.float64) * scale)
-    if scaled.size and not 0 <= scaled.min() <= scaled.max() <= most:
+    if scaled.size and not 0 <= scaled.min() <= scaled.max() <= maximum:
         raise ArrayError(
-            f"{source} must be from 0 to {most / scale:g} for the field {name}, got {scaled.min() / scale:g} to "
+            f"{source} must be from 0 to {maximum / scale:g} for the field {name}, got {scaled.min() / scale:g} to "
             f"{scaled.max() / scale:g}"
         )
     return scaled

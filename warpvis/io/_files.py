@@ -34,12 +34,12 @@ def read_array(path: Path) -> NDArray[np.generic]:
     return loaded
 
 
-def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, NDArray[np.generic]]:
+def read_archive(path: Path, selected: Sequence[str], needed: str) -> dict[str, NDArray[np.generic]]:
     """Read selected arrays of a ``.npz`` file.
 
     Args:
         path: The file.
-        wanted: Names of the arrays; others are not read.
+        selected: Names of the arrays; others are not read.
         needed: Name of the required array.
 
     Raises:
@@ -53,10 +53,10 @@ def read_archive(path: Path, wanted: Sequence[str], needed: str) -> dict[str, ND
         names = list(loaded)
         members = loaded.zip.infolist() if loaded.zip is not None else []
         packed = [info for info in members if info.compress_type != zipfile.ZIP_STORED]
-        size = sum(info.file_size for info in packed if info.filename.removesuffix(".npy") in wanted)
+        size = sum(info.file_size for info in packed if info.filename.removesuffix(".npy") in selected)
         check_unpacked(path, size, "write it with numpy.savez, without compression")
         try:
-            arrays = {name: loaded[name] for name in wanted if name in names}
+            arrays = {name: loaded[name] for name in selected if name in names}
         except Exception as error:  # damaged archives may raise any exception
             raise FileFormatError(f"{path}: cannot be read as NPZ: {describe_exception(error)}") from None
     other = [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]
@@ -78,13 +78,13 @@ def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
         raise FileFormatError(f"{path}: cannot be read as {kind}: {reason}") from None
 
 
-def as_numbers(value: Json, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+def as_numbers(value: Json, shape: tuple[int, ...], location: str) -> NDArray[np.float64]:
     """Convert a JSON value to an array of finite numbers.
 
     Args:
         value: Nested lists of numbers; Booleans are not numbers.
         shape: Expected shape.
-        what: Beginning of the message: the location of the value, and its name.
+        location: Beginning of the message: the location of the value, and its name.
 
     Raises:
         FileFormatError: If it has another shape or type.
@@ -98,7 +98,7 @@ def as_numbers(value: Json, shape: tuple[int, ...], what: str) -> NDArray[np.flo
         if np.isfinite(numbers).all():
             return numbers.reshape(shape)
     size = " x ".join(map(str, shape))
-    raise FileFormatError(f"{what} must be {size} finite numbers, got {shorten(value)}")
+    raise FileFormatError(f"{location} must be {size} finite numbers, got {shorten(value)}")
 
 
 def shorten(value: Json) -> str:

@@ -138,10 +138,10 @@ def _add_mesh(
     packed = (node.get("extensions") or {}).get(INSTANCES)
     copies = None if packed is None else instance_matrices(shapes.data, packed)
     for number, primitive in enumerate(mesh["primitives"]):
-        own = name if len(mesh["primitives"]) == 1 else f"{name or f'node_{index}'}_{number}"
+        part_name = name if len(mesh["primitives"]) == 1 else f"{name or f'node_{index}'}_{number}"
         shape = shapes.of_primitive(node, number)
         if shape is None:
-            found.empty.append(own or f"node_{index}")
+            found.empty.append(part_name or f"node_{index}")
             continue
         above = np.eye(4) if _is_skinned(node, primitive) else placement  # transforms of skinned nodes are ignored
         if copies is not None:
@@ -149,12 +149,12 @@ def _add_mesh(
             parts = split(matrices)
             if parts.copies * len(shape.vertices) > _MAX_CORNERS:
                 raise ValueError(f"the {len(copies)} instances of node {index} have more than {_MAX_CORNERS} corners")
-            names = [f"{own or f'node_{index}'}_{copy}" for copy in range(len(copies))]
+            names = [f"{part_name or f'node_{index}'}_{copy}" for copy in range(len(copies))]
             found.meshes += shape.shared(names, matrices, parts, extras, movable=True)
         elif shared is not None:
-            found.meshes += shape.shared([own], above[None], shared, extras, movable=False)
+            found.meshes += shape.shared([part_name], above[None], shared, extras, movable=False)
         else:
-            found.meshes.append(shape.placed(own, above, extras))
+            found.meshes.append(shape.placed(part_name, above, extras))
 
 
 def _extras_of(item: dict[str, Any]) -> dict[str, Any]:

@@ -210,8 +210,10 @@ class GltfData:
         if kind == "EXPONENTIAL" and mode == "ATTRIBUTES":
             return meshoptimizer.decode_filter_exp(decoded, count, stride)
         if kind in fits and stride in fits[kind] and mode == "ATTRIBUTES":
-            turn = meshoptimizer.decode_filter_oct if kind == "OCTAHEDRAL" else meshoptimizer.decode_filter_quat
-            return turn(decoded, count, stride)
+            decode_filter = (
+                meshoptimizer.decode_filter_oct if kind == "OCTAHEDRAL" else meshoptimizer.decode_filter_quat
+            )
+            return decode_filter(decoded, count, stride)
         return decoded
 
 
@@ -283,7 +285,7 @@ def _component(code: Json) -> np.dtype:
     return np.dtype(_COMPONENTS[code])
 
 
-def _whole(value: Json, what: str) -> int:
+def _whole(value: Json, name: str) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(f"{what} must be a whole number from 0 up, got {value!r}")
+        raise ValueError(f"{name} must be a whole number from 0 up, got {value!r}")
     return value

@@ -97,8 +97,8 @@ class GltfMaterials:
             return self._textures[index]
         sampler = self._data.one("samplers", entry["sampler"]) if entry.get("sampler") is not None else {}
         extensions = entry.get("extensions") or {}
-        others = [extensions[name]["source"] for name in _SOURCES if name in extensions]
-        number = entry.get("source", *others[:1]) if others else entry.get("source")
+        alternatives = [extensions[name]["source"] for name in _SOURCES if name in extensions]
+        number = entry.get("source", *alternatives[:1]) if alternatives else entry.get("source")
         source, name = self._image(number)
         self._textures[index] = Texture(
             source,
@@ -124,11 +124,11 @@ class GltfMaterials:
 
 
 def _read_or_warn(
-    file: str, name: str, vertices: int, read: Callable[..., Appearance], *given: Any
+    file: str, name: str, vertices: int, read: Callable[..., Appearance], *arguments: Any
 ) -> Appearance | None:
     """Read the appearance of a primitive; warn and return None if it cannot be read, and keep the triangles."""
     try:
-        found = read(*given)
+        found = read(*arguments)
         found.check_fits(vertices, 0, name)
     except Exception as error:  # malformed files may raise any exception
         warn_user(f"{file}: left out the colors of {name} ({truncate(describe_exception(error))})", UserWarning)

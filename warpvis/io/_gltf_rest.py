@@ -99,8 +99,8 @@ def joint_matrices(
             chain.append(above[chain[-1]])
         for index in reversed(chain):
             if index not in places:
-                own = transform(data.one("nodes", index))
-                places[index] = places[above[index]] @ own if index in above else own
+                local = transform(data.one("nodes", index))
+                places[index] = places[above[index]] @ local if index in above else local
     found = np.stack([places[joint] for joint in joints]) if joints else np.zeros((0, 4, 4))
     if "inverseBindMatrices" not in item:
         return found

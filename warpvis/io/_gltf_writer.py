@@ -71,17 +71,17 @@ def gltf_chunks(objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis
     upright = Y_UP_TO_Z_UP.T if up == "z" else np.eye(4)
     buffer, meshes, nodes = _Buffer(), list[dict[str, Any]](), list[dict[str, Any]]()
     known: dict[tuple[int, int], int] = {}
-    kept = []  # keeps the arrays alive whose ids are in `known`
-    for item, said, placement in zip(objects, extras, _placements(objects, upright), strict=True):
+    referenced = []  # keeps the arrays alive whose ids are in `known`
+    for item, metadata, placement in zip(objects, extras, _placements(objects, upright), strict=True):
         vertices = _frame_vertices(item)
         if vertices is None:
             vertices = item.vertices @ upright[:3, :3].T.astype(np.float32)
         arrays = id(vertices), id(item.faces)
         if arrays not in known:
             known[arrays] = len(meshes)
-            kept.append((vertices, item.faces))
+            referenced.append((vertices, item.faces))
             meshes.append({"name": item.name, **buffer.add_mesh(vertices, item.faces, item.name)})
-        nodes.append({"name": item.name, "extras": said, **placement, "mesh": known[arrays]})
+        nodes.append({"name": item.name, "extras": metadata, **placement, "mesh": known[arrays]})
     content = {
         "asset": {"version": "2.0", "generator": "warpvis"},
         "scene": 0,
@@ -107,11 +107,11 @@ def _frame_vertices(item: SceneObject) -> NDArray[np.float32] | None:
 
 def _placements(objects: Sequence[SceneObject], upright: NDArray[np.float64]) -> Iterator[dict[str, list[float]]]:
     """Yield the transform of each object's node; an empty one for vertices in the world's frame."""
-    apart = np.array([_frame_vertices(item) is not None for item in objects])
-    rows = np.array([item.place for item, own in zip(objects, apart, strict=True) if own]).reshape(-1, 7)
+    has_frame = np.array([_frame_vertices(item) is not None for item in objects])
+    rows = np.array([item.place for item, flag in zip(objects, has_frame, strict=True) if flag]).reshape(-1, 7)
     placed = iter(poses_to_opencv(upright @ poses_to_matrices(rows)).tolist() if len(rows) else ())
-    for own in apart:
-        row = next(placed) if own else None
+    for flag in has_frame:
+        row = next(placed) if flag else None
         yield {} if row is None else {"translation": row[:3], "rotation": row[3:]}
 
 

@@ -56,9 +56,9 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     else:
         _require_reader(str(path), path.suffix, kind)
         loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path), _locator(path, search_path))
-    alone = len(loaded.meshes) == 1
+    is_single = len(loaded.meshes) == 1
     names = _unique(
-        [mesh.name or (path.stem if alone else f"mesh_{number}") for number, mesh in enumerate(loaded.meshes)]
+        [mesh.name or (path.stem if is_single else f"mesh_{number}") for number, mesh in enumerate(loaded.meshes)]
     )
     parts = [
         Part(
@@ -74,8 +74,8 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     messages = [f"{path}: left out {note}" for note in loaded.notes]
     if loaded.empty:
         more = ", ..." if len(loaded.empty) > _MAX_NAMED else ""
-        some = ", ".join(repr(truncate(name)) for name in loaded.empty[:_MAX_NAMED]) + more
-        messages.append(f"{path}: left out {some}, which hold lines or points and no triangles")
+        listed = ", ".join(repr(truncate(name)) for name in loaded.empty[:_MAX_NAMED]) + more
+        messages.append(f"{path}: left out {listed}, which hold lines or points and no triangles")
     if strict and messages:
         raise FileFormatError(messages[0])
     if loaded.unlit:
@@ -131,8 +131,8 @@ def _require_reader(name: str, suffix: str, kind: str) -> None:
         needed = _NEEDED.get(kind, "packages that are not installed, as trimesh's documentation says")
         raise FileFormatError(f"{name}: reading .{kind} needs {needed}")
     known = ", ".join(sorted({*_GLTF, *trimesh.available_formats(), "tar"}))
-    given = repr(suffix) if suffix else "a name without a suffix"
-    raise FileFormatError(f"{name}: {given} is not a scene format; supported are wbt, xml, urdf, and {known}")
+    found = repr(suffix) if suffix else "a name without a suffix"
+    raise FileFormatError(f"{name}: {found} is not a scene format; supported are wbt, xml, urdf, and {known}")
 
 
 def _load_archive(path: Path) -> FileMeshes:
@@ -149,29 +149,29 @@ def _load_archive(path: Path) -> FileMeshes:
     if not members:
         known = ", ".join(sorted(readable))
         raise FileFormatError(f"{path}: contains no mesh file; supported are {known}")
-    whole, axes = FileMeshes(), {}
+    combined, axes = FileMeshes(), {}
     # Deferred appearances keep these alive until first use.
-    others = {name: file for name, file in files.items() if name not in members}
+    companions = {name: file for name, file in files.items() if name not in members}
     for member in members:
         loaded = _load(
             f"{path}/{member}",
             _kind(member),
             files[member],
-            partial(_find_member, others, member),
-            partial(_locate_member, others, member),
+            partial(_find_member, companions, member),
+            partial(_locate_member, companions, member),
         )
         stem = posixpath.splitext(posixpath.basename(member))[0]
-        whole.meshes += [mesh._replace(name=mesh.name or stem) for mesh in loaded.meshes]
-        whole.empty += loaded.empty
-        whole.notes += loaded.notes
-        whole.lights += loaded.lights
-        whole.unlit += loaded.unlit
+        combined.meshes += [mesh._replace(name=mesh.name or stem) for mesh in loaded.meshes]
+        combined.empty += loaded.empty
+        combined.notes += loaded.notes
+        combined.lights += loaded.lights
+        combined.unlit += loaded.unlit
         axes[loaded.up] = member
     if len(axes) > 1:
-        some = " and ".join(map(repr, list(axes.values())[:2]))
-        raise FileFormatError(f"{path}: {some} have different vertical axes; unpack it and load them separately")
-    whole.up = next(iter(axes))
-    return whole
+        both = " and ".join(map(repr, list(axes.values())[:2]))
+        raise FileFormatError(f"{path}: {both} have different vertical axes; unpack it and load them separately")
+    combined.up = next(iter(axes))
+    return combined
 
 
 def _is_litter(member: str) -> bool:
@@ -335,15 +335,15 @@ def _load_by_trimesh(file: bytes, kind: str, **options: Any) -> FileMeshes:
 
 def _unique(names: Sequence[str]) -> list[str]:
     """Append ``_1``, ``_2``, ... to repeated names, so that all names are unique."""
-    taken, given = set(names), set[str]()
+    taken, assigned = set(names), set[str]()
     numbers: dict[str, itertools.count[int]] = {}
     unique = []
     for name in names:
         free = name
-        if name in given:
+        if name in assigned:
             count = numbers.setdefault(name, itertools.count(1))
             free = next(candidate for candidate in (f"{name}_{number}" for number in count) if candidate not in taken)
         taken.add(free)
-        given.add(free)
+        assigned.add(free)
         unique.append(free)
     return unique

@@ -66,8 +66,8 @@ def require_obj_elements(file: bytes) -> None:
             corners = [int(word.partition(b"/")[0]) for word in words]
         except ValueError:
             line, content = _line(text, joined, element)
-            wanted = "a vertex needs three numbers" if element[1] == b"v" else "a face needs numbers of vertices"
-            raise ValueError(f"line {line}: {wanted}, got {content!r}") from None
+            rule = "a vertex needs three numbers" if element[1] == b"v" else "a face needs numbers of vertices"
+            raise ValueError(f"line {line}: {rule}, got {content!r}") from None
         if any(corner > count for corner in corners):
             line, content = _line(text, joined, element)
             raise ValueError(f"line {line}: a face must index the file's {count} vertices, got {content!r}")

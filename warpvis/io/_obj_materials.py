@@ -57,31 +57,31 @@ class ObjMaterials:
             self._read_library(_decoded(match[1]), locate)
         self._collect_runs(text)
 
-    def appearance(self, mesh: str, given: LazyAppearance | None, faces: int) -> LazyAppearance | None:
+    def appearance(self, mesh: str, base_appearance: LazyAppearance | None, faces: int) -> LazyAppearance | None:
         """Return the deferred appearance of an object.
 
         Args:
             mesh: Its name in the file; empty for faces before any name.
-            given: Texture coordinates and vertex colors, as read by trimesh.
+            base_appearance: Texture coordinates and vertex colors, as read by trimesh.
             faces: Its number of triangles.
         """
         runs = self._runs.pop(mesh, None)  # used once; frees the text of the file
         if not runs:
-            return given
+            return base_appearance
         names = list(dict.fromkeys(run[0] for run in runs))
         rows = self._rows(runs, names, faces) if len(names) > 1 else None
         unknown = [name for name in names if name and name not in self._statements]
         missed = f" ({', '.join(self._missing)}: no such file)" if self._missing else ""
-        where = self._name
+        file_name = self._name
 
         def make() -> Appearance:
-            base = None if given is None else given.get()
+            base = None if base_appearance is None else base_appearance.get()
             if unknown:
-                some = ", ".join(map(repr, map(truncate, unknown[:5])))
-                warn_user(f"{where}: no MTL file defines the material {some}{missed}; using white", UserWarning)
+                listed = ", ".join(map(repr, map(truncate, unknown[:5])))
+                warn_user(f"{file_name}: no MTL file defines the material {listed}{missed}; using white", UserWarning)
             if len(names) > 1 and rows is None:
                 warn_user(
-                    f"{where}: using one material for {mesh!r}, since its faces differ from those of the file",
+                    f"{file_name}: using one material for {mesh!r}, since its faces differ from those of the file",
                     UserWarning,
                 )
             uv, colors = (None, None) if base is None else (base.uv, base.vertex_colors)
@@ -154,11 +154,11 @@ def read_mtl(file: bytes) -> list[dict[str, str]]:
         words = _decoded(line.partition(b"#")[0]).split(None, 1)
         if not words:
             continue
-        keyword, rest = words[0].lower(), words[1] if len(words) > 1 else ""
+        keyword, content = words[0].lower(), words[1] if len(words) > 1 else ""
         if keyword == "newmtl":
-            found.append({"name": rest.strip()})
+            found.append({"name": content.strip()})
         elif found:
-            found[-1].setdefault(keyword, rest.strip())
+            found[-1].setdefault(keyword, content.strip())
     return found
 
 
@@ -191,19 +191,19 @@ def mtl_material(statements: dict[str, str], locate: Locate) -> Material:
 
 def _texture(words: str, locate: Locate) -> tuple[Texture, tuple[float, float]]:
     """Parse a map statement, options and a file name that may contain spaces; return the texture and its repetition."""
-    rest, clamp, repeat = words.split(), False, _ONCE
-    while len(rest) > 1 and rest[0].startswith("-"):
-        option = rest.pop(0).lower()
+    remaining, clamp, repeat = words.split(), False, _ONCE
+    while len(remaining) > 1 and remaining[0].startswith("-"):
+        option = remaining.pop(0).lower()
         if option in _OPTIONS:
-            given: list[float] = []
-            while len(given) < _OPTIONS[option] and len(rest) > 1 and _numbers(rest[0], 1) is not None:
-                given.append(float(rest.pop(0)))
-            if option == "-s" and given and min(given[:2]) >= 0:  # missing values are 1
-                repeat = (given[0], given[1] if len(given) > 1 else 1.0)
-        elif option in _WORD and len(rest) > 1:
-            clamp |= option == "-clamp" and rest[0].lower() == "on"
-            rest.pop(0)
-    name = " ".join(rest)
+            numbers: list[float] = []
+            while len(numbers) < _OPTIONS[option] and len(remaining) > 1 and _numbers(remaining[0], 1) is not None:
+                numbers.append(float(remaining.pop(0)))
+            if option == "-s" and numbers and min(numbers[:2]) >= 0:  # missing values are 1
+                repeat = (numbers[0], numbers[1] if len(numbers) > 1 else 1.0)
+        elif option in _WORD and len(remaining) > 1:
+            clamp |= option == "-clamp" and remaining[0].lower() == "on"
+            remaining.pop(0)
+    name = " ".join(remaining)
     found = locate(name)
     wrap: Wrap = "clamp" if clamp else "repeat"
     called = str(found) if isinstance(found, Path) else name

@@ -31,12 +31,12 @@ class SurfaceCloud:
         self.stage = stage
         objects = stage.scene.objects
         ground = [index for index, item in enumerate(objects) if item.label in stage.scene.ground_labels]
-        others = [index for index in range(len(objects)) if index not in set(ground)]
-        area = _area(stage, others) + _area(stage, ground) / _SPARSER**2
+        obstacles = [index for index in range(len(objects)) if index not in set(ground)]
+        area = _area(stage, obstacles) + _area(stage, ground) / _SPARSER**2
         self.spacing = max(_MIN_SPACING, math.sqrt(area / points))
         samples = [
             surface_samples(stage.scene, spacing=spacing, objects=chosen)
-            for spacing, chosen in ((self.spacing, others), (_SPARSER * self.spacing, ground))
+            for spacing, chosen in ((self.spacing, obstacles), (_SPARSER * self.spacing, ground))
             if chosen
         ]
         self.objects: NDArray[np.int32] = np.concatenate([sample.objects for sample in samples])

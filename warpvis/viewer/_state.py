@@ -126,22 +126,22 @@ class ViewerState:
         Raises:
             SceneError: If there are not one or two agents, or an object is not in the scene.
         """
-        given = as_items(agents, "agents", SceneError)
-        if not 1 <= len(given) <= 2 or not all(isinstance(agent, Agent) for agent in given):
-            raise SceneError(f"agents must be one or two of warpvis.Agent, got {len(given)}")
-        for agent in given:
+        items = as_items(agents, "agents", SceneError)
+        if not 1 <= len(items) <= 2 or not all(isinstance(agent, Agent) for agent in items):
+            raise SceneError(f"agents must be one or two of warpvis.Agent, got {len(items)}")
+        for agent in items:
             if len(agent.poses) != 1:
                 raise SceneError(f"{agent.name!r} must have one pose to begin with, got {len(agent.poses)}")
-        bodies = [name for agent in given for name in agent.body]
+        bodies = [name for agent in items for name in agent.body]
         self.model = scene if isinstance(scene, MujocoStage) else as_mujoco_stage(scene)
         """The MuJoCo model whose joints move the objects; None for other scenes."""
         self.stage = Stage.from_scene(scene, bodies, movable) if self.model is None else self.model.stage  # type: ignore[arg-type]  # raises for other types
         if self.model is not None and movable is not None:
             raise SceneError("movable must be None for a MuJoCo model, whose objects with a free joint can be dragged")
         self.scene = self.stage.scene
-        self.agents: dict[str, Agent] = {agent.name: _in_opencv_axes(agent) for agent in given}
-        if len(self.agents) < len(given):
-            raise SceneError(f"agents must have different names, got {given[0].name!r} twice")
+        self.agents: dict[str, Agent] = {agent.name: _in_opencv_axes(agent) for agent in items}
+        if len(self.agents) < len(items):
+            raise SceneError(f"agents must have different names, got {items[0].name!r} twice")
         self.initial_agents = dict(self.agents)
         """Agents at their initial poses."""
         self.object_poses = self.stage.object_poses.copy()

@@ -255,9 +255,9 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
     """
     if objects is None:
         return list(range(len(scene)))
-    given = as_items(objects, "objects", SceneError)
+    items = as_items(objects, "objects", SceneError)
     chosen = []
-    for item in given:
+    for item in items:
         if isinstance(item, str):
             chosen.append(scene.index(item))
         elif isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < len(scene):
@@ -265,7 +265,7 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
         else:
             raise SceneError(f"objects must be names, or indices from 0 to {len(scene) - 1}, got {item!r}")
     if not chosen or len(set(chosen)) < len(chosen):
-        raise SceneError(f"objects must be one or more distinct objects of the scene, got {given}")
+        raise SceneError(f"objects must be one or more distinct objects of the scene, got {items}")
     return chosen
 
 

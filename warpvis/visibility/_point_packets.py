@@ -136,10 +136,10 @@ def _lay_out(camera: Camera, triangles: int, views: int, count: int, with_id: bo
     width, height = math.ceil(camera.width * scale), math.ceil(camera.height * scale)
     tiles_y = -(-height // TILE_SIDE)
     strip_tiles, chunks = -(-tiles_y // _STRIPS), -(-batch // POINT_CHUNK)
-    whole = threads == 1 or (count <= _MAX_WHOLE and views >= 2 * threads)
+    by_view = threads == 1 or (count <= _MAX_WHOLE and views >= 2 * threads)
     batches = views * -(-count // batch)
-    units = batches if whole else batches * (chunks + -(-tiles_y // strip_tiles))
-    return _Layout(scale, (width, height), strip_tiles, batch, with_id, whole, units, min(threads, units))
+    units = batches if by_view else batches * (chunks + -(-tiles_y // strip_tiles))
+    return _Layout(scale, (width, height), strip_tiles, batch, with_id, by_view, units, min(threads, units))
 
 
 def _scale(camera: Camera, triangles: int, count: int) -> float:

@@ -204,7 +204,7 @@ def _judge(
     """Write the visibility of projected points from images rendered at their positions."""
     from warpvis.kernels.points import judge_points
 
-    lens, given = camera.device_struct(), [pixels, depth, seen.depth, seen.segmentation, tolerance, status, hidden_by]
+    lens, inputs = camera.device_struct(), [pixels, depth, seen.depth, seen.segmentation, tolerance, status, hidden_by]
     launch_points(
-        judge_points, depth.shape, lambda window: [lens, window, *given], device=status.device, threads=threads
+        judge_points, depth.shape, lambda window: [lens, window, *inputs], device=status.device, threads=threads
     )

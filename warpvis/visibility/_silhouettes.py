@@ -107,12 +107,17 @@ class SilhouetteCounter:
         from warpvis.kernels.worlds import Worlds
 
         poses = worlds.object_poses
-        given = poses is not None and poses.shape[1] > 0
+        posed = poses is not None and poses.shape[1] > 0
         spread_worlds = Worlds()
         spread_worlds.world, spread_worlds.excluded = worlds.world, worlds.excluded
-        shape = (poses.shape[0] if given else 1, len(self._columns))
+        shape = (poses.shape[0] if posed else 1, len(self._columns))
         spread_worlds.object_poses = wp.empty(shape, dtype=wp.transform, device=self._device)
-        inputs = [poses if given else None, self._columns, self._isolated.movable_poses(), spread_worlds.object_poses]
+        inputs = [
+            poses if posed else None,
+            self._columns,
+            self._isolated.movable_poses(),
+            spread_worlds.object_poses,
+        ]
         launch(spread_poses, shape, inputs, self._device)
         return spread_worlds
 
@@ -136,10 +141,10 @@ class SilhouetteCounter:
             self._canvas.beyond_only = 1
             parts = [self._image, self._canvas]
         for part in parts:
-            given = [part, worlds, compared, threads, *outputs]
+            inputs = [part, worlds, compared, threads, *outputs]
 
-            def arguments(window: Window, given: KernelArguments = given) -> KernelArguments:
-                return [triangles.struct, self._chosen, camera, poses, window, *given]
+            def arguments(window: Window, inputs: KernelArguments = inputs) -> KernelArguments:
+                return [triangles.struct, self._chosen, camera, poses, window, *inputs]
 
             shape = (len(poses), len(self._chosen.index), threads)
             launch_images(kernel, shape, arguments, device=self._device, threads=self._threads)

@@ -84,12 +84,12 @@ class Extent:
 
     def sphere(self) -> Ball | None:
         """Compute the bounding sphere of all its shapes as Webots does, by merging one sphere after the other."""
-        whole: Ball | None = None
+        enclosing: Ball | None = None
         for extent in self.family():
             for part in extent.parts:
                 if isinstance(part, Ball):
-                    whole = part if whole is None else _enclose(whole, part)
-        return whole
+                    enclosing = part if enclosing is None else _enclose(enclosing, part)
+        return enclosing
 
 
 class Bounds(NamedTuple):

@@ -182,19 +182,19 @@ class Parser:
         """Return the line number of the current token."""
         return self._first_line + bisect_left(self._breaks, self.start)
 
-    def fail(self, wanted: str, got: str | None = None) -> NoReturn:
+    def fail(self, expected: str, got: str | None = None) -> NoReturn:
         """Raise a FileFormatError with the expected and the current token."""
         if got is None:
             got = "the end of the file" if self.kind == "end" else shown(self.token)
             if self.kind == "bad" and self.token.startswith('"'):
-                wanted, got = "a string to end", "the end of the file"
-        raise FileFormatError(f"{self._file}:{self.line()}: expected {truncate(wanted)}, got {got}")
+                expected, got = "a string to end", "the end of the file"
+        raise FileFormatError(f"{self._file}:{self.line()}: expected {truncate(expected)}, got {got}")
 
-    def take(self, kind: str, wanted: str) -> str:
+    def take(self, kind: str, expected: str) -> str:
         """Return the current token, which must be of the given kind, and advance."""
         token = self.token
         if self.kind != kind or (kind == "word" and token in _KEYWORDS):
-            self.fail(wanted)
+            self.fail(expected)
         self.advance()
         return token
 
@@ -222,9 +222,9 @@ class Parser:
                 nodes.append(node)
         return nodes
 
-    def value(self, wanted: str = "a value") -> Value:
+    def value(self, expected: str = "a value") -> Value:
         """Read a value, including nested values."""
-        value = self._begin(wanted)
+        value = self._begin(expected)
         while self._open:
             top = self._open[-1]
             if isinstance(top, Node):
@@ -233,12 +233,12 @@ class Parser:
                 self._read_item(top)
         return value
 
-    def _begin(self, wanted: str) -> Value:
+    def _begin(self, expected: str) -> Value:
         """Begin a value; return it complete, or push it on the stack if it is a node or a list."""
         if self.kind == "numbers":
             return self._read_numbers()
         if self.kind == "string":
-            return [_unquoted(self.take("string", wanted))]
+            return [_unquoted(self.take("string", expected))]
         if self.kind == "[":
             self.advance()
             items: list[float | str | bool | Node] = []
@@ -246,22 +246,22 @@ class Parser:
             return items
         word = self.token
         if self.kind != "word" or word.lower() in _NOT_FINITE:
-            self.fail("finite numbers" if self.kind == "word" else wanted)
+            self.fail("finite numbers" if self.kind == "word" else expected)
         if word in ("TRUE", "FALSE", "NULL"):
             self.advance()
             return None if word == "NULL" else [word == "TRUE"]
         if word == "USE":
             return self._use()
-        return self._begin_node(wanted)
+        return self._begin_node(expected)
 
-    def _begin_node(self, wanted: str) -> Node:
+    def _begin_node(self, expected: str) -> Node:
         name = None
         line = self.line()
         if self.token == "DEF":
             self.advance()
             name = self.take("word", "a name after DEF")
-            wanted = f"a node type after DEF {name}"
-        node = Node(self.take("word", wanted), {}, name, self._file, line, self._version, self._protos)
+            expected = f"a node type after DEF {name}"
+        node = Node(self.take("word", expected), {}, name, self._file, line, self._version, self._protos)
         self.take("{", f"'{{' after {node.type}")
         self._open.append(node)
         if len(self._open) > 2 * MAX_NESTED:  # each nested node is in a list

@@ -94,9 +94,9 @@ def missing_parts(
         elif node.type in TRANSFORMS or node.type in PARTS:
             inside = parts_of(node)
         elif node.type not in UNSEEN:
-            whole = expand(node)
-            missing += [node.type] if whole is None else []
-            inside = [] if whole is None else [whole]
+            expanded = expand(node)
+            missing += [node.type] if expanded is None else []
+            inside = [] if expanded is None else [expanded]
         nodes += [part for part in inside if id(part) not in seen]
         seen.update(map(id, inside))
     return missing, shapes, eyes

@@ -260,10 +260,10 @@ def _image(node: Node, fov: float, rotates: bool, notes: list[str]) -> tuple[int
     if columns < 1:
         notes.append(correction(node, "horizontalResolution", columns, 1))
         columns = 1
-    given, counted = vertical, max(layers, 1)
+    original, counted = vertical, max(layers, 1)
     if vertical <= 0 or vertical > math.pi:
         vertical = 0.1 if vertical <= 0 else math.pi
-        notes.append(correction(node, "verticalFieldOfView", given, vertical))
+        notes.append(correction(node, "verticalFieldOfView", original, vertical))
     if layers < 1:
         notes.append(correction(node, "numberOfLayers", layers, 1))
     width = image_width(columns, fov, rotates)
@@ -283,8 +283,8 @@ def _frequency(node: Node, notes: list[str]) -> float:
     lower, upper = node.number("minFrequency", 1.0), node.number("maxFrequency", 25.0)
     lower = lower if lower > 0 else 0.01
     upper = max(upper, lower)
-    given = node.number("defaultFrequency", 10.0)
-    clipped = min(max(given, lower), upper)
-    if clipped != given:
-        notes.append(correction(node, "defaultFrequency", given, clipped))
+    frequency = node.number("defaultFrequency", 10.0)
+    clipped = min(max(frequency, lower), upper)
+    if clipped != frequency:
+        notes.append(correction(node, "defaultFrequency", frequency, clipped))
     return clipped

@@ -154,19 +154,19 @@ def _pbr(node: Node, texture: Texture | None) -> Material:
     )
 
 
-def _classic(said: Node, texture: Texture | None) -> Material:
+def _classic(node: Node, texture: Texture | None) -> Material:
     """Read a Material; a texture replaces its colors (src/webots/nodes/WbMaterial.cpp)."""
-    alpha = 1 - _unit(said.number("transparency", 0.0))
+    alpha = 1 - _unit(node.number("transparency", 0.0))
     plain = texture is None
     return Material(
-        said.name or "",
-        (*(_color(said, "diffuseColor", _DIFFUSE) if plain else (1.0, 1.0, 1.0)), alpha),
+        node.name or "",
+        (*(_color(node, "diffuseColor", _DIFFUSE) if plain else (1.0, 1.0, 1.0)), alpha),
         "linear",
         texture,
         "blend" if alpha < 1 else "opaque",
-        specular=_color(said, "specularColor", (0.0, 0.0, 0.0)) if plain else (0.0, 0.0, 0.0),
-        shininess=_EXPONENT * _unit(said.number("shininess", _SHININESS)) if plain else 0.0,
-        emission=_color(said, "emissiveColor", (0.0, 0.0, 0.0)),
+        specular=_color(node, "specularColor", (0.0, 0.0, 0.0)) if plain else (0.0, 0.0, 0.0),
+        shininess=_EXPONENT * _unit(node.number("shininess", _SHININESS)) if plain else 0.0,
+        emission=_color(node, "emissiveColor", (0.0, 0.0, 0.0)),
     )
 
 

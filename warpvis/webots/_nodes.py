@@ -160,9 +160,9 @@ class Node:
             self.refuse(field, "nodes", described(next(item for item in values if not isinstance(item, Node))))
         return nodes
 
-    def refuse(self, field: str, wanted: str, got: str) -> NoReturn:
+    def refuse(self, field: str, expected: str, got: str) -> NoReturn:
         """Raise a FileFormatError with the expected and the actual value of a field."""
-        raise FileFormatError(f"{self.file}:{self.line}: expected {wanted} in {field!r} of {self.type}, got {got}")
+        raise FileFormatError(f"{self.file}:{self.line}: expected {expected} in {field!r} of {self.type}, got {got}")
 
 
 Value: TypeAlias = Node | list[float | str | bool | Node] | None
@@ -183,17 +183,17 @@ def new_node(like: Node, kind: str, fields: dict[str, Value], name: str | None =
     return Node(kind, fields, name, like.file, like.line, like.version, like.protos, size, height)
 
 
-def _literals(node: Node, field: str, kind: type[_Literal], wanted: str, *, single: bool = False) -> list[_Literal]:
+def _literals(node: Node, field: str, kind: type[_Literal], expected: str, *, single: bool = False) -> list[_Literal]:
     if field not in node.fields:
         return []
     value = node.fields[field]
     if not isinstance(value, list):
-        node.refuse(field, wanted, described(value))
+        node.refuse(field, expected, described(value))
     found: list[_Literal] = [item for item in value if isinstance(item, kind)]
     if len(found) < len(value):
-        node.refuse(field, wanted, described(next(item for item in value if not isinstance(item, kind))))
+        node.refuse(field, expected, described(next(item for item in value if not isinstance(item, kind))))
     if single and len(found) != 1:
-        node.refuse(field, wanted, pluralize(len(found), "value"))
+        node.refuse(field, expected, pluralize(len(found), "value"))
     return found
 
 

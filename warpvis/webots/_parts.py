@@ -50,7 +50,7 @@ def corrected_scale(node: Node) -> tuple[NDArray[np.float64], str]:
 class Solid:
     """A Solid with its shapes, or a shape outside of any Solid, which becomes an object."""
 
-    wanted: str  # its name, if not taken
+    preferred_name: str  # its name, if not taken
     robots: tuple[str, ...] = ()
     human: bool = False
     ground: bool = False
@@ -62,7 +62,7 @@ class Solid:
 
     def label(self) -> Label:
         """Choose the label by the rules of `warpvis.webots.load_webots`."""
-        name = self.wanted.lower()
+        name = self.preferred_name.lower()
         if self.human or any(fnmatch.fnmatchcase(name, pattern) for pattern in HUMANS):
             return Label.HUMAN
         if self.robots:
@@ -158,18 +158,18 @@ def names_of(names: Mapping[Solid, list[str]], solids: Iterable[Solid]) -> tuple
 
 def make_parts(solids: Iterable[Solid], find: Find) -> tuple[list[Part], dict[Solid, list[str]]]:
     """Build objects from all Solids with triangles, and list their names; images are loaded lazily."""
-    made: list[Part] = []
+    objects: list[Part] = []
     names: dict[Solid, list[str]] = {}
     taken = Names()
     for solid in solids:
         if not solid.parts:
             continue
-        for wanted, label, numbers in _objects_of(solid):
+        for preferred_name, label, numbers in _objects_of(solid):
             parts = [solid.parts[number] for number in numbers]
             appearance = join_appearances([solid.surfaces[number] for number in numbers], find)
-            made.append(Part(taken.take(wanted), join(parts), label, appearance=appearance))
-            names.setdefault(solid, []).append(made[-1].name)
-    return made, names
+            objects.append(Part(taken.take(preferred_name), join(parts), label, appearance=appearance))
+            names.setdefault(solid, []).append(objects[-1].name)
+    return objects, names
 
 
 def _objects_of(solid: Solid) -> list[tuple[str, Label, list[int]]]:
@@ -177,8 +177,8 @@ def _objects_of(solid: Solid) -> list[tuple[str, Label, list[int]]]:
     if solid.arena and any(solid.level) and not all(solid.level):
         floor = [number for number, level in enumerate(solid.level) if level]
         walls = [number for number, level in enumerate(solid.level) if not level]
-        return [(f"{solid.wanted} floor", Label.GROUND, floor), (solid.wanted, Label.OBSTACLE, walls)]
-    return [(solid.wanted, solid.label(), list(range(len(solid.parts))))]
+        return [(f"{solid.preferred_name} floor", Label.GROUND, floor), (solid.preferred_name, Label.OBSTACLE, walls)]
+    return [(solid.preferred_name, solid.label(), list(range(len(solid.parts))))]
 
 
 def skipped_message(

@@ -173,14 +173,14 @@ def _cut_near(scene: Scene, device: Device, exclude: Sequence[str]) -> Scene:
         triangles = item.vertices.astype(np.float64)[item.faces]
         depth = (triangles - origin) @ axis - device.near
         inside = depth > 0
-        whole = triangles[inside.all(axis=1)]
-        parts = [whole]
+        uncut = triangles[inside.all(axis=1)]
+        parts = [uncut]
         crossing = inside.any(axis=1) & ~inside.all(axis=1)
         for corners, d in zip(triangles[crossing], depth[crossing], strict=True):
             parts.append(_clip(corners, d))
-        rest = np.concatenate(parts)
-        if len(rest):
-            cut.add((rest.reshape(-1, 3), np.arange(len(rest) * 3).reshape(-1, 3)), name=item.name, label=item.label)
+        soup = np.concatenate(parts)
+        if len(soup):
+            cut.add((soup.reshape(-1, 3), np.arange(len(soup) * 3).reshape(-1, 3)), name=item.name, label=item.label)
     return cut
 
 

@@ -120,16 +120,16 @@ def add_noise(
         FileFormatError: If `version` is a text that is not a release.
     """
     release = as_version(version)
-    given = as_numpy(values, name="values").astype(np.float32)
+    ranges = as_numpy(values, name="values").astype(np.float32)
     noise, max_range = check_length(noise, "noise"), check_length(max_range, "max_range", zero=False)
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
         raise ArrayError(f"seed must be a whole number from 0 up, got {seed!r}")
     if noise == 0:
-        return given
-    random = np.random.default_rng(seed).standard_normal(given.shape)
-    noisy = np.asarray(given + noise * random, dtype=np.float32)
+        return ranges
+    random = np.random.default_rng(seed).standard_normal(ranges.shape)
+    noisy = np.asarray(ranges + noise * random, dtype=np.float32)
     if release >= _INFINITE_TOO_FAR:
-        noisy[given >= np.float32(max_range)] = np.inf
+        noisy[ranges >= np.float32(max_range)] = np.inf
     return noisy
 
 
@@ -146,11 +146,11 @@ def quantize(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
     Raises:
         ArrayError: If `resolution` is neither positive nor -1.
     """
-    given = as_numpy(values, name="values").astype(np.float32)
+    ranges = as_numpy(values, name="values").astype(np.float32)
     if is_number(resolution) and resolution == -1:
-        return given
+        return ranges
     step = np.float32(check_length(resolution, "resolution", zero=False))
-    return np.floor(given / step + np.float32(0.5)) * step
+    return np.floor(ranges / step + np.float32(0.5)) * step
 
 
 def distort_pixels(

@@ -153,9 +153,9 @@ def _isolated_boxes(
     renderer = Renderer(scene, camera, outputs=("segmentation",), threads=threads)
     boxes = {}
     for name in chosen:
-        others = np.ones((1, len(scene)), dtype=np.uint8)
-        others[0, scene.index(name)] = 0
-        rows, columns = np.nonzero(renderer.render(device.pose, exclude=others).segmentation.numpy()[0] >= 0)
+        hidden = np.ones((1, len(scene)), dtype=np.uint8)
+        hidden[0, scene.index(name)] = 0
+        rows, columns = np.nonzero(renderer.render(device.pose, exclude=hidden).segmentation.numpy()[0] >= 0)
         boxes[name] = [0, 0, 0, 0]
         if len(rows):
             x, y = int(columns.min()), int(rows.min())
@@ -168,8 +168,8 @@ def _obstacles(bounds: Bounds) -> tuple[Scene, dict[Extent, str]]:
     scene = Scene()
     names: dict[Extent, str] = {}
     for extent in bounds.solids:
-        made = [triangles_of(node, transform, bounds.resolve) for node, transform in extent.bounding]
-        parts = [part for part in made if part is not None]
+        meshes = [triangles_of(node, transform, bounds.resolve) for node, transform in extent.bounding]
+        parts = [part for part in meshes if part is not None]
         if parts:
             names[extent] = str(len(names))
             scene.add(join(parts), name=names[extent])
@@ -250,8 +250,8 @@ def _hidden(
     # Webots adds the box's corners, in camera axes, to a position in the world without rotating them.
     ends = extent.origin + (np.zeros((1, 3)) if occlusion == 1 else box.corners())
     lengths = np.linalg.norm(ends - eye, axis=1)
-    own = {extent, *extent.solids}
-    passed = {name for each, name in names.items() if each in own or (robot and each.robot == robot)}
+    excluded = {extent, *extent.solids}
+    passed = {name for each, name in names.items() if each in excluded or (robot and each.robot == robot)}
     hits = np.full(len(ends), np.inf)
     if len(passed) < len(names) and (lengths > 0).all():
         ray = Camera.from_fov(1, 1, hfov=0.1, near=0.0, far=math.inf)

@@ -318,7 +318,7 @@ class Reader:
         if owner is None:
             owner = Solid(node.name or step.called or "shape", human=step.human)
             self.solids.append(owner)
-            self._lines.append((step.depth, f"{node.type} {owner.wanted!r}", owner))
+            self._lines.append((step.depth, f"{node.type} {owner.preferred_name!r}", owner))
         vertices, faces = mesh
         self._triangles += len(faces)
         if self._triangles > MAX_TRIANGLES:
@@ -360,8 +360,8 @@ class Reader:
         default = _NAMES.get(node.type) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", node.type).lower()
         if node.type not in SOLIDS:
             default = node.type
-        given = [item.text("name", "") for item in nodes]
-        return given[0] or nodes[0].name or next(filter(None, given), default)
+        names = [item.text("name", "") for item in nodes]
+        return names[0] or nodes[0].name or next(filter(None, names), default)
 
     def _add_robot(self, name: str) -> str:
         name = self._taken["robots"].take(name)
@@ -378,12 +378,12 @@ class Reader:
         found: list[Device | Lidar] = [*self.devices.values(), *self.lidars.values()]
         return tuple(dict.fromkeys([note for item in found for note in item.notes] + self.notes))
 
-    def _skip(self, what: str, below: int = 0) -> None:
-        self.skipped[what] = self.skipped.get(what, 0) + 1
-        self.below[what] = self.below.get(what, 0) + below
+    def _skip(self, kind: str, below: int = 0) -> None:
+        self.skipped[kind] = self.skipped.get(kind, 0) + 1
+        self.below[kind] = self.below.get(kind, 0) + below
 
-    def _stand_in(self, what: str) -> None:
-        self.stand_ins[what] = self.stand_ins.get(what, 0) + 1
+    def _stand_in(self, kind: str) -> None:
+        self.stand_ins[kind] = self.stand_ins.get(kind, 0) + 1
 
     def describe(self, names: Mapping[Solid, list[str]]) -> str:
         """Format the tree of collected nodes, one per line, indented by depth."""

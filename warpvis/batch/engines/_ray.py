@@ -180,9 +180,9 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
     at_once = max(1, min(_SHARDS_AT_ONCE, len(shards) // (workers * _MIN_ROUNDS)))
     rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=-(-len(shards) // at_once))
     # The counter runs on the node of this process, on which the job depends anyway: another node could be lost.
-    here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
-    counter = ray.remote(Starts).options(num_cpus=0, max_restarts=-1, max_task_retries=-1, scheduling_strategy=here)
-    given = {
+    strategy = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
+    counter = ray.remote(Starts).options(num_cpus=0, max_restarts=-1, max_task_retries=-1, scheduling_strategy=strategy)
+    arguments = {
         "job": ray.put(job),
         "device": "cuda" if gpus else "cpu",
         "threads": max(1, int(cpus)),
@@ -194,7 +194,7 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
         compute=ray.data.ActorPoolStrategy(size=workers),
         num_cpus=cpus,
         num_gpus=gpus,
-        fn_constructor_kwargs=given,
+        fn_constructor_kwargs=arguments,
     )
     return results.iter_rows()
 

@@ -48,8 +48,8 @@ class Layout(Format):
         check_options(plan, self.name, self.options)
         unsupported = [output for output in plan.outputs if output not in self.outputs]
         if unsupported or not plan.outputs:
-            supported, given = ", ".join(sorted(self.outputs)), unsupported[0] if unsupported else "none"
-            raise FileFormatError(f"outputs must be from {supported} for format {self.name!r}, got {given}")
+            supported, wrong = ", ".join(sorted(self.outputs)), unsupported[0] if unsupported else "none"
+            raise FileFormatError(f"outputs must be from {supported} for format {self.name!r}, got {wrong}")
         self.plan = plan
 
     def write_frames(
@@ -120,13 +120,13 @@ class Layout(Format):
         Raises:
             FileFormatError: If the option is not a positive number.
         """
-        given = self.plan.options.get(name, default)
+        option = self.plan.options.get(name, default)
         try:
-            value = math.nan if isinstance(given, bool) else float(given)
+            value = math.nan if isinstance(option, bool) else float(option)
         except (TypeError, ValueError):
             value = math.nan
         if not 0 < value < math.inf:
-            raise FileFormatError(f"option {name} must be a positive number, got {given!r}")
+            raise FileFormatError(f"option {name} must be a positive number, got {option!r}")
         return value
 
     def flag_option(self, name: str) -> bool:
@@ -135,10 +135,10 @@ class Layout(Format):
         Raises:
             FileFormatError: If the option is neither true nor false.
         """
-        given = self.plan.options.get(name, False)
-        if given not in (True, False, "true", "false"):
-            raise FileFormatError(f"option {name} must be true or false, got {given!r}")
-        return given in (True, "true")
+        option = self.plan.options.get(name, False)
+        if option not in (True, False, "true", "false"):
+            raise FileFormatError(f"option {name} must be true or false, got {option!r}")
+        return option in (True, "true")
 
     def label_entries(self) -> dict[str, str]:
         """Return the names of labels by value, for JSON."""

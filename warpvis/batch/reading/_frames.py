@@ -335,8 +335,8 @@ def _choose(specs: Mapping[str, FrameSpec], outputs: Sequence[str] | None, job: 
         return dict(specs)
     missing = [name for name in outputs if not isinstance(name, str) or name not in specs]
     if missing or not outputs:
-        given = repr(missing[0]) if missing else "none"
-        raise ArrayError(f"{job.name}: outputs must be from {', '.join(specs)}, got {given}")
+        wrong = repr(missing[0]) if missing else "none"
+        raise ArrayError(f"{job.name}: outputs must be from {', '.join(specs)}, got {wrong}")
     return {name: specs[name] for name in outputs}
 
 

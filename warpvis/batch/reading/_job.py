@@ -77,12 +77,12 @@ class Job:
         Raises:
             FileFormatError: If the option is not a number.
         """
-        given = self.options.get(name, default)
+        value = self.options.get(name, default)
         try:
-            return float(given)  # type: ignore[arg-type]
+            return float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError, OverflowError):
             raise FileFormatError(
-                f"{self.name}: {MANIFEST} has an invalid option: {name} must be a number, got {truncate(repr(given))}"
+                f"{self.name}: {MANIFEST} has an invalid option: {name} must be a number, got {truncate(repr(value))}"
             ) from None
 
 

@@ -215,6 +215,6 @@ def _share(target: Target) -> tuple[int, list[int], bytes]:
 
 def unshare(descriptor: int, sizes: list[int], data: bytes) -> Target:
     """Restore a target shared by `_share`; its arrays are views of shared memory."""
-    whole = memoryview(mmap.mmap(descriptor, sum(sizes), access=mmap.ACCESS_READ) if sum(sizes) else b"")
+    memory = memoryview(mmap.mmap(descriptor, sum(sizes), access=mmap.ACCESS_READ) if sum(sizes) else b"")
     ends = list(accumulate(sizes))
-    return pickle.loads(data, buffers=[whole[end - size : end] for end, size in zip(ends, sizes, strict=True)])
+    return pickle.loads(data, buffers=[memory[end - size : end] for end, size in zip(ends, sizes, strict=True)])

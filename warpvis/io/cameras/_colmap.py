@@ -54,9 +54,9 @@ def colmap_lens_camera(path: Path, used: set[int] | None = None) -> CalibratedCa
     if not chosen:
         raise FileFormatError(f"{path}: holds no camera" + (" of the images" if listed else ""))
     kinds = {(row.model, row.size, tuple(row.parameters)): row for row in chosen}
-    some = list(kinds.values())[:2]  # two are enough to know that there are several
-    makes = [partial(Camera.from_colmap, row.model, row.parameters, *row.size) for row in some]
-    return one_camera([make_calibrated(row.place, make) for row, make in zip(some, makes, strict=True)], str(path))
+    samples = list(kinds.values())[:2]  # two are enough to know that there are several
+    makes = [partial(Camera.from_colmap, row.model, row.parameters, *row.size) for row in samples]
+    return one_camera([make_calibrated(row.place, make) for row, make in zip(samples, makes, strict=True)], str(path))
 
 
 def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
@@ -119,8 +119,8 @@ def _text_rows(path: Path) -> Iterator[_Row]:
             index, model, width, height = int(words[0]), words[1], int(words[2]), int(words[3])
             parameters = [float(word) for word in words[4:]]
         except (IndexError, ValueError):
-            wanted = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
-            raise FileFormatError(f"{place}: expected {wanted}, got {truncate(line)!r}") from None
+            expected = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
+            raise FileFormatError(f"{place}: expected {expected}, got {truncate(line)!r}") from None
         yield _Row(index, place, model, (width, height), parameters)
 
 
@@ -135,8 +135,8 @@ def _text_images(path: Path) -> Iterator[ColmapImage]:
             numbers = [float(word) for word in words[1:8]]
             yield ColmapImage(words[9].strip(), int(words[8]), tuple(numbers[:4]), tuple(numbers[4:]))
         except (IndexError, ValueError):
-            wanted = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
-            raise FileFormatError(f"{path}:{number}: expected {wanted}, got {truncate(line, 60)!r}") from None
+            expected = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
+            raise FileFormatError(f"{path}:{number}: expected {expected}, got {truncate(line, 60)!r}") from None
         next(lines, None)
 
 

@@ -144,9 +144,9 @@ def _camera_from_fields(fields: Json, path: Path) -> Camera:
     if unknown or missing:
         problem = f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}"
         raise CameraError(f"{path}: {problem}; a camera file may hold {', '.join(sorted(known))}")
-    given: dict[str, Any] = fields  # `Camera` checks the values
+    arguments: dict[str, Any] = fields  # `Camera` checks the values
     try:
-        return Camera.from_K(**given) if "K" in fields else Camera.from_fov(**given)
+        return Camera.from_K(**arguments) if "K" in fields else Camera.from_fov(**arguments)
     except CameraError as error:
         raise CameraError(f"{path}: {describe_exception(error)}") from None
     except TypeError:

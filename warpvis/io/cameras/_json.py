@@ -56,8 +56,8 @@ def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> Calibrated
             parameters = {name: entry[name] for name in (*_NERF_LENS, *_NGP_LENS) if name in entry}
             parameters |= dict(zip(_NERF_NUMBERS, (*numbers[1], *numbers[0]), strict=True))
             kinds.setdefault(repr(parameters), parameters)
-    some = list(kinds.values())[:2]  # two are enough to know that there are several
-    makes = [partial(Camera.from_nerfstudio, parameters) for parameters in some]
+    samples = list(kinds.values())[:2]  # two are enough to know that there are several
+    makes = [partial(Camera.from_nerfstudio, parameters) for parameters in samples]
     return one_camera([make_calibrated(str(path), make) for make in makes], str(path))
 
 
@@ -66,8 +66,8 @@ def _nerfstudio_entries(fields: Mapping[str, Json]) -> list[tuple[dict[str, Json
     frames = fields.get("frames")
     listed = [frame for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
     names = (*_NERF_NUMBERS, *_NERF_ANGLES, *_NERF_LENS, *_NGP_LENS)
-    own = [{**fields, **frame} for frame in listed if any(name in frame for name in names)]
-    return [(entry, listed) for entry in own or [dict(fields)]]
+    cameras = [{**fields, **frame} for frame in listed if any(name in frame for name in names)]
+    return [(entry, listed) for entry in cameras or [dict(fields)]]
 
 
 def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
@@ -122,11 +122,11 @@ def _nerfstudio_focal(path: Path, fields: Mapping[str, Json], axis: str, side: f
     angle = _number(path, fields, f"camera_angle_{axis}")
     if degrees is None and (focal is not None or angle is None):
         return focal
-    fov, name, most = (angle, f"camera_angle_{axis}", "pi radians") if degrees is None else (
+    fov, name, limit = (angle, f"camera_angle_{axis}", "pi radians") if degrees is None else (
         math.radians(degrees), f"{axis}_fov", "180 degrees"
     )  # fmt: skip
     if fov is None or not 0 < fov < math.pi:
-        raise NoPinholeError(f"{path}: {name} must be between 0 and {most}, got {fields[name]!r}")
+        raise NoPinholeError(f"{path}: {name} must be between 0 and {limit}, got {fields[name]!r}")
     return side / 2 / math.tan(fov / 2)
 
 
@@ -164,11 +164,11 @@ def bop_images_camera(path: Path, images: Mapping[str, Json]) -> Camera | None:
     Raises:
         FileFormatError: If a matrix is malformed.
     """
-    given = [entry["cam_K"] for entry in images.values() if isinstance(entry, dict) and "cam_K" in entry]
-    size = _bop_size(path, images) if given else None
+    entries = [entry["cam_K"] for entry in images.values() if isinstance(entry, dict) and "cam_K" in entry]
+    size = _bop_size(path, images) if entries else None
     if size is None:
         return None
-    matrices = {tuple(as_numbers(matrix, (9,), f"{path}: cam_K").tolist()) for matrix in given}
+    matrices = {tuple(as_numbers(matrix, (9,), f"{path}: cam_K").tolist()) for matrix in entries}
     cameras = [
         make_pinhole(str(path), size, (fx, fy, cx, cy), pixel_center=0.0)
         for fx, _, cx, _, fy, cy, *_ in sorted(matrices)
@@ -180,11 +180,11 @@ def _bop_size(path: Path, images: Mapping[str, Json]) -> tuple[float, float] | N
     first = min((int(key) for key in images if key.isascii() and key.isdigit() and len(key) < 16), default=0)
     names = [f"{folder}/{first:06d}{suffix}" for folder in _BOP_IMAGES for suffix in (".png", ".jpg", ".tif")]
     found = image_size(path.parent, names)
-    whole = path.absolute().parent.parent.parent / "camera.json"
-    if found is None and whole.is_file():
-        fields = read_json(whole)
+    dataset_file = path.absolute().parent.parent.parent / "camera.json"
+    if found is None and dataset_file.is_file():
+        fields = read_json(dataset_file)
         if isinstance(fields, dict) and is_bop(fields):
-            camera = bop_camera(whole, fields)
+            camera = bop_camera(dataset_file, fields)
             return camera.width, camera.height
     return found
 

@@ -32,8 +32,8 @@ def tum_camera(path: Path, *, distortion: bool) -> CalibratedCamera:
     Raises:
         FileFormatError: If the file cannot be read, or there is no image.
     """
-    wanted = "fx fy cx cy, or those and k1 k2 p1 p2 k3"
-    for number, line in enumerate(read_lines(path, wanted), start=1):
+    expected = "fx fy cx cy, or those and k1 k2 p1 p2 k3"
+    for number, line in enumerate(read_lines(path, expected), start=1):
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
@@ -42,13 +42,13 @@ def tum_camera(path: Path, *, distortion: bool) -> CalibratedCamera:
         except ValueError:
             values = []
         if len(values) not in (4, 9):
-            raise FileFormatError(f"{path}:{number}: expected {wanted}, got {truncate(line, 60)!r}")
+            raise FileFormatError(f"{path}:{number}: expected {expected}, got {truncate(line, 60)!r}")
         size, (fx, fy, cx, cy, *lens) = _size(path), values
         if not distortion:
             return make_pinhole(str(path), size, (fx, fy, cx, cy), pixel_center=0.0, distortion=lens)
         matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
         return make_calibrated(str(path), partial(Camera.from_opencv, matrix, lens, *size))
-    raise FileFormatError(f"{path}: expected {wanted}, and holds no numbers")
+    raise FileFormatError(f"{path}: expected {expected}, and holds no numbers")
 
 
 def _size(path: Path) -> tuple[int, int]:

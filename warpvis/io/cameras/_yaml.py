@@ -93,11 +93,11 @@ def opencv_lens_camera(path: Path, data: Mapping[str, Any]) -> CalibratedCamera:
         FileFormatError: If something is missing, or its numbers are invalid.
     """
     entries = {}
-    for what, names in _NAMES.items():
+    for key, names in _NAMES.items():
         found = [data[name] for name in names if name in data]
-        if not found and what != "lens":
+        if not found and key != "lens":
             raise FileFormatError(f"{path}: holds no camera of ROS or OpenCV: {names[0]} is missing")
-        entries[what] = found[0] if found else None
+        entries[key] = found[0] if found else None
     matrix, lens = entries["matrix"], entries["lens"]
     numbers = as_numbers(matrix.get("data") if isinstance(matrix, dict) else matrix, (9,), f"{path}: camera matrix")
     d = lens.get("data", []) if isinstance(lens, dict) else lens

@@ -33,13 +33,13 @@ def parse_bop(path: Path, data: Json) -> FilePoses:
     rotations, translations = np.empty((len(images), 3, 3)), np.empty((len(images), 3))
     for index, image in enumerate(images):
         camera = data[keys[image]]
-        given = camera if isinstance(camera, dict) else {}
-        missing = [name for name in ("cam_R_w2c", "cam_t_w2c") if name not in given]
+        entry = camera if isinstance(camera, dict) else {}
+        missing = [name for name in ("cam_R_w2c", "cam_t_w2c") if name not in entry]
         if missing:
             raise FileFormatError(f"{path}: image {image} has no {' and no '.join(missing)}, so no pose")
-        rotation = as_numbers(given["cam_R_w2c"], (9,), f"{path}: cam_R_w2c of image {image}")
+        rotation = as_numbers(entry["cam_R_w2c"], (9,), f"{path}: cam_R_w2c of image {image}")
         rotations[index] = rotation.reshape(3, 3)
-        translations[index] = as_numbers(given["cam_t_w2c"], (3,), f"{path}: cam_t_w2c of image {image}")
+        translations[index] = as_numbers(entry["cam_t_w2c"], (3,), f"{path}: cam_t_w2c of image {image}")
     poses = np.tile(np.eye(4), (len(images), 1, 1))
     poses[:, :3, :3] = rotations.swapaxes(1, 2)
     with np.errstate(over="ignore", invalid="ignore"):  # overflow is reported with the frames

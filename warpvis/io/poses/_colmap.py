@@ -42,8 +42,8 @@ def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
     poses[:, :3, :3] = rotations.swapaxes(1, 2)
     with np.errstate(over="ignore", invalid="ignore"):  # overflow is reported with the frames
         poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations)
-    beside = path.with_name("cameras" + path.suffix)
+    cameras_file = path.with_name("cameras" + path.suffix)
     used = {image.camera for image in images}
     read = colmap_lens_camera if distortion else colmap_camera
-    camera = camera_of_poses(lambda: read(beside, used)) if images and beside.is_file() else None
+    camera = camera_of_poses(lambda: read(cameras_file, used)) if images and cameras_file.is_file() else None
     return FilePoses(poses, lambda index: f"{path}: image {truncate(images[index].name)!r}", camera=camera)

@@ -180,8 +180,8 @@ def _read_npy(path: Path) -> FilePoses:
 
 
 def _read_npz(path: Path) -> FilePoses:
-    wanted = ("camera_to_world", "timestamps", "timestamp", "object_poses", "world_index")
-    arrays = read_archive(path, wanted, "camera_to_world")
+    names = ("camera_to_world", "timestamps", "timestamp", "object_poses", "world_index")
+    arrays = read_archive(path, names, "camera_to_world")
     if "timestamp" in arrays and "timestamps" in arrays:
         raise FileFormatError(f"{path}: expected timestamps or timestamp, got both")
     poses = _row_poses(path, arrays["camera_to_world"], "camera_to_world")

@@ -122,8 +122,8 @@ def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
     known = truncate(", ".join(f"{name} ({types[name]})" for name in readable), _LONGEST_LIST) or "none"
     if not topic:
         if len(readable) != 1:
-            what = "several topics with poses; choose one as topic=" if readable else "no topic with poses"
-            raise FileFormatError(f"{path}: the bag has {what}: it has {known if readable else _all(types)}")
+            problem = "several topics with poses; choose one as topic=" if readable else "no topic with poses"
+            raise FileFormatError(f"{path}: the bag has {problem}: it has {known if readable else _all(types)}")
         return readable[0]
     if topic not in types:
         raise FileFormatError(f"{path}: the bag has no topic {topic!r}; topics with poses are: {known}")

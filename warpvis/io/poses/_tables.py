@@ -99,12 +99,12 @@ def read_parquet(path: Path) -> FilePoses:
     return _as_poses(np.stack(arrays, axis=1), list(columns), lambda index: f"{path}: row {index}")
 
 
-def _as_floats(column: pyarrow.ChunkedArray, what: str) -> NDArray[np.float64]:
+def _as_floats(column: pyarrow.ChunkedArray, name: str) -> NDArray[np.float64]:
     """Return a column's values; NaN for null."""
     import pyarrow
 
     if not (pyarrow.types.is_floating(column.type) or pyarrow.types.is_integer(column.type)):
-        raise FileFormatError(f"{what} must hold numbers, got {column.type}")
+        raise FileFormatError(f"{name} must hold numbers, got {column.type}")
     return column.to_numpy().astype(np.float64)
 
 
@@ -125,10 +125,10 @@ def _parse_number(word: str, place: str) -> float:
 
 def _find_columns(names: Sequence[str], place: str) -> dict[str, int]:
     """Find the columns that are read, by their names and aliases."""
-    given = [name.strip().lower() for name in names]
+    headers = [name.strip().lower() for name in names]
     columns: dict[str, int] = {}
     for column, aliases in _NAMES.items():
-        found = [index for index, name in enumerate(given) if name in aliases]
+        found = [index for index, name in enumerate(headers) if name in aliases]
         if len(found) > 1:
             raise FileFormatError(f"{place}: two columns are {column}: {names[found[0]]!r} and {names[found[1]]!r}")
         if found:

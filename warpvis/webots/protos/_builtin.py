@@ -290,8 +290,8 @@ def _with_default_size(node: Node) -> Node:
     return new_node(node, node.type, {name: value for name, value in node.fields.items() if name != "size"}, node.name)
 
 
-def _warn(node: Node, given: str, replacement: str) -> None:
-    message = f"{node.file}:{node.line}: instead of {given} of {node.type}, Webots uses {replacement}"
+def _warn(node: Node, original: str, replacement: str) -> None:
+    message = f"{node.file}:{node.line}: instead of {original} of {node.type}, Webots uses {replacement}"
     warnings.warn(message, stacklevel=2)
 
 
@@ -312,9 +312,9 @@ def _lengths(node: Node, field: str, default: tuple[float, ...]) -> NDArray[np.f
     return positives(node, field, default if field not in node.fields else (0.0,) * count)
 
 
-def _check(node: Node, right: bool, wanted: str, got: str) -> None:
+def _check(node: Node, right: bool, expected: str, got: str) -> None:
     if not right:
-        refuse(node, wanted, got)
+        refuse(node, expected, got)
 
 
 def _space(node: Node, along: float, across: float, up: float) -> tuple[float, float, float]:

@@ -126,20 +126,20 @@ class Protos:
 
     def _render(self, proto: ProtoFile, values: dict[str, Value], node: Node) -> str:
         """Run a PROTO's template with an instance's values, and return the resulting text."""
-        given: dict[str, Json] = {}
+        fields: dict[str, Json] = {}
         for name, field in proto.fields.items():
             if name in proto.template_fields:
                 default, default_place = proto.default(name), f"{proto.source}:{field.line}"
-                given[name] = {
+                fields[name] = {
                     "value": script_value(values[name], field.type, f"{node.file}:{node.line}", self._describe),
                     "defaultValue": script_value(default, field.type, default_place, self._describe),
                 }
         context = self._context(proto)
         if "context" in proto.body:
             context["id"] = len(self._expanded)
-        key = (proto.path, repr((given, context)))
+        key = (proto.path, repr((fields, context)))
         if key not in self._rendered:
-            variables = {"fields": given, "context": context}
+            variables = {"fields": fields, "context": context}
             assert proto.language is not None
             place = (proto.source, proto.body_line)
             try:
@@ -157,8 +157,10 @@ class Protos:
         if proto is None:
             return None
         values = proto.values(node, node.protos)
-        given = {name: proto.default(name) for name in proto.fields if name in node.fields}
-        return {name: (field.type, values[name], given.get(name, values[name])) for name, field in proto.fields.items()}
+        defaults = {name: proto.default(name) for name in proto.fields if name in node.fields}
+        return {
+            name: (field.type, values[name], defaults.get(name, values[name])) for name, field in proto.fields.items()
+        }
 
     def _context(self, proto: ProtoFile) -> dict[str, Json]:
         """Return the variable `context` of templates."""
@@ -212,9 +214,9 @@ class Protos:
         return next(filter(None, (self.places.find_in_cache(url, node.file) for url in urls)), None)
 
     def _make_index(self) -> dict[str, Path]:
-        here = self._world.path.absolute().parent
+        world_folder = self._world.path.absolute().parent
         index: dict[str, Path] = {}
-        for root in (here.parent / "protos", here / "protos", *self.places.search_path):
+        for root in (world_folder.parent / "protos", world_folder / "protos", *self.places.search_path):
             for folder, folders, files in os.walk(root):
                 folders[:] = sorted(name for name in folders if not name.startswith("."))
                 for file in sorted(files):

@@ -166,11 +166,11 @@ def _checked(field: ProtoField, name: str, instance: Node) -> Value:
         if not single:
             return [*instance.nodes(name)]
         return instance.node(name)
-    wanted, words = _LITERALS.get(kind, (float, "numbers"))
+    literal, words = _LITERALS.get(kind, (float, "numbers"))
     if not isinstance(value, list):
         _refuse(instance, name, field, described(value))
     for item in value:
-        if type(item) is not wanted:
+        if type(item) is not literal:
             instance.refuse(name, words, described(item))
         if kind == "Int32" and isinstance(item, float) and not item.is_integer():
             instance.refuse(name, "whole numbers", described(item))

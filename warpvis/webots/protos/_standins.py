@@ -55,10 +55,10 @@ def stand_in(node: Node) -> Node | None:
     up = 2 if node.version.z_up else 1
     lifted = len(translation) != 3 or abs(translation[up]) <= _ON_GROUND
     place = tuple(size[up] / 2 * (lifted and axis == up) for axis in range(3))
-    given: dict[str, Value] = {name: node.fields[name] for name in ("radius", "height") if name in node.fields}
-    if len(given) < 2 or len(node.numbers("size")) == 3:
+    lengths: dict[str, Value] = {name: node.fields[name] for name in ("radius", "height") if name in node.fields}
+    if len(lengths) < 2 or len(node.numbers("size")) == 3:
         return _solid(node, [box_at(node, size, place)])
-    return _solid(node, [shape_at(node, new_node(node, "Cylinder", given), place)])
+    return _solid(node, [shape_at(node, new_node(node, "Cylinder", lengths), place)])
 
 
 def stand_in_geometry(node: Node) -> Node | None:

@@ -113,8 +113,8 @@ def _lua(job: dict[str, Any]) -> object:
     from lupa import lua52
 
     runtime = lua52.LuaRuntime(register_eval=False, register_builtins=False, max_memory=job["heap"])
-    given = "".join(f"{name} = {value}\n" for name, value in job["variables"].items())
-    return runtime.eval(job["library"])(job["program"], given, job["limit"], job["modules"])
+    assignments = "".join(f"{name} = {value}\n" for name, value in job["variables"].items())
+    return runtime.eval(job["library"])(job["program"], assignments, job["limit"], job["modules"])
 
 
 if __name__ == "__main__":

@@ -82,8 +82,8 @@ def _around(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float6
     pole = np.maximum(np.abs(x), np.abs(y)) < 1e-9
     low, high = np.where(pole, 1.0, share).min(axis=1), np.where(pole, 0.0, share).max(axis=1)
     share = np.where((high - low > 0.5)[:, None] & (share < 0.5), share + 1, share)
-    others = np.where(pole, 0.0, share).sum(axis=1) / np.maximum((~pole).sum(axis=1), 1)
-    return np.where(pole, others[:, None], share)
+    mean = np.where(pole, 0.0, share).sum(axis=1) / np.maximum((~pole).sum(axis=1), 1)
+    return np.where(pole, mean[:, None], share)
 
 
 def _cylinder(node: Node, corners: Corners) -> NDArray[np.float64]:
@@ -117,10 +117,10 @@ def _elevation_grid(node: Node, corners: Corners) -> NDArray[np.float64]:
 
 def _indexed(node: Node) -> NDArray[np.float64] | None:
     """Return the coordinates of an IndexedFaceSet's triangles, in the order of `indexed_face_set`."""
-    given, coordinate = node.node("texCoord"), node.node("coord")
-    if given is None or coordinate is None:
+    coordinates, coordinate = node.node("texCoord"), node.node("coord")
+    if coordinates is None or coordinate is None:
         return None
-    rows, points = tuples(given, "point", 2, ()), tuples(coordinate, "point", 3, ())
+    rows, points = tuples(coordinates, "point", 2, ()), tuples(coordinate, "point", 3, ())
     index = node.numbers("coordIndex").astype(np.int64)
     numbers = node.numbers("texCoordIndex").astype(np.int64) if len(node.numbers("texCoordIndex")) else index
     index, numbers = (row if len(row) and row[-1] == -1 else np.append(row, -1) for row in (index, numbers))

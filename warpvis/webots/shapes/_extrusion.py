@@ -88,8 +88,8 @@ def _axes(node: Node, spine: Points) -> tuple[Points, Points]:
         previous = -previous
     other = np.empty_like(spine)
     for k in range(len(spine)):
-        now = bends[k] if bent[k] else previous
-        previous = other[k] = -now if now @ previous < 0 else now
+        bend = bends[k] if bent[k] else previous
+        previous = other[k] = -bend if bend @ previous < 0 else bend
     side = np.cross(tangents, other)
     return _unit(side), _unit(other)
 

@@ -100,12 +100,12 @@ def revolve(profile: Sequence[tuple[float, float]], shown: Sequence[bool], segme
             vertices = np.concatenate([vertices, ring])
     faces = [np.empty((0, 3), dtype=np.int64)]
     for upper, lower, seen in zip(profile[:-1], profile[1:], shown, strict=True):
-        here, below = rings[upper], rings[lower]
-        right, across = np.roll(here, -1), np.roll(below, -1)
+        corner, below = rings[upper], rings[lower]
+        right, across = np.roll(corner, -1), np.roll(below, -1)
         if seen and lower[0] > 0:
-            faces.append(np.stack([here, across, below], axis=1))
+            faces.append(np.stack([corner, across, below], axis=1))
         if seen and upper[0] > 0:
-            faces.append(np.stack([here, right, across], axis=1))
+            faces.append(np.stack([corner, right, across], axis=1))
     return compact(vertices, np.concatenate(faces))
 
 
@@ -218,11 +218,11 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
     except FileFormatError as error:
         raise type(error)(f"{node.file}:{node.line}: {error}") from None
     collada, converts_up_axis = suffix == ".dae", node.version >= Version(2022, 2)
-    wanted = node.text("name", "") if node.type == "Mesh" and (collada or not converts_up_axis) else ""
-    chosen = [part for name, part in parts if wanted in ("", name)]
+    part_name = node.text("name", "") if node.type == "Mesh" and (collada or not converts_up_axis) else ""
+    chosen = [part for name, part in parts if part_name in ("", name)]
     if not chosen:
         known = ", ".join(repr(name) for name, _ in parts[:10])
-        refuse(node, f"the name of a part of {path}, one of {known}", repr(wanted))
+        refuse(node, f"the name of a part of {path}, one of {known}", repr(part_name))
     vertices, faces = join(chosen)
     if collada and converts_up_axis:
         x, y, z = vertices.T

@@ -24,13 +24,13 @@ Points = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-def refuse(node: Node, wanted: str, got: object) -> NoReturn:
+def refuse(node: Node, expected: str, got: object) -> NoReturn:
     """Raise a FileFormatError with the expected and the actual content of a node.
 
     Raises:
         FileFormatError: Always.
     """
-    raise FileFormatError(f"{node.file}:{node.line}: expected {wanted} in {node.type}, got {got}")
+    raise FileFormatError(f"{node.file}:{node.line}: expected {expected} in {node.type}, got {got}")
 
 
 def whole(node: Node, field: str, default: int, lower: int, upper: int | None = None) -> int:
@@ -92,12 +92,12 @@ def indexed_face_set(node: Node) -> Triangles | None:
     if coordinate is None:
         return None
     points = tuples(coordinate, "point", 3, ())
-    given = node.numbers("coordIndex")
-    wrong = np.flatnonzero((given != np.floor(given)) | (given < -1) | (given >= len(points)))
+    indices = node.numbers("coordIndex")
+    wrong = np.flatnonzero((indices != np.floor(indices)) | (indices < -1) | (indices >= len(points)))
     if len(wrong):
-        wanted = f"-1 or an index below {len(points)}, the number of points, at every position of coordIndex"
-        refuse(node, wanted, f"{given[wrong[0]]:g} at position {wrong[0]}")
-    faces = triangulate(node, points, split_polygons(given.astype(np.int64)))
+        expected = f"-1 or an index below {len(points)}, the number of points, at every position of coordIndex"
+        refuse(node, expected, f"{indices[wrong[0]]:g} at position {wrong[0]}")
+    faces = triangulate(node, points, split_polygons(indices.astype(np.int64)))
     return compact(points, faces if node.flag("ccw", True) else faces[:, ::-1])
 
 
@@ -115,18 +115,18 @@ def elevation_grid(node: Node) -> Triangles | None:
         refuse(node, f"a grid of at most {MAX_POINTS} points", f"{columns} x {rows}")
     if columns < 2 or rows < 2:
         return None
-    given = node.numbers("height")[: columns * rows]
+    known = node.numbers("height")[: columns * rows]
     heights = np.zeros(columns * rows)
-    heights[: len(given)] = given
+    heights[: len(known)] = known
     j, i = (axis.ravel() for axis in np.indices((rows, columns)))
     corner = np.arange(rows * columns).reshape(rows, columns)
-    here, right, above, across = corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]
+    near, right, above, across = corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]
     if node.version.z_up:
         vertices = np.stack([steps[0] * i, steps[1] * j, heights], axis=1)
-        cells = [(above, here, across), (across, here, right)]
+        cells = [(above, near, across), (across, near, right)]
     else:
         vertices = np.stack([steps[0] * i, heights, steps[1] * j], axis=1)
-        cells = [(here, above, right), (right, above, across)]
+        cells = [(near, above, right), (right, above, across)]
     faces = np.stack([np.stack(cell, axis=-1) for cell in cells], axis=2)
     return vertices, faces.reshape(-1, 3).astype(np.int32)
 

@@ -47,9 +47,9 @@ def reset_fields(node: Node) -> tuple[Node, list[str]]:
     """
     fixes: dict[str, Value] = {}
     notes = []
-    for field, given, taken in _wrong_numbers(node):
-        fixes[field] = [*map(float, taken)]
-        notes.append(correction(node, field, given, taken))
+    for field, original, replacement in _wrong_numbers(node):
+        fixes[field] = [*map(float, replacement)]
+        notes.append(correction(node, field, original, replacement))
     if node.type == "IndexedFaceSet":
         valid, dropped = _polygons_in_range(node)
         if dropped:
@@ -60,9 +60,9 @@ def reset_fields(node: Node) -> tuple[Node, list[str]]:
     return (dataclasses.replace(node, fields={**node.fields, **fixes}) if fixes else node), notes
 
 
-def correction(node: Node, field: str, given: ArrayLike, taken: ArrayLike) -> str:
+def correction(node: Node, field: str, original: ArrayLike, replacement: ArrayLike) -> str:
     """Return a note that a field's value was replaced."""
-    before, after = (_shown(value) for value in (given, taken))
+    before, after = (_shown(value) for value in (original, replacement))
     return f"{node.file}:{node.line}: {field} {before} of {node.type} is replaced by {after}"
 
 
