@@ -173,7 +173,7 @@ class Wrong:
         return next((f"within {band:.0e} px of an edge" for band in BANDS if self.edge <= band), "away from edges")
 
 
-def look_again(case: Case, matrix: NDArray[np.float64], x: int, y: int, shown: float, where: str) -> Wrong:
+def look_again(case: Case, matrix: NDArray[np.float64], x: int, y: int, shown: float, location: str) -> Wrong:
     """Return the true hit of a ray, by NumPy, and its distance from another result."""
     camera = case.camera
     u, v = x + 0.5 - camera.cx, y + 0.5 - camera.cy
@@ -209,7 +209,7 @@ def look_again(case: Case, matrix: NDArray[np.float64], x: int, y: int, shown: f
         near = near | (deciding & (away < 1e-2) & (np.abs(z - shown) < 1e-3 * shown))
     angle = float(np.nanmin(angles[near])) if near.any() else 90.0
     kind = "hole" if not np.isfinite(shown) else "no hole" if not np.isfinite(true_depth) else "depth"
-    return Wrong(where, kind, shown, float(true_depth), float(away[deciding].min(initial=np.inf)), angle)
+    return Wrong(location, kind, shown, float(true_depth), float(away[deciding].min(initial=np.inf)), angle)
 
 
 class Check:
@@ -240,8 +240,8 @@ class Check:
         self.more[family] += max(0, len(found) - MAX_WRONG)
         for view, y, x in found[:1000]:
             shown = float(depth[int(view)].numpy()[y, x])
-            where = f"{family}, seed {seed}, view {view} of {width}x{height}, x {x}, y {y}"
-            self.wrong[family].append(look_again(case, matrices[view], int(x), int(y), shown, where))
+            location = f"{family}, seed {seed}, view {view} of {width}x{height}, x {x}, y {y}"
+            self.wrong[family].append(look_again(case, matrices[view], int(x), int(y), shown, location))
         self.more[family] += max(0, len(found) - 1000)
 
     def _compare(self, case: Case, matrices: NDArray[np.float64], depth: wp.array) -> NDArray[np.int32]:

@@ -252,9 +252,9 @@ def _free() -> None:
         sys.modules["drjit"].flush_malloc_cache()
 
 
-def _refuse(why: str) -> Callable[[Case], Prepared]:
+def _refuse(reason: str) -> Callable[[Case], Prepared]:
     def prepare(case: Case) -> Prepared:
-        raise RuntimeError(why)
+        raise RuntimeError(reason)
 
     return prepare
 

@@ -187,8 +187,10 @@ def render_batch(
         seed=seed,
     )
     layout = kind(plan)
-    where = "cpu" if devices[0] == "cpu" else "cuda"
-    dataset = Dataset(out, plan, layout, make_manifest(plan, scene, layout, device=where, source=source, caster=caster))
+    backend = "cpu" if devices[0] == "cpu" else "cuda"
+    dataset = Dataset(
+        out, plan, layout, make_manifest(plan, scene, layout, device=backend, source=source, caster=caster)
+    )
     if dataset.check(resume=resume) and repair:
         verify(out, repair=True)
     # Other processes receive the scene on the CPU, and move it to their devices.

@@ -275,8 +275,8 @@ class FrameOptions(ViewpointOptions):
                 refuse_options(self, ("quaternion",), "generated poses take")
             return None
         if self.worlds is None and not self.orders(poses):
-            why = f"poses in {poses}, whose format defines the order, take"
-            refuse_options(self, ("quaternion",), why)
+            reason = f"poses in {poses}, whose format defines the order, take"
+            refuse_options(self, ("quaternion",), reason)
         return self.read_poses(poses)
 
     def _make_frames(self, poses: str | None, scene: Scene) -> Frames:
@@ -320,7 +320,7 @@ def given_options(command: SceneOptions, names: Sequence[str]) -> list[str]:
     return [name for name in names if getattr(command, name) != defaults[name]]
 
 
-def refuse_options(command: SceneOptions, names: Sequence[str], why: str) -> None:
+def refuse_options(command: SceneOptions, names: Sequence[str], reason: str) -> None:
     """Raise an error if options are given that have no effect.
 
     Raises:
@@ -331,7 +331,7 @@ def refuse_options(command: SceneOptions, names: Sequence[str], why: str) -> Non
         listed = ", ".join(
             ("--no-" if getattr(command, name) is False else "--") + name.replace("_", "-") for name in changed
         )
-        raise SceneError(f"{why} no {listed}")
+        raise SceneError(f"{reason} no {listed}")
 
 
 def check_viewpoints(command: ViewpointOptions, texts: Sequence[str]) -> None:

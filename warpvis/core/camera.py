@@ -124,13 +124,13 @@ class Camera(CameraMakers):
         """
         from warpvis.mujoco import camera_from_mujoco
 
-        made = camera_from_mujoco(model, camera, width, height)
-        if not isinstance(made, cls):
+        result = camera_from_mujoco(model, camera, width, height)
+        if not isinstance(result, cls):
             name = "the free camera" if camera == -1 else f"camera {camera!r}"
             raise CameraError(
                 f"{name} is orthographic. Use warpvis.mujoco.camera_from_mujoco to create an OrthographicCamera."
             )
-        return made
+        return result
 
     @classmethod
     def from_K(  # noqa: N802 - K is the field's name for the matrix

@@ -206,8 +206,8 @@ def _object_rows(poses: PoseLike) -> NDArray[np.float32]:
     rows = array.astype(np.float32)
     bad = np.argwhere(is_not_unit(rows))
     if len(bad):
-        where = ", ".join(f"object {m} in world {w}" for w, m in bad[:3])
-        raise PoseError(f"object_poses {describe_wrong_length(rows[tuple(bad[0])])}: wrong in {len(bad)}, of {where}")
+        objects = ", ".join(f"object {m} in world {w}" for w, m in bad[:3])
+        raise PoseError(f"object_poses {describe_wrong_length(rows[tuple(bad[0])])}: wrong in {len(bad)}, of {objects}")
     return rows
 
 

@@ -22,8 +22,8 @@ def require_image_camera(camera: object) -> ImageCamera:
     """Return `camera`, or raise `CameraError` if it is neither a pinhole nor a camera with a lens."""
     if not isinstance(camera, Camera | LensedCamera):
         kinds = "a warpvis.Camera or a warpvis.sensors.LensCamera"
-        why = f": {camera.usage_hint}" if isinstance(camera, RayCamera) else ""
-        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{why}")
+        hint = f": {camera.usage_hint}" if isinstance(camera, RayCamera) else ""
+        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{hint}")
     return camera
 
 

@@ -173,9 +173,9 @@ class GltfData:
     def _with_sparse(self, rows: NDArray[np.generic], sparse: dict[str, Any]) -> NDArray[np.generic]:
         """Return rows with the sparse replacements applied (3.6.2.3)."""
         count = _whole(sparse["count"], "count")
-        where, values = sparse["indices"], sparse["values"]
-        kind = _component(where["componentType"])
-        places = self._rows(where["bufferView"], where.get("byteOffset", 0), count, kind, 1)[:, 0].astype(np.int64)
+        indices, values = sparse["indices"], sparse["values"]
+        kind = _component(indices["componentType"])
+        places = self._rows(indices["bufferView"], indices.get("byteOffset", 0), count, kind, 1)[:, 0].astype(np.int64)
         if count and places.max() >= len(rows):
             raise ValueError(f"a sparse accessor of {len(rows)} elements replaces number {places.max()}")
         changed = rows.copy()

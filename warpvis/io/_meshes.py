@@ -200,8 +200,8 @@ def _finder(path: Path, search_path: Sequence[Path]) -> Find:
                 continue
             require_content(found, "a buffer of glTF", name=f"{path}: {name}", images=False)
             return found
-        where = "neither next to it nor on the search path" if search_path else "not next to it"
-        raise FileNotFoundError(f"{name} is {where}")
+        searched = "neither next to it nor on the search path" if search_path else "not next to it"
+        raise FileNotFoundError(f"{name} is {searched}")
 
     return find
 

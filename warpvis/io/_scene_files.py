@@ -35,10 +35,10 @@ def read_parts(
     folders = (
         [search_path] if isinstance(search_path, os.PathLike) else as_items(search_path, "search_path", SceneError)
     )
-    where = [as_path(folder, "search_path") for folder in folders]
+    search_folders = [as_path(folder, "search_path") for folder in folders]
     if not path.is_file():
         raise FileFormatError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
-    missing = next((folder for folder in where if not folder.is_dir()), None)
+    missing = next((folder for folder in search_folders if not folder.is_dir()), None)
     if missing is not None:
         raise FileFormatError(f"{missing}: search_path must be folders, and this is not one")
     kind = path.suffix.lower()
@@ -46,12 +46,12 @@ def read_parts(
     if kind in _WEBOTS:
         from warpvis.webots import read_world
 
-        return read_world(path, search_path=where, strict=strict)
+        return read_world(path, search_path=search_folders, strict=strict)
     if kind in _MUJOCO:
         from warpvis.mujoco import read_model
 
-        return read_model(path, search_path=where, strict=strict)
-    return read_mesh_file(path, search_path=where, strict=strict)
+        return read_model(path, search_path=search_folders, strict=strict)
+    return read_mesh_file(path, search_path=search_folders, strict=strict)
 
 
 def export_scene(

@@ -230,8 +230,8 @@ def coverage(
     for view, row in enumerate(seen):
         union |= row
         cumulative[view] = _area(areas, union)
-    alone = np.array([_area(areas, row) for row in seen])
-    return Coverage(samples, areas, seen, alone, cumulative, *_choose_views(seen, areas, alone, count))
+    single = np.array([_area(areas, row) for row in seen])
+    return Coverage(samples, areas, seen, single, cumulative, *_choose_views(seen, areas, single, count))
 
 
 def _area(areas: NDArray[np.float64], which: NDArray[np.bool_]) -> float:
@@ -240,11 +240,11 @@ def _area(areas: NDArray[np.float64], which: NDArray[np.bool_]) -> float:
 
 
 def _choose_views(
-    seen: NDArray[np.bool_], areas: NDArray[np.float64], alone: NDArray[np.float64], count: int
+    seen: NDArray[np.bool_], areas: NDArray[np.float64], single: NDArray[np.float64], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Choose views greedily; return them with their gains. The top of the heap is chosen once its gain is current."""
     uncovered = areas.copy()
-    heap = [(-area, view, 0) for view, area in enumerate(alone)]
+    heap = [(-area, view, 0) for view, area in enumerate(single)]
     heapq.heapify(heap)
     order: list[int] = []
     gain: list[float] = []
@@ -321,7 +321,7 @@ def _read_weights(weights: ArrayInput | None, count: int) -> NDArray[np.float64]
     return factors
 
 
-def _check_count(count: int, limit: int, what: str) -> int:
+def _check_count(count: int, limit: int, noun: str) -> int:
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= limit:
-        raise ArrayError(f"count must be a whole number from 1 to the {limit} {what}, got {count!r}")
+        raise ArrayError(f"count must be a whole number from 1 to the {limit} {noun}, got {count!r}")
     return int(count)

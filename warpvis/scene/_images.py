@@ -47,9 +47,9 @@ def pixels_or_white(image: Image, name: str) -> NDArray[np.uint8]:
 
 def _white(error: Exception, name: str) -> NDArray[np.uint8]:
     """Warn of an image that cannot be read, and return `WHITE`."""
-    why = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else _reason(error)
+    reason = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else _reason(error)
     warn_user(
-        f"{name}: cannot be read as an image ({why}); using white, so that the material's base color shows",
+        f"{name}: cannot be read as an image ({reason}); using white, so that the material's base color shows",
         UserWarning,
     )
     return WHITE.copy()

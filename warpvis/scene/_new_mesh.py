@@ -170,8 +170,8 @@ def _rows(value: ArrayInput, kind: type) -> ArrayInput:
 
 
 def _too_far(item: SceneObject) -> str:
-    where = "the origin of its frame" if item.movable else "the origin"
-    return f"vertices of {item.name!r} must lie within 1e18 m of {where}"
+    origin = "the origin of its frame" if item.movable else "the origin"
+    return f"vertices of {item.name!r} must lie within 1e18 m of {origin}"
 
 
 def _host(array: ArrayInput, kind: str, name: str) -> ArrayInput:

@@ -281,12 +281,12 @@ class Scene(SceneExports):
         index = self.index(attach_to)
         item = self._objects[index]
         if item.pose is None:
-            why = (
+            obstacle = (
                 "which is itself attached to another object"
                 if item.movable
                 else "which is static; add it with movable=True"
             )
-            raise SceneError(f"{name!r} cannot be attached to {attach_to!r}, {why}")
+            raise SceneError(f"{name!r} cannot be attached to {attach_to!r}, {obstacle}")
         if isinstance(mesh, Solid) or item.solid is not None or item.points is not None:
             reason = f"{name!r} is a solid" if isinstance(mesh, Solid) else f"{attach_to!r} is a solid"
             reason = reason if item.points is None else f"{attach_to!r} is deforming"

@@ -57,7 +57,7 @@ class LazyAppearance:
 
 
 def choose_appearance(
-    given: AppearanceLike | LazyAppearance | None,
+    appearance: AppearanceLike | LazyAppearance | None,
     mesh: object,
     name: str,
     counts: tuple[int, int],
@@ -67,19 +67,19 @@ def choose_appearance(
     """Return the appearance given to `Scene.add`, or else that of the mesh.
 
     Args:
-        given: The user's appearance; None for the mesh's.
+        appearance: The user's appearance; None for the mesh's.
         mesh: The mesh, which may have a `visual` like trimesh's.
         name: Name of the object.
         counts: Numbers of vertices and faces.
         color_space: Color space of the mesh's materials; by default linear for a PBRMaterial, else sRGB.
 
     Raises:
-        SceneError: If `given` is not an appearance, or does not fit the mesh.
+        SceneError: If `appearance` is not an appearance, or does not fit the mesh.
     """
-    if isinstance(given, LazyAppearance):
-        return given
-    if given is not None:
-        found = as_appearance(given, name)
+    if isinstance(appearance, LazyAppearance):
+        return appearance
+    if appearance is not None:
+        found = as_appearance(appearance, name)
         found.check_fits(*counts, name)
         return LazyAppearance(None, found)
     visual = getattr(mesh, "visual", None)

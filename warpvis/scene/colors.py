@@ -15,23 +15,23 @@ _COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
 def check_color(
-    color: ArrayLike, what: str, lengths: tuple[int, ...], *, maximum: float = 1.0, or_what: str = ""
+    color: ArrayLike, subject: str, lengths: tuple[int, ...], *, maximum: float = 1.0, alternatives: str = ""
 ) -> tuple[Any, ...]:
     """Return a color as numbers; the fourth is 1 where it is optional and not given.
 
     Args:
         color: The color.
-        what: Name of the argument, for messages.
+        subject: Name of the argument, for messages.
         lengths: Allowed numbers of components.
         maximum: Maximum of each component; infinity for any finite number.
-        or_what: Alternatives to a color, for messages.
+        alternatives: Alternatives to a color, for messages.
 
     Raises:
         SceneError: If it is not such a color.
     """
     count = " or ".join(_COUNTS[length] for length in lengths)
     limit = "from 0 to 1" if maximum == 1 else "of at least 0"
-    message = f"{what} must be {or_what}{count} numbers {limit}, got {shown(color)}"
+    message = f"{subject} must be {alternatives}{count} numbers {limit}, got {shown(color)}"
     try:
         numbers = np.asarray(color)
         if numbers.dtype.kind not in "iuf" or numbers.ndim != 1 or len(numbers) not in lengths:
@@ -44,13 +44,13 @@ def check_color(
     return (*values, *([1.0] if len(values) < lengths[-1] else []))
 
 
-def check_vector(vector: ArrayLike, what: str) -> tuple[float, float, float]:
+def check_vector(vector: ArrayLike, subject: str) -> tuple[float, float, float]:
     """Return three finite numbers.
 
     Raises:
         SceneError: If they are not.
     """
-    message = f"{what} must be three finite numbers, got {shown(vector)}"
+    message = f"{subject} must be three finite numbers, got {shown(vector)}"
     try:
         numbers = np.asarray(vector)
         if numbers.dtype.kind not in "iuf" or numbers.shape != (3,) or not np.isfinite(numbers).all():

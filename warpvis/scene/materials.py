@@ -229,19 +229,19 @@ AppearanceLike = Appearance | Material | ArrayLike
 """An appearance, a material, or a color in sRGB: three or four numbers from 0 to 1."""
 
 
-def as_appearance(given: AppearanceLike, name: str) -> Appearance:
+def as_appearance(value: AppearanceLike, name: str) -> Appearance:
     """Convert the `appearance` argument of `Scene.add` to an `Appearance`.
 
     Raises:
         SceneError: If it is not an appearance, a material or a color.
     """
-    if isinstance(given, Appearance):
-        return given
-    if isinstance(given, Material):
-        return Appearance((given,))
-    if isinstance(given, Texture):
-        return Appearance((Material(texture=given),))
-    color = check_color(given, f"appearance of {name!r}", (3, 4), or_what="an Appearance, a Material or ")
+    if isinstance(value, Appearance):
+        return value
+    if isinstance(value, Material):
+        return Appearance((value,))
+    if isinstance(value, Texture):
+        return Appearance((Material(texture=value),))
+    color = check_color(value, f"appearance of {name!r}", (3, 4), alternatives="an Appearance, a Material or ")
     return Appearance((Material(base_color=color, alpha_mode="blend" if color[3] < 1 else "opaque"),))
 
 

@@ -74,10 +74,10 @@ class LensCamera(LensedCamera):
         count = int(self.mask.sum())
         if count:
             degrees = math.degrees(self.lens.max_angle)
-            why = "turns back" if self.lens.turns_back else "ends"
+            verb = "turns back" if self.lens.turns_back else "ends"
             warn_user(
-                f"{count} of {self.mask.size} pixels have no ray because the lens {why} {degrees:.4g} degrees from its "
-                "axis: they stay empty, and are True in the camera's mask",
+                f"{count} of {self.mask.size} pixels have no ray because the lens {verb} {degrees:.4g} degrees from "
+                "its axis: they stay empty, and are True in the camera's mask",
                 IntrinsicsWarning,
             )
 
@@ -187,8 +187,8 @@ def require_calibrated(camera: object) -> CalibratedCamera:
     """Return `camera`, or raise `CameraError` if it is neither a `Camera` nor a `LensCamera`."""
     if not isinstance(camera, Camera | LensCamera):
         kinds = "a warpvis.Camera or a warpvis.sensors.LensCamera"
-        why = f": {camera.usage_hint}" if isinstance(camera, RayCamera) else ""
-        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{why}")
+        hint = f": {camera.usage_hint}" if isinstance(camera, RayCamera) else ""
+        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{hint}")
     return camera
 
 

@@ -77,13 +77,13 @@ def _astra(node: Node) -> Node:
     }
     parts: list[float | str | bool | Node] = []
     for size, place in (((0.04, 0.165, 0.029), (-0.001, 0.0, 0.007)), ((0.061, 0.06, 0.014), (-0.016, 0.0, -0.02))):
-        where = _axes(node, place[0] + forward, place[1], place[2] + up)
+        position = _axes(node, place[0] + forward, place[1], place[2] + up)
         box = _box(node, [abs(side) for side in _axes(node, *size)])
-        parts.append(new_node(node, "Pose", {"translation": [*where], "children": [box]}))
+        parts.append(new_node(node, "Pose", {"translation": [*position], "children": [box]}))
     color: dict[str, Value] = {"name": [f"{name} rgb"]}
     for kind, offset, more in (("Camera", 0.011, color), ("RangeFinder", 0.037, ranges)):
-        where = _axes(node, 0.02 + forward, offset, 0.007 + up)
-        parts.append(new_node(node, kind, {**camera, **more, "translation": [*where]}))
+        position = _axes(node, 0.02 + forward, offset, 0.007 + up)
+        parts.append(new_node(node, kind, {**camera, **more, "translation": [*position]}))
     fields: dict[str, Value] = {"name": [name], "children": parts}
     return new_node(node, "Solid", {**_placed(node), **fields}, node.name)
 

@@ -195,7 +195,7 @@ def lens_as(plan: Plan, name: str, write: Callable[[Lens], Written]) -> Written:
         raise FileFormatError(f"format {name!r} does not support the lens: {error}. {_ANY}") from None
 
 
-def refuse_lens(plan: Plan, name: str, why: str) -> None:
+def refuse_lens(plan: Plan, name: str, reason: str) -> None:
     """Reject cameras with a lens.
 
     Raises:
@@ -203,8 +203,8 @@ def refuse_lens(plan: Plan, name: str, why: str) -> None:
     """
     if not isinstance(plan.camera, Camera):
         raise FileFormatError(
-            f"camera must be a pinhole camera for format {name!r}, {why}. The formats tum, nerfstudio, colmap and ros2 "
-            f"support some lenses. {_ANY}"
+            f"camera must be a pinhole camera for format {name!r}, {reason}. The formats tum, nerfstudio, colmap and "
+            f"ros2 support some lenses. {_ANY}"
         )
 
 

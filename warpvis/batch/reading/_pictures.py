@@ -118,7 +118,7 @@ class BopReader(PngReader):
 
     def _read_counts(self, shard: int) -> Column:
         file = f"{self._split}/{shard_name(shard)}/scene_gt_info.json"
-        where = f"{self._job.name}: {file}"
+        place = f"{self._job.name}: {file}"
         shape = (self._job.shard_length(shard), len(self._job.visibility_objects))
         try:
             content: dict[str, list[dict[str, Json]]] = json.loads(self._files.read(file))
@@ -126,11 +126,11 @@ class BopReader(PngReader):
             if any(len(row) != shape[1] for row in rows):
                 raise ValueError(f"expected {shape[1]} objects in each image")
             return {
-                name: np.array([[number(item[key], where) for item in row] for row in rows], dtype=dtype).reshape(shape)
+                name: np.array([[number(item[key], place) for item in row] for row in rows], dtype=dtype).reshape(shape)
                 for name, (key, dtype) in _BOP_COUNTS.items()
             }
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-            raise FileFormatError(f"{where} is damaged: {describe_exception(error)}") from None
+            raise FileFormatError(f"{place} is damaged: {describe_exception(error)}") from None
 
 
 class ColmapReader:
