@@ -217,7 +217,7 @@ def _centers(rows: NDArray, places: NDArray) -> NDArray:
 
 
 def _split(places: NDArray, items: NDArray, unit: int, max_size: int) -> Iterator[NDArray]:
-    """Halve items along their longest axis until no part has more than `most`.
+    """Halve items along their longest axis until no part has more than `max_size`.
 
     Cuts are at multiples of `unit`, or of sixteen in smaller parts, so that all parts but the last are full.
     """

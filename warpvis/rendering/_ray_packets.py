@@ -213,7 +213,7 @@ def _in_points(full: NDArray[np.int64], partial_packets: list[NDArray[np.int64]]
 
 
 def _padded(items: NDArray[np.int64], size: int) -> NDArray[np.int64]:
-    """Split items into packets of `most`, the last one padded with -1."""
+    """Split items into packets of `size`, the last one padded with -1."""
     return np.pad(items, (0, -len(items) % size), constant_values=-1).reshape(-1, size)
 
 
