@@ -111,7 +111,7 @@ struct Leaves {
     // `range` holds the first item of each leaf and the end of its items.
     inline void fill(const Mesh& mesh, const v8* items, const int* range, long long leaf) const {
         const int begin = range[2 * leaf], count = range[2 * leaf + 1] - begin;
-        float* to = rows + leaf * LEAF_ROWS * LANES;
+        float* target = rows + leaf * LEAF_ROWS * LANES;
         bool all_closed = true;
         for (int k = 0; k < LANES; ++k) {
             const int triangle = Items::triangle(items[begin + (k < count ? k : 0)]);
@@ -122,10 +122,10 @@ struct Leaves {
             all_closed &= mesh.closed[mesh.owner[triangle]] != 0;
             for (int corner = 0; corner < 3; ++corner) {
                 const float* p = mesh.vertices + 3 * (long long)corners[k < count ? (first + corner) % 3 : 0];
-                for (int axis = 0; axis < 3; ++axis) to[(3 * corner + axis) * LANES + k] = p[axis];
+                for (int axis = 0; axis < 3; ++axis) target[(3 * corner + axis) * LANES + k] = p[axis];
             }
         }
-        Bounds::of_leaf(to, all_closed, bounds + leaf * NODE_ROWS);
+        Bounds::of_leaf(target, all_closed, bounds + leaf * NODE_ROWS);
     }
 
     // Index of the corner opposite to the longest side, which is stored first. Casters compute a triangle's normal from

@@ -40,9 +40,9 @@ struct Corruption {
         if (added > 0.0f) depth = depth + added * Random::normal(words.added.block[k]);
         depth = range.report(depth);
         const Ints lost = is_lost(words, k, x, row.y), has_surface = SensorRange::finite(before);
-        const Ints why = lost ? Lanes::all_ints(REASON_DROPOUT) : SensorRange::reason(depth);
+        const Ints cause = lost ? Lanes::all_ints(REASON_DROPOUT) : SensorRange::reason(depth);
         depth = lost ? Lanes::all(Numbers::no_number()) : depth;
-        row.write(x, has_surface ? depth : before, has_surface ? why : reason);
+        row.write(x, has_surface ? depth : before, has_surface ? cause : reason);
     }
     inline Ints is_lost(const Words& words, int k, int x, int y) const {
         Ints lost = Lanes::all_ints(0);

@@ -131,9 +131,9 @@ struct Flight {
     // Reason why the light yields no range, if any.
     inline Ints judge(const FlightLight& light) const {
         const Ints straight = (light.straight > 0.0f) & (light.straight >= min_signal);
-        const Ints enough = (light.signal > 0.0f) & (light.signal >= min_signal);
+        const Ints has_signal = (light.signal > 0.0f) & (light.signal >= min_signal);
         const Ints dark = straight ? Lanes::all_ints(REASON_GRAZING) : Lanes::all_ints(REASON_DROPOUT);
-        Ints reason = enough ? Lanes::all_ints(REASON_VALID) : dark;
+        Ints reason = has_signal ? Lanes::all_ints(REASON_VALID) : dark;
         reason = light.all > max_signal ? Lanes::all_ints(REASON_SATURATED) : reason;
         reason = light.range != light.range ? Lanes::all_ints(REASON_EDGE) : reason;
         return light.range == Numbers::endless() ? Lanes::all_ints(REASON_EMPTY) : reason;
@@ -183,9 +183,9 @@ struct FlightEdges {
             Ints in;
             const Floats other = neighbors(x + i, row.y + j, in);
             const Floats slope = ahead + (float)i * across + (float)j * down;
-            const Ints away =
+            const Ints off_plane =
                 (slope * plane <= 0.0f) | (Lanes::abs(other * slope - plane) >= edge_step * Lanes::abs(slope));
-            edge |= in & (((other < Numbers::endless()) ^ has_surface) | (has_surface & away));
+            edge |= in & (((other < Numbers::endless()) ^ has_surface) | (has_surface & off_plane));
         }
         return edge;
     }

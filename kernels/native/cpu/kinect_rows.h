@@ -95,9 +95,9 @@ struct Shown {
         const Doubles at_surface = n[0] * view.across(column) + n[1] * view.down(row) + n[2];
         const Doubles at_ray = n[0] * view.across(column_of_ray) + n[1] * view.down(Lanes::all_ints(y)) + n[2];
         const Doubles ahead = at_surface / at_ray, found = NguyenView::wide(depth) * ahead;
-        const Floats carried = NguyenView::narrow(ahead > 0.0 ? found : NguyenView::wide(depth));
-        const Ints elsewhere = (row != y) | (column != column_of_ray);
-        return elsewhere ? carried : depth;
+        const Floats displaced_depth = NguyenView::narrow(ahead > 0.0 ? found : NguyenView::wide(depth));
+        const Ints is_displaced = (row != y) | (column != column_of_ray);
+        return is_displaced ? displaced_depth : depth;
     }
 };
 
@@ -113,8 +113,8 @@ struct Nguyen {
     inline Floats axial(Floats depth, Floats angle) const {
         const Floats away = depth - best_depth, steep = steepness(angle);
         const Floats sigma = min_axial + axial_growth * away * away;
-        const Floats more = sigma + grazing_axial / Numbers::root(depth) * (steep * steep);
-        return angle >= grazing_angle ? more : sigma;
+        const Floats grazing_sigma = sigma + grazing_axial / Numbers::root(depth) * (steep * steep);
+        return angle >= grazing_angle ? grazing_sigma : sigma;
     }
     // Displaced pixel centers along one axis, clamped to the image.
     static inline Ints jittered(Floats centers, Floats offset, int size) {

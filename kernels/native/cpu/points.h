@@ -73,9 +73,9 @@ struct PointStrip {
             const int end = bins.end_of(chunk, row), first = chunk * POINT_CHUNK;
             for (int i = bins.begin_of(chunk, row); i < end; ++i) {
                 ProjectedPoint point = points[i];
-                ProjectedPoint& to = memory.placed[ends[point.key >> POINT_CHUNK_BITS]++];
+                ProjectedPoint& target = memory.placed[ends[point.key >> POINT_CHUNK_BITS]++];
                 point.key = first + (point.key & (POINT_CHUNK - 1));  // from here on, the index in the batch
-                to = point;
+                target = point;
             }
         }
     }
@@ -83,24 +83,24 @@ struct PointStrip {
     // Load a point into each lane, or `count` points. An empty lane occludes everything and is never written.
     static inline Floats pack(const PointWork& work, const Image& image, int packet, const ProjectedPoint* points,
                               int count) {
-        const float* from = (const float*)points;
-        const Floats a = Lanes::load(from), b = Lanes::load(from + LANES);
-        const Floats c = Lanes::load(from + 2 * LANES), d = Lanes::load(from + 3 * LANES);
+        const float* source = (const float*)points;
+        const Floats a = Lanes::load(source), b = Lanes::load(source + LANES);
+        const Floats c = Lanes::load(source + 2 * LANES), d = Lanes::load(source + 3 * LANES);
         const Floats ab_uv = __builtin_shufflevector(a, b, 0, 4, 8, 12, 16, 20, 24, 28, 1, 5, 9, 13, 17, 21, 25, 29);
         const Floats cd_uv = __builtin_shufflevector(c, d, 0, 4, 8, 12, 16, 20, 24, 28, 1, 5, 9, 13, 17, 21, 25, 29);
         const Floats ab_zk = __builtin_shufflevector(a, b, 2, 6, 10, 14, 18, 22, 26, 30, 3, 7, 11, 15, 19, 23, 27, 31);
         const Floats cd_zk = __builtin_shufflevector(c, d, 2, 6, 10, 14, 18, 22, 26, 30, 3, 7, 11, 15, 19, 23, 27, 31);
         const Floats u = Projection::join(ab_uv.lo, cd_uv.lo), v = Projection::join(ab_uv.hi, cd_uv.hi);
-        const Ints taken = Lanes::index() < Lanes::all_ints(count);
+        const Ints used = Lanes::index() < Lanes::all_ints(count);
         const Floats inv_z = limit(work.job, work.points.tolerance, u, v, Projection::join(ab_zk.lo, cd_zk.lo));
-        const Floats limit = taken ? inv_z : Lanes::all(NOWHERE);
+        const Floats stored = used ? inv_z : Lanes::all(NOWHERE);
         Lanes::store(image.point_u + packet * LANES, u);
         Lanes::store(image.point_v + packet * LANES, v);
-        Lanes::store(image.inv_z + packet * LANES, limit);
+        Lanes::store(image.inv_z + packet * LANES, stored);
         Lanes::store(image.point_index + packet * LANES,
-                     taken ? (Ints)Projection::join(ab_zk.hi, cd_zk.hi) : Lanes::all_ints(-1));
+                     used ? (Ints)Projection::join(ab_zk.hi, cd_zk.hi) : Lanes::all_ints(-1));
         if (image.id) Lanes::store(image.id + packet * LANES, Lanes::all_ints(-1));
-        return limit;
+        return stored;
     }
 
     // Greatest inv_z of a surface that does not occlude the point with the given inv_z, w. If the ray with z = 1 has

@@ -183,11 +183,11 @@ struct Raster : Pixels {
     // outside an edge by more than the rounding error bound.
     static inline void narrow(const Camera& camera, const Linear& edge, float error_bound, Floats v0, Floats v1,
                               Floats& left, Floats& right) {
-        const float by = -1.0f / edge.u[0];
-        if (!(__builtin_fabsf(by) < 1e30f)) return;  // parallel to the rows
-        const Floats x0 = edge.row(v0) * by - camera.first_u, x1 = edge.row(v1) * by - camera.first_u;
+        const float slope = -1.0f / edge.u[0];
+        if (!(__builtin_fabsf(slope) < 1e30f)) return;  // parallel to the rows
+        const Floats x0 = edge.row(v0) * slope - camera.first_u, x1 = edge.row(v1) * slope - camera.first_u;
         const Floats size = Lanes::abs(edge.v) * Lanes::max(Lanes::abs(v0), Lanes::abs(v1)) + Lanes::abs(edge.one);
-        const Floats slack = 0.01f + __builtin_fabsf(by) * (4e-7f * size + error_bound);
+        const Floats slack = 0.01f + __builtin_fabsf(slope) * (4e-7f * size + error_bound);
         if (edge.u[0] > 0.0f)
             left = Lanes::max(left, Lanes::min(x0, x1) - slack);
         else

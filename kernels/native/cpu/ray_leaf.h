@@ -156,11 +156,11 @@ struct RayColumns {
         larger = Lanes::bits(candidates & ~few);
     }
     static inline Ints range(Floats middle, Floats half, int max_index, Ints& first, Ints& last) {
-        const Floats none = Lanes::all(0.0f), from = Lanes::max(__builtin_elementwise_ceil(middle - half), none);
-        const Floats to = Lanes::min(__builtin_elementwise_floor(middle + half), Lanes::all((float)max_index));
-        const Ints nonempty = from <= to;
-        first = __builtin_convertvector(nonempty ? from : none, Ints);
-        last = __builtin_convertvector(nonempty ? to : none, Ints);
+        const Floats none = Lanes::all(0.0f), low = Lanes::max(__builtin_elementwise_ceil(middle - half), none);
+        const Floats high = Lanes::min(__builtin_elementwise_floor(middle + half), Lanes::all((float)max_index));
+        const Ints nonempty = low <= high;
+        first = __builtin_convertvector(nonempty ? low : none, Ints);
+        last = __builtin_convertvector(nonempty ? high : none, Ints);
         return nonempty;
     }
     // First column or row of each window, such that the window ends inside the tile.

@@ -76,10 +76,11 @@ struct RayOriginsLeaf : RayLeaf {
                      min_inv_z = endless ? Lanes::all(0.0f) : t.min_inv_z;
         const Floats middle = 0.5f * (max_inv_z + min_inv_z), half = 0.50001f * (max_inv_z - min_inv_z);
         for (int k = 0; k < 2; ++k) {
-            const Floats off = range[k] * middle;
-            const Floats more = __builtin_fabsf(range[k]) * half + range[k + 3] * max_inv_z + 1e-5f * Lanes::abs(off);
-            Lanes::store(bounds[k], t.place[k] - (off + more));
-            Lanes::store(bounds[k + 2], t.place[k + 2] - (off - more));
+            const Floats shift = range[k] * middle;
+            const Floats margin =
+                __builtin_fabsf(range[k]) * half + range[k + 3] * max_inv_z + 1e-5f * Lanes::abs(shift);
+            Lanes::store(bounds[k], t.place[k] - (shift + margin));
+            Lanes::store(bounds[k + 2], t.place[k + 2] - (shift - margin));
         }
         for (int e = 0; e < 3; ++e) {
             const Points& s = t.side[e];
@@ -130,8 +131,8 @@ struct ExactRays {
         ExactCorners seen = Exactly::corners(camera, t.corners, k);
         const ExactRow* m = camera.exact_to_camera;
         for (int i = 0; i < 3; ++i) {
-            const double from = tree.origins.p[ray] * m[0][i] + tree.origins.q[ray] * m[1][i];
-            for (int c = 0; c < 3; ++c) seen.corner[c][i] -= from;
+            const double offset = tree.origins.p[ray] * m[0][i] + tree.origins.q[ray] * m[1][i];
+            for (int c = 0; c < 3; ++c) seen.corner[c][i] -= offset;
         }
         return seen;
     }

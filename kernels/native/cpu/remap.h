@@ -70,14 +70,14 @@ struct RemapPackets {
 
     static inline void write(TableWriter writer, const RemapJob& remap, const RemapPart& part, const RemapTree& tree) {
         const Images& out = writer.writer.out;
-        const bool depth_alone = writer.writer.mode == MODE_DEPTH && out.depth && !out.points;
+        const bool depth_only = writer.writer.mode == MODE_DEPTH && out.depth && !out.points;
         for (int index = 0; index < remap.across() * remap.down() * LANES; ++index) {
             const MapTile tile = MapTile::of(remap, part, writer.writer.view, index);
             if (!tile.in_map) continue;
             tree.show_outside(writer.writer.image, index);
             if (!tile.whole)
                 writer.packets(index);
-            else if (depth_alone)
+            else if (depth_only)
                 writer.depth_blocks(index);
             else
                 writer.blocks(index);

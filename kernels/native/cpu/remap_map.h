@@ -80,12 +80,12 @@ struct MapBlock {
                 place[k] = x < job.columns && y < job.rows ? y * job.columns + x : -1;
             }
         }
-        const float* from = job.pixels + first * 2;
-        if (!place) return rows(from, job.columns * 2LL);
+        const float* source = job.pixels + first * 2;
+        if (!place) return rows(source, job.columns * 2LL);
         float pairs[2 * LANES];
         for (int k = 0; k < LANES; ++k)
             for (int c = 0; c < 2; ++c)
-                pairs[2 * k + c] = place[k] < 0 ? __builtin_nanf("") : from[offset(job, k) * 2 + c];
+                pairs[2 * k + c] = place[k] < 0 ? __builtin_nanf("") : source[offset(job, k) * 2 + c];
         return rows(pairs, 2 * BLOCK_SIDE);
     }
     // Offset of a pixel from the first one of its block.

@@ -168,9 +168,9 @@ struct RemapTree {
         for (int child = 0; child < LANES; ++child) {
             const int packet = tile * LANES + child;
             if (outside[packet]) {
-                const Ints sees = ((Lanes::all_ints(outside[packet]) >> Lanes::index()) & 1) == 0;
+                const Ints in_image = ((Lanes::all_ints(outside[packet]) >> Lanes::index()) & 1) == 0;
                 const Floats inv_z = Lanes::load(image.inv_z + packet * LANES);
-                Lanes::store(image.inv_z + packet * LANES, sees ? inv_z : Lanes::all(0.0f));
+                Lanes::store(image.inv_z + packet * LANES, in_image ? inv_z : Lanes::all(0.0f));
             }
             if (bounds[child] > bounds[2 * LANES + child]) bounds[child] = bounds[2 * LANES + child] = 0.0f;
         }

@@ -51,9 +51,9 @@ struct PixelCounts {
     inline void write(const SilhouetteJob& request, int view, int place) const {
         const int* values = &visible;  // all counters, in order
         for (int counter = 0; counter < SILHOUETTE_COUNTERS; ++counter) {
-            char* to =
+            char* target =
                 request.counts + counter * request.count_stride + view * request.view_stride + place * sizeof(int);
-            *(int*)to = values[counter];
+            *(int*)target = values[counter];
         }
     }
 };
@@ -145,13 +145,13 @@ struct Comparison {
     }
 
     inline void count_block(Floats inv_z, Ints covered, int x, int y, PixelCounts& counts) const {
-        const unsigned all = Lanes::bits(covered);
-        counts.silhouette += __builtin_popcount(all);
-        PixelCounts::grow(counts.silhouette_box, all, x, y);
+        const unsigned covered_bits = Lanes::bits(covered);
+        counts.silhouette += __builtin_popcount(covered_bits);
+        PixelCounts::grow(counts.silhouette_box, covered_bits, x, y);
         const bool is_inside = x >= 0 && y >= 0 && x + BLOCK_SIDE <= job.width && y + BLOCK_SIDE <= job.height;
         const int image_edge[4] = {0, 0, job.width, job.height};
         if (!is_inside) covered &= inside(image_edge, x, y);
-        const unsigned in_image = is_inside ? all : Lanes::bits(covered);
+        const unsigned in_image = is_inside ? covered_bits : Lanes::bits(covered);
         if (!in_image) return;
         counts.image += __builtin_popcount(in_image);
 
@@ -188,9 +188,10 @@ struct Comparison {
     // Load a block of an image of four-byte values; the block lies inside the image.
     inline Ints load_block(const int* image, int x, int y) const {
         typedef int RowOfBlock __attribute__((ext_vector_type(BLOCK_SIDE)));
-        const int* from = image + ((long long)view * job.height + y) * job.width + x;
+        const int* source = image + ((long long)view * job.height + y) * job.width + x;
         RowOfBlock row[BLOCK_SIDE];
-        for (int r = 0; r < BLOCK_SIDE; ++r) __builtin_memcpy(&row[r], from + (long long)r * job.width, sizeof row[r]);
+        for (int r = 0; r < BLOCK_SIDE; ++r)
+            __builtin_memcpy(&row[r], source + (long long)r * job.width, sizeof row[r]);
         const auto upper = __builtin_shufflevector(row[0], row[1], 0, 1, 2, 3, 4, 5, 6, 7);
         const auto lower = __builtin_shufflevector(row[2], row[3], 0, 1, 2, 3, 4, 5, 6, 7);
         return __builtin_shufflevector(upper, lower, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
@@ -199,21 +200,21 @@ struct Comparison {
     // Load a block that may extend beyond the image: -1 outside.
     inline Ints gather(const int* image, unsigned in_image, bool is_inside, int x, int y) const {
         if (is_inside) return load_block(image, x, y);
-        const int* from = image + ((long long)view * job.height + y) * job.width + x;
+        const int* source = image + ((long long)view * job.height + y) * job.width + x;
         int block[LANES];
         for (int k = 0; k < LANES; ++k)
-            block[k] = (in_image >> k) & 1 ? from[k / BLOCK_SIDE * (long long)job.width + k % BLOCK_SIDE] : -1;
+            block[k] = (in_image >> k) & 1 ? source[k / BLOCK_SIDE * (long long)job.width + k % BLOCK_SIDE] : -1;
         return Lanes::load(block);
     }
 
     inline void count_hidden(Ints shown, Ints hidden) const {
         int object[LANES];
         Lanes::store(object, shown);
-        int* by = request.hidden_by + ((long long)view * request.count + place) * request.objects;
+        int* counters = request.hidden_by + ((long long)view * request.count + place) * request.objects;
         for (unsigned remaining = Lanes::bits(hidden & (shown >= Lanes::all_ints(0))); remaining;) {
             const int occluder = object[Lanes::first_lane(remaining)];
             const unsigned same = remaining & Lanes::bits(shown == Lanes::all_ints(occluder));
-            by[occluder] += __builtin_popcount(same);
+            counters[occluder] += __builtin_popcount(same);
             remaining &= ~same;
         }
     }

@@ -16,13 +16,13 @@ struct ExactOcclusion {
         const double position[3] = {place[point * 3LL], place[point * 3LL + 1], place[point * 3LL + 2]};
         double seen[3], ray[3];  // in the camera frame, and in the frame of the triangle
         pose.transform_into(position, seen);
-        const double way = __builtin_sqrt(seen[0] * seen[0] + (seen[1] * seen[1] + seen[2] * seen[2]));
+        const double distance = __builtin_sqrt(seen[0] * seen[0] + (seen[1] * seen[1] + seen[2] * seen[2]));
         const ExactRow* m = camera.exact_to_camera;
         for (int k = 0; k < 3; ++k)
             ray[k] = seen[0] * focal[0] * m[0][k] + (seen[1] * focal[1] * m[1][k] + seen[2] * m[2][k]);
         const ExactTriangle t = ExactTriangle::of(camera.exact_origin, corners, lane);
         const double* n = t.normal;
-        return t.volume() / (n[0] * ray[0] + (n[1] * ray[1] + n[2] * ray[2])) < 1.0 - tolerance / way;
+        return t.volume() / (n[0] * ray[0] + (n[1] * ray[1] + n[2] * ray[2])) < 1.0 - tolerance / distance;
     }
 };
 

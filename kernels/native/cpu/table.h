@@ -15,8 +15,9 @@ struct Bundle {
     inline Pose face(const Pose& camera) const {
         Pose pose = camera;
         for (int i = 0; i < 3; ++i) {
-            const int from = axis[i] < 0 ? ~axis[i] : axis[i];
-            for (int k = 0; k < 3; ++k) pose.axis[i][k] = axis[i] < 0 ? -camera.axis[from][k] : camera.axis[from][k];
+            const int source = axis[i] < 0 ? ~axis[i] : axis[i];
+            for (int k = 0; k < 3; ++k)
+                pose.axis[i][k] = axis[i] < 0 ? -camera.axis[source][k] : camera.axis[source][k];
         }
         return pose;
     }
@@ -40,14 +41,14 @@ struct TableJob {
 
     // The bundle as a job of a pinhole camera.
     inline Job job_of(int index) const {
-        const Bundle& from = bundle[index];
+        const Bundle& source = bundle[index];
         Job job = Job();
         job.views = views;
-        job.width = from.width;
-        job.height = from.height;
+        job.width = source.width;
+        job.height = source.height;
         job.focal[0] = job.focal[1] = focal;
-        job.center[0] = from.center[0];
-        job.center[1] = from.center[1];
+        job.center[0] = source.center[0];
+        job.center[1] = source.center[1];
         job.near = near;
         job.far = bundle_far[index];
         job.clip_inv_z = clip_inv_z;
@@ -126,12 +127,12 @@ struct TableWriter {
     long long first;  // index of the view's first pixel
 
     inline void tiles(int groups) {
-        const bool depth_alone = writer.mode == MODE_DEPTH && writer.out.depth && !writer.out.points;
+        const bool depth_only = writer.mode == MODE_DEPTH && writer.out.depth && !writer.out.points;
         for (int group = 0; group < groups; ++group) {
             const float* bounds = tree.bounds_of_tiles(group);
             for (int tile = 0; tile < LANES; ++tile) {
                 const int index = group * LANES + tile;
-                if (tree.corner[index] >= 0 && depth_alone)
+                if (tree.corner[index] >= 0 && depth_only)
                     depth_blocks(index);
                 else if (tree.corner[index] >= 0)
                     blocks(index);
@@ -206,26 +207,26 @@ struct TableWriter {
         const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
         Floats ray[3];
         for (int k = 0; k < 3; ++k) ray[k] = u * rays.right[k] + (v * rays.down[k] + rays.forward[k]);
-        const Ints away = Points::dot(n, Points{ray[0], ray[1], ray[2]}) > Lanes::all(0.0f);
-        return Points{away ? -n.x : n.x, away ? -n.y : n.y, away ? -n.z : n.z};
+        const Ints faces_away = Points::dot(n, Points{ray[0], ray[1], ray[2]}) > Lanes::all(0.0f);
+        return Points{faces_away ? -n.x : n.x, faces_away ? -n.y : n.y, faces_away ? -n.z : n.z};
     }
 
     // Write a tile of the image if only depth is requested.
     inline void depth_blocks(int tile) const {
-        float* to = writer.out.depth + (first + tree.corner[tile]);
+        float* target = writer.out.depth + (first + tree.corner[tile]);
         const float near = table.near, far = table.far;
-        const float* from = writer.image.inv_z + tile * (LANES * LANES);
+        const float* source = writer.image.inv_z + tile * (LANES * LANES);
         const float* scale = tree.scale ? tree.scale + tile * (LANES * LANES) : nullptr;
         const float* begin = RAY_ORIGINS ? tree.origins.begin + tile * (LANES * LANES) : nullptr;
         const int width = table.width;
         for (int y = 0; y < BLOCKS_ACROSS; ++y) {
             Floats inv_z[BLOCK_SIDE], factor[BLOCK_SIDE], first[BLOCK_SIDE];
-            Blocks::transpose(from + y * (BLOCKS_ACROSS * LANES), inv_z);
+            Blocks::transpose(source + y * (BLOCKS_ACROSS * LANES), inv_z);
             if (scale) Blocks::transpose(scale + y * (BLOCKS_ACROSS * LANES), factor);
             if (RAY_ORIGINS) Blocks::transpose(begin + y * (BLOCKS_ACROSS * LANES), first);
-            for (int r = 0; r < BLOCK_SIDE; ++r, to += width) {
+            for (int r = 0; r < BLOCK_SIDE; ++r, target += width) {
                 const Floats z = RAY_ORIGINS ? 1.0f / inv_z[r] - first[r] : 1.0f / inv_z[r];
-                Write::stream(to, in_range(inv_z[r], scale ? z * factor[r] : z, near, far).depth);
+                Write::stream(target, in_range(inv_z[r], scale ? z * factor[r] : z, near, far).depth);
             }
         }
     }
@@ -259,14 +260,14 @@ struct TableWriter {
 
     // Write the faces of both kinds of tiles, separately because they are rarely requested.
     inline void face_blocks(int tile) {
-        int* to = writer.out.faces + (first + tree.corner[tile]);
+        int* target = writer.out.faces + (first + tree.corner[tile]);
         for (int y = 0; y < BLOCKS_ACROSS; ++y) {
             int side_by_side[BLOCKS_ACROSS * BLOCK_PIXELS];
             for (int x = 0; x < BLOCKS_ACROSS; ++x)
                 Lanes::store(side_by_side + x * BLOCK_PIXELS, faces(tile * TILE_BLOCKS + y * BLOCKS_ACROSS + x));
             Ints rows[BLOCK_SIDE];
             Blocks::transpose(side_by_side, rows);
-            for (int r = 0; r < BLOCK_SIDE; ++r, to += table.width) Write::stream(to, rows[r]);
+            for (int r = 0; r < BLOCK_SIDE; ++r, target += table.width) Write::stream(target, rows[r]);
         }
     }
     inline void face_packets(int tile) {

@@ -41,8 +41,8 @@ struct Camera {
     Vec3d exact_rays[3];  // a ray is u times the first, plus v times the second, plus the third
 
     inline Vec3 relative(Vec3 p) const {
-        const Vec3 from = Vec3::minus(p, origin);
-        return MOVABLE || RAY_ORIGINS ? Vec3::minus(from, origin_error) : from;
+        const Vec3 offset = Vec3::minus(p, origin);
+        return MOVABLE || RAY_ORIGINS ? Vec3::minus(offset, origin_error) : offset;
     }
     // A coordinate, moved outward or inward by the greatest distance of a ray from the center of its pixel.
     inline float wider(float place) const { return RAY_TABLE ? place + spread : place; }

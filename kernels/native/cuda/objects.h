@@ -60,9 +60,11 @@ struct ObjectPass {
             // Margin for the rounding error of the origin.
             const float margin = MOVED_BOX_SLACK * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
             const Vec3 wider = {margin, margin, margin};
-            const Vec3 by = movables.factors(m);
-            const Vec3 box_low = {Box::side(box, by.x), Box::side(box + 1, by.y), Box::side(box + 2, by.z)};
-            const Vec3 box_high = {Box::side(box + 3, by.x), Box::side(box + 4, by.y), Box::side(box + 5, by.z)};
+            const Vec3 factors = movables.factors(m);
+            const Vec3 box_low = {Box::side(box, factors.x), Box::side(box + 1, factors.y),
+                                  Box::side(box + 2, factors.z)};
+            const Vec3 box_high = {Box::side(box + 3, factors.x), Box::side(box + 4, factors.y),
+                                   Box::side(box + 5, factors.z)};
             moved.low = Vec3::minus(Vec3::minus(box_low, origin), wider);
             moved.high = Vec3::plus(Vec3::minus(box_high, origin), wider);
             return moved;
@@ -113,11 +115,11 @@ struct ObjectPass {
             (&moved.origin_error.x)[k] = (float)(value - (float)value);
         }
         Warp::sync();
-        const Vec3 by = movables.factors(m), o = moved.origin;
-        const Vec3 from = RESIZED ? Vec3{o.x * by.x, o.y * by.y, o.z * by.z} : o;
-        const bool inside = Box::holds(movables.box(m), by, from, world.near);
+        const Vec3 factors = movables.factors(m), o = moved.origin;
+        const Vec3 scaled_origin = RESIZED ? Vec3{o.x * factors.x, o.y * factors.y, o.z * factors.z} : o;
+        const bool inside = Box::holds(movables.box(m), factors, scaled_origin, world.near);
         if (lane == 0) {
-            if (RESIZED) moved.stretch = by;
+            if (RESIZED) moved.stretch = factors;
             moved.skip_back_faces = __ldg(movables.closed + m) && !inside;
             moved.cull_back_faces = cull || moved.skip_back_faces;
         }

@@ -105,15 +105,15 @@ struct RayStarts {
     const float* begin;  // z of each origin
 
     inline RayPlace of(ImagePoint point, int slot) const {
-        const ImagePoint by = aside[slot];
+        const ImagePoint offset = aside[slot];
         RayPlace place;
-        place.u = point.u, place.v = point.v, place.p = by.u, place.q = by.v;
+        place.u = point.u, place.v = point.v, place.p = offset.u, place.q = offset.v;
         return place;
     }
     inline ExactRayPlace of(ExactImagePoint point, int slot) const {
-        const ImagePoint by = aside[slot];
+        const ImagePoint offset = aside[slot];
         ExactRayPlace place;
-        place.u = point.u, place.v = point.v, place.p = by.u, place.q = by.v;
+        place.u = point.u, place.v = point.v, place.p = offset.u, place.q = offset.v;
         return place;
     }
     inline float from_start(float z, int slot) const { return z - begin[slot]; }
@@ -129,8 +129,8 @@ struct TableEye {
     inline Vec3d place(Vec3d camera, const Vec3d* axis) const {
         Vec3d eye = camera;
         for (int i = 0; i < 3; ++i) {
-            const Vec3d by = Vec3d::times(axis[i], numbers[i]);
-            eye = Vec3d{eye.x + by.x, eye.y + by.y, eye.z + by.z};
+            const Vec3d step = Vec3d::times(axis[i], numbers[i]);
+            eye = Vec3d{eye.x + step.x, eye.y + step.y, eye.z + step.z};
         }
         return eye;
     }

@@ -107,12 +107,12 @@ struct alignas(16) Solid {
     inline bool set_up(const Camera& camera, const float* pose, int solid_kind, const float* size, int id) {
         kind = solid_kind, first_id = id;
         const double half = __ldg(size + 3);
-        const Vec3d from = Vec3d::minus(camera.exact_origin, PoseRow::position(pose));
+        const Vec3d offset = Vec3d::minus(camera.exact_origin, PoseRow::position(pose));
         Vec3d axis[3];
         UnitSolid::axes(pose, size, axis);
-        const Vec3d o = UnitSolid::inside(axis, from);
+        const Vec3d o = UnitSolid::inside(axis, offset);
         if (!UnitSolid::outside(kind, half, o)) return false;
-        find_anchor(camera, Vec3d::times(from, -1.0).rounded());
+        find_anchor(camera, Vec3d::times(offset, -1.0).rounded());
         const double end = UnitSolid::middle(kind, half, o.z, PART_UPPER), above = o.z - end, below = o.z + end;
         set_inverses(UnitSolid::across(o) - 1.0, above, below, fabs(o.z) > half);
         set_sides((float)o.z, (float)half);
@@ -150,9 +150,9 @@ struct alignas(16) Solid {
         z = origin_z;
         // Leave no gap between the side and a visible flat end, whatever the rounding.
         const bool end = kind == SOLID_CYLINDER && ends[0].inverse != 0.0f;
-        const float more = end ? __fmul_rn(SIDE_SLACK, fabsf(z) + half) : 0.0f;
-        low = -half - (z < 0.0f ? more : 0.0f);
-        high = half + (z < 0.0f ? 0.0f : more);
+        const float margin = end ? __fmul_rn(SIDE_SLACK, fabsf(z) + half) : 0.0f;
+        low = -half - (z < 0.0f ? margin : 0.0f);
+        high = half + (z < 0.0f ? 0.0f : margin);
     }
     inline void set_reach(float half) {
         const float ends = kind == SOLID_CAPSULE ? half + 1.0f : half;
@@ -207,8 +207,8 @@ struct alignas(16) Solid {
     }
     static inline float ball(const End& end, float u, float v, float to_z, float a, float difference, float side_b) {
         const float e_x = end.ex.at(u, v), e_y = end.ey.at(u, v), b = __fmaf_rn(-end.z, to_z, side_b);
-        const float all = __fmaf_rn(-e_x, e_x, __fmaf_rn(-e_y, e_y, __fmaf_rn(to_z, to_z, difference)));
-        return meet(b, discriminant(__fmaf_rn(to_z, to_z, a), all, b, end.small_c), end.inverse);
+        const float ball_difference = __fmaf_rn(-e_x, e_x, __fmaf_rn(-e_y, e_y, __fmaf_rn(to_z, to_z, difference)));
+        return meet(b, discriminant(__fmaf_rn(to_z, to_z, a), ball_difference, b, end.small_c), end.inverse);
     }
     static inline float flat(const End& end, float u, float v, float to_z) {
         const float e_x = end.ex.at(u, v), e_y = end.ey.at(u, v);

@@ -35,8 +35,9 @@ struct TablePacket {
         Vec3d axis[3];  // right, down and forward in the world
         PoseRow::axes(view.pose, axis);
         if (row < 6) {
-            const double* by = row < 3 ? frame->rays[row] : frame->rows[row - 3];
-            const double value = (&axis[0].x)[k] * by[0] + (&axis[1].x)[k] * by[1] + (&axis[2].x)[k] * by[2];
+            const double* weights = row < 3 ? frame->rays[row] : frame->rows[row - 3];
+            const double value =
+                (&axis[0].x)[k] * weights[0] + (&axis[1].x)[k] * weights[1] + (&axis[2].x)[k] * weights[2];
             if (row < 3) {
                 (&camera.exact_rays[row].x)[k] = value;
             } else {

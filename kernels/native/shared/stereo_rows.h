@@ -40,14 +40,14 @@ struct StereoWindow {
     Real in_row, in_column;
 
     inline void count_row(const float* row, int x, int lag) {
-        const int from = x + lag;
-        if (from >= 0 && from + Numbers::PIXELS <= images.width) {
-            count(Numbers::load(row + from, Numbers::PIXELS), in_row);
+        const int column = x + lag;
+        if (column >= 0 && column + Numbers::PIXELS <= images.width) {
+            count(Numbers::load(row + column, Numbers::PIXELS), in_row);
         } else {
             // Pixels beyond the end of the row belong to no surface.
             float values[Numbers::PIXELS];
             for (int k = 0; k < Numbers::PIXELS; ++k)
-                values[k] = from + k >= 0 && from + k < images.width ? row[from + k] : Numbers::endless();
+                values[k] = column + k >= 0 && column + k < images.width ? row[column + k] : Numbers::endless();
             count(Numbers::load(values, Numbers::PIXELS), in_row);
         }
     }
