@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
@@ -118,6 +119,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if needs_cuda:
         config.hook.pytest_deselected(items=needs_cuda)
         items[:] = [item for item in items if "cuda" not in getattr(item, "fixturenames", ())]
+
+
+def pytest_collection_finish() -> None:
+    """Exclude modules and collected tests from garbage collections, which are several times faster then."""
+    gc.collect()
+    gc.freeze()
 
 
 def _mark_slow(items: list[pytest.Item]) -> None:
