@@ -297,16 +297,19 @@ def main() -> int:
     parser.add_argument("--limit", type=float, default=120.0, help="seconds")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), choices=list(FAMILIES))
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     begun = time.perf_counter()
-    on_cuda = wp.get_device(asked.device).is_cuda
-    check = Check(asked.device, asked.caster, 1 << 25 if on_cuda else 1 << 16)
-    seed = asked.seed
-    while sum(check.pixels.values()) < asked.pixels and time.perf_counter() - begun < asked.limit:
-        for family in asked.families:
+    on_cuda = wp.get_device(arguments.device).is_cuda
+    check = Check(arguments.device, arguments.caster, 1 << 25 if on_cuda else 1 << 16)
+    seed = arguments.seed
+    while sum(check.pixels.values()) < arguments.pixels and time.perf_counter() - begun < arguments.limit:
+        for family in arguments.families:
             check.run(family, seed)
         seed += 1
-    print(f"{asked.caster} on {asked.device}, seeds {asked.seed} to {seed - 1}, {time.perf_counter() - begun:.0f} s")
+    print(
+        f"{arguments.caster} on {arguments.device}, seeds {arguments.seed} to {seed - 1}, "
+        f"{time.perf_counter() - begun:.0f} s"
+    )
     return 0 if check.report() else 1
 
 

@@ -62,9 +62,9 @@ def ours(
     places = wp.array(site_poses(poses), dtype=wp.transform, device=device)
     moved = wp.array(geom_poses(poses, built), dtype=wp.transform, device=device)
     index = wp.array(np.arange(worlds, dtype=np.int32), dtype=wp.int32, device=device)
-    held = renderer.render(places, object_poses=moved, world_index=index)
-    call = partial(renderer.render, places, object_poses=moved, world_index=index, out=held)
-    return call, held.depth.numpy
+    views = renderer.render(places, object_poses=moved, world_index=index)
+    call = partial(renderer.render, places, object_poses=moved, world_index=index, out=views)
+    return call, views.depth.numpy
 
 
 def theirs(

@@ -168,8 +168,8 @@ def mtl_material(statements: dict[str, str], locate: Locate) -> Material:
     color = _numbers(statements.get("kd", ""), 3)
     opacity = _numbers(statements.get("d", "").replace("-halo", ""), 1)
     if opacity is None and "tr" in statements:
-        through = _numbers(statements["tr"], 1)
-        opacity = None if through is None else 1 - through
+        transparency = _numbers(statements["tr"], 1)
+        opacity = None if transparency is None else 1 - transparency
     alpha = 1.0 if opacity is None else float(opacity[0])
     specular, emission = _numbers(statements.get("ks", ""), 3), _numbers(statements.get("ke", ""), 3)
     shininess = _numbers(statements.get("ns", ""), 1)
@@ -206,8 +206,8 @@ def _texture(words: str, locate: Locate) -> tuple[Texture, tuple[float, float]]:
     name = " ".join(remaining)
     found = locate(name)
     wrap: Wrap = "clamp" if clamp else "repeat"
-    called = str(found) if isinstance(found, Path) else name
-    return Texture(b"" if found is None else found, called, wrap, wrap), repeat
+    label = str(found) if isinstance(found, Path) else name
+    return Texture(b"" if found is None else found, label, wrap, wrap), repeat
 
 
 def _numbers(text: str, count: int) -> NDArray[np.float64] | None:

@@ -323,10 +323,10 @@ class Kinematics:
         parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
         # Every thread has its own copy of a model that changes from world to world.
         models = [_changeable(model, changes) if changes else model for _ in parts]
-        spare = [mujoco.MjData(thread_model) if changes else self._take() for thread_model in models]
+        data_of_threads = [mujoco.MjData(thread_model) if changes else self._take() for thread_model in models]
 
         def work(index: int) -> None:
-            thread_model, data = models[index], spare[index]
+            thread_model, data = models[index], data_of_threads[index]
             mujoco.mj_resetData(thread_model, data)
             fields = [(out, getattr(data, name)) for name, out in arrays.items()]
             changed = [(getattr(thread_model, name), values) for name, values in changes.items()]
@@ -342,7 +342,7 @@ class Kinematics:
 
         run_each(work, range(len(parts)), self._threads)
         if not changes:
-            self._spare.extend(spare)
+            self._spare.extend(data_of_threads)
         return WorldPoses(**arrays)
 
     def _take(self) -> mujoco.MjData:

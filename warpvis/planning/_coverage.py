@@ -234,9 +234,9 @@ def coverage(
     return Coverage(samples, areas, seen, single, cumulative, *_choose_views(seen, areas, single, count))
 
 
-def _area(areas: NDArray[np.float64], which: NDArray[np.bool_]) -> float:
+def _area(areas: NDArray[np.float64], mask: NDArray[np.bool_]) -> float:
     """Sum areas in a fixed order, so that rounding never makes the sum of a subset greater."""
-    return float((areas * which).sum())
+    return float((areas * mask).sum())
 
 
 def _choose_views(

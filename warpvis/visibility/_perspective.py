@@ -412,7 +412,7 @@ def _check_agents(scene: Scene, agents: Sequence[Agent]) -> list[Agent]:
     if wrong or not agents:
         raise SceneError(f"agents must be one or more of warpvis.Agent, got {', '.join(wrong) or 'none'}")
     names = [agent.name for agent in agents]
-    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-    if twice:
-        raise SceneError(f"agents must have different names, got {', '.join(map(repr, twice))} more than once")
+    repeated = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if repeated:
+        raise SceneError(f"agents must have different names, got {', '.join(map(repr, repeated))} more than once")
     return agents

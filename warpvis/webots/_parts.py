@@ -67,8 +67,8 @@ class Solid:
             return Label.HUMAN
         if self.robots:
             return Label.ROBOT
-        called = ("floor" in name or "ground" in name) and "light" not in name and "lamp" not in name
-        if self.ground or called or all(self.level):
+        is_ground_name = ("floor" in name or "ground" in name) and "light" not in name and "lamp" not in name
+        if self.ground or is_ground_name or all(self.level):
             return Label.GROUND
         return Label.OBJECT if self.recognized else Label.OBSTACLE
 
