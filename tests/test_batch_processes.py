@@ -20,8 +20,6 @@ from warpvis.batch import _writer as writer
 from warpvis.batch.engines._local import _incoming
 from warpvis.batch.writing._processes import EncodingProcesses, shards_at_once
 
-from support.slow import parametrize
-
 pytestmark = pytest.mark.skipif(
     not hasattr(os, "memfd_create") or not Path("/proc/self/stat").exists(), reason="needs Linux"
 )
@@ -79,7 +77,8 @@ def test_process_count_by_threads(tmp_path, monkeypatch):
     assert [shards_at_once(threads) for threads in (7, 16)] == [0, 8]
 
 
-@parametrize("name, options", [("zarr", {"compression": "zstd"}), ("bop", {}), ("png", {})])
+@pytest.mark.smoke("zarr-*")
+@pytest.mark.parametrize("name, options", [("zarr", {"compression": "zstd"}), ("bop", {}), ("png", {})])
 def test_bytes_equal_those_of_one_thread(tmp_path, started, name, options):
     if name == "zarr":
         pytest.importorskip("zarr")

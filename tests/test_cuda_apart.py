@@ -25,7 +25,6 @@ from warpvis.rendering._ray_packets import prepare_packets
 from warpvis.sensors import Rays, lidars
 
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
-from support.slow import parametrize
 from support.worlds import ALL
 
 SQUARES = Variant(16, True, False, ray_table=True, origins=True)
@@ -53,17 +52,17 @@ def render(request, emulator):
     return call
 
 
-@pytest.mark.smoke("points*")
+@pytest.mark.smoke("points-0.05")
 @pytest.mark.cxx
-@parametrize("size", [0.05, 1.0, 40.0])
+@pytest.mark.parametrize("size", [0.05, 1.0, 40.0])
 def test_ranges_inside_a_box(size, render):
     check_box(render, size, (outlets(20, 100), spread_out(700)))
 
 
-@pytest.mark.smoke("squares*")
+@pytest.mark.smoke("squares-0.004-False")
 @pytest.mark.cxx
-@parametrize("cull_backfaces", [False, True])
-@parametrize("near", [0.004, 0.05, 1.0])
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+@pytest.mark.parametrize("near", [0.004, 0.05, 1.0])
 def test_triangles_near_the_origins_match_the_reference(near, cull_backfaces, render):
     check_soup(render, near, cull_backfaces, 450)
 
@@ -73,8 +72,9 @@ def test_rays_start_on_either_side_of_a_plate(render):
     check_plate(render)
 
 
+@pytest.mark.smoke("squares")
 @pytest.mark.cxx
-@parametrize("render", KINDS, indirect=True)
+@pytest.mark.parametrize("render", KINDS, indirect=True)
 def test_room_matches_the_reference(render):
     scene = wv.scenes.PRESETS["room"].build("cpu")
     poses = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in ((0.1, 0.2, 0.9), (-0.8, 1.2, 1.5))])
@@ -86,14 +86,14 @@ def test_room_matches_the_reference(render):
 
 @pytest.mark.slow
 @pytest.mark.cxx
-@parametrize("render", KINDS, indirect=True)
+@pytest.mark.parametrize("render", KINDS, indirect=True)
 def test_no_ray_passes_between_triangles(render):
     check_no_leaks(render, 2)
 
 
 @pytest.mark.slow
 @pytest.mark.cxx
-@parametrize("render", KINDS, indirect=True)
+@pytest.mark.parametrize("render", KINDS, indirect=True)
 def test_closed_mesh_from_outside(render):
     """Its back faces are skipped: from every origin they are hidden."""
     ball, scene = trimesh.creation.icosphere(subdivisions=3, radius=0.7), wv.Scene(device="cpu")
@@ -105,8 +105,9 @@ def test_closed_mesh_from_outside(render):
         assert np.isfinite(views.depth.numpy()).mean() > 0.01
 
 
+@pytest.mark.smoke("squares")
 @pytest.mark.cxx
-@parametrize("render", KINDS, indirect=True)
+@pytest.mark.parametrize("render", KINDS, indirect=True)
 def test_worlds_and_exclude_match_single_rays(render):
     check_worlds(render, Rays(*outlets(16, 40)), 0.999)
 
@@ -123,7 +124,8 @@ def test_depth_alone(emulator):
     np.testing.assert_allclose(one[shown], other[shown], rtol=2e-6)
 
 
-@parametrize("name", ["vlp16", "hdl64e", "OS1-128", "OS0-128"])
+@pytest.mark.smoke("vlp16")
+@pytest.mark.parametrize("name", ["vlp16", "hdl64e", "OS1-128", "OS0-128"])
 def test_packet_eyes_of_lidars_are_close_to_their_rays(name):
     """Rays pass close to the packet's eye and start in front of it; slots map back to the rays of the bundle."""
     lidar = getattr(lidars, name)() if hasattr(lidars, name) else lidars.ouster(name)

@@ -17,15 +17,14 @@ from corner_walls import wall
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
 
-from support.slow import parametrize
-
 sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
 
 from exact_pixels import EDGE, Check
 from exact_scenes import FAMILIES
 
 
-@parametrize("family", FAMILIES, keep=3)
+@pytest.mark.smoke("*-random", "*-closed", "*-corners")
+@pytest.mark.parametrize("family", FAMILIES)
 def test_every_pixel_shows_the_nearest_triangle(family, device):
     check = Check(str(device), "packets", 1 << 15)
     for seed in range(4):

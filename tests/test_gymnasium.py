@@ -14,8 +14,6 @@ import pytest
 
 import warpvis as wv
 
-from support.slow import parametrize
-
 gym = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium_environments import Cup, make_cup  # noqa: E402
@@ -196,7 +194,8 @@ def test_vector_matches_single_environments(mode, camera):
     compare_vectors("sync", mode, camera)
 
 
-@parametrize(("kind", "count"), [("fork", 2), ("spawn", 1)])
+@pytest.mark.smoke("fork-*")
+@pytest.mark.parametrize(("kind", "count"), [("fork", 2), ("spawn", 1)])
 def test_worker_processes(kind, count):
     compare_vectors(kind, "SameStep", "front", count)
 

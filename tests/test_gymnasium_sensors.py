@@ -11,8 +11,6 @@ import pytest
 import warpvis as wv
 from warpvis.sensors import Reason, StereoDepth, TimeOfFlight, randomized
 
-from support.slow import parametrize
-
 gym = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium_environments import Cup, make_cup  # noqa: E402
@@ -80,7 +78,8 @@ def test_pickled_copy_continues_the_noise():
     assert (second != first[WALL]).mean() > 0.5
 
 
-@parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.smoke("*-NextStep")
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("camera", ["front", ["chase", "front"]])
 def test_noise_is_equal_alone_and_in_a_vector(mode, camera):
     one = vector("DepthObservation", mode, 3, **(ALL | {"camera": camera}))

@@ -25,14 +25,13 @@ from support.instances import (
     rows,
     twin,
 )
-from support.slow import parametrize
 from support.worlds import ALL, SMALL, STILL, assert_bits_equal, eyes, random_poses
 
 shared = instance_scenes.shared  # a fixture
 
 
-@pytest.mark.smoke("*-packets-*")
-@parametrize("cull_backfaces", [False, True])
+@pytest.mark.smoke("*-packets-False")
+@pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_instances_match_the_reference(shared, cull_backfaces, device, caster):
     scene = build(device)
     assert instances_of(scene) == COUNT

@@ -20,7 +20,6 @@ from warpvis.io import load_camera
 from warpvis.sensors import LensCamera, lenses
 
 from support.lens_camera import FISHEYE, PLUMB_BOB, RATIONAL, SMALL, STRAIGHT, WIDE
-from support.slow import parametrize
 
 TILTED = (*RATIONAL, 0.001, 0, 0, 0, 0.01, 0.02)
 CAMERAS = {
@@ -78,7 +77,8 @@ def write(room, camera, out, kind, **options):
     return wv.open_dataset(out)
 
 
-@parametrize("kind", HOLD)
+@pytest.mark.smoke("png")
+@pytest.mark.parametrize("kind", HOLD)
 def test_datasets_round_trip_camera(kind, room, tmp_path):
     for name, camera in CAMERAS.items():
         out = tmp_path / name

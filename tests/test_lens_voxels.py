@@ -14,7 +14,6 @@ from warpvis.errors import PoseError
 from warpvis.maps import Voxel, _lens_voxels, plan_visibility, voxel_map, voxel_map_from_scene
 from warpvis.sensors import LensCamera, lenses
 
-from support.slow import parametrize
 from support.voxels import BOUNDS, BOX_BACK, BOX_FRONT, POSES, assert_matches_twin, at, build, same
 
 BARREL = lenses.OpenCVPinhole(132, 130, 81, 58, (-0.25, 0.05, 0.003, -0.002))
@@ -35,7 +34,8 @@ CAMERAS = {
 }
 
 
-@parametrize("name", CAMERAS)
+@pytest.mark.smoke("*-z")
+@pytest.mark.parametrize("name", CAMERAS)
 def test_voxel_maps_match_reference(name, device):
     scene, camera = build(device), CAMERAS[name]()
     views = wv.render(scene, camera, POSES, outputs=("depth", "labels"))

@@ -10,8 +10,6 @@ import warpvis as wv
 from warpvis import scenes
 from warpvis.core.poses import poses_to_matrices
 
-from support.slow import parametrize
-
 NAMES = [experiment.name for experiment in scenes.EXPERIMENTS]
 
 
@@ -82,8 +80,9 @@ def away_from_silhouettes(depth, reach=2, step=0.03):
     return np.ptp(windows, axis=(2, 3)) < step * limited + step
 
 
+@pytest.mark.smoke("experiment_1")
 @pytest.mark.gl
-@parametrize("name", [*NAMES, "room"])
+@pytest.mark.parametrize("name", [*NAMES, "room"])
 def test_depth_and_segmentation_match_mujoco_renderer(name):
     preset = scenes.PRESETS[name]
     scene = preset.build()

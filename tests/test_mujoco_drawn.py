@@ -16,7 +16,6 @@ from warpvis.mujoco import BatchRenderer, Renderer, WorldPoses, geom_poses, scen
 from warpvis.mujoco._visuals import Visuals
 
 from support.mujoco_renderer import assert_same_images, images
-from support.slow import parametrize
 
 HEIGHT, WIDTH = 120, 160
 OBJ, FLAG = mujoco.mjtObj, mujoco.mjtVisFlag
@@ -299,10 +298,11 @@ def test_added_objects_stay_last():
     assert np.array_equal(counts[0][1], counts[3][1]) and not np.array_equal(counts[0][1], counts[2][1])
 
 
+@pytest.mark.smoke("sites-*")
 @pytest.mark.parametrize(
     "copied", [copy.deepcopy, lambda item: pickle.loads(pickle.dumps(item))], ids=["copy", "pickle"]
 )
-@parametrize("name", MODELS)
+@pytest.mark.parametrize("name", MODELS)
 def test_copies_render_equal_images(name, copied):
     model, data = model_of(name)
     renderer = Renderer(model, 60, 80)

@@ -19,7 +19,6 @@ import warpvis as wv
 from warpvis.mujoco import BatchRenderer, Kinematics, Renderer, WorldPoses, camera_poses, geom_poses
 
 from support.mujoco_renderer import assert_same_images, free_camera, geoms_only, images
-from support.slow import parametrize
 
 GEOM, UNKNOWN = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_UNKNOWN)
 BALL = """<mujoco><statistic extent="2"/><visual><map znear=".01" zfar="50"/></visual><worldbody>
@@ -62,8 +61,9 @@ CAMERAS = {name: name for name in ("front", "side", "below", "lens", "follower",
 CAMERAS |= {"id": 0, "default": -1, "free": free_camera(), "tracking": tracking_camera(), "fixed": fixed_camera()}
 
 
+@pytest.mark.smoke("*-front", "*-side")
 @pytest.mark.gl
-@parametrize("camera", CAMERAS, keep=2)
+@pytest.mark.parametrize("camera", CAMERAS)
 def test_images_match_mujoco(camera, device):
     model, data = shapes_model()
     with Renderer(model, 150, 200, mesh_tolerance=2e-4, device=device) as renderer:

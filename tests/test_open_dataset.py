@@ -18,8 +18,6 @@ import warpvis as wv
 from warpvis.batch import find_format
 from warpvis.rendering import SENSOR_OUTPUTS
 
-from support.slow import parametrize
-
 CAMERA = wv.Camera(24, 18, fx=25.0, fy=23.0, cx=11.3, cy=9.1, near=0.5, far=6.0)
 FRAMES, SHARD_FRAMES = 7, 3
 READ = [name for name in FORMATS if name != "ply"]
@@ -231,7 +229,8 @@ def _labels_of(given):
     return dataset[index]["labels"]
 
 
-@parametrize("method", ["fork", "spawn"])
+@pytest.mark.smoke("fork")
+@pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_datasets_are_read_in_other_processes(method, written, rendered):
     if method not in multiprocessing.get_all_start_methods():
         pytest.skip(f"no {method} here")

@@ -22,7 +22,6 @@ from support.coinciding import FLUSH, eye_of, model_of
 from support.mujoco_drop_in import HEIGHT, WIDTH
 from support.mujoco_following import task
 from support.mujoco_renderer import assert_same_images, free_camera, geoms_only, images
-from support.slow import parametrize
 from support.solids import build as build_solids
 from support.worlds import ALL, random_poses
 
@@ -41,7 +40,8 @@ def assert_matches_reference(views, scene, camera, poses, **options):
         assert_view_matches(views, view, expected, depth_beside)
 
 
-@parametrize(("near_plane", "cull_backfaces"), [("occlude", True), ("clip", False), ("clip", True)])
+@pytest.mark.smoke("*-occlude-True")
+@pytest.mark.parametrize(("near_plane", "cull_backfaces"), [("occlude", True), ("clip", False), ("clip", True)])
 def test_solids_and_moved_meshes_match_reference(near_plane, cull_backfaces, device):
     """The camera is among the objects, so that they intersect its plane."""
     rng = np.random.default_rng(1)

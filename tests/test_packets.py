@@ -21,7 +21,6 @@ from warpvis.scenes import terrain
 import reference
 from compare import assert_matches_reference, wrong_depth
 from support.packets import ALL
-from support.slow import parametrize
 
 SMALL = wv.Camera.from_fov(120, 90, hfov=0.994837, near=0.05, far=100.0)
 LEVEL = (0, 0, 0, 0.5, -0.5, 0.5, -0.5)  # at the origin, looking along -x
@@ -335,7 +334,7 @@ np.savez(sys.argv[2], **images)
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.uname().machine != "x86_64", reason="names x86-64's instruction sets")
-@parametrize("flags", ["-target-cpu haswell", ""], ids=["AVX2", "generic"])
+@pytest.mark.parametrize("flags", ["-target-cpu haswell", ""], ids=["AVX2", "generic"])
 def test_narrower_instruction_sets_match_ray_caster(flags, tmp_path):
     """AVX2, and Warp's generic x86-64, which has AVX; `make test-lanes` runs the tests of all casters with both."""
     path = tmp_path / "images.npz"
@@ -348,8 +347,8 @@ def test_narrower_instruction_sets_match_ray_caster(flags, tmp_path):
         assert (stored[f"{name}_objects"] != views.segmentation.numpy()).mean() <= 1e-4
 
 
-@pytest.mark.smoke("*-packets-*")
-@parametrize("thickness", [1e-4, 1e-3, 0.02])
+@pytest.mark.smoke("*-packets-*-0.0001")
+@pytest.mark.parametrize("thickness", [1e-4, 1e-3, 0.02])
 @pytest.mark.parametrize("behind", [False, True])
 def test_slivers_match_reference(device, caster, thickness, behind):
     """Long triangles between pixel centers, vertical, horizontal and oblique; some extend behind the camera."""

@@ -22,14 +22,14 @@ from support.ros_bags import (
     transforms,
     write_bag,
 )
-from support.slow import parametrize
 
 TIMES = np.array(SECONDS) + 1e-9 * np.array(NANOSECONDS)
 ROS = np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])
 """Axes of a ROS body in the OpenCV camera's frame: forward is z, left is -x, up is -y."""
 
 
-@parametrize("storage", STORAGES)
+@pytest.mark.smoke("*-mcap")
+@pytest.mark.parametrize("storage", STORAGES)
 @pytest.mark.parametrize("kind", KINDS)
 def test_message_types_in_both_storages(tmp_path, kind, storage):
     messages, convention = KINDS[kind]

@@ -16,8 +16,6 @@ from warpvis.cli import main
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.sensors import StereoDepth, fit
 
-from support.slow import parametrize
-
 CAMERA = wv.Camera.from_fov(320, 200, hfov=1.4, near=0.1, far=20.0)
 BASELINE = 0.05
 WALLS = ((0.6, 0), (1.0, 10), (1.5, 20), (2.0, 0), (3.0, 15), (4.0, 25))  # meters, degrees
@@ -45,8 +43,10 @@ def millimeters(depth):
 
 
 @pytest.mark.smoke("smooth-meters-baseline", "without steps-meters-baseline")
-@parametrize("given", [{"baseline": BASELINE}, {"subpixel": "own"}, {}], ids=["baseline", "subpixel", "band"])
-@parametrize("rounded", [False, True], ids=["meters", "millimeters"])
+@pytest.mark.parametrize(
+    "given", [{"baseline": BASELINE}, {"subpixel": "own"}, {}], ids=["baseline", "subpixel", "band"]
+)
+@pytest.mark.parametrize("rounded", [False, True], ids=["meters", "millimeters"])
 @pytest.mark.parametrize(
     "numbers",
     [
@@ -133,7 +133,8 @@ def test_report_and_figure(tmp_path):
         assert np.asarray(picture.convert("L")).std() > 20
 
 
-@parametrize("kind", ["png", "npy", "npy of millimeters"])
+@pytest.mark.smoke("png")
+@pytest.mark.parametrize("kind", ["png", "npy", "npy of millimeters"])
 def test_command_line_fits(tmp_path, monkeypatch, capsys, kind):
     images = pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32))
     folder = tmp_path / "walls"

@@ -29,7 +29,6 @@ from warpvis.sensors import (
 )
 
 from support.kinect_noise import make_scene, wall
-from support.slow import parametrize
 from support.stereo import AHEAD, POSES
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "bench"))
@@ -103,7 +102,8 @@ WALLS = [(distance, angle) for distance in (0.5, 1.0, 2.0, 3.5, 5.0) for angle i
 QUICK = {(0.5, 0), (2.0, 40), (3.5, 80)}
 
 
-@parametrize("name", MODELS, keep=3)
+@pytest.mark.smoke("*-some-stereo", "*-some-realsense_d415", "*-some-realsense_d435")
+@pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize(
     "walls",
     [sorted(QUICK), pytest.param([one for one in WALLS if one not in QUICK], marks=pytest.mark.slow)],

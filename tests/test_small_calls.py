@@ -21,8 +21,6 @@ from warpvis.core.poses import host_poses, poses_to_matrices, poses_to_opencv
 from warpvis.rendering._cpu_packets import RayCosts
 from warpvis.rendering._prepared import CheckedImages, FreeList
 
-from support.slow import parametrize
-
 ALL = ("depth", "points", "normals", "labels", "segmentation")
 CAMERA = wv.Camera.from_fov(40, 33, hfov=1.2, near=0.05, far=50.0)
 
@@ -363,7 +361,8 @@ def test_copied_renderer_renders_alike(device, caster, convert):
     assert_identical(convert(renderer).render(eyes(2)), out)
 
 
-@parametrize("caster", ["auto", "rays"])
+@pytest.mark.smoke("*-auto")
+@pytest.mark.parametrize("caster", ["auto", "rays"])
 @pytest.mark.parametrize("convert", [copy.deepcopy, lambda renderer: pickle.loads(pickle.dumps(renderer))])
 def test_copied_ray_renderer_renders_alike(device, caster, convert):
     """Device data prepared from rays is not copied with the renderer."""

@@ -13,8 +13,6 @@ from scipy import stats
 import warpvis as wv
 from warpvis.sensors import Reason, StereoDepth
 
-from support.slow import parametrize
-
 CAMERA = wv.Camera.from_fov(320, 240, hfov=1.0, near=0.05, far=100.0)
 BASELINE = 0.06
 SCALE = CAMERA.fx * BASELINE
@@ -109,7 +107,8 @@ def test_pixel_locking_has_a_period_of_one_pixel():
     np.testing.assert_allclose(errors, 0.07 * np.sin(2 * np.pi * true), atol=2e-5)
 
 
-@parametrize("spacing", [1, 2, 3, 8], keep=[1])
+@pytest.mark.smoke("2")
+@pytest.mark.parametrize("spacing", [1, 2, 3, 8])
 def test_noise_correlation_matches_spacing(spacing):
     """Equal deviation at every pixel, correlation by the closed form along x and y, none between frames."""
     sensor = StereoDepth(BASELINE, sigma=0.08, noise_spacing=spacing, shadow=False, band=False)

@@ -19,7 +19,6 @@ from warpvis.webots import load_webots
 from warpvis.webots.protos import _expansion as expansion, _template_engine as engines, _templates as templates
 from warpvis.webots.protos._expansion import Protos
 
-from support.slow import parametrize
 from support.webots_protos import Project
 
 needs_engines = pytest.mark.skipif(
@@ -50,7 +49,8 @@ ENDLESS = {
 }
 
 
-@parametrize("case", ENDLESS)
+@pytest.mark.smoke("lua pattern")
+@pytest.mark.parametrize("case", ENDLESS)
 def test_native_code_is_stopped_by_the_time_limit(case, project, monkeypatch):
     monkeypatch.setattr(templates, "SECONDS", 1)
     head, program = ENDLESS[case]
@@ -173,7 +173,8 @@ def ball_world(project):
     return path
 
 
-@parametrize("method", ["fork", "spawn"])
+@pytest.mark.smoke("fork")
+@pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_other_processes_start_separate_engines(method, project):
     """Also processes forked while the parent's engine runs."""
     path = ball_world(project)
