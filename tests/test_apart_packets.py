@@ -70,6 +70,39 @@ def test_triangles_near_the_origins_match_the_reference(near, cull_backfaces, pa
     check_soup(wv.render, near, cull_backfaces, 1500)
 
 
+def forward_rays(spread):
+    """Return directions of an image, and origins in a square of the image plane."""
+    x, y = np.meshgrid(np.linspace(-0.7, 0.7, 64), np.linspace(-0.5, 0.5, 48))
+    directions = np.stack([x, y, np.ones_like(x)], axis=-1)
+    origins = np.random.default_rng(0).uniform(-spread, spread, (*x.shape, 3))
+    origins[..., 2] = 0
+    return directions / np.linalg.norm(directions, axis=-1, keepdims=True), origins
+
+
+def test_origins_at_negative_zero(packets_only):
+    """Some rays begin at a depth of -0 m, others at 0 m."""
+    scene = wv.Scene(device="cpu")
+    scene.add(trimesh.creation.box((20, 20, 1)), name="wall", pose=(0, 0, 4.5, 0, 0, 0, 1))
+    directions, origins = forward_rays(0.05)
+    origins[::2, :, 2] = -0.0
+    depth = wv.render(scene, Rays(directions, origins), [0, 0, 0, 0, 0, 0, 1]).depth.numpy()[0]
+    np.testing.assert_allclose(depth * directions[..., 2], 4, rtol=1e-6)
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.0])
+def test_the_first_of_coinciding_walls_is_shown(spread, packets_only):
+    """Even if the other one, whose box is nearer, is rasterized first. All of a wall is at one depth."""
+    wall = np.array([(-9, -9, 4), (9, -9, 4), (9, 9, 4), (-9, 9, 4)], dtype=np.float32)
+    aside = np.array([(20, 0, 2), (21, 0, 2), (20, 1, 2)], dtype=np.float32)
+    sides = np.array([(0, 2, 1), (0, 3, 2)])
+    scene = wv.Scene(device="cpu")
+    scene.add((wall, sides), name="first", movable=True)
+    scene.add((np.concatenate([wall, aside]), np.array([*sides, (4, 6, 5)])), name="second", movable=True)
+    rays = Rays(*forward_rays(spread))
+    views = wv.render(scene, rays, [0, 0, 0, 0, 0, 0, 1], outputs=("depth", "segmentation"))
+    assert (views.segmentation.numpy() == 0).all()
+
+
 def test_rays_start_on_either_side_of_a_plate(packets_only):
     check_plate(wv.render)
 

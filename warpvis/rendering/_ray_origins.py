@@ -78,7 +78,7 @@ def prepare_ray_origins(rays: NDArray[np.float64], origins: NDArray[np.float64])
         slots = group_slots.ravel()[pixel[group_slots.ravel()] >= 0]
         local = np.stack([component(ray_origins[pixel[slots]], axis) for axis in axes])
         eyes[number, 2] = local[2].min()
-        origin_z[slots] = local[2] - eyes[number, 2]
+        origin_z[slots] = np.abs(local[2] - eyes[number, 2])  # not -0, whose inverse is negative
         for k in range(2):
             crossing = local[k] - positions[k][slots] / bundle_arrays.focal * origin_z[slots]
             eyes[number, k] = (crossing.min() + crossing.max()) / 2
