@@ -66,10 +66,10 @@ TESTS: tuple[tuple[str, str], ...] = (
     ("cpu/silhouettes.h", "object_visibility"),
     # Headers that every packet caster includes.
     ("cpu/plain_rays.h", "exact_pixels casters"),
-    ("cpu/sparse.h", "packets points solids exact_pixels"),
+    ("cpu/sparse.h", "packets points point_packets solids exact_pixels"),
     ("cpu/solids.h", "solids sizes"),
     ("cpu/movables.h", "worlds sizes instances solids object_visibility"),
-    ("cpu/worlds.h", "worlds sizes instances packets"),
+    ("cpu/worlds.h", "worlds sizes instances packets faces"),
     ("shared/stretch.h", "sizes"),
     ("cpu/workers.h", "threads packets worlds"),
     ("cpu/arena.h", "threads packets worlds"),

@@ -115,6 +115,18 @@ def test_solids_occlude_points(room):
     assert status.tolist() == [behind, behind, seen, behind, seen]  # the limit is at 3 * 0.5 / sqrt(2^2 - 0.5^2)
 
 
+def test_nearest_of_several_occluders_is_returned():
+    """A wall, and behind it a slope that extends behind the camera, whose depth needs double precision."""
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((0.2, 1, 1)), name="wall", pose=(2, 0, 0, 0, 0, 0, 1))
+    slope = np.array([(3, -50, 0), (3, 50, 0), (-97, 0, 50)]), np.array([(0, 1, 2)])  # x = 3 - 2 z
+    scene.add(slope, name="slope", movable=True)
+    points = np.array([(3.5, y, 0.02) for y in np.linspace(-0.8, 0.8, 33)])
+    status, occluders = wv.point_visibility(scene, CAMERA, wv.look_at((0, 0, 0), (1, 0, 0)), points, occluders=True)
+    assert (status.numpy() == Visibility.OCCLUDED).all()
+    assert occluders.numpy()[0].tolist() == [0] * 33
+
+
 def test_concurrent_callers_get_equal_results(room):
     wanted = [judge(room, count) for count in (1000, 20_000, 1000, 20_000)]
     with ThreadPoolExecutor(4) as pool:
