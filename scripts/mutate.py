@@ -38,7 +38,8 @@ FILES = ("kernels/native/cpu/*.h", "kernels/native/shared/*.h", "warpvis/renderi
 STILLBORN = 3
 """Exit status of a command if the code does not compile, which does not count as a detection."""
 PYTHON = shlex.quote(sys.executable)
-PYTEST = f"{PYTHON} -m pytest -q -x -p no:cacheprovider"
+# Slow tests, too: the fast ones are a selection of parameters.
+PYTEST = f"{PYTHON} -m pytest -q -x -p no:cacheprovider -m 'not browser and not docs and not site'"
 NATIVE = f"{PYTHON} tests/native_build.py"
 
 TESTS: tuple[tuple[str, str], ...] = (

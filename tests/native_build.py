@@ -1,9 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles the CPU code of `kernels/native` and the checks of `tests/native` with Clang.
-
-python tests/native_build.py --syntax    # check only that all code compiles
-"""
+"""Compile and run the checks of `tests/native`, which include the CPU code of `kernels/native`, with Clang."""
 
 from __future__ import annotations
 
@@ -155,7 +152,7 @@ def run_check(folder: Path, name: str, scenes: int) -> str:
 def main() -> int:
     """Compile and run all checks; return 0 without faults, 1 with faults, 3 if the native code does not compile."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--has-clang", action="store_true", help="only say whether there is a compiler")
+    parser.add_argument("--has-clang", action="store_true", help="only check whether there is a compiler")
     arguments = parser.parse_args()
     if why := find_clang()[1]:
         sys.exit(why)
