@@ -22,6 +22,7 @@ import warpvis as wv
 from warpvis.rendering import casters
 from warpvis.sensors import Rays
 
+import reference
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
 from support.sizes import SHAPES, build as build_scaled, random_scales
 from support.solids import build as build_solids
@@ -70,9 +71,9 @@ def test_triangles_near_the_origins_match_the_reference(near, cull_backfaces, pa
     check_soup(wv.render, near, cull_backfaces, 1500)
 
 
-def forward_rays(spread):
+def forward_rays(spread, reach=0.7):
     """Return directions of an image, and origins in a square of the image plane."""
-    x, y = np.meshgrid(np.linspace(-0.7, 0.7, 64), np.linspace(-0.5, 0.5, 48))
+    x, y = np.meshgrid(np.linspace(-reach, reach, 64), np.linspace(-reach, reach, 48))
     directions = np.stack([x, y, np.ones_like(x)], axis=-1)
     origins = np.random.default_rng(0).uniform(-spread, spread, (*x.shape, 3))
     origins[..., 2] = 0
@@ -101,6 +102,22 @@ def test_the_first_of_coinciding_walls_is_shown(spread, packets_only):
     rays = Rays(*forward_rays(spread))
     views = wv.render(scene, rays, [0, 0, 0, 0, 0, 0, 1], outputs=("depth", "segmentation"))
     assert (views.segmentation.numpy() == 0).all()
+
+
+def test_only_rays_beside_the_eye_see_near_ends(packets_only):
+    """Triangles outside the image of the eye, whose near ends are in the image of rays that begin beside it."""
+    spike = np.array([(0.315, -0.2, 0.3), (0.315, 0.2, 0.3), (9, 0, 8)])
+    turns = [np.array([(c, -s, 0), (s, c, 0), (0, 0, 1)]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    scene = wv.Scene(device="cpu")
+    for turn in turns:
+        scene.add((spike @ turn.T, np.array([(0, 1, 2)])))
+    rays, pose = Rays(*forward_rays(0.05, reach=0.99)), (0, 0, 0, 0, 0, 0, 1)
+    views = wv.render(scene, rays, pose, outputs=("depth", "segmentation"))
+    some = np.s_[::3, ::5]
+    given = rays.rays[some], np.array(pose, dtype=np.float64)
+    expected = reference.cast_ray_table(scene, *given, origins=rays.origins[some])
+    assert same_ranges(views.depth.numpy()[0][some], expected.depth).mean() > 0.99
+    assert set(np.unique(views.segmentation.numpy())) == {-1, 0, 1, 2, 3}
 
 
 def test_rays_start_on_either_side_of_a_plate(packets_only):

@@ -38,6 +38,7 @@ def play(device, frames, latency, numbers=None, outputs=OUTPUTS):
     return [{name: np.stack([one[name] for one in many]) for name in outputs} for many in (exact, old)]
 
 
+@pytest.mark.filterwarnings("error::warpvis.errors.IntrinsicsWarning")
 def test_depth_is_delayed_by_given_frames(device):
     """Delayed depth keeps its original noise; exact outputs are current."""
     frames = np.arange(6)[:, None].repeat(3, axis=1)

@@ -296,3 +296,11 @@ def test_invalid_arguments_are_rejected(name):
         render_wide(**arguments)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_points_outside_the_image_have_no_rays(projection):
+    """Pixels include their left and upper borders; the right and lower ones are outside."""
+    camera = WideCamera(64, 32, 2.0, projection)
+    inside, outside = [(0, 0), (63.9, 0), (0, 31.9)], [(-0.1, 5), (64, 5), (5, -0.1), (5, 32), (-1, -1), (70, 40)]
+    np.testing.assert_allclose(np.linalg.norm(camera.rays_at(inside), axis=-1), 1)
+    assert np.isnan(camera.rays_at(outside)).all()
