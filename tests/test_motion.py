@@ -113,11 +113,11 @@ def test_segments_match_reference(twist, device):
     origin, rotation, path, turn = reference.begin_legs(rows, *([] if velocities is None else velocities))
     np.testing.assert_allclose(found["origin"], origin, atol=1e-12)
     np.testing.assert_allclose(found["path"], path, atol=1e-12)
-    np.testing.assert_allclose(found["turn"], turn, atol=1e-7)  # axes from eigenvectors have half the digits
+    np.testing.assert_allclose(found["rotation_vector"], turn, atol=1e-7)  # axes from eigenvectors have half the digits
     places = np.concatenate([found["origin"], found["rotation"]], axis=-1)
     np.testing.assert_allclose(poses_to_matrices(places)[..., :3, :3], rotation, atol=1e-12)
     if not twist:
-        assert not found["path"][1, 0].any() and not found["turn"][1, 0].any() and not found["turn"][-1].any()
+        assert not found["path"][1, 0].any() and not found["rotation_vector"][1, 0].any() and not found["rotation_vector"][-1].any()
 
 
 TWO = np.tile(STRAIGHT, (2, 1))
