@@ -50,6 +50,7 @@ def test_demo_writes_its_images(demo):
         assert path.stat().st_size < 400_000
 
 
+@pytest.mark.slow
 def test_demo_prints_the_tables(demo):
     assert "experiment  object  visible  pixels  2D answer" in demo[1]
     results = [run_experiment(number) for number in (1, 2, 3, 4)]
@@ -58,6 +59,7 @@ def test_demo_prints_the_tables(demo):
     assert "frames per second" in demo[1]
 
 
+@pytest.mark.slow
 def test_summary_matches_the_tables(demo):
     summary = json.loads((demo[0] / "new" / "demo" / "summary.json").read_text())
     assert summary["frames_per_second"] > 0

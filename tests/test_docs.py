@@ -65,6 +65,7 @@ def find(dotted):
     return thing
 
 
+@pytest.mark.docs
 def test_quickstart_runs_as_written(tmp_path):
     code = re.search(r"## Quickstart.*?```python\n(.*?)```", README, re.DOTALL)[1]
     assert len([line for line in code.splitlines() if line.strip()]) <= 12

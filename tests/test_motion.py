@@ -117,7 +117,11 @@ def test_segments_match_reference(twist, device):
     places = np.concatenate([found["origin"], found["rotation"]], axis=-1)
     np.testing.assert_allclose(poses_to_matrices(places)[..., :3, :3], rotation, atol=1e-12)
     if not twist:
-        assert not found["path"][1, 0].any() and not found["rotation_vector"][1, 0].any() and not found["rotation_vector"][-1].any()
+        assert (
+            not found["path"][1, 0].any()
+            and not found["rotation_vector"][1, 0].any()
+            and not found["rotation_vector"][-1].any()
+        )
 
 
 TWO = np.tile(STRAIGHT, (2, 1))
