@@ -46,8 +46,10 @@ def _probe_gl() -> str:
     return "" if result.returncode == 0 else (result.stderr.strip().splitlines() or ["it crashed"])[-1]
 
 
-# Set before any test module imports mujoco, which reads the variable once.
-_NO_GL = _probe_gl()
+# Set before any test module imports mujoco, which reads the variable once. Processes of xdist inherit the result.
+_NO_GL = os.environ.get("WARPVIS_NO_GL")
+if _NO_GL is None:
+    _NO_GL = os.environ["WARPVIS_NO_GL"] = _probe_gl()
 if not _NO_GL:
     os.environ["MUJOCO_GL"] = "egl"
 

@@ -168,6 +168,7 @@ def judge(alone_canvas, depth, directions, delta=15.0, missing_is_visible=True):
     return there, visible, info, there & (depth > 0) & (np.abs(difference - delta) < ROUNDING)
 
 
+@pytest.mark.slow
 def test_counts_boxes_and_masks_match_bops_definition(dataset):
     """Values are equal if no ray of the canvas is within 3e-4 px of an edge and no depth within rounding of delta.
 

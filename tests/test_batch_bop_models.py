@@ -36,6 +36,7 @@ def diameter(points, folder):
     return info["diameter"] / 1000, np.linalg.norm(points[:, None] - points, axis=2).max()
 
 
+@pytest.mark.smoke("[1237]", "700")
 @pytest.mark.filterwarnings("ignore:1 of 1 frame sees nothing")
 @pytest.mark.parametrize("count", [1, 2, 3, 700, 1500])
 def test_diameter_is_the_largest_distance(count, tmp_path):

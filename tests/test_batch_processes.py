@@ -90,6 +90,7 @@ def test_bytes_equal_those_of_one_thread(tmp_path, started, name, options):
     assert not children(os.getpid())
 
 
+@pytest.mark.slow
 def test_uneven_shards_warnings_and_empty_frames(tmp_path, started):
     """The last shard is smaller, warnings and empty frames are counted, and poses are passed through shared memory."""
     poses = make_frames(11).camera_to_world.copy()
@@ -112,6 +113,7 @@ def test_processes_are_not_started_when_not_needed(tmp_path, started, monkeypatc
     assert not started
 
 
+@pytest.mark.slow
 def test_killed_process_raises_and_the_job_can_be_resumed(tmp_path, started):
     out, frames = tmp_path / "out", make_frames(240)
 
@@ -131,6 +133,7 @@ def test_killed_process_raises_and_the_job_can_be_resumed(tmp_path, started):
     assert tree(out) == tree(tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_write_failure_raises_once(tmp_path, started):
     out = tmp_path / "out"
     run(out, threads=1, format="png")

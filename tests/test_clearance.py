@@ -142,6 +142,7 @@ def test_standing_room_inside_closed_objects(device):
     assert standing_room(hollow, places, radius=0.1).tolist() == [True, False, False]
 
 
+@pytest.mark.slow
 def test_standing_room_matches_brute_force(device):
     rng = np.random.default_rng(2)
     corners = soup(rng, 25, 0.25)

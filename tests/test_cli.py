@@ -398,6 +398,7 @@ def test_info_names_versions_devices_and_cores(tmp_path):
         assert word in printed
 
 
+@pytest.mark.smoke("", "render")
 @pytest.mark.parametrize("command", ["", "demo", "render", "check", "perspective", "info"])
 def test_help_imports_no_heavy_packages(tmp_path, command):
     """This keeps it below 0.3 s; a test of the time itself would fail on a busy machine."""

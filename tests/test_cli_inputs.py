@@ -120,6 +120,7 @@ def test_worlds_in_every_command(run, tmp_path):
     assert code == 0
 
 
+@pytest.mark.slow
 def test_wxyz_quaternions_in_every_command(run, tmp_path):
     given = ("room.stl", "--camera", "camera.json", "--movable", "r*", "--worlds")
     for command in ("render", "batch", "check"):

@@ -22,6 +22,7 @@ def test_ended_process_raises_one_sentence(capsys):
     assert capsys.readouterr().err == "warpvis: the node was lost (exit code 0)\n"
 
 
+@pytest.mark.slow
 def test_exit_codes_are_forwarded(tmp_path):
     with pytest.raises(SystemExit) as end:
         run_in_subprocess(partial(sys.exit, 3), "the node was lost")

@@ -112,6 +112,7 @@ def test_worlds_and_exclude_match_single_rays(render):
     check_worlds(render, Rays(*outlets(16, 40)), 0.999)
 
 
+@pytest.mark.slow
 @pytest.mark.cxx
 def test_depth_alone(emulator):
     """Depth alone uses a separate kernel."""

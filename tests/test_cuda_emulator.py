@@ -408,7 +408,7 @@ def test_slivers_and_grazing_planes(emulator):
         assert_matches_reference(views, scene, camera, pose.astype(np.float32))
 
 
-@pytest.mark.smoke("True")
+@pytest.mark.slow
 @pytest.mark.parametrize("movable", [False, True])
 def test_slivers_near_the_camera_need_few_exact_decisions(emulator, movable):
     """A post of slivers extends behind the camera, where their projections are unbounded."""

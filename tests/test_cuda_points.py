@@ -217,7 +217,7 @@ def test_near_plane_clips_meshes(emulator):
     assert wrong_depth(depth, image.reshape(depth.shape)).mean() < 1e-3
 
 
-@pytest.mark.smoke("True-1")
+@pytest.mark.slow
 @pytest.mark.cxx
 @pytest.mark.parametrize(("movable", "seed"), [(False, 0), (True, 1)])
 def test_no_ray_passes_through_a_vertex(emulator, movable, seed):

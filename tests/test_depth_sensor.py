@@ -346,6 +346,7 @@ def test_calls_have_uncorrelated_noise():
     assert abs(np.corrcoef(first[noisy], second[noisy])[0, 1]) < 5 / np.sqrt(noisy.sum())
 
 
+@pytest.mark.slow
 def test_noise_is_reproducible_between_runs():
     runs = []
     for _ in range(2):

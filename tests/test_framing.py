@@ -120,6 +120,7 @@ def test_info_prints_size_labels_memory_and_likely_unit(tmp_path, monkeypatch, c
     assert "labels  obstacle 2, ground 1, object 1, human 1, robot 1" in printed
 
 
+@pytest.mark.slow
 def test_info_of_a_mesh_does_not_import_mujoco(tmp_path):
     trimesh.creation.box().export(tmp_path / "box.stl")
     code = """import sys

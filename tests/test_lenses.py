@@ -137,6 +137,7 @@ def test_double_sphere_range_matches_paper():
     assert np.isfinite(rays[0]).all() and np.isnan(rays[1]).all()
 
 
+@pytest.mark.slow
 def test_pixels_have_rays_where_directions_map_to_them():
     """A pixel has a ray if directions map to its whole neighborhood, and only if one maps into the neighborhood."""
     lens = LENSES["opencv folded"]

@@ -146,6 +146,7 @@ def test_obj_faces_of_two_corners_are_skipped(tmp_path):
         load(path)
 
 
+@pytest.mark.slow
 def test_no_traceback_is_printed(tmp_path):
     """Tracebacks that trimesh logs, of errors it raises or recovers from, are suppressed too."""
     broken = SOLIDS.replace("normal 0 0 1", "normal x 0 1").encode()

@@ -94,6 +94,15 @@ def assert_as_new(renderer, model, data, camera="front"):
     return ours
 
 
+@pytest.mark.smoke(
+    "*-fixed body moved",
+    "*-geom of a moving body",
+    "*-another mesh",
+    "*-another shape",
+    "*-field of view",
+    "*-hidden",
+    "*-size of a *",
+)
 @pytest.mark.gl
 @pytest.mark.parametrize("name", CHANGES)
 def test_changed_model_matches_mujoco(name, device):
@@ -117,6 +126,7 @@ def test_changed_model_matches_new_renderer(name, device):
     assert (after[0] != before[0]).any()
 
 
+@pytest.mark.slow
 def test_repeated_changes_match_new_renderer(device):
     """Apply all changes in random order, seen from a moving camera."""
     model, data = task()

@@ -267,6 +267,7 @@ sys.stdout.buffer.write(rendered(pickle.load(sys.stdin.buffer), shapes_model()[1
 """
 
 
+@pytest.mark.slow
 def test_pickle_renders_equal_images_in_another_process():
     model, data = shapes_model()
     geoms = scene_from_mujoco(model)

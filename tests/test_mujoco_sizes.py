@@ -229,6 +229,7 @@ def test_flush_surfaces_match_reference(device):
         assert (views.segmentation.numpy()[0] != images[0]).sum() > 30
 
 
+@pytest.mark.slow
 def test_mujoco_warp_model_provides_sizes(device):
     mjwarp = pytest.importorskip("mujoco_warp", reason="the package mujoco_warp is not installed")
     worlds, (plain, data) = worlds_of(3, seed=5), model_of(BODIES)

@@ -47,6 +47,7 @@ def wheel(tmp_path_factory):
     return next(out.glob("warpvis-*.whl"))
 
 
+@pytest.mark.slow
 def test_wheel_contains_every_module(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     for folder, package in PROJECT["tool"]["setuptools"]["package-dir"].items():
@@ -118,6 +119,7 @@ def test_top_level_package_is_small():
     assert len(entries) <= 20
 
 
+@pytest.mark.slow
 def test_private_modules_are_not_imported_across_packages():
     """Modules whose names begin with _ are imported only within their package, also inside functions."""
     found = []

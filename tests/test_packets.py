@@ -167,6 +167,7 @@ def test_front_faces_in_a_long_box_of_mostly_back_faces(axis, device):
     assert_matches_reference(views, scene, camera, pose)
 
 
+@pytest.mark.slow
 def test_million_triangles_in_one_pixel(device):
     """A finely meshed ball, much smaller than a pixel, is exactly at the pixel center."""
     ball = trimesh.creation.icosphere(subdivisions=8, radius=0.1)

@@ -124,6 +124,7 @@ def test_long_names_and_titles_fit(tmp_path):
     assert "both see: 11 objects" in texts and "only the visitor of the robot sees: ..." in texts
 
 
+@pytest.mark.smoke("experiment_2", "experiment_3")
 def test_legend_names_the_state(case, drawn):
     experiment = case[0]
     texts = [text for text, _ in texts_of(drawn[0])]

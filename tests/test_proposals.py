@@ -42,6 +42,7 @@ def test_proposed_pose_is_free_and_shows_the_ball():
     assert json.loads(json.dumps(proposal.report())) == proposal.report()
 
 
+@pytest.mark.slow
 def test_proposed_pose_is_nearest_of_equal_visibility():
     """Compare the visible fraction of the ball at all positions of a finer grid."""
     scene, robot, human = second_experiment()

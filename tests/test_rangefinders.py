@@ -131,6 +131,7 @@ def test_pose_sources_give_equal_readings(device):
         assert np.array_equal(again.read(worlds).numpy(), expected)
 
 
+@pytest.mark.slow
 def test_mujoco_warp_data_is_read(device):
     mujoco_warp = pytest.importorskip("mujoco_warp")
     text = """<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 1"><freejoint/>

@@ -122,6 +122,7 @@ def test_correlations_match_the_model():
         np.testing.assert_allclose(found.correlation[:20], expected, atol=0.06)
 
 
+@pytest.mark.slow
 def test_report_and_figure(tmp_path):
     found = fit(pictures(StereoDepth(BASELINE, sigma=0.08, subpixel=32)), CAMERA, subpixel=32)
     lines = found.report().splitlines()

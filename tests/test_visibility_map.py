@@ -137,6 +137,7 @@ def test_map_values_must_be_in_the_legend(tmp_path):
         save_map([[[0, 1]]], tmp_path / "map.png", bounds=(0, 2, 0, 1), legend=MAP_LEGEND)
 
 
+@pytest.mark.slow
 def test_saving_a_map_imports_no_planning_or_visibility(tmp_path):
     code = f"""
 import sys

@@ -49,7 +49,7 @@ ENDLESS = {
 }
 
 
-@pytest.mark.smoke("lua pattern")
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ENDLESS)
 def test_native_code_is_stopped_by_the_time_limit(case, project, monkeypatch):
     monkeypatch.setattr(templates, "SECONDS", 1)
@@ -120,6 +120,7 @@ def test_frozen_program_is_not_started_for_templates(project, monkeypatch):
         project.expand("Ball { }")
 
 
+@pytest.mark.slow
 def test_templates_of_a_world_share_a_time_limit(project, monkeypatch):
     monkeypatch.setattr(engines, "WORLD_SECONDS", 0.5)
     busy = "%< let n = 0; for (let i = 0; i < 3e7; ++i) n += i; >%"
