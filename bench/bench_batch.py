@@ -27,7 +27,7 @@ import numpy as np
 import warpvis as wv
 from warpvis.batch import BatchSummary, render_batch
 from warpvis.batch._frame_renderer import ImageBuffers
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 from warpvis.scenes import PRESETS
 
 sys.path.insert(0, str(Path(__file__).parent))

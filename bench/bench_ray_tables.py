@@ -42,7 +42,7 @@ def cameras() -> dict[str, Any]:
     ouster = wv.sensors.lidars.ouster("OS1-128", near=0.3)
     return {
         "ouster": ouster,
-        "one place": wv.sensors.Rays(ouster.directions, near=0.3, far=ouster.far),
+        "one place": wv.cameras.Rays(ouster.directions, near=0.3, far=ouster.far),
         "scan": wv.rendering.WideCamera(1024, 128, 2 * math.pi),
         "lens": wv.Camera.from_opencv(_K, _COEFFICIENTS, 640, 480),
         "pinhole": wv.Camera.from_opencv(_K, None, 640, 480),

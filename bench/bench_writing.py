@@ -28,7 +28,7 @@ from warpvis.batch._render_batch import make_plan
 from warpvis.batch._writer import Job, ShardWriter
 from warpvis.batch.formats._base import find_format
 from warpvis.batch.storage._stores import open_store
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 from warpvis.core.threads import core_count
 from warpvis.scenes import PRESETS
 

@@ -85,7 +85,7 @@ def _classify() -> Contest:
 def _lidar() -> Contest:
     """Set up a scan of a world of moving robots, and `mj_multiRay` on one core as its peer."""
     model = mujoco.MjModel.from_xml_string(moving_robots_xml())
-    rays = wv.sensors.Rays(wv.sensors.lidars.vlp16().directions, axes="ros_body", far=lidar_worlds.FAR)
+    rays = wv.cameras.Rays(wv.sensors.lidars.vlp16().directions, axes="ros_body", far=lidar_worlds.FAR)
     poses = Kinematics(model).from_qpos(robot_joints(_VIEWS))
     call, read = lidar_worlds.ours(model, poses, rays, "cpu", ("depth",))
     other, read_other = lidar_worlds.mujoco_itself(model, rays, _VIEWS)

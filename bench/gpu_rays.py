@@ -56,35 +56,35 @@ def query_ranges(
     depth_out[view, ray] = depth
 
 
-def _scan(rows: int, columns: int) -> wv.sensors.Rays:
+def _scan(rows: int, columns: int) -> wv.cameras.Rays:
     """Return the directions of a lidar's revolution with 45 degrees of elevation, in camera axes."""
     azimuth, up = np.meshgrid(
         np.linspace(-np.pi, np.pi, columns, endpoint=False), np.radians(np.linspace(-22.5, 22.5, rows))
     )
     rays = np.stack([np.cos(up) * np.sin(azimuth), np.sin(up), np.cos(up) * np.cos(azimuth)], axis=-1)
-    return wv.sensors.Rays(rays)
+    return wv.cameras.Rays(rays)
 
 
-def scattered(count: int) -> wv.sensors.Rays:
+def scattered(count: int) -> wv.cameras.Rays:
     """Return unordered directions all around, over 59 degrees of elevation, like those of a Mid-360."""
     rng = np.random.default_rng(0)
     azimuth, up = rng.uniform(-np.pi, np.pi, count), np.arcsin(rng.uniform(np.sin(-0.9), np.sin(0.13), count))
-    return wv.sensors.Rays(np.stack([np.cos(up) * np.sin(azimuth), np.sin(up), np.cos(up) * np.cos(azimuth)], axis=-1))
+    return wv.cameras.Rays(np.stack([np.cos(up) * np.sin(azimuth), np.sin(up), np.cos(up) * np.cos(azimuth)], axis=-1))
 
 
-def _from_anywhere(count: int) -> wv.sensors.Rays:
+def _from_anywhere(count: int) -> wv.cameras.Rays:
     """Return the same directions, each with an origin."""
     rays = scattered(count)
-    return wv.sensors.Rays(rays.directions, origins=np.random.default_rng(1).uniform(-0.05, 0.05, (count, 3)))
+    return wv.cameras.Rays(rays.directions, origins=np.random.default_rng(1).uniform(-0.05, 0.05, (count, 3)))
 
 
-def _lens(model: str, *coefficients: float) -> wv.sensors.LensCamera:
+def _lens(model: str, *coefficients: float) -> wv.cameras.LensCamera:
     matrix = [[330.0, 0, 319.5], [0, 330.0, 239.5], [0, 0, 1]]
     return wv.Camera.from_opencv(matrix, coefficients, 640, 480, model=model)
 
 
 # name: views, the pattern, a pinhole of the same size
-CASES: dict[str, tuple[int, Callable[[], wv.sensors.Rays | wv.sensors.LensCamera], wv.Camera | None]] = {
+CASES: dict[str, tuple[int, Callable[[], wv.cameras.Rays | wv.cameras.LensCamera], wv.Camera | None]] = {
     "1024x128 scan": (64, lambda: _scan(128, 1024), None),
     "20,000 in no order": (512, lambda: scattered(20_000), None),
     "VLP-16": (256, wv.sensors.lidars.vlp16, None),
@@ -94,12 +94,12 @@ CASES: dict[str, tuple[int, Callable[[], wv.sensors.Rays | wv.sensors.LensCamera
     "20,000 from anywhere within 5 cm": (512, lambda: _from_anywhere(20_000), None),
     "VLP-16 from one point": (
         256,
-        lambda: wv.sensors.Rays(wv.sensors.lidars.vlp16().directions, axes="ros_body"),
+        lambda: wv.cameras.Rays(wv.sensors.lidars.vlp16().directions, axes="ros_body"),
         None,
     ),
     "OS1-128 from one point": (
         64,
-        lambda: wv.sensors.Rays(wv.sensors.lidars.ouster("OS1-128").directions, axes="ros_body"),
+        lambda: wv.cameras.Rays(wv.sensors.lidars.ouster("OS1-128").directions, axes="ros_body"),
         None,
     ),
     "barrel lens 640x480": (
@@ -122,7 +122,7 @@ class Setup:
         subject = subject_of(scene_name, str(device))
         count, make, pinhole = CASES[case]
         self.count, self.camera, self.device = views or count, make(), device
-        axes = {} if isinstance(self.camera, wv.sensors.LensCamera) else {"convention": self.camera.axes}
+        axes = {} if isinstance(self.camera, wv.cameras.LensCamera) else {"convention": self.camera.axes}
         poses = subject.poses(self.count)
         self.runs: dict[str, Run] = {}
         self.images: dict[str, wv.Views] = {}

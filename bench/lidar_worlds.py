@@ -50,7 +50,7 @@ def site_poses(poses: WorldPoses) -> NDArray[np.float32]:
 def ours(
     model: mujoco.MjModel,
     poses: WorldPoses,
-    rays: wv.sensors.Rays,
+    rays: wv.cameras.Rays,
     device: str,
     outputs: tuple[str, ...],
     **options: Any,
@@ -68,7 +68,7 @@ def ours(
 
 
 def theirs(
-    model: mujoco.MjModel, poses: WorldPoses, rays: wv.sensors.Rays, device: str
+    model: mujoco.MjModel, poses: WorldPoses, rays: wv.cameras.Rays, device: str
 ) -> tuple[Callable[[], Any], Callable[[], NDArray]]:
     """Return the same for mujoco-lidar: the launches of its `trace_rays_batch`, with all data on the device."""
     from mujoco_lidar.core_warp.kernels import trace_rays_batch_bvh_kernel
@@ -98,7 +98,7 @@ def theirs(
 
 
 def mujoco_itself(
-    model: mujoco.MjModel, rays: wv.sensors.Rays, worlds: int
+    model: mujoco.MjModel, rays: wv.cameras.Rays, worlds: int
 ) -> tuple[Callable[[], Any], Callable[[], NDArray]]:
     """Return the same for `mj_multiRay`, which mujoco-lidar's CPU backend calls world by world; without kinematics."""
     joints, states = robot_joints(worlds), []
@@ -144,7 +144,7 @@ def seconds_of(call: Callable[[], Any], device: str) -> float:
 
 def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
     """Yield scattered rays in moving worlds against single rays, and against mujoco-lidar."""
-    rays = wv.sensors.Rays(scattered(20_000).directions, axes="ros_body")
+    rays = wv.cameras.Rays(scattered(20_000).directions, axes="ros_body")
 
     def prepare(count: int, beside_rays: bool) -> Contest:
         model = mujoco.MjModel.from_xml_string(moving_robots_xml())

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import look_at
 from warpvis.maps import Sphere

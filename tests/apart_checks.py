@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 import warpvis as wv
-from warpvis.sensors import Rays
+from warpvis.cameras import Rays
 
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
 from support.worlds import ALL, random_poses

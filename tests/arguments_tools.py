@@ -24,7 +24,7 @@ import warpvis as wv
 _ARM = mujoco.MjModel.from_xml_string(
     '<mujoco><worldbody><body><joint name="turn" axis="0 0 1"/><geom size="0.1"/></body></worldbody></mujoco>'
 )
-LENS = wv.sensors.LensCamera(wv.sensors.lenses.OpenCVPinhole(9, 9, 4, 3, (0.01, 0, 0, 0)), 8, 6)
+LENS = wv.cameras.LensCamera(wv.cameras.lenses.OpenCVPinhole(9, 9, 4, 3, (0.01, 0, 0, 0)), 8, 6)
 
 
 def tools_cases(folder):
@@ -215,11 +215,11 @@ def tools_cases(folder):
         ),
         # warpvis.sensors
         "LensCamera": (
-            wv.sensors.LensCamera,
+            wv.cameras.LensCamera,
             {"lens": LENS.lens, "width": 8, "height": 6, "near": 0.1, "far": 4.0, "kind": "z"},
         ),
         "Rays": (
-            wv.sensors.Rays,
+            wv.cameras.Rays,
             {
                 "directions": [[0, 0, 1]],
                 "origins": [[0, 0, 0]],
@@ -237,22 +237,22 @@ def tools_cases(folder):
         "LensCamera.canvas_rays": (LENS.canvas_rays, {"canvas": (1, 0, 0, 1)}),
         "LensCamera.rays_at": (LENS.rays_at, {"pixels": [[1, 1]]}),
         "LensCamera of OpenCV": (
-            wv.sensors.lenses.OpenCVPinhole,
+            wv.cameras.lenses.OpenCVPinhole,
             {"fx": 9, "fy": 9, "cx": 4, "cy": 3, "coefficients": (0.01, 0, 0, 0)},
         ),
         "LensCamera of fisheyes": (
-            wv.sensors.lenses.KannalaBrandt,
+            wv.cameras.lenses.KannalaBrandt,
             {"fx": 9, "fy": 9, "cx": 4, "cy": 3, "coefficients": (0.01, 0, 0, 0)},
         ),
         "LensCamera of two spheres": (
-            wv.sensors.lenses.DoubleSphere,
+            wv.cameras.lenses.DoubleSphere,
             {"fx": 9, "fy": 9, "cx": 4, "cy": 3, "xi": -0.2, "alpha": 0.6},
         ),
         "LensCamera of F-theta": (
-            wv.sensors.lenses.FTheta,
+            wv.cameras.lenses.FTheta,
             {"cx": 4, "cy": 3, "coefficients": (0.1,), "maps": "radius_to_angle", "max_view_angle": 2.0},
         ),
-        "LensCamera of panoramas": (wv.sensors.lenses.Equirectangular, {"width": 8, "height": 6}),
+        "LensCamera of panoramas": (wv.cameras.lenses.Equirectangular, {"width": 8, "height": 6}),
         "WideCamera": (
             wv.rendering.WideCamera,
             {"width": 8, "height": 6, "hfov": 3.0, "projection": "spherical", "near": 0.1, "far": 9.0},

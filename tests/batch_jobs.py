@@ -10,7 +10,7 @@ import trimesh
 
 import warpvis as wv
 from warpvis.batch import render_batch
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 
 FORMATS = ("npz", "zarr", "png", "tum", "bop", "nerfstudio", "colmap", "ply", "ros2")
 CAMERA = wv.Camera.from_fov(32, 24, hfov=1.0, near=0.3, far=4.5)

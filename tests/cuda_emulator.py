@@ -24,7 +24,7 @@ import warp as wp
 from native_build import cache_folder, find_compiler
 
 from warpvis import Camera, Scene
-from warpvis.core.ray_camera import RayCamera
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.kernels import native_source, packets_cuda, point_packets_cuda, ray_packets_cuda
 from warpvis.rendering import OUTPUTS, Renderer
 from warpvis.rendering._cuda_points import list_points, packet_count

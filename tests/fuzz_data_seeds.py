@@ -185,7 +185,7 @@ def lenses(root: Path) -> Iterator[Item]:
     def reader(name: str) -> Callable[[Path], None]:
         def read(folder: Path) -> None:
             camera = load_camera(str(folder / name), distortion=True)
-            if isinstance(camera, wv.sensors.LensCamera):
+            if isinstance(camera, wv.cameras.LensCamera):
                 camera.unproject([[1.0, 2.0], [31.0, 25.0]])
 
         return read

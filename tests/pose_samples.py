@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 from warpvis.core.poses import poses_to_matrices
 
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from reference_voxels import shown_depth
 
 from warpvis import Camera, Label
+from warpvis.cameras import LensCamera
 from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import Sphere
-from warpvis.sensors import LensCamera
 
 
 def pixel_rays(camera: Camera) -> NDArray[np.float64]:

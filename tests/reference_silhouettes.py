@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis import Camera, Scene, SceneObject, Visibility
-from warpvis.sensors import LensCamera
+from warpvis.cameras import LensCamera
 
 
 @dataclass

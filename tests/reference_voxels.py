@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis import Camera, Label
+from warpvis.cameras import LensCamera
 from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import Voxel
-from warpvis.sensors import LensCamera
 
 
 def precedence(labels: NDArray, ground: Collection[int] = (1,)) -> NDArray[np.int64]:

@@ -8,13 +8,14 @@ import reference_shading
 import trimesh
 
 import warpvis as wv
+from warpvis.cameras import Rays
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import CameraError
 from warpvis.rendering import OrthographicCamera
 from warpvis.scene import solids
 from warpvis.scene._device_materials import mip_levels
 from warpvis.scene.materials import Appearance, Material, Texture
-from warpvis.sensors import Motion, Rays
+from warpvis.sensors import Motion
 
 from support.worlds import random_poses
 

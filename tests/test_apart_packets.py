@@ -19,8 +19,8 @@ from apart_checks import (
 )
 
 import warpvis as wv
+from warpvis.cameras import Rays
 from warpvis.rendering import casters
-from warpvis.sensors import Rays
 
 import reference
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays

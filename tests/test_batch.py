@@ -16,7 +16,7 @@ from batch_jobs import CAMERA, FORMATS, make_frames, make_poses, make_scene, run
 import warpvis as wv
 from warpvis.batch import FrameRenderer, verify
 from warpvis.batch.engines import _local as local
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 
 TESTS = Path(__file__).parent
 OUTPUTS = ("depth", "points", "normals", "labels", "segmentation", "faces")
@@ -218,7 +218,7 @@ BAD = {
     "object": ({"objects": ["cat"], "outputs": ["visibility"]}, "the scene has no object 'cat'"),
     "empty scene": ({"scene": wv.Scene()}, "the scene has no objects"),
     "no scene": ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
-    "no camera": ({"camera": "kinect"}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got str"),
+    "no camera": ({"camera": "kinect"}, "camera must be a warpvis.Camera or a warpvis.cameras.LensCamera, got str"),
     "device": ({"device": "cuda:99"}, "device 'cuda:99' is not on this machine"),
     "objects that do not move": (
         {"frames": moving_frames()},

@@ -15,7 +15,7 @@ from pose_samples import unit
 import warpvis as wv
 from warpvis.batch import find_format, make_plan, render_batch
 from warpvis.batch.storage._output import ShardFiles
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 from warpvis.core.threads import Crew
 from warpvis.scene.worlds import pose_columns
 from warpvis.visibility import object_visibility

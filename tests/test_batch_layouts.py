@@ -16,7 +16,7 @@ from PIL import Image
 import warpvis as wv
 from warpvis.batch import find_format, make_plan, render_batch
 from warpvis.batch.storage._output import ShardFiles
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import Crew
 from warpvis.io import depth_to_units, encode_png, load_camera, read_frames

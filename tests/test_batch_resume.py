@@ -18,7 +18,7 @@ from batch_jobs import make_frames, make_poses, make_scene, run, tree
 
 import warpvis as wv
 from warpvis.batch import FrameRenderer, verify
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 
 TESTS = Path(__file__).parent
 

@@ -12,7 +12,7 @@ import trimesh
 import warpvis as wv
 from warpvis.batch import find_format, make_plan, render_batch
 from warpvis.batch.storage._output import ShardFiles
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 from warpvis.core.messages import nanoseconds
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")

@@ -14,7 +14,7 @@ from PIL import Image
 
 import warpvis as wv
 from warpvis.batch import FrameRenderer, _render_batch, find_format, make_plan
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.sensors import Reason, sensor_by_name, sensor_from_fields, sensor_to_fields
 

@@ -220,7 +220,7 @@ GRID = pose_grid((0, 0, 0), radius=1, step=1, height=0.5, headings=1)
     [
         ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
         ({"scene": wv.Scene()}, "the scene has no objects; add() one first"),
-        ({"camera": 3}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got int"),
+        ({"camera": 3}, "camera must be a warpvis.Camera or a warpvis.cameras.LensCamera, got int"),
         ({"candidates": []}, "candidates must be one or more poses, got none"),
         ({"candidates": np.zeros((0, 7))}, "candidates must be one or more poses, got none"),
         ({"candidates": np.zeros((2, 6))}, "candidates must have shape (V, 7)"),

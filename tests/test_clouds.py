@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis import sensors
+from warpvis import cameras, sensors
 from warpvis.sensors import lidars
 
 OUTPUTS = ("depth", "points", "normals", "labels", "segmentation")
@@ -223,7 +223,7 @@ TYPES = {"types": type("Types", (), {"types": {}})()}
         ),
         (
             lambda p: wv.io.to_laserscan(
-                np.ones(3), sensors.Rays(np.array([[1.0, 0, 0], [0, 1, 0], [0.6, 0.8, 0]])), frame_id="a", **TYPES
+                np.ones(3), cameras.Rays(np.array([[1.0, 0, 0], [0, 1, 0], [0.6, 0.8, 0]])), frame_id="a", **TYPES
             ),
             "rays of a LaserScan must be evenly spaced",
         ),

@@ -216,7 +216,7 @@ def test_invalid_surface_samples_arguments_raise(change, said):
     ("change", "said"),
     [
         ({"scene": None}, "scene must be a warpvis.Scene, got NoneType"),
-        ({"camera": None}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got NoneType"),
+        ({"camera": None}, "camera must be a warpvis.Camera or a warpvis.cameras.LensCamera, got NoneType"),
         ({"camera_to_world": np.zeros((0, 7))}, "camera_to_world must have at least one pose, got 0"),
         ({"count": 0}, "count must be a whole number from 1 to the 2 views, got 0"),
         ({"count": 3}, "count must be a whole number from 1 to the 2 views, got 3"),

@@ -15,7 +15,7 @@ from corner_walls import wall
 from cuda_emulator import Emulator, Variant, emulated_renderer
 
 import warpvis as wv
-from warpvis import sensors
+from warpvis import cameras
 from warpvis.scene import solids
 from warpvis.scene.worlds import parse_worlds
 
@@ -542,7 +542,7 @@ def test_faces(emulator, few_share):
         assert_bits_equal(views, render(emulator, scene, poses, outputs=ALL, **options))
         alone = render(emulator, scene, poses, outputs=("faces",), **options)
         np.testing.assert_array_equal(alone.faces.numpy(), views.faces.numpy())
-    camera = sensors.Rays(sphere_of_rays(400))
+    camera = cameras.Rays(sphere_of_rays(400))
     options["object_scales"] = np.ones((len(scene.movable), 3), dtype=np.float32)
     renderer = emulated_renderer(emulator, TABLES[2], scene, camera, outputs=face_scenes.FACES)
     face_scenes.assert_faces_hold(renderer.render(poses, **options), scene, given, worlds)

@@ -10,7 +10,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis import sensors
+from warpvis import cameras, sensors
 
 import reference
 
@@ -99,7 +99,7 @@ def test_returns_match_their_reference(device, keep):
 def test_beam_at_an_edge_returns_twice(device):
     """The wall's edge is at y = 0, 2 m ahead; the room's wall is 4 m ahead."""
     scene = room(device)
-    ahead = sensors.Rays(np.array([[[1.0, 0, 0], [1.0, 0.2, 0], [1.0, -0.2, 0]]]) / [[[1], [1.04**0.5], [1.04**0.5]]])
+    ahead = cameras.Rays(np.array([[[1.0, 0, 0], [1.0, 0.2, 0], [1.0, -0.2, 0]]]) / [[[1], [1.04**0.5], [1.04**0.5]]])
     beams = sensors.spread_beams(ahead, 0.02, 64)
     assert beams.directions.shape == (1, 192, 3)
     cosines = (beams.directions.reshape(1, 3, 64, 3) * ahead.directions[:, :, None]).sum(-1)
@@ -122,7 +122,7 @@ def test_beam_at_an_edge_returns_twice(device):
 def test_ray_list_equals_an_image_of_one_row(device):
     scene, pose = room(device), turned(0.3)
     image = sensors.lidars.even(1, (0.0, 0.0), increment=0.05)
-    row = sensors.Rays(image.directions[0], axes="ros_body")
+    row = cameras.Rays(image.directions[0], axes="ros_body")
     found = []
     for rays in (image, row):
         beams = sensors.spread_beams(rays, 0.05, 5)
@@ -151,7 +151,7 @@ def test_incidence_supports_pose_conventions(device):
 
 
 BAD = {
-    "no rays": (lambda scan: sensors.spread_beams(wv.Camera.kinect(), 0.1), "rays must be warpvis.sensors.Rays"),
+    "no rays": (lambda scan: sensors.spread_beams(wv.Camera.kinect(), 0.1), "rays must be warpvis.cameras.Rays"),
     "a cone too wide": (lambda scan: sensors.spread_beams(scan[1], 7.0), "divergence must be from 0 to 3.14"),
     "no images": (
         lambda scan: sensors.measure_incidence(wv.Views(), scan[1], AT_ORIGIN),

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import warpvis as wv
+from warpvis.cameras import Rays
 from warpvis.rendering import OrthographicCamera, WideCamera
 from warpvis.scene import solids
-from warpvis.sensors import Corruptions, Motion, Rays, RollingShutter
+from warpvis.sensors import Corruptions, Motion, RollingShutter
 
 import reference
 from compare import wrong_depth

@@ -11,7 +11,7 @@ import warp as wp
 from pose_samples import unit
 
 import warpvis as wv
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 from warpvis.core.poses import poses_to_matrices
 
 POSE = (0.0, 0, 1, 0, 0, 0, 1)

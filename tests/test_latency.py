@@ -110,7 +110,7 @@ def test_outputs_are_new_arrays_or_out(device):
 
 def test_ray_scans_and_empty_batches(device):
     """Ray scans, zero views, and frame numbers in a device array."""
-    pattern = wv.sensors.Rays(np.eye(3), near=0.0, far=100.0)
+    pattern = wv.cameras.Rays(np.eye(3), near=0.0, far=100.0)
     renderer = wv.Renderer(make_scene(device), pattern, outputs="depth")
     latency = Latency(1)
     scans = [renderer.render(moved(k)).depth.numpy() for k in range(3)]

@@ -14,8 +14,8 @@ import pytest
 import trimesh
 
 import warpvis as wv
+from warpvis.cameras import LensCamera, lenses
 from warpvis.errors import CameraError, IntrinsicsWarning
-from warpvis.sensors import LensCamera, lenses
 
 import reference
 from compare import assert_view_matches, hair
@@ -322,7 +322,7 @@ BAD = {
         r'kind must be "range" for rays 90 degrees or more from the axis, got "z" with \d+ such',
     ),
     "kind": (lambda: LensCamera(SMALL, 64, 48, kind="ray"), 'kind must be "z" or "range", got \'ray\''),
-    "lens": (lambda: LensCamera("wide", 64, 48), "lens must be one of warpvis.sensors.lenses, got str"),
+    "lens": (lambda: LensCamera("wide", 64, 48), "lens must be one of warpvis.cameras.lenses, got str"),
     "range": (lambda: LensCamera(SMALL, 64, 48, near=2.0, far=1.0), "0 <= near < far"),
     "pixels": (
         lambda: LensCamera(SMALL, 10**5, 10**4),

@@ -14,10 +14,10 @@ import pytest
 from PIL import Image
 
 import warpvis as wv
+from warpvis.cameras import LensCamera, lenses
 from warpvis.cli import main
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
 from warpvis.io import load_camera
-from warpvis.sensors import LensCamera, lenses
 
 from support.lens_camera import FISHEYE, PLUMB_BOB, RATIONAL, SMALL, STRAIGHT, WIDE
 

@@ -9,9 +9,9 @@ import pytest
 from pose_samples import nerfstudio
 
 import warpvis as wv
+from warpvis.cameras import LensCamera, lenses
 from warpvis.errors import FileFormatError, IntrinsicsWarning
 from warpvis.io import load_camera
-from warpvis.sensors import LensCamera, lenses
 
 from support.camera_files import KALIBR, NERF, ROS_YAML, colmap_binary, colmap_text, put
 

@@ -10,10 +10,10 @@ import pytest
 import trimesh
 
 import warpvis as wv
+from warpvis.cameras import LensCamera, lenses
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import CameraError
 from warpvis.pose_generators import framing
-from warpvis.sensors import LensCamera, lenses
 from warpvis.visibility import BOP_DELTA, object_visibility
 
 import reference

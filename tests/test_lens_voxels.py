@@ -10,9 +10,9 @@ import trimesh
 
 import warpvis as wv
 from warpvis import Label
+from warpvis.cameras import LensCamera, lenses
 from warpvis.errors import PoseError
 from warpvis.maps import Voxel, _lens_voxels, plan_visibility, voxel_map, voxel_map_from_scene
-from warpvis.sensors import LensCamera, lenses
 
 from support.voxels import BOUNDS, BOX_BACK, BOX_FRONT, POSES, assert_matches_twin, at, build, same
 

@@ -8,9 +8,9 @@ import pickle
 import numpy as np
 import pytest
 
+from warpvis.cameras import lenses
+from warpvis.cameras.lenses import COLMAP_NUMBERS, lens_from_colmap, lens_to_colmap
 from warpvis.errors import CameraError
-from warpvis.sensors import lenses
-from warpvis.sensors.lenses import COLMAP_NUMBERS, lens_from_colmap, lens_to_colmap
 
 INTRINSICS = (300.0, 310.0, 161.0, 119.0)
 WIDTH, HEIGHT = 320, 240

@@ -13,12 +13,13 @@ import warp as wp
 from pose_samples import unit
 
 import warpvis as wv
+from warpvis.cameras import LensCamera, Rays, lenses
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.errors import ArrayError, CameraError, PoseError
 from warpvis.rendering import OUTPUTS, views_for
 from warpvis.scene import _traversal_plan
 from warpvis.scene.worlds import part_of
-from warpvis.sensors import LensCamera, Motion, Rays, RollingShutter, deskew, lenses, measure_incidence, point_clouds
+from warpvis.sensors import Motion, RollingShutter, deskew, measure_incidence, point_clouds
 
 import reference
 from compare import assert_view_matches, hair, wrong_depth

@@ -194,7 +194,7 @@ BAD = {
     ),
     "points": (
         lambda: wv.point_visibility(wv.scenes.PRESETS["room"].build(), FLAT, (0, 0, 1, 0, 0, 0, 1), [[0, 0, 0]]),
-        "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got OrthographicCamera",
+        "camera must be a warpvis.Camera or a warpvis.cameras.LensCamera, got OrthographicCamera",
     ),
     "pinhole": (
         lambda: wv.Camera.from_mujoco(shapes_model()[0], "flat", 8, 6),

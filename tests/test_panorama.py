@@ -256,7 +256,7 @@ def test_images_too_large_for_the_ray_cache_are_equal(monkeypatch, projection, d
 
 
 def test_full_panorama_matches_equirectangular_lens():
-    camera = wv.sensors.LensCamera(wv.sensors.lenses.Equirectangular(64, 32), 64, 32)
+    camera = wv.cameras.LensCamera(wv.cameras.lenses.Equirectangular(64, 32), 64, 32)
     np.testing.assert_allclose(WideCamera(64, 32, AROUND).rays, camera.rays, atol=1e-15)
 
 

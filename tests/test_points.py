@@ -240,7 +240,7 @@ def test_measured_depth_matches_reference(device):
     [
         ({"scene": 3}, "scene must be a warpvis.Scene, got int"),
         ({"scene": wv.Scene()}, "the scene has no objects; add() one first"),
-        ({"camera": None}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got NoneType"),
+        ({"camera": None}, "camera must be a warpvis.Camera or a warpvis.cameras.LensCamera, got NoneType"),
         ({"tolerance": -1}, "tolerance must be a number of meters from 0 up, got -1"),
         ({"tolerance": np.nan}, "tolerance must be a number of meters from 0 up, got nan"),
         ({"points": [(0, 0, np.nan), (0, 0, 0)]}, "points must be finite: 1 are not, the first at 0"),

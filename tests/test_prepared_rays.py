@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.core.ray_camera import OnceCache
+from warpvis.cameras import LensCamera, Rays, lenses
+from warpvis.cameras.ray_camera import OnceCache
 from warpvis.rendering import _cpu_table
-from warpvis.sensors import LensCamera, Rays, lenses
 
 from support.worlds import ALL, assert_bits_equal
 

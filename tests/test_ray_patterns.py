@@ -10,8 +10,8 @@ import pytest
 import trimesh
 
 import warpvis as wv
+from warpvis.cameras import LensCamera, Rays, lenses
 from warpvis.errors import CameraError
-from warpvis.sensors import LensCamera, Rays, lenses
 
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
 from support.solids import build as build_solids

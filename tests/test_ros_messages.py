@@ -383,7 +383,7 @@ def test_clouds_accept_points_of_any_frame():
     [
         ((np.ones((30, 40)),), r"points must be numbers of shape \(N, 3\).*of a depth image, give its camera, too"),
         ((np.ones((30, 41)), CAMERA), r"depth must have the camera's shape \(30, 40\), got \(30, 41\)"),
-        ((np.ones((30, 40)), "kinect"), "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got str"),
+        ((np.ones((30, 40)), "kinect"), "camera must be a warpvis.Camera or a warpvis.cameras.LensCamera, got str"),
         ((np.ones((4, 3), dtype=bool),), "points must be numbers"),
     ],
 )

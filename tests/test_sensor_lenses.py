@@ -7,8 +7,9 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis.sensors import Corruptions, KhoshelhamNoise, LensCamera, NguyenNoise, StereoDepth, TimeOfFlight, randomized
-from warpvis.sensors.lenses import KannalaBrandt, OpenCVPinhole
+from warpvis.cameras import LensCamera
+from warpvis.cameras.lenses import KannalaBrandt, OpenCVPinhole
+from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, StereoDepth, TimeOfFlight, randomized
 
 PINHOLE = wv.Camera.from_fov(64, 48, hfov=1.2, near=0.2, far=3.0)
 K = (PINHOLE.fx, PINHOLE.fy, PINHOLE.cx, PINHOLE.cy)

@@ -366,8 +366,8 @@ def test_copied_renderer_renders_alike(device, caster, convert):
 @pytest.mark.parametrize("convert", [copy.deepcopy, lambda renderer: pickle.loads(pickle.dumps(renderer))])
 def test_copied_ray_renderer_renders_alike(device, caster, convert):
     """Device data prepared from rays is not copied with the renderer."""
-    lens = wv.sensors.LensCamera(wv.sensors.lenses.OpenCVPinhole(30, 30, 20, 16, (-0.1, 0.02, 0, 0)), 40, 33)
-    rays = wv.sensors.Rays(lens.directions, origins=0 * lens.directions + 0.01)
+    lens = wv.cameras.LensCamera(wv.cameras.lenses.OpenCVPinhole(30, 30, 20, 16, (-0.1, 0.02, 0, 0)), 40, 33)
+    rays = wv.cameras.Rays(lens.directions, origins=0 * lens.directions + 0.01)
     for camera in (lens, rays):
         renderer = wv.Renderer(build(device), camera, outputs=ALL, caster=caster)
         out = renderer.render(eyes(2))

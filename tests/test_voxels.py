@@ -312,7 +312,7 @@ UNIT = ((0, 0, 0), (1, 1, 1))
             {"camera_to_world": np.tile(POSES[0], (2, 1))},
             "camera_to_world must have one pose for each view of depth, 1, got 2",
         ),
-        ({"camera": 3}, "camera must be a warpvis.Camera or a warpvis.sensors.LensCamera, got int"),
+        ({"camera": 3}, "camera must be a warpvis.Camera or a warpvis.cameras.LensCamera, got int"),
         ({"labels": np.ones((1, 12, 16), dtype=np.uint8)}, "labels must have shape (1, 120, 160), got (1, 12, 16)"),
         ({"labels": np.ones((120, 160))}, "labels must be uint8, got float64"),
         ({"labels": np.full((1, 120, 160), 300)}, "labels must fit uint8"),

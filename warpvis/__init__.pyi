@@ -4,6 +4,7 @@
 
 from . import (
     batch as batch,
+    cameras as cameras,
     core as core,
     errors as errors,
     io as io,
@@ -21,8 +22,8 @@ from . import (
     webots as webots,
 )
 from .batch import open_dataset as open_dataset, render_batch as render_batch
-from .core.camera import Camera as Camera
-from .core.frames import Frames as Frames
+from .cameras.frames import Frames as Frames
+from .cameras.pinhole import Camera as Camera
 from .core.labels import Label as Label, Visibility as Visibility
 from .core.poses import look_at as look_at
 from .errors import WarpvisError as WarpvisError

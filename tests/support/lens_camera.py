@@ -5,7 +5,7 @@
 import numpy as np
 
 import warpvis as wv
-from warpvis.sensors import lenses
+from warpvis.cameras import lenses
 
 PLUMB_BOB = (-0.3, 0.1, 0.001, -0.002, 0.01)
 RATIONAL = (0.3, 0.1, 0.001, -0.002, 0.01, 0.5, 0.05, 0.001)

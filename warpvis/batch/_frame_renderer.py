@@ -16,6 +16,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.batch.formats._base import VISIBILITY_ARRAYS
+from warpvis.cameras import CalibratedCamera, require_calibrated
 from warpvis.core.arrays import as_numpy, check_length, get_device
 from warpvis.core.checks import as_items, check_flag, check_mapping
 from warpvis.core.outputs import VISIBILITY
@@ -33,11 +34,10 @@ from warpvis.rendering import (
     check_outputs,
 )
 from warpvis.scene import Scene, require_scene
-from warpvis.sensors import CalibratedCamera, require_calibrated
 from warpvis.visibility import choose_objects, see_objects
 
 if TYPE_CHECKING:
-    from warpvis.core.frames import Frames
+    from warpvis.cameras.frames import Frames
 
 IMAGES = OUTPUTS | SENSOR_OUTPUTS
 """The outputs that are images, and the dtypes of their pixels."""

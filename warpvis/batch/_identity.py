@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
+from warpvis.cameras import LensCamera, lens_camera_to_fields
 from warpvis.core.labels import Label
 from warpvis.core.types import Json
-from warpvis.sensors import LensCamera, lens_camera_to_fields
 
 if TYPE_CHECKING:
-    from warpvis.core.frames import Frames
+    from warpvis.cameras import CalibratedCamera
+    from warpvis.cameras.frames import Frames
     from warpvis.scene import Scene, SceneObject
-    from warpvis.sensors import CalibratedCamera
 
 
 class ObjectDescription(TypedDict):

@@ -13,9 +13,9 @@ from warpvis.core.labels import LabelNames
 if TYPE_CHECKING:
     import numpy as np
 
-    from warpvis.core.frames import Frames
+    from warpvis.cameras import CalibratedCamera
+    from warpvis.cameras.frames import Frames
     from warpvis.rendering import DepthSensor
-    from warpvis.sensors import CalibratedCamera
 
 Options = Mapping[str, str | float]
 """A format's options by name: strings, numbers or flags."""

@@ -35,15 +35,15 @@ from warpvis.batch._verify import verify
 from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
+from warpvis.cameras import CalibratedCamera, require_calibrated
+from warpvis.cameras.frames import Frames
 from warpvis.core.checks import check_choice, check_flag, check_mapping, check_whole, pluralize
-from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
 from warpvis.rendering import Caster, DepthSensor, check_word, require_sensor
 from warpvis.scene.worlds import pose_columns
-from warpvis.sensors import CalibratedCamera, require_calibrated
 from warpvis.visibility import choose_objects
 
 if TYPE_CHECKING:

@@ -133,7 +133,7 @@ def _recorded_shards(store: Store, shards: int) -> list[int]:
 
 
 def _check_poses(store: Store, sha256: str, frames: int) -> Iterator[str]:
-    from warpvis.core.frames import Frames
+    from warpvis.cameras.frames import Frames
 
     try:
         arrays = read_frame_arrays(store)

@@ -11,8 +11,8 @@ import numpy as np
 import warp as wp
 
 from warpvis.batch._frame_renderer import VISIBILITY, FrameRenderer
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import get_device
-from warpvis.core.camera import Camera
 from warpvis.core.checks import as_items
 from warpvis.core.labels import Label
 from warpvis.core.types import DeviceLike

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from warpvis.core.frames import Frames
-    from warpvis.core.image_cameras import ImageCamera
+    from warpvis.cameras.frames import Frames
+    from warpvis.cameras.image_cameras import ImageCamera
     from warpvis.scene import Scene
     from warpvis.visibility import ObjectVisibility
 

@@ -29,11 +29,11 @@ from warpvis.errors import ArrayError, FileFormatError, PoseError
 
 if TYPE_CHECKING:
     from warpvis.batch import BatchSummary, Format
-    from warpvis.core.camera import Camera
-    from warpvis.core.frames import Frames
+    from warpvis.cameras import CalibratedCamera
+    from warpvis.cameras.frames import Frames
+    from warpvis.cameras.pinhole import Camera
     from warpvis.rendering import DepthSensor
     from warpvis.scene import Scene
-    from warpvis.sensors import CalibratedCamera
 
 
 _OUTPUTS = (

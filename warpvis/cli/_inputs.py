@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from warpvis.core.camera import Camera
-    from warpvis.core.frames import Frames
+    from warpvis.cameras import CalibratedCamera
+    from warpvis.cameras.frames import Frames
+    from warpvis.cameras.pinhole import Camera
     from warpvis.core.label_rules import LabelRules
     from warpvis.core.poses import QuaternionOrder
     from warpvis.scene import Scene
     from warpvis.scenes import Experiment
-    from warpvis.sensors import CalibratedCamera
 
 _MAX_DIGITS = 10
 
@@ -170,8 +170,8 @@ class ViewpointOptions(SceneOptions):
         Raises:
             WarpvisError: If it cannot be loaded, or that of the pose file differs.
         """
+        from warpvis.cameras import require_calibrated
         from warpvis.io import load_camera
-        from warpvis.sensors import require_calibrated
 
         camera = None if self.camera is None else load_camera(self.camera, distortion=self.distortion)
         stored = None if frames is None else frames.camera
@@ -281,7 +281,7 @@ class FrameOptions(ViewpointOptions):
 
     def _make_frames(self, poses: str | None, scene: Scene) -> Frames:
         """Generate poses from a scene: those of a specification, or one that sees the whole scene."""
-        from warpvis.core.frames import Frames
+        from warpvis.cameras.frames import Frames
         from warpvis.pose_generators import frames_from_spec, framing
 
         if poses is not None:
@@ -402,7 +402,7 @@ def _with_worlds(frames: Frames, path: Path, quaternion: QuaternionOrder) -> Fra
     Raises:
         FileFormatError: If it cannot be read, or contains no such poses.
     """
-    from warpvis.core.frames import Frames
+    from warpvis.cameras.frames import Frames
     from warpvis.core.poses import to_xyzw
     from warpvis.io import read_archive
 

@@ -18,10 +18,10 @@ from warpvis.core.checks import check_choice, pluralize
 from warpvis.errors import CameraError, FileFormatError, PoseError
 
 if TYPE_CHECKING:
-    from warpvis.core.frames import Frames
+    from warpvis.cameras import Rays
+    from warpvis.cameras.frames import Frames
     from warpvis.rendering import Output
     from warpvis.scene import Scene
-    from warpvis.sensors import Rays
     from warpvis.sensors.lidars import Livox
 
 FORMATS = ("bin", "pcd", "las", "npy")
@@ -134,7 +134,7 @@ def render_clouds(command: FrameOptions, job: CloudJob) -> bool:
 
 def _turns(frames: Frames, lidar: Rays | Livox) -> Frames:
     """Return the frames from which a whole revolution ends before the last pose."""
-    from warpvis.sensors import Rays
+    from warpvis.cameras import Rays
 
     rays = lidar if isinstance(lidar, Rays) else lidar.frame(0)
     if rays.times is None:
@@ -149,8 +149,9 @@ def _turns(frames: Frames, lidar: Rays | Livox) -> Frames:
 
 def _clouds(job: CloudJob, scene: Scene, frames: Frames, lidar: Rays | Livox, turns: int) -> Iterator[np.ndarray]:
     """Render the clouds in batches; a Livox has different rays in every frame."""
+    from warpvis.cameras import Rays
     from warpvis.rendering import Renderer
-    from warpvis.sensors import Motion, Rays, point_clouds
+    from warpvis.sensors import Motion, point_clouds
 
     prepare = partial(Renderer, scene, outputs=_OUTPUTS, threads=job.threads)
     renderer, step = None, 1

@@ -41,7 +41,7 @@ class SensorFit:
 
     def run(self) -> None:
         """Run the command."""
-        from warpvis.core.camera import Camera
+        from warpvis.cameras.pinhole import Camera
         from warpvis.io import find_depth_images, load_camera, read_depth
         from warpvis.sensors import fit
 

@@ -27,8 +27,8 @@ from warpvis.cli._inputs import (
 from warpvis.errors import FileFormatError, WarpvisError
 
 if TYPE_CHECKING:
-    from warpvis.core.camera import Camera
-    from warpvis.core.frames import Frames
+    from warpvis.cameras.frames import Frames
+    from warpvis.cameras.pinhole import Camera
     from warpvis.scene import Scene
     from warpvis.viewer import ViewerState
     from warpvis.visibility import Agent
@@ -178,6 +178,6 @@ class View(ViewpointOptions):
 
     def _pinhole(self) -> Camera:
         """Return --camera, which must be a pinhole to compute a pose that sees the whole scene."""
-        from warpvis.core.camera import require_camera
+        from warpvis.cameras.pinhole import require_camera
 
         return require_camera(self.choose_camera())

@@ -11,12 +11,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras import Rays
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_choice, check_number
 from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, stamp_nanoseconds
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, MessageError
-from warpvis.sensors import Rays
 
 CloudLayout = Literal["velodyne", "ouster", "livox"]
 """Driver whose fields a PointCloud2 has."""
@@ -175,7 +175,7 @@ def to_laserscan(
     """
     maker = MessageMaker(types)
     if not isinstance(rays, Rays):
-        raise ArrayError(f"rays must be warpvis.sensors.Rays, got {type(rays).__name__}")
+        raise ArrayError(f"rays must be warpvis.cameras.Rays, got {type(rays).__name__}")
     first, last, step, count = _even_angles(rays)
     wait = 0.0 if rays.times is None or count < 2 else _even_times(np.asarray(rays.times).reshape(-1))
     taken = check_number(count * wait if scan_time is None else scan_time, "scan_time", minimum=0.0, error=MessageError)

@@ -10,11 +10,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.depth_images import check_meters
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_numpy, on_gpu
-from warpvis.core.camera import Camera
 from warpvis.core.checks import check_choice
-from warpvis.core.depth_images import check_meters
-from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, field, whole_field
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, MessageError
@@ -128,7 +128,7 @@ def to_pointcloud2(
             Without, points [m] in any frame, shape ``(N, 3)``, or ``(H, W, 3)`` or ``(1, H, W, 3)`` for a cloud with
             rows and columns; or a lidar's cloud, as returned by `warpvis.sensors.point_clouds`, whose times are
             relative to `stamp`.
-        camera: The camera of a depth image, which may be a `warpvis.sensors.LensCamera`.
+        camera: The camera of a depth image, which may be a `warpvis.cameras.LensCamera`.
         frame_id: The frame of the points; for a depth image, the camera's optical frame.
         stamp: Time of the image [s], or a Time message.
         layout: Driver whose fields a lidar's cloud gets: ``"velodyne"``, x y z intensity float32, ring uint16, time

@@ -13,9 +13,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
+from warpvis.cameras.depth_images import read_depth
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import as_numpy, as_warp, check_length, check_out, empty, on_gpu
-from warpvis.core.depth_images import read_depth
-from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
@@ -65,7 +65,7 @@ def back_project(
     Args:
         depth: Depth as defined by the camera (planar for a pinhole) [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for
             one view. Host arrays that apparently contain millimeters raise an error; arrays on a GPU are not checked.
-        camera: The camera of the images: a pinhole, or a `warpvis.sensors.LensCamera`.
+        camera: The camera of the images: a pinhole, or a `warpvis.cameras.LensCamera`.
         camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
@@ -116,7 +116,7 @@ def classify(
     Args:
         depth: Depth as defined by the camera (planar for a pinhole) [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for
             one view. Host arrays that apparently contain millimeters raise an error; arrays on a GPU are not checked.
-        camera: The camera of the images: a pinhole, or a `warpvis.sensors.LensCamera`.
+        camera: The camera of the images: a pinhole, or a `warpvis.cameras.LensCamera`.
         camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
         spheres: Objects: `Sphere`s, or rows ``x y z diameter`` [m] of shape ``(S, 4)``, labeled `Label.OBJECT`.
         ground_tolerance: Height above the floor below which a point is ground [m], to allow for sensor noise.

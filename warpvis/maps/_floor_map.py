@@ -13,9 +13,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.depth_images import read_labels
 from warpvis.core.arrays import as_numpy, as_warp, check_length, empty, get_device
 from warpvis.core.checks import is_whole
-from warpvis.core.depth_images import read_labels
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_images

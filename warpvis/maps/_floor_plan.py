@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items
-from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import PoseLike
 from warpvis.errors import PoseError, SceneError
@@ -58,7 +58,7 @@ def plan_visibility(
 
     Args:
         scene: The scene.
-        camera: The camera, a pinhole or a `warpvis.sensors.LensCamera`. Only its columns and `far` are used.
+        camera: The camera, a pinhole or a `warpvis.cameras.LensCamera`. Only its columns and `far` are used.
         camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
         exclude: Names of objects that are ignored, like the robot that carries the camera.
         convention: Axes of the camera frame of the poses.

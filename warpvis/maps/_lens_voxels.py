@@ -11,8 +11,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.poses import poses_to_matrices
-from warpvis.core.ray_camera import LensedCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments
 from warpvis.maps._voxel_map import VoxelMap

@@ -16,10 +16,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
+from warpvis.cameras.depth_images import read_depth, read_labels
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_numpy, check_length, empty
-from warpvis.core.camera import Camera
-from warpvis.core.depth_images import read_depth, read_labels
-from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
@@ -78,7 +78,7 @@ def voxel_map(
             -inf, or a depth between 0 and `near`, means a surface nearer than `near` that occludes everything behind it
             (REP 117). 0, negative and NaN mean no measurement. Host arrays that apparently contain millimeters raise an
             error; arrays on a GPU are not checked.
-        camera: The camera of the images: a pinhole, or a `warpvis.sensors.LensCamera`, for which voxels are projected
+        camera: The camera of the images: a pinhole, or a `warpvis.cameras.LensCamera`, for which voxels are projected
             on the host; its pixels without a ray are ignored.
         camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
         bounds: Lower and upper corner of the box [m], shape ``(2, 3)``. Voxels begin at the lower corner; the last
@@ -140,7 +140,7 @@ def voxel_map_from_scene(
 
     Args:
         scene: The scene, whose vertical axis is the map's.
-        camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera`.
+        camera: Intrinsics, image size and depth range of all views; or a `warpvis.cameras.LensCamera`.
         camera_to_world: Poses, as for `Renderer.render`.
         bounds: Lower and upper corner of the box [m], shape ``(2, 3)``. By default those of `out`, or else the scene's,
             with movable objects at their initial poses, extended by one and a half voxels on every side, so that a

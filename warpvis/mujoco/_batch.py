@@ -13,8 +13,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import as_numpy, check_out, empty
-from warpvis.core.camera import check_size
 from warpvis.core.checks import check_choice, check_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.label_rules import LabelInput

@@ -12,7 +12,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera, check_size
+from warpvis.cameras.pinhole import Camera, check_size
 from warpvis.errors import CameraError
 from warpvis.mujoco._numbers import check_camera_numbers
 from warpvis.rendering import AnyCamera, OrthographicCamera

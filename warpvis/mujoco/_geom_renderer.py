@@ -14,8 +14,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.poses import Convention, poses_to_matrices
-from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS

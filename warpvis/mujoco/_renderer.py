@@ -13,7 +13,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import check_size
+from warpvis.cameras.pinhole import check_size
 from warpvis.core.checks import check_choice, check_flag, describe_exception, truncate
 from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.threads import check_threads

@@ -13,9 +13,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.arrays import as_numpy, as_point, check_length, empty
 from warpvis.core.checks import as_items, check_choice, check_number, check_whole, degrees_hint, is_number
-from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_opencv, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError

@@ -13,8 +13,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.arrays import as_numpy, as_points, check_length, empty
-from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Label, Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike

@@ -9,11 +9,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
+from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.checks import check_angle
-from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.poses import check_up, poses_to_matrices
-from warpvis.core.ray_camera import LensedCamera
 from warpvis.errors import CameraError
 from warpvis.pose_generators._generators import poses_along
 from warpvis.scene import Scene, require_scene
@@ -35,7 +35,7 @@ def framing(
 
     Args:
         scene: The scene, with its objects at their initial poses.
-        camera: The camera, which may be a `warpvis.sensors.LensCamera`. Its optical axis must be inside the image; its
+        camera: The camera, which may be a `warpvis.cameras.LensCamera`. Its optical axis must be inside the image; its
             depth range is ignored.
         azimuth: Azimuth of the camera as seen from the scene [rad], counterclockwise from the floor's first axis (x
             where z is up, z where y is up).

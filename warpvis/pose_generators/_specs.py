@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.frames import Frames
 from warpvis.core.checks import check_text
-from warpvis.core.frames import Frames
 from warpvis.core.poses import check_up
 from warpvis.core.types import Json
 from warpvis.errors import PoseError

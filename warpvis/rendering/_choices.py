@@ -10,9 +10,9 @@ from typing import Literal
 
 import warp as wp
 
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.checks import check_choice, check_number, check_whole
 from warpvis.core.outputs import Output
-from warpvis.core.ray_camera import RayCamera
 from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering._cpu_ray_origins import CpuRayOriginsCaster
 from warpvis.rendering._cpu_remap import CpuRemapCaster

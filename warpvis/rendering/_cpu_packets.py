@@ -13,8 +13,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import aligned_zeros
-from warpvis.core.camera import Camera
 from warpvis.core.poses import Convention, host_poses
 from warpvis.core.threads import pack_launch, run_together
 from warpvis.core.types import PoseLike

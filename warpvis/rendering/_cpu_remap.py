@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.kernels.constants import BLOCK_SIDE, TILE_SIDE
 from warpvis.rendering._cpu_packets import MAX_KINDS, CpuPacketsCaster, RayCosts, Workspace
 from warpvis.rendering._prepared import FreeList

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warpvis.core.camera import clip_inv_z
+from warpvis.cameras.pinhole import clip_inv_z
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.poses import Convention, host_poses
-from warpvis.core.ray_camera import RayCamera
 from warpvis.core.types import PoseLike
 from warpvis.rendering._cpu_packets import FEW_RAYS, MAX_KINDS, RayCosts, Workspace
 from warpvis.rendering._prepared import FreeList

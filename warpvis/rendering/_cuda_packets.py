@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering._cuda_points import cast_point_packets, takes_packets

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import warp as wp
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering._found_objects import nothing_found

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import warp as wp
 
-from warpvis.core.image_cameras import ImageCamera
-from warpvis.core.ray_camera import RayCamera
+from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.core.types import KernelArguments
 from warpvis.rendering.casters import ray_table

@@ -13,9 +13,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.arrays import put_rows, take_rows
-from warpvis.core.camera import Camera
-from warpvis.core.ray_camera import LensedCamera
 from warpvis.errors import ArrayError, CameraError
 from warpvis.scene.worlds import part_of
 

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warpvis.core.image_cameras import pinhole_rays
+from warpvis.cameras.image_cameras import pinhole_rays
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.motion import Motion, check_times, instants_of, stacked
 from warpvis.core.poses import Convention, check_convention, parse_poses, vectors_in_axes
-from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError, PoseError

@@ -8,9 +8,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
-from warpvis.core.camera import Camera, check_numbers, check_size
+from warpvis.cameras.pinhole import Camera, check_numbers, check_size
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.checks import is_number
-from warpvis.core.ray_camera import RayCamera
 from warpvis.errors import CameraError
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.pinhole import check_range, check_size
+from warpvis.cameras.ray_camera import MAX_RAYS, OnceCache, RayCamera
 from warpvis.core.arrays import as_numpy
-from warpvis.core.camera import check_range, check_size
 from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.core.poses import Convention, QuaternionOrder
-from warpvis.core.ray_camera import MAX_RAYS, OnceCache, RayCamera
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import CameraError
 from warpvis.rendering._choices import Output

@@ -12,13 +12,13 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.pinhole import require_camera
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.arrays import as_warp, count_axes
-from warpvis.core.camera import require_camera
 from warpvis.core.checks import check_choice, check_flag
 from warpvis.core.motion import Motion
 from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import Convention, QuaternionOrder, host_poses, to_xyzw
-from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
@@ -83,8 +83,8 @@ class Renderer:
 
         Args:
             scene: The scene to render. Objects that are added to it later are rendered too.
-            camera: Intrinsics, image size and depth range of all views; or a `warpvis.sensors.LensCamera`, a
-                `warpvis.sensors.Rays` or a `warpvis.rendering.OrthographicCamera`. Rays with distinct origins are cast
+            camera: Intrinsics, image size and depth range of all views; or a `warpvis.cameras.LensCamera`, a
+                `warpvis.cameras.Rays` or a `warpvis.rendering.OrthographicCamera`. Rays with distinct origins are cast
                 in packets of rays that pass near a common eye if the origins are within 0.1 m of each other, and ray by
                 ray otherwise. An `OrthographicCamera` is always cast ray by ray.
             outputs: The images to render: ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
@@ -192,7 +192,7 @@ class Renderer:
             exclude: Objects to leave out: names or indices of objects, or flags per view, shape ``(V, objects)``. For
                 example, a robot's camera excludes the robot's body.
             convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"``, ``"ros_body"`` or
-                ``"ros_optical"``; by default the camera's axes, which are OpenCV's except for `warpvis.sensors.Rays`
+                ``"ros_optical"``; by default the camera's axes, which are OpenCV's except for `warpvis.cameras.Rays`
                 with other axes.
             quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``; a `Motion` already
                 has its order.

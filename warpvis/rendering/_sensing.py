@@ -15,8 +15,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_numpy, empty
-from warpvis.core.camera import Camera
 from warpvis.core.checks import check_whole, is_number
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError

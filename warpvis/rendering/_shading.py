@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.arrays import empty
-from warpvis.core.camera import Camera
 from warpvis.core.poses import Convention
-from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 import warp as wp
 
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.arrays import on_gpu
 from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses
-from warpvis.core.ray_camera import RayCamera
 from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.kernels.constants import POSE_WORDS

@@ -1,26 +1,14 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sensor models: depth cameras, camera lenses, ray patterns, lidars and the returns of their beams."""
+"""Sensor models: depth cameras, lidars and the returns of their beams, and motion during a frame."""
 
 from __future__ import annotations
 
 from warpvis.core.motion import Motion
-from warpvis.sensors import lenses, lidars
+from warpvis.sensors import lidars
 from warpvis.sensors._clouds import point_clouds
 from warpvis.sensors._deskew import deskew
 from warpvis.sensors._echoes import Returns, gather_returns, measure_incidence, reflect, spread_beams
-from warpvis.sensors._fields import (
-    lens_camera_from_fields as lens_camera_from_fields,
-    lens_camera_to_fields as lens_camera_to_fields,
-    opencv_intrinsics as opencv_intrinsics,
-)
-from warpvis.sensors._lens_camera import (
-    CalibratedCamera as CalibratedCamera,
-    LensCamera,
-    camera_of as camera_of,
-    require_calibrated as require_calibrated,
-)
-from warpvis.sensors._rays import Rays
 from warpvis.sensors._rolling_shutter import RollingShutter
 from warpvis.sensors.depth import (
     Corruptions,
@@ -55,11 +43,9 @@ __all__ = [
     "Corruptions",
     "KhoshelhamNoise",
     "Latency",
-    "LensCamera",
     "Motion",
     "NguyenNoise",
     "Randomized",
-    "Rays",
     "Reason",
     "RedwoodNoise",
     "Returns",
@@ -73,7 +59,6 @@ __all__ = [
     "gather_returns",
     "kinect_v1",
     "kinect_v2",
-    "lenses",
     "lidars",
     "measure_incidence",
     "oak_d",

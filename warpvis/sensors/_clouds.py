@@ -10,12 +10,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.rays import Rays
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_flag
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.rendering import Views
-from warpvis.sensors._rays import Rays
 
 Cloud = NDArray[np.void]
 """Points with named fields."""
@@ -51,7 +51,7 @@ def point_clouds(
         ArrayError: If an argument is invalid.
     """
     if not isinstance(rays, Rays):
-        raise ArrayError(f"rays must be warpvis.sensors.Rays, got {type(rays).__name__}")
+        raise ArrayError(f"rays must be warpvis.cameras.Rays, got {type(rays).__name__}")
     if not isinstance(views, Views):
         raise ArrayError(f"views must be warpvis.Views, got {type(views).__name__}")
     if not isinstance(views.depth, wp.array):

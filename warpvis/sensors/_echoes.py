@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.rays import Rays
 from warpvis.core.arrays import as_numpy, check_out, check_shape, empty
 from warpvis.core.checks import check_angle, check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.motion import Motion
@@ -22,7 +23,6 @@ from warpvis.core.types import PoseLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import Views, parse_sensor
 from warpvis.scene import Scene, require_scene
-from warpvis.sensors._rays import Rays
 
 Reflectivity: TypeAlias = float | Mapping[str, float] | ArrayLike
 """One value for all objects, a mapping from object names to values (1 for others), or values in scene order."""
@@ -265,7 +265,7 @@ def _as_image(shape: tuple[int, ...], views: int) -> tuple[int, int, int]:
 
 def _require_rays(rays: object) -> None:
     if not isinstance(rays, Rays):
-        raise ArrayError(f"rays must be warpvis.sensors.Rays, got {type(rays).__name__}")
+        raise ArrayError(f"rays must be warpvis.cameras.Rays, got {type(rays).__name__}")
 
 
 def _perpendicular(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -11,11 +11,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.image_cameras import pinhole_rays
+from warpvis.cameras.lens_camera import CalibratedCamera, LensCamera, require_calibrated
+from warpvis.cameras.ray_camera import DepthKind, RayCamera
 from warpvis.core.checks import check_choice, check_number
-from warpvis.core.image_cameras import pinhole_rays
-from warpvis.core.ray_camera import DepthKind, RayCamera
 from warpvis.errors import CameraError
-from warpvis.sensors._lens_camera import CalibratedCamera, LensCamera, require_calibrated
 
 Direction = Literal["top_to_bottom", "bottom_to_top", "left_to_right", "right_to_left"]
 """Direction of readout."""

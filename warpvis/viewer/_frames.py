@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.frames import Frames
+from warpvis.cameras.frames import Frames
 from warpvis.errors import ArrayError
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv

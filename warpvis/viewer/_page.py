@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import check_up
 from warpvis.viewer._answers import describe_proposal, propose
 from warpvis.viewer._gizmos import Gizmos

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.errors import WarpvisError
 from warpvis.viewer._answers import map_picture
 from warpvis.viewer._pictures import kinect_noise, with_view

@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
-from warpvis.core.image_cameras import ImageCamera
+from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.pinhole import Camera
 from warpvis.rendering import DepthSensor, Output, Renderer
 from warpvis.scene import Scene
 from warpvis.sensors import kinect_v1

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError, WarpvisError
 from warpvis.viewer._state import Snapshot, ViewerState

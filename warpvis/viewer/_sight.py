@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import look_at, poses_to_matrices
 from warpvis.rendering import Renderer

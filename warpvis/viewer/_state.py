@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.frames import Frames
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items, is_number, is_whole
-from warpvis.core.frames import Frames
 from warpvis.core.labels import Label
 from warpvis.core.poses import (
     QuaternionOrder,

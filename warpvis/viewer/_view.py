@@ -15,9 +15,9 @@ from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.frames import Frames
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import check_flag, is_whole
-from warpvis.core.frames import Frames
 from warpvis.errors import WarpvisError
 from warpvis.scene import Scene, require_scene
 from warpvis.viewer._mujoco import as_mujoco_stage

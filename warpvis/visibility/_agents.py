@@ -13,11 +13,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.checks import as_items, degrees_hint, is_number
-from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, poses_to_matrices, quaternion_product, to_xyzw
-from warpvis.core.ray_camera import LensedCamera
 from warpvis.core.types import PoseLike
 from warpvis.errors import CameraError, SceneError
 
@@ -151,7 +151,7 @@ class Agent:
         if not isinstance(self.name, str) or not self.name:
             raise SceneError(f"name of an agent must be a non-empty string, got {self.name!r}")
         if not isinstance(self.camera, Camera | LensedCamera | FieldOfView):
-            kinds = "a warpvis.Camera, a warpvis.sensors.LensCamera or a FieldOfView"
+            kinds = "a warpvis.Camera, a warpvis.cameras.LensCamera or a FieldOfView"
             raise CameraError(f"camera of {self.name!r} must be {kinds}, got {type(self.camera).__name__}")
         if not isinstance(self.attention, Camera | LensedCamera | None):
             raise CameraError(

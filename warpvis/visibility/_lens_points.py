@@ -12,9 +12,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import poses_to_matrices
-from warpvis.core.ray_camera import LensedCamera
 from warpvis.rendering import Caster, Output, Renderer, render_along
 from warpvis.scene import Scene
 from warpvis.scene.worlds import part_of

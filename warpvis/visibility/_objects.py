@@ -13,9 +13,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import check_length, empty
 from warpvis.core.checks import as_items, check_flag
-from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Visibility
 from warpvis.core.pose_order import warn_of_order
@@ -107,7 +107,7 @@ def object_visibility(
 
     Args:
         scene: The scene.
-        camera: Image size, intrinsics and depth range of all views; or a `warpvis.sensors.LensCamera`, for which only
+        camera: Image size, intrinsics and depth range of all views; or a `warpvis.cameras.LensCamera`, for which only
             pixels of the canvas are counted that correspond to a direction.
         camera_to_world: Poses, as for `Renderer.render`.
         objects: Names or indices of the objects; all by default.

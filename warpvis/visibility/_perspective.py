@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.checks import as_items, format_fraction, is_number
-from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Label, LabelNames, Visibility
 from warpvis.core.poses import QuaternionOrder, to_xyzw
 from warpvis.core.types import ArrayInput, ObjectPoses

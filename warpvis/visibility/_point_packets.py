@@ -14,8 +14,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import aligned_empty
-from warpvis.core.camera import Camera
 from warpvis.core.threads import pack_launch, run_together
 from warpvis.kernels.constants import (
     COUNTER_FINISHED,

@@ -8,11 +8,11 @@ import dataclasses
 
 import warp as wp
 
+from warpvis.cameras.depth_images import read_depth
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_points, check_length, empty
-from warpvis.core.camera import Camera
 from warpvis.core.checks import pluralize
-from warpvis.core.depth_images import read_depth
-from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, to_xyzw
 from warpvis.core.threads import launch_points
@@ -45,7 +45,7 @@ def point_visibility(
 
     Args:
         scene: The scene whose surfaces may hide the points.
-        camera: Image size, intrinsics and depth range; or a `warpvis.sensors.LensCamera`, through which points are
+        camera: Image size, intrinsics and depth range; or a `warpvis.cameras.LensCamera`, through which points are
             projected on the host.
         camera_to_world: Poses, as for `Renderer.render`.
         points: Points in the world frame [m], shape ``(N, 3)``: any points, such as vertices, face centers or voxels.
@@ -124,7 +124,7 @@ def point_visibility_from_depth(
             or a depth between 0 and `near`, a surface nearer than `near`, which hides all points behind it (REP 117).
             0, negative values and NaN are not measured. Host arrays that clearly contain millimeters are rejected;
             arrays on a GPU are not checked.
-        camera: The camera of the images: a pinhole, or a `warpvis.sensors.LensCamera`.
+        camera: The camera of the images: a pinhole, or a `warpvis.cameras.LensCamera`.
         camera_to_world: Poses of the camera, as for `Renderer.render`.
         points: Points in the world frame [m], shape ``(N, 3)``.
         tolerance: Maximum distance of a visible point behind the measured surface along its ray [m], to allow for the

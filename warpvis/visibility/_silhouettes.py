@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import warp as wp
 
+from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.arrays import aligned_zeros
-from warpvis.core.camera import Camera
-from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.kernel_cache import launch
-from warpvis.core.ray_camera import LensedCamera
 from warpvis.core.threads import launch_images, pack_launch, run_together
 from warpvis.core.types import KernelArguments
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS

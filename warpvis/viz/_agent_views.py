@@ -11,7 +11,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.types import Excluded, ObjectPoses
 from warpvis.rendering import Renderer, Views, render
 from warpvis.scene import Scene

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.camera import Camera
-from warpvis.core.image_cameras import ImageCamera
+from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import Convention, QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import ObjectPoses, PoseLike
 from warpvis.errors import ArrayError

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_point
-from warpvis.core.camera import Camera
 from warpvis.core.poses import check_up, look_at, poses_to_matrices
 from warpvis.planning import best_views
 from warpvis.pose_generators import fitting_distance

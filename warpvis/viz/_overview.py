@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.arrays import as_numpy, check_shape
-from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_text, is_number
 from warpvis.core.poses import QuaternionOrder, look_at, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import ArrayInput

@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import check_text, pluralize
 from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, poses_to_matrices, to_xyzw

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_text, format_fraction
-from warpvis.core.image_cameras import ImageCamera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike

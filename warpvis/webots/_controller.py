@@ -12,8 +12,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_numpy, check_length
-from warpvis.core.camera import Camera
 from warpvis.core.poses import QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, PoseError

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import poses_to_opencv
 from warpvis.errors import SceneError
 from warpvis.webots._nodes import Node, Version

@@ -13,12 +13,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras import Rays
+from warpvis.cameras.ray_camera import MAX_RAYS
 from warpvis.core.arrays import as_numpy
 from warpvis.core.poses import Convention, convert_axes
-from warpvis.core.ray_camera import MAX_RAYS
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
-from warpvis.sensors import Rays
 from warpvis.webots._devices import origin_note, read_field_of_view, read_ranges
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots.shapes._resets import correction

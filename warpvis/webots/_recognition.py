@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import look_at, poses_to_matrices
 from warpvis.errors import SceneError
 from warpvis.rendering import Renderer, WideCamera, render

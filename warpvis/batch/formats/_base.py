@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.lenses import OpenCVPinhole
+from warpvis.cameras.pinhole import Camera
 from warpvis.errors import CameraError, FileFormatError
-from warpvis.sensors.lenses import OpenCVPinhole
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
+    from warpvis.cameras.lenses import Lens
     from warpvis.core.labels import Label
     from warpvis.core.threads import Crew
     from warpvis.scene import Scene
-    from warpvis.sensors.lenses import Lens
 
 Written = TypeVar("Written")
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Images, refuse_lens
 from warpvis.batch.formats._layouts import Layout
-from warpvis.core.camera import require_camera
+from warpvis.cameras.pinhole import require_camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import FileFormatError
@@ -26,7 +26,7 @@ from warpvis.visibility import BOP_DELTA
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
-    from warpvis.core.frames import Frames
+    from warpvis.cameras.frames import Frames
     from warpvis.scene import Scene
 
 _MILLIMETERS_PER_METER = 1000.0

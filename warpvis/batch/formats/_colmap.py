@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout, Parts, numbers, rows_of, write_lines
-from warpvis.core.camera import Camera
+from warpvis.cameras.lenses import lens_to_colmap
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import poses_to_matrices
-from warpvis.sensors.lenses import lens_to_colmap
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan

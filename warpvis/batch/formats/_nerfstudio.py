@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout, rows_of, write_lines
+from warpvis.cameras.lenses import lens_to_nerfstudio
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import Json
-from warpvis.sensors.lenses import lens_to_nerfstudio
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan

@@ -15,8 +15,9 @@ import numpy as np
 from warpvis.batch._job import Plan, shard_name
 from warpvis.batch.formats._base import IMAGE_DTYPES, Format, Images, check_options
 from warpvis.batch.storage._direct_io import ALIGNMENT, MIN_DIRECT
-from warpvis.core.camera import Camera
-from warpvis.sensors import CalibratedCamera, lens_camera_to_fields, opencv_intrinsics, sensor_to_fields
+from warpvis.cameras import CalibratedCamera, lens_camera_to_fields, opencv_intrinsics
+from warpvis.cameras.pinhole import Camera
+from warpvis.sensors import sensor_to_fields
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer

@@ -13,10 +13,11 @@ import numpy as np
 
 from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import Layout, Parts
+from warpvis.cameras import LensCamera, lens_camera_to_fields
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io import encode_pngs
-from warpvis.sensors import LensCamera, Reason, lens_camera_to_fields
+from warpvis.sensors import Reason
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan

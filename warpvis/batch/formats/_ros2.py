@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout
-from warpvis.core.camera import Camera
+from warpvis.cameras import CalibratedCamera
+from warpvis.cameras.lenses import lens_to_ros
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.messages import Message, MessageMaker, nanoseconds
 from warpvis.errors import FileFormatError
 from warpvis.io import to_image_msg, to_pointcloud2
-from warpvis.sensors import CalibratedCamera
-from warpvis.sensors.lenses import lens_to_ros
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -12,8 +12,8 @@ import numpy as np
 
 from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout, numbers, rows_of, write_lines
+from warpvis.cameras.lenses import lens_to_tum
 from warpvis.errors import FileFormatError
-from warpvis.sensors.lenses import lens_to_tum
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan

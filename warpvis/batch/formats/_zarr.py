@@ -20,16 +20,10 @@ from warpvis.batch._job import Options, Plan, frame_arrays
 from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS, Format, Images, check_options
 from warpvis.batch.storage._direct_io import FilePart
 from warpvis.batch.storage._output import files_below
+from warpvis.cameras import CalibratedCamera, LensCamera, lens_camera_to_fields, opencv_intrinsics
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
-from warpvis.sensors import (
-    CalibratedCamera,
-    LensCamera,
-    Reason,
-    lens_camera_to_fields,
-    opencv_intrinsics,
-    sensor_to_fields,
-)
+from warpvis.sensors import Reason, sensor_to_fields
 
 if TYPE_CHECKING:
     import zarr

@@ -21,13 +21,14 @@ from warpvis.batch.reading._job import FrameSpec, Job, read_job
 from warpvis.batch.reading._pictures import BopReader, ColmapReader, PngReader, TumReader
 from warpvis.batch.reading._shards import NpzReader, ShardReader, ZarrReader
 from warpvis.batch.storage._stores import Store, open_store
+from warpvis.cameras import CalibratedCamera, opencv_intrinsics
+from warpvis.cameras.frames import Frames
 from warpvis.core.checks import as_items, check_mapping, describe_exception, is_whole, pluralize
-from warpvis.core.frames import Frames
 from warpvis.core.labels import LabelNames
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 from warpvis.rendering import DepthSensor
-from warpvis.sensors import CalibratedCamera, opencv_intrinsics, sensor_from_fields
+from warpvis.sensors import sensor_from_fields
 
 _READERS: Mapping[str, type[ShardReader]] = {
     "npz": NpzReader,
@@ -122,7 +123,7 @@ class FrameDataset:
 
     @property
     def camera(self) -> CalibratedCamera:
-        """The camera of all frames; a `warpvis.sensors.LensCamera` if it has a lens."""
+        """The camera of all frames; a `warpvis.cameras.LensCamera` if it has a lens."""
         return self._job.camera
 
     @property

@@ -13,12 +13,12 @@ import numpy as np
 from warpvis.batch._manifest import MANIFEST, no_dataset, parse_manifest, read_contents, read_label_names
 from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
-from warpvis.core.camera import Camera
+from warpvis.cameras import CalibratedCamera, lens_camera_from_fields
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError, SceneError
-from warpvis.sensors import CalibratedCamera, lens_camera_from_fields
 
 
 class FrameSpec(NamedTuple):

@@ -13,13 +13,13 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from warpvis.core.camera import Camera
+from warpvis.cameras import CalibratedCamera
+from warpvis.cameras.lenses import COLMAP_NUMBERS, colmap_count
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import truncate
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
 from warpvis.io.cameras._pinhole import NoPinholeError, make_calibrated, make_pinhole, one_camera
-from warpvis.sensors import CalibratedCamera
-from warpvis.sensors.lenses import COLMAP_NUMBERS, colmap_count
 
 # Indices of fx fy cx cy among the parameters, and the number of parameters including those of the lens.
 _MODELS = {

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, overload
 
-from warpvis.core.camera import Camera, require_camera
+from warpvis.cameras import CalibratedCamera, lens_camera_from_fields
+from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.checks import as_path, check_flag, describe_exception
 from warpvis.core.file_content import require_content
 from warpvis.core.json_files import read_json
@@ -26,7 +27,6 @@ from warpvis.io.cameras._json import (
 from warpvis.io.cameras._pinhole import NoPinholeError
 from warpvis.io.cameras._tum import TUM_FILE, tum_camera
 from warpvis.io.cameras._yaml import xml_lens_camera, yaml_camera, yaml_lens_camera
-from warpvis.sensors import CalibratedCamera, lens_camera_from_fields
 
 _COMMON = {"width", "height", "near", "far"}
 _FROM_K = _COMMON | {"K", "pixel_center"}
@@ -57,7 +57,7 @@ def load_camera(name_or_path: str, *, distortion: bool = False) -> CalibratedCam
 
     Args:
         name_or_path: ``"kinect"``, or a file.
-        distortion: Whether to read the lens: the result is a `warpvis.sensors.LensCamera` if it has distortion, with
+        distortion: Whether to read the lens: the result is a `warpvis.cameras.LensCamera` if it has distortion, with
             any model of the format. For ROS's calibration, the result is then the camera of the raw images (`K` and
             `D`), otherwise that of the rectified images (`P`). By default the camera is a pinhole, and a warning is
             issued if the file has distortion, which is not rendered.

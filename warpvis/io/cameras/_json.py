@@ -14,7 +14,9 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from warpvis.core.camera import Camera
+from warpvis.cameras import CalibratedCamera
+from warpvis.cameras.lenses import NERF_PINHOLES, nerfstudio_distortion, nerfstudio_model
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception
 from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
@@ -22,8 +24,6 @@ from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
 from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._pinhole import NoPinholeError, image_size, make_calibrated, make_pinhole, one_camera
-from warpvis.sensors import CalibratedCamera
-from warpvis.sensors.lenses import NERF_PINHOLES, nerfstudio_distortion, nerfstudio_model
 
 _NERF_NUMBERS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
 _NERF_ANGLES = ("camera_angle_x", "camera_angle_y", "x_fov", "y_fov")

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from warpvis.core.camera import Camera
+from warpvis.cameras import CalibratedCamera
+from warpvis.cameras.image_cameras import describe_pixels, same_pixels
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception
-from warpvis.core.image_cameras import describe_pixels, same_pixels
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
-from warpvis.sensors import CalibratedCamera
 
 _Camera = TypeVar("_Camera", Camera, CalibratedCamera)
 

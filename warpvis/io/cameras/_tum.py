@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from warpvis.core.camera import Camera
+from warpvis.cameras import CalibratedCamera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import truncate
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
 from warpvis.io.cameras._pinhole import image_size, make_calibrated, make_pinhole
-from warpvis.sensors import CalibratedCamera
 
 TUM_FILE = "calibration.txt"
 

@@ -14,13 +14,13 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
 
-from warpvis.core.camera import Camera
+from warpvis.cameras import CalibratedCamera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception, is_number
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import CameraError, FileFormatError, MessageError
 from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._pinhole import make_calibrated, make_pinhole
-from warpvis.sensors import CalibratedCamera
 
 _NAMES = {
     "matrix": ("camera_matrix", "Camera_Matrix", "cameraMatrix"),

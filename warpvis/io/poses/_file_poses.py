@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.frames import Frames
-from warpvis.core.image_cameras import ImageCamera
+from warpvis.cameras.frames import Frames
+from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.core.types import ArrayInput, Json, ObjectPoses
 from warpvis.errors import FileFormatError, PoseError, WarpvisError

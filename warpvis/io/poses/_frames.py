@@ -11,9 +11,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.frames import Frames
 from warpvis.core.checks import as_path, check_flag
 from warpvis.core.file_content import require_content
-from warpvis.core.frames import Frames
 from warpvis.core.json_files import read_json
 from warpvis.core.poses import Convention, QuaternionOrder, check_convention, check_quaternion
 from warpvis.errors import FileFormatError

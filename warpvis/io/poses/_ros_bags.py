@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from warpvis.core.camera import Camera
+from warpvis.cameras import CalibratedCamera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.io._mcap import check_mcap
 from warpvis.io.cameras._pinhole import one_camera
 from warpvis.io.poses._file_poses import FilePoses
-from warpvis.sensors import CalibratedCamera
 
 if TYPE_CHECKING:
     from rosbags.typesys.stores.latest import (

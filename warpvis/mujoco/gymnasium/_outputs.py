@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from warpvis.core.camera import check_size
+from warpvis.cameras.pinhole import check_size
 from warpvis.core.checks import as_items, check_choice
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.mujoco._batch_cameras import CameraChoice

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 
 import warp as wp
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items, check_number, check_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import WHOLE_ROW, launch_images

@@ -9,7 +9,7 @@ from typing import Literal
 
 import warp as wp
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import is_number
 from warpvis.errors import CameraError
 from warpvis.rendering import DepthSensor, Exposure

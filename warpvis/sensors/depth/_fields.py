@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception, is_number, is_whole, truncate
 from warpvis.core.types import Json
 from warpvis.errors import ArrayError, CameraError

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.depth_images import check_meters
+from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.arrays import as_numpy
-from warpvis.core.camera import Camera, require_camera
 from warpvis.core.checks import as_items, check_number, check_whole, format_percent, pluralize
-from warpvis.core.depth_images import check_meters
 from warpvis.errors import ArrayError
 from warpvis.sensors.depth._noise_spacing import correlation, expected_correlation, find_spacing
 from warpvis.sensors.depth._quantization import find_quantum, fit_spread

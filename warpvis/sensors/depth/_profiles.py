@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from warpvis.core.camera import Camera, check_size
+from warpvis.cameras.pinhole import Camera, check_size
 from warpvis.sensors.depth._stereo import StereoDepth
 
 # Intel's depth processor searches 126 disparities and rounds them to 1/32 px ("Best-Known-Methods for Tuning Intel

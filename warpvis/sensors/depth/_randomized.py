@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items, check_choice, check_whole, describe_exception, is_number, is_whole, truncate
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError, WarpvisError

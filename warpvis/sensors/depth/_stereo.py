@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import warp as wp
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import WHOLE_ROW, launch_images

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from warpvis.core.camera import Camera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import check_choice
 from warpvis.sensors.depth._time_of_flight import SPEED_OF_LIGHT, TimeOfFlight
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ray patterns of lidars by Velodyne, Ouster, Livox and RoboSense, of planar scanners, and regular patterns.
 
-Each function returns `warpvis.sensors.Rays` in the sensor frame: x forward, y left, z up (REP 103).
+Each function returns `warpvis.cameras.Rays` in the sensor frame: x forward, y left, z up (REP 103).
 """
 
 from __future__ import annotations

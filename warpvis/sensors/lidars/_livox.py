@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.rays import Rays
 from warpvis.core.checks import as_path, check_number, check_whole, describe_exception, truncate
 from warpvis.errors import CameraError, FileFormatError
-from warpvis.sensors._rays import Rays
 from warpvis.sensors.lidars._angles import directions_at
 
 # Samples per second, and number of lasers, which fire in turn. Sources: HAP user manual, table 1.2.1 (samples of HAP);

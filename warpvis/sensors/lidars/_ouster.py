@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.rays import Rays
 from warpvis.core.checks import as_path, check_choice, is_whole, truncate
 from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
-from warpvis.sensors._rays import Rays
 from warpvis.sensors.lidars._angles import directions_at
 
 MODES = ("512x10", "512x20", "1024x10", "1024x20", "2048x10", "4096x5")

@@ -9,10 +9,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.rays import Rays
 from warpvis.core.arrays import as_point
 from warpvis.core.checks import as_items, check_angle, check_number, check_whole, degrees_hint
 from warpvis.errors import CameraError
-from warpvis.sensors._rays import Rays
 from warpvis.sensors.lidars._angles import check_increment, check_span, directions_at
 
 _MAX_RAYS = 2**26

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.rays import Rays
 from warpvis.core.checks import as_path, is_number, truncate
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import FileFormatError
-from warpvis.sensors._rays import Rays
 from warpvis.sensors.lidars._angles import check_rate, directions_at
 from warpvis.sensors.lidars._velodyne_tables import (
     HDL64E_S3,

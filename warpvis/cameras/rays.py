@@ -9,11 +9,11 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.checks import check_range
+from warpvis.cameras.ray_camera import MAX_RAYS, DepthKind, RayCamera
 from warpvis.core.arrays import as_numpy
-from warpvis.core.camera import check_range
 from warpvis.core.checks import check_choice
 from warpvis.core.poses import Convention, check_convention
-from warpvis.core.ray_camera import MAX_RAYS, DepthKind, RayCamera
 from warpvis.errors import ArrayError, CameraError, PoseError
 
 _LENGTH_TOLERANCE = 1e-6

@@ -14,10 +14,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.lenses._rising import Floats, Rising
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_items, is_number
 from warpvis.errors import ArrayError, CameraError
-from warpvis.sensors.lenses._rising import Floats, Rising
 
 _MAX_TABLES = 2  # an image and an enlarged canvas
 _PIXELS_AT_ONCE = 2**18  # limits memory: intermediate values take 20 times as much memory as rays

@@ -4,15 +4,15 @@
 
 from __future__ import annotations
 
-from warpvis.sensors.lenses._closed import EUCM, FOV, Division, DoubleSphere
-from warpvis.sensors.lenses._colmap import (
+from warpvis.cameras.lenses._closed import EUCM, FOV, Division, DoubleSphere
+from warpvis.cameras.lenses._colmap import (
     COLMAP_NUMBERS as COLMAP_NUMBERS,
     colmap_count as colmap_count,
     lens_from_colmap as lens_from_colmap,
     lens_to_colmap as lens_to_colmap,
 )
-from warpvis.sensors.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
-from warpvis.sensors.lenses._formats import (
+from warpvis.cameras.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
+from warpvis.cameras.lenses._formats import (
     NERF_PINHOLES as NERF_PINHOLES,
     lens_from_kalibr as lens_from_kalibr,
     lens_from_nerfstudio as lens_from_nerfstudio,
@@ -21,11 +21,11 @@ from warpvis.sensors.lenses._formats import (
     nerfstudio_distortion as nerfstudio_distortion,
     nerfstudio_model as nerfstudio_model,
 )
-from warpvis.sensors.lenses._ftheta import FTheta
-from warpvis.sensors.lenses._lens import Lens, check_coefficients as check_coefficients
-from warpvis.sensors.lenses._panoramas import Cylindrical, Equirectangular
-from warpvis.sensors.lenses._pinhole import OpenCVPinhole
-from warpvis.sensors.lenses._writing import (
+from warpvis.cameras.lenses._ftheta import FTheta
+from warpvis.cameras.lenses._lens import Lens, check_coefficients as check_coefficients
+from warpvis.cameras.lenses._panoramas import Cylindrical, Equirectangular
+from warpvis.cameras.lenses._pinhole import OpenCVPinhole
+from warpvis.cameras.lenses._writing import (
     lens_to_nerfstudio as lens_to_nerfstudio,
     lens_to_ros as lens_to_ros,
     lens_to_tum as lens_to_tum,

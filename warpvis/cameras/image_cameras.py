@@ -9,19 +9,32 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera, describe_pinhole, same_pinhole
+from warpvis.cameras.lens_camera import LensCamera
+from warpvis.cameras.pinhole import Camera, describe_pinhole, same_pinhole
+from warpvis.cameras.ray_camera import LensedCamera, RayCamera
 from warpvis.core.checks import truncate
-from warpvis.core.ray_camera import LensedCamera, RayCamera
 from warpvis.errors import CameraError
+
+CalibratedCamera: TypeAlias = Camera | LensCamera
+"""A camera from a calibration: a pinhole camera, or a camera with a lens."""
 
 ImageCamera: TypeAlias = Camera | LensedCamera
 """A pinhole camera, or a camera with a lens."""
 
 
+def require_calibrated(camera: object) -> CalibratedCamera:
+    """Return `camera`, or raise `CameraError` if it is neither a `Camera` nor a `LensCamera`."""
+    if not isinstance(camera, Camera | LensCamera):
+        kinds = "a warpvis.Camera or a warpvis.cameras.LensCamera"
+        hint = f": {camera.usage_hint}" if isinstance(camera, RayCamera) else ""
+        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{hint}")
+    return camera
+
+
 def require_image_camera(camera: object) -> ImageCamera:
     """Return `camera`, or raise `CameraError` if it is neither a pinhole nor a camera with a lens."""
     if not isinstance(camera, Camera | LensedCamera):
-        kinds = "a warpvis.Camera or a warpvis.sensors.LensCamera"
+        kinds = "a warpvis.Camera or a warpvis.cameras.LensCamera"
         hint = f": {camera.usage_hint}" if isinstance(camera, RayCamera) else ""
         raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{hint}")
     return camera

@@ -12,8 +12,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.sensors.lenses._lens import RadialLens, rays_of
-from warpvis.sensors.lenses._rising import Floats
+from warpvis.cameras.lenses._lens import RadialLens, rays_of
+from warpvis.cameras.lenses._rising import Floats
 
 _AZIMUTHS = 720
 _ANGLES = 512  # per azimuth, up to the limit

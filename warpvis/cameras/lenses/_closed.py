@@ -15,9 +15,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from warpvis.cameras.lenses._lens import RadialLens, check_fields
+from warpvis.cameras.lenses._rising import Floats
 from warpvis.errors import CameraError
-from warpvis.sensors.lenses._lens import RadialLens, check_fields
-from warpvis.sensors.lenses._rising import Floats
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpvis.sensors.lenses._lens import Lens, check_fields
-from warpvis.sensors.lenses._rising import Floats
+from warpvis.cameras.lenses._lens import Lens, check_fields
+from warpvis.cameras.lenses._rising import Floats
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from warpvis.sensors.lenses._bent import Bent, BentLens
-from warpvis.sensors.lenses._lens import RadialLens, check_fields
-from warpvis.sensors.lenses._pinhole import decentered, scaled
-from warpvis.sensors.lenses._rising import Floats
+from warpvis.cameras.lenses._bent import Bent, BentLens
+from warpvis.cameras.lenses._lens import RadialLens, check_fields
+from warpvis.cameras.lenses._pinhole import decentered, scaled
+from warpvis.cameras.lenses._rising import Floats
 
 
 def _gain(square: Floats, coefficients: Sequence[float]) -> tuple[Floats, Floats]:

@@ -10,8 +10,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import as_numpy, as_warp, get_device, on_gpu
-from warpvis.core.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError
 

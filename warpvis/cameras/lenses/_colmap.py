@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from warpvis.cameras.lenses._closed import EUCM, FOV, Division
+from warpvis.cameras.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
+from warpvis.cameras.lenses._lens import Lens
+from warpvis.cameras.lenses._panoramas import Equirectangular
+from warpvis.cameras.lenses._pinhole import OpenCVPinhole
 from warpvis.core.checks import check_text
 from warpvis.errors import CameraError
-from warpvis.sensors.lenses._closed import EUCM, FOV, Division
-from warpvis.sensors.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
-from warpvis.sensors.lenses._lens import Lens
-from warpvis.sensors.lenses._panoramas import Equirectangular
-from warpvis.sensors.lenses._pinhole import OpenCVPinhole
 
 _Make = Callable[[Any], Lens]  # from the tuple of the model's parameters
 

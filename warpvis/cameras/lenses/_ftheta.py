@@ -11,10 +11,10 @@ from typing import Literal
 
 import numpy as np
 
+from warpvis.cameras.lenses._lens import Lens, check_coefficients, rays_of
+from warpvis.cameras.lenses._rising import Floats, Rising
 from warpvis.core.checks import check_choice, is_number
 from warpvis.errors import CameraError
-from warpvis.sensors.lenses._lens import Lens, check_coefficients, rays_of
-from warpvis.sensors.lenses._rising import Floats, Rising
 
 _MAX_RADIUS = 2.0**20
 """Upper bound of the radius of images [px]."""

@@ -5,16 +5,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
-from warpvis.core.camera_makers import CameraMakers
+from warpvis.cameras.checks import (
+    as_floats,
+    check_matrix,
+    check_numbers,
+    check_pixel_center,
+    check_pixel_units,
+    check_size,
+    warn_of_improbable,
+)
+from warpvis.cameras.makers import CameraMakers
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.checks import check_choice, degrees_hint, is_number
-from warpvis.core.ray_camera import RayCamera
-from warpvis.core.user_warnings import warn_user
-from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning
+from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
     import mujoco
@@ -24,12 +30,6 @@ if TYPE_CHECKING:
     from warpvis.core.messages import Message, MessageTypes, Stamp
     from warpvis.kernels.pinhole import PinholeCamera
 
-
-_FIRST_PIXELS = 1.5
-"""Bound on a normalized principal point, plus half a pixel for a different pixel-center convention [px]."""
-
-_MAX_TANGENT = 20
-"""Largest tangent of the field of view to one side of the optical axis: 87 degrees."""
 
 _SAME_PIXELS = 0.01
 """Intrinsics that differ by less belong to the same camera: the difference is rounding [px]."""
@@ -63,7 +63,7 @@ class Camera(CameraMakers):
     def __post_init__(self) -> None:
         check_numbers(self, "focal lengths must be positive")
         check_pixel_units(self.width, self.height, self)
-        _warn_of(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        warn_of_improbable(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
     @classmethod
     def from_fov(
@@ -195,7 +195,7 @@ class Camera(CameraMakers):
         """Return the intrinsic matrix [px], shape ``(3, 3)``; `pixel_center` is 0.0 for OpenCV, ROS and BOP."""
         import numpy as np
 
-        shift = _check_pixel_center(pixel_center) - 0.5
+        shift = check_pixel_center(pixel_center) - 0.5
         return np.array([[self.fx, 0, self.cx + shift], [0, self.fy, self.cy + shift], [0, 0, 1]])
 
     def to_camera_info(self, *, frame_id: str, stamp: Stamp = 0.0, types: MessageTypes | None = None) -> Message:
@@ -236,7 +236,7 @@ class Camera(CameraMakers):
         """
         import numpy as np
 
-        points = _as_floats(points, "points")
+        points = as_floats(points, "points")
         if points.shape[-1:] != (3,):
             raise CameraError(f"points must have shape (..., 3), got {points.shape}")
         z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
@@ -254,7 +254,7 @@ class Camera(CameraMakers):
         """
         import numpy as np
 
-        pixels, z = _as_floats(pixels, "pixels"), _as_floats(depth, "depth")
+        pixels, z = as_floats(pixels, "pixels"), as_floats(depth, "depth")
         if pixels.shape[-1:] != (2,):
             raise CameraError(f"pixels must have shape (..., 2), got {pixels.shape}")
         try:
@@ -300,82 +300,6 @@ def clip_inv_z(near: float) -> float:
     return float(max_inv_z)
 
 
-def check_numbers(camera: Any, positive: str) -> None:
-    """Check the fields of a camera, and convert them to int and float from any numeric type.
-
-    Args:
-        camera: A frozen dataclass with `width`, `height`, `fx`, `fy`, `cx`, `cy`, `near` and `far`.
-        positive: Beginning of the error message if `fx` or `fy` is not positive.
-
-    Raises:
-        CameraError: If a field is invalid.
-    """
-    for name in ("width", "height"):
-        object.__setattr__(camera, name, check_size(getattr(camera, name), name))
-    _make_floats(camera, ("fx", "fy", "cx", "cy"))
-    if camera.fx <= 0 or camera.fy <= 0:
-        raise CameraError(f"{positive}, got fx={camera.fx}, fy={camera.fy}")
-    check_range(camera)
-
-
-def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
-    """Check that intrinsics are in pixels, and not divided by the image size.
-
-    A normalized principal point is in the first pixel, and normalized focal lengths are about 1. Focal lengths in
-    pixels that are less than a 20th of the image size would mean 87 degrees of view to one side of such a point.
-
-    Raises:
-        CameraError: If `fx`, `fy`, `cx` and `cy` of `intrinsics` are normalized, or those of an identity matrix.
-    """
-    fx, fy, cx, cy = (getattr(intrinsics, name) for name in ("fx", "fy", "cx", "cy"))
-    in_corner = max(abs(cx), abs(cy)) <= _FIRST_PIXELS
-    if in_corner and fx * _MAX_TANGENT < width and fy * _MAX_TANGENT < height:
-        raise CameraError(
-            f"intrinsics must be in pixels of an image of {width} x {height}, got fx={fx:g}, fy={fy:g} and a principal "
-            f"point in the first pixel: if they are normalized, multiply fx and cx by {width}, fy and cy by {height}"
-        )
-
-
-def check_range(camera: Any) -> None:
-    """Check `near` and `far` of a camera, a frozen dataclass, and convert them to float.
-
-    Raises:
-        CameraError: If `near` or `far` is invalid.
-    """
-    _make_floats(camera, ("near", "far"))
-    if camera.near < 0 or camera.far <= camera.near:
-        raise CameraError(f"the depth range needs 0 <= near < far, got near={camera.near}, far={camera.far}")
-
-
-def _make_floats(camera: Any, names: Sequence[str]) -> None:
-    for name in names:
-        value = getattr(camera, name)
-        if not is_number(value) or math.isnan(value) or (math.isinf(value) and name != "far"):
-            raise CameraError(f"{name} must be a finite number, got {value!r}")
-        object.__setattr__(camera, name, float(value))
-
-
-def check_matrix(k: ArrayLike, pixel_center: float) -> tuple[float, float, float, float]:
-    """Return ``fx fy cx cy`` [px] for pixel centers at +0.5, from an intrinsic matrix for centers at `pixel_center`.
-
-    Raises:
-        CameraError: If the matrix has another shape, skew, or a last row other than 0 0 1.
-    """
-    import numpy as np
-
-    matrix = _as_floats(k, "K")
-    if matrix.shape != (3, 3):
-        raise CameraError(f"K must have shape (3, 3), got {matrix.shape}")
-    if np.any(matrix[[0, 1, 2, 2], [1, 0, 0, 1]] != 0) or matrix[2, 2] != 1:
-        raise CameraError(
-            f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, got {matrix.tolist()}; "
-            "undistort and rectify the image first"
-        )
-    shift = 0.5 - _check_pixel_center(pixel_center)
-    fx, fy, cx, cy = matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-    return fx, fy, cx + shift, cy + shift
-
-
 def same_pinhole(camera: Camera, other: Camera) -> bool:
     """Return whether two pinhole cameras have the same size and intrinsics; depth ranges may differ."""
     numbers = ((camera.fx, other.fx), (camera.fy, other.fy), (camera.cx, other.cx), (camera.cy, other.cy))
@@ -400,45 +324,7 @@ def require_camera(camera: object) -> Camera:
     return camera
 
 
-@lru_cache(maxsize=1024)  # warns once per camera: cameras that differ only in range are created repeatedly
-def _warn_of(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
-    """Warn about improbable intrinsics: for another image size, or divided by the image size."""
-    problem = ""
-    if min(fx, fy) < 1:
-        problem = f"focal lengths are fx={fx:g}, fy={fy:g}, less than a pixel: intrinsics are in pixels"
-    elif not (0 <= cx <= width and 0 <= cy <= height):
-        problem = f"the principal point ({cx:g}, {cy:g}) is outside of the image of {width} x {height} pixels"
-    if problem:
-        warn_user(f"{problem}; are the intrinsics of an image of this size?", IntrinsicsWarning)
-
-
-def _as_floats(value: object, name: str) -> NDArray[np.float64]:
-    from warpvis.core.arrays import as_numpy
-
-    try:
-        return as_numpy(value, name=name).astype("float64")
-    except ArrayError as error:
-        raise CameraError(str(error)) from None
-
-
-def check_size(value: object, name: str) -> int:
-    """Return an image dimension as int: an integer of any numeric type, positive and less than 2**31.
-
-    Raises:
-        CameraError: If `value` is not such an integer.
-    """
-    if not is_number(value) or not 1 <= value < 2**31 or int(value) != value:
-        raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
-    return int(value)
-
-
 def _focal_length(size: int, fov: float, name: str) -> float:
     if not is_number(fov) or not 0 < fov < math.pi:
         raise CameraError(f"{name} must be between 0 and pi radians, got {fov!r}{degrees_hint(fov)}")
     return size / 2 / math.tan(fov / 2)
-
-
-def _check_pixel_center(pixel_center: float) -> float:
-    if not is_number(pixel_center) or pixel_center not in (0.0, 0.5):
-        raise CameraError(f"pixel_center must be 0.5 or 0.0, got {pixel_center!r}")
-    return pixel_center

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from warpvis.cameras.lenses._closed import EUCM, FOV, DoubleSphere
+from warpvis.cameras.lenses._fisheyes import KannalaBrandt
+from warpvis.cameras.lenses._ftheta import FTheta
+from warpvis.cameras.lenses._lens import Lens, format_alternatives
+from warpvis.cameras.lenses._panoramas import Equirectangular
+from warpvis.cameras.lenses._pinhole import COUNTS, OpenCVPinhole
 from warpvis.core.checks import as_items, check_flag, is_number, truncate
 from warpvis.errors import CameraError
-from warpvis.sensors.lenses._closed import EUCM, FOV, DoubleSphere
-from warpvis.sensors.lenses._fisheyes import KannalaBrandt
-from warpvis.sensors.lenses._ftheta import FTheta
-from warpvis.sensors.lenses._lens import Lens, format_alternatives
-from warpvis.sensors.lenses._panoramas import Equirectangular
-from warpvis.sensors.lenses._pinhole import COUNTS, OpenCVPinhole
 
 _ROS_COUNTS: dict[str, tuple[int, ...]] = {
     "plumb_bob": (4, 5),
@@ -188,7 +188,7 @@ def _number(fields: Mapping[str, Any], name: str) -> float:
 
 def _intrinsics(k: ArrayLike) -> tuple[float, float, float, float]:
     """Return the intrinsics of a `K` with pixel centers at integers, like `Camera.from_K`."""
-    from warpvis.core.camera import check_matrix
+    from warpvis.cameras.checks import check_matrix
 
     return check_matrix(k, 0.0)
 

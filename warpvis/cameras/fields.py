@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.camera import Camera
+from warpvis.cameras import lenses
+from warpvis.cameras.lens_camera import CalibratedCamera, LensCamera
+from warpvis.cameras.lenses import Lens
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import check_mapping, is_number, is_whole, truncate
 from warpvis.core.types import Json
 from warpvis.errors import CameraError
-from warpvis.sensors import lenses
-from warpvis.sensors._lens_camera import CalibratedCamera, LensCamera
-from warpvis.sensors.lenses import Lens
 
 _LENSES = {name: getattr(lenses, name) for name in lenses.__all__ if name != "Lens"}
 _KNOWN = tuple(field.name for field in fields(LensCamera))

@@ -7,18 +7,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.camera import Camera, check_pixel_units, check_range, check_size
+from warpvis.cameras.checks import check_pixel_units, check_range, check_size
+from warpvis.cameras.lenses import Lens, lens_to_ros
+from warpvis.cameras.ray_camera import MAX_RAYS, DepthKind, LensedCamera, OnceCache
 from warpvis.core.checks import as_items, check_choice, check_whole
-from warpvis.core.ray_camera import MAX_RAYS, DepthKind, LensedCamera, OnceCache, RayCamera
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, IntrinsicsWarning
-from warpvis.sensors.lenses import Lens, lens_to_ros
 
 if TYPE_CHECKING:
     from warpvis.core.messages import Message, MessageTypes, Stamp
@@ -34,7 +34,7 @@ class LensCamera(LensedCamera):
     """
 
     lens: Lens
-    """Mapping of directions to image points: an instance of a class in `warpvis.sensors.lenses`."""
+    """Mapping of directions to image points: an instance of a class in `warpvis.cameras.lenses`."""
     width: int
     """Image width [px]."""
     height: int
@@ -49,7 +49,7 @@ class LensCamera(LensedCamera):
 
     def __post_init__(self) -> None:
         if not isinstance(self.lens, Lens):
-            raise CameraError(f"lens must be one of warpvis.sensors.lenses, got {type(self.lens).__name__}")
+            raise CameraError(f"lens must be one of warpvis.cameras.lenses, got {type(self.lens).__name__}")
         for name in ("width", "height"):
             object.__setattr__(self, name, check_size(getattr(self, name), name))
         _check_pixels(self.width, self.height)
@@ -94,11 +94,11 @@ class LensCamera(LensedCamera):
         return mask
 
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Project camera-frame points [m], shape ``(..., 3)``; see `warpvis.sensors.lenses.Lens.project`."""
+        """Project camera-frame points [m], shape ``(..., 3)``; see `warpvis.cameras.lenses.Lens.project`."""
         return self.lens.project(points)
 
     def unproject(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return the unit vectors of image points [px]; see `warpvis.sensors.lenses.Lens.unproject`."""
+        """Return the unit vectors of image points [px]; see `warpvis.cameras.lenses.Lens.unproject`."""
         return self.lens.unproject(pixels)
 
     @cached_property
@@ -174,41 +174,6 @@ class LensCamera(LensedCamera):
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
-CalibratedCamera: TypeAlias = Camera | LensCamera
-"""A camera from a calibration: a pinhole camera, or a camera with a lens."""
-
-
 def _check_pixels(width: int, height: int) -> None:
     if width * height > MAX_RAYS:
         raise CameraError(f"width * height of a LensCamera must be at most {MAX_RAYS} pixels, got {width} x {height}")
-
-
-def require_calibrated(camera: object) -> CalibratedCamera:
-    """Return `camera`, or raise `CameraError` if it is neither a `Camera` nor a `LensCamera`."""
-    if not isinstance(camera, Camera | LensCamera):
-        kinds = "a warpvis.Camera or a warpvis.sensors.LensCamera"
-        hint = f": {camera.usage_hint}" if isinstance(camera, RayCamera) else ""
-        raise CameraError(f"camera must be {kinds}, got {type(camera).__name__}{hint}")
-    return camera
-
-
-def camera_of(
-    lens: Lens,
-    width: int,
-    height: int,
-    *,
-    near: float = 0.0,
-    far: float = math.inf,
-    kind: DepthKind | None = None,
-) -> CalibratedCamera:
-    """Create a `Camera` if the lens has no distortion and depth is along the axis, else a `LensCamera`.
-
-    Raises:
-        CameraError: If an argument is invalid.
-    """
-    if kind is not None:
-        check_choice(kind, "kind", ("z", "range"), CameraError)
-    if lens.is_pinhole and kind != "range":
-        fx, fy, cx, cy = (getattr(lens, name) for name in ("fx", "fy", "cx", "cy"))
-        return Camera(width, height, fx, fy, cx, cy, near, far)
-    return LensCamera(lens, width, height, near, far, kind)

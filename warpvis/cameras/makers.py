@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from warpvis.core.checks import check_choice, check_mapping
 from warpvis.errors import ArrayError, CameraError
@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from warpvis.cameras.lens_camera import LensCamera
+    from warpvis.cameras.lenses import Lens
+    from warpvis.cameras.ray_camera import DepthKind
     from warpvis.core.messages import Message
-    from warpvis.core.ray_camera import DepthKind
-    from warpvis.sensors import CalibratedCamera
 
 
 class CameraMakers:
-    """Base class with constructors of `Camera` (without distortion) or `warpvis.sensors.LensCamera`.
+    """Base class with constructors of `Camera` (without distortion) or `warpvis.cameras.LensCamera`.
 
     The cameras are those of the raw images, with the distortion of the calibration. All constructors accept `near` and
     `far` [m], and `kind`, the definition of depth for a lens: ``"z"`` or ``"range"``, see `LensCamera`.
@@ -66,8 +67,9 @@ class CameraMakers:
 
         def back_project(self, pixels: ArrayLike, depth: ArrayLike) -> NDArray[np.float64]: ...  # noqa: D102
 
-    @staticmethod
+    @classmethod
     def from_opencv(
+        cls,
         K: ArrayLike,  # noqa: N803 - the field's names
         D: ArrayLike | None,  # noqa: N803
         width: int,
@@ -77,7 +79,7 @@ class CameraMakers:
         near: float = 0.0,
         far: float = math.inf,
         kind: DepthKind | None = None,
-    ) -> CalibratedCamera:
+    ) -> Self | LensCamera:
         """Create a camera from an OpenCV calibration, whose pixel centers are at integer coordinates.
 
         Args:
@@ -94,16 +96,15 @@ class CameraMakers:
         Raises:
             CameraError: If `K` or `D` is invalid.
         """
-        from warpvis.sensors import camera_of
-        from warpvis.sensors.lenses import lens_from_opencv
+        from warpvis.cameras.lenses import lens_from_opencv
 
         fisheye = check_choice(model, "model", ("pinhole", "fisheye"), CameraError) == "fisheye"
-        return camera_of(lens_from_opencv(K, D, fisheye=fisheye), width, height, near=near, far=far, kind=kind)
+        return cls._of_lens(lens_from_opencv(K, D, fisheye=fisheye), width, height, near=near, far=far, kind=kind)
 
-    @staticmethod
+    @classmethod
     def from_raw_camera_info(
-        message: Message, *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
-    ) -> CalibratedCamera:
+        cls, message: Message, *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
+    ) -> Self | LensCamera:
         """Create a camera for the raw image of a ``sensor_msgs/CameraInfo``: `K`, `D` and `distortion_model`.
 
         For the rectified image, use `Camera.from_camera_info`. Binning and region of interest are applied.
@@ -119,16 +120,16 @@ class CameraMakers:
                 coefficients does not match the model, or the camera is not calibrated.
             MessageError: If `message` is not a CameraInfo.
         """
+        from warpvis.cameras.lenses import lens_from_ros
         from warpvis.core.messages import read_raw_camera_info
-        from warpvis.sensors import camera_of
-        from warpvis.sensors.lenses import lens_from_ros
 
         info, coefficients, model = read_raw_camera_info(message)
         lens = lens_from_ros(info.K, coefficients, model)
-        return camera_of(lens, info.width, info.height, near=near, far=far, kind=kind)
+        return cls._of_lens(lens, info.width, info.height, near=near, far=far, kind=kind)
 
-    @staticmethod
+    @classmethod
     def from_colmap(
+        cls,
         model: str,
         params: Sequence[float],
         width: int,
@@ -137,7 +138,7 @@ class CameraMakers:
         near: float = 0.0,
         far: float = math.inf,
         kind: DepthKind | None = None,
-    ) -> CalibratedCamera:
+    ) -> Self | LensCamera:
         """Create a camera from a COLMAP camera model, whose pixel centers are at +0.5.
 
         Args:
@@ -152,16 +153,15 @@ class CameraMakers:
         Raises:
             CameraError: If COLMAP has no such model, or the parameters do not match the model.
         """
-        from warpvis.sensors import camera_of
-        from warpvis.sensors.lenses import check_coefficients, colmap_count, lens_from_colmap
+        from warpvis.cameras.lenses import check_coefficients, colmap_count, lens_from_colmap
 
         parameters = check_coefficients(params, model, (colmap_count(model),), "parameters")
-        return camera_of(lens_from_colmap(model, parameters), width, height, near=near, far=far, kind=kind)
+        return cls._of_lens(lens_from_colmap(model, parameters), width, height, near=near, far=far, kind=kind)
 
-    @staticmethod
+    @classmethod
     def from_kalibr(
-        camera: Mapping[str, Any], *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
-    ) -> CalibratedCamera:
+        cls, camera: Mapping[str, Any], *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
+    ) -> Self | LensCamera:
         """Create a camera from a Kalibr calibration, whose pixel centers are at integer coordinates.
 
         Args:
@@ -174,17 +174,16 @@ class CameraMakers:
         Raises:
             CameraError: If a model is unknown, or its numbers do not match the model.
         """
-        from warpvis.sensors import camera_of
-        from warpvis.sensors.lenses import check_coefficients, lens_from_kalibr
+        from warpvis.cameras.lenses import check_coefficients, lens_from_kalibr
 
         entry = check_mapping(camera, "camera", CameraError)
         width, height = check_coefficients(entry.get("resolution", ()), "resolution", (2,), "numbers")
-        return camera_of(lens_from_kalibr(entry), width, height, near=near, far=far, kind=kind)  # type: ignore[arg-type]  # it checks
+        return cls._of_lens(lens_from_kalibr(entry), width, height, near=near, far=far, kind=kind)  # type: ignore[arg-type]  # it checks
 
-    @staticmethod
+    @classmethod
     def from_nerfstudio(
-        fields: Mapping[str, Any], *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
-    ) -> CalibratedCamera:
+        cls, fields: Mapping[str, Any], *, near: float = 0.0, far: float = math.inf, kind: DepthKind | None = None
+    ) -> Self | LensCamera:
         """Create a camera from nerfstudio's ``transforms.json``, whose pixel centers are at +0.5.
 
         Args:
@@ -198,12 +197,25 @@ class CameraMakers:
         Raises:
             CameraError: If a field is missing or invalid.
         """
-        from warpvis.sensors import camera_of
-        from warpvis.sensors.lenses import lens_from_nerfstudio
+        from warpvis.cameras.lenses import lens_from_nerfstudio
 
         entry = check_mapping(fields, "fields", CameraError)
         missing = [name for name in ("fl_x", "fl_y", "cx", "cy", "w", "h") if entry.get(name) is None]
         if missing:
             raise CameraError(f"fields must contain fl_x, fl_y, cx, cy, w and h, missing {missing[0]}")
         lens = lens_from_nerfstudio(entry, (entry["w"], entry["h"]), [entry[n] for n in ("fl_x", "fl_y", "cx", "cy")])
-        return camera_of(lens, entry["w"], entry["h"], near=near, far=far, kind=kind)
+        return cls._of_lens(lens, entry["w"], entry["h"], near=near, far=far, kind=kind)
+
+    @classmethod
+    def _of_lens(
+        cls, lens: Lens, width: int, height: int, *, near: float, far: float, kind: DepthKind | None
+    ) -> Self | LensCamera:
+        """Create a pinhole camera if the lens has no distortion and depth is along the axis, else a `LensCamera`."""
+        from warpvis.cameras.lens_camera import LensCamera
+
+        if kind is not None:
+            check_choice(kind, "kind", ("z", "range"), CameraError)
+        if lens.is_pinhole and kind != "range":
+            pinhole: Any = cls
+            return pinhole(width, height, *(getattr(lens, name) for name in ("fx", "fy", "cx", "cy")), near, far)
+        return LensCamera(lens, width, height, near, far, kind)

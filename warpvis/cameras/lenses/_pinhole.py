@@ -14,9 +14,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from warpvis.sensors.lenses._bent import Bent, BentLens
-from warpvis.sensors.lenses._lens import check_fields
-from warpvis.sensors.lenses._rising import Floats
+from warpvis.cameras.lenses._bent import Bent, BentLens
+from warpvis.cameras.lenses._lens import check_fields
+from warpvis.cameras.lenses._rising import Floats
 
 COUNTS = (4, 5, 8, 12, 14)
 """Valid numbers of coefficients of OpenCV's pinhole camera."""

@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.lenses._fisheyes import KannalaBrandt
+from warpvis.cameras.lenses._lens import Lens
+from warpvis.cameras.lenses._pinhole import COUNTS, OpenCVPinhole
 from warpvis.errors import CameraError
-from warpvis.sensors.lenses._fisheyes import KannalaBrandt
-from warpvis.sensors.lenses._lens import Lens
-from warpvis.sensors.lenses._pinhole import COUNTS, OpenCVPinhole
 
 
 def lens_to_ros(lens: Lens) -> tuple[NDArray[np.float64], tuple[float, ...], str]:

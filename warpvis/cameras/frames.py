@@ -12,9 +12,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.image_cameras import ImageCamera, describe_pixels, require_image_camera, same_pixels
 from warpvis.core.arrays import FARTHEST, as_numpy
 from warpvis.core.checks import pluralize
-from warpvis.core.image_cameras import ImageCamera, describe_pixels, require_image_camera, same_pixels
 from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import (
     Convention,

@@ -1,0 +1,20 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras with lenses, ray bundles, and lens models. The pinhole camera is `warpvis.Camera`."""
+
+from __future__ import annotations
+
+from warpvis.cameras import lenses
+from warpvis.cameras.fields import (
+    lens_camera_from_fields as lens_camera_from_fields,
+    lens_camera_to_fields as lens_camera_to_fields,
+    opencv_intrinsics as opencv_intrinsics,
+)
+from warpvis.cameras.image_cameras import (
+    CalibratedCamera as CalibratedCamera,
+    require_calibrated as require_calibrated,
+)
+from warpvis.cameras.lens_camera import LensCamera
+from warpvis.cameras.rays import Rays
+
+__all__ = ["LensCamera", "Rays", "lenses"]

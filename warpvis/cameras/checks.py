@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Check image sizes, intrinsics and depth ranges of cameras."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from warpvis.core.checks import is_number
+from warpvis.core.user_warnings import warn_user
+from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+_FIRST_PIXELS = 1.5
+"""Bound on a normalized principal point, plus half a pixel for a different pixel-center convention [px]."""
+
+_MAX_TANGENT = 20
+"""Largest tangent of the field of view to one side of the optical axis: 87 degrees."""
+
+
+def check_numbers(camera: Any, positive: str) -> None:
+    """Check the fields of a camera, and convert them to int and float from any numeric type.
+
+    Args:
+        camera: A frozen dataclass with `width`, `height`, `fx`, `fy`, `cx`, `cy`, `near` and `far`.
+        positive: Beginning of the error message if `fx` or `fy` is not positive.
+
+    Raises:
+        CameraError: If a field is invalid.
+    """
+    for name in ("width", "height"):
+        object.__setattr__(camera, name, check_size(getattr(camera, name), name))
+    _make_floats(camera, ("fx", "fy", "cx", "cy"))
+    if camera.fx <= 0 or camera.fy <= 0:
+        raise CameraError(f"{positive}, got fx={camera.fx}, fy={camera.fy}")
+    check_range(camera)
+
+
+def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
+    """Check that intrinsics are in pixels, and not divided by the image size.
+
+    A normalized principal point is in the first pixel, and normalized focal lengths are about 1. Focal lengths in
+    pixels that are less than a 20th of the image size would mean 87 degrees of view to one side of such a point.
+
+    Raises:
+        CameraError: If `fx`, `fy`, `cx` and `cy` of `intrinsics` are normalized, or those of an identity matrix.
+    """
+    fx, fy, cx, cy = (getattr(intrinsics, name) for name in ("fx", "fy", "cx", "cy"))
+    in_corner = max(abs(cx), abs(cy)) <= _FIRST_PIXELS
+    if in_corner and fx * _MAX_TANGENT < width and fy * _MAX_TANGENT < height:
+        raise CameraError(
+            f"intrinsics must be in pixels of an image of {width} x {height}, got fx={fx:g}, fy={fy:g} and a principal "
+            f"point in the first pixel: if they are normalized, multiply fx and cx by {width}, fy and cy by {height}"
+        )
+
+
+def check_range(camera: Any) -> None:
+    """Check `near` and `far` of a camera, a frozen dataclass, and convert them to float.
+
+    Raises:
+        CameraError: If `near` or `far` is invalid.
+    """
+    _make_floats(camera, ("near", "far"))
+    if camera.near < 0 or camera.far <= camera.near:
+        raise CameraError(f"the depth range needs 0 <= near < far, got near={camera.near}, far={camera.far}")
+
+
+def check_size(value: object, name: str) -> int:
+    """Return an image dimension as int: an integer of any numeric type, positive and less than 2**31.
+
+    Raises:
+        CameraError: If `value` is not such an integer.
+    """
+    if not is_number(value) or not 1 <= value < 2**31 or int(value) != value:
+        raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
+    return int(value)
+
+
+def check_matrix(k: ArrayLike, pixel_center: float) -> tuple[float, float, float, float]:
+    """Return ``fx fy cx cy`` [px] for pixel centers at +0.5, from an intrinsic matrix for centers at `pixel_center`.
+
+    Raises:
+        CameraError: If the matrix has another shape, skew, or a last row other than 0 0 1.
+    """
+    import numpy as np
+
+    matrix = as_floats(k, "K")
+    if matrix.shape != (3, 3):
+        raise CameraError(f"K must have shape (3, 3), got {matrix.shape}")
+    if np.any(matrix[[0, 1, 2, 2], [1, 0, 0, 1]] != 0) or matrix[2, 2] != 1:
+        raise CameraError(
+            f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, got {matrix.tolist()}; "
+            "undistort and rectify the image first"
+        )
+    shift = 0.5 - check_pixel_center(pixel_center)
+    fx, fy, cx, cy = matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+    return fx, fy, cx + shift, cy + shift
+
+
+def check_pixel_center(pixel_center: float) -> float:
+    """Return the coordinate of a pixel's center, or raise `CameraError` if it is neither 0.0 nor 0.5."""
+    if not is_number(pixel_center) or pixel_center not in (0.0, 0.5):
+        raise CameraError(f"pixel_center must be 0.5 or 0.0, got {pixel_center!r}")
+    return pixel_center
+
+
+@lru_cache(maxsize=1024)  # warns once per camera: cameras that differ only in range are created repeatedly
+def warn_of_improbable(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
+    """Warn about improbable intrinsics: for another image size, or divided by the image size."""
+    problem = ""
+    if min(fx, fy) < 1:
+        problem = f"focal lengths are fx={fx:g}, fy={fy:g}, less than a pixel: intrinsics are in pixels"
+    elif not (0 <= cx <= width and 0 <= cy <= height):
+        problem = f"the principal point ({cx:g}, {cy:g}) is outside of the image of {width} x {height} pixels"
+    if problem:
+        warn_user(f"{problem}; are the intrinsics of an image of this size?", IntrinsicsWarning)
+
+
+def as_floats(value: object, name: str) -> NDArray[np.float64]:
+    """Return numbers in double precision, or raise `CameraError`."""
+    from warpvis.core.arrays import as_numpy
+
+    try:
+        return as_numpy(value, name=name).astype("float64")
+    except ArrayError as error:
+        raise CameraError(str(error)) from None
+
+
+def _make_floats(camera: Any, names: Sequence[str]) -> None:
+    for name in names:
+        value = getattr(camera, name)
+        if not is_number(value) or math.isnan(value) or (math.isinf(value) and name != "far"):
+            raise CameraError(f"{name} must be a finite number, got {value!r}")
+        object.__setattr__(camera, name, float(value))
