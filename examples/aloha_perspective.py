@@ -14,7 +14,7 @@ import trimesh
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
-from warpvis.mujoco import camera_poses, geom_poses, scene_from_mujoco
+from warpvis.mujoco import camera_from_mujoco, camera_poses, geom_poses, scene_from_mujoco
 
 file = importlib.resources.files("mujoco_warp") / "test_data" / "aloha_pot" / "scene.xml"
 model = mujoco.MjModel.from_xml_path(str(file))
@@ -50,7 +50,7 @@ agents = []
 for name in ("teleoperator", "collaborator"):
     camera = model.camera(f"{name}_pov").id
     pose = camera_poses(data, model, [camera])[0]
-    agents.append(wv.Agent(name, wv.Camera.from_mujoco(model, camera, 640, 480), pose))
+    agents.append(wv.Agent(name, camera_from_mujoco(model, camera, 640, 480), pose))
 seen = wv.perspective(scene, agents)
 print(seen.table())
 for candidate in seen.candidates("collaborator", "teleoperator"):

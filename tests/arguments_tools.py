@@ -293,11 +293,9 @@ def tools_cases(folder):
         "save_map": (
             wv.viz.save_map,
             {
-                "cells": floor_map.cells.numpy()[0],
+                "floor": floor_map,
                 "path": path / "b.png",
-                "bounds": floor_map.bounds,
-                "legend": floor_map.legend,
-                "axes": ("x", "y"),
+                "view": 0,
                 "title": "b",
             },
         ),

@@ -10,7 +10,6 @@ from arguments_shared import (
     DEPTH,
     MESH,
     MESSAGE,
-    MODEL,
     MOVED,
     POSE,
     RENDERED,
@@ -47,7 +46,6 @@ def top_cases(folder):
         "Camera.from_fov, vertical": (wv.Camera.from_fov, {"width": 8, "height": 6, "vfov": 1.0}),
         "Camera.from_fov, linear": (wv.Camera.from_fov, {"width": 8, "height": 6, "hfov": 1.0, "vertical": "linear"}),
         "Camera.from_K": (wv.Camera.from_K, {"K": CAMERA.to_K(), "width": 8, "height": 6, "pixel_center": 0.5}),
-        "Camera.from_mujoco": (wv.Camera.from_mujoco, {"model": MODEL, "camera": "eye", "width": 8, "height": 6}),
         "Camera.from_opencv": (
             wv.Camera.from_opencv,
             {"K": CAMERA.to_K(), "D": [0.01, 0, 0, 0], "width": 8, "height": 6, "model": "fisheye", "kind": "range"},

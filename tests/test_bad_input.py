@@ -328,15 +328,15 @@ CASES = {
         "level_tolerance must be a number of meters from 0 up",
     ),
     "picture of no kind": (
-        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE).save("map.xyz"),
+        lambda: wv.viz.save_map(wv.floor_map(POINTS, LABELS, bounds=SQUARE), "map.xyz"),
         "map.xyz: Format 'xyz' is not supported",
     ),
     "picture in no folder": (
-        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE).save("/nonexistent/map.png"),
+        lambda: wv.viz.save_map(wv.floor_map(POINTS, LABELS, bounds=SQUARE), "/nonexistent/map.png"),
         "/nonexistent/map.png: cannot be written",
     ),
     "picture of no view": (
-        lambda: wv.floor_map(POINTS, LABELS, bounds=SQUARE).save("map.png", view=1),
+        lambda: wv.viz.save_map(wv.floor_map(POINTS, LABELS, bounds=SQUARE), "map.png", view=1),
         "view must be from 0 to 0, got 1",
     ),
     # The floor plan

@@ -99,7 +99,7 @@ def test_flush_surfaces_match_the_reference(cull_backfaces, device, caster):
 def test_only_segmentation_and_labels_change(device, caster):
     model, data = model_of(FLUSH)
     geoms = scene_from_mujoco(model, device=device, labels={"mat": "object", "plate": "robot"})
-    camera, coinciding = wv.Camera.from_mujoco(model, "eye", 160, 120), CoincidingGeoms(model, geoms.scene)
+    camera, coinciding = wv.mujoco.camera_from_mujoco(model, "eye", 160, 120), CoincidingGeoms(model, geoms.scene)
     coinciding.follow(geoms.geom_ids)
     given = {"object_poses": geom_poses(data, geoms)[None]}
     names = ("depth", "points", "normals", "labels", "segmentation")
@@ -140,7 +140,7 @@ def test_worlds_of_a_batch(device):
     column = [apart.scene.objects[index].name for index in apart.scene.movable].index("visual")
     poses[:, column, 2] += 0.5
     coinciding = CoincidingGeoms(model, apart.scene, apart.geom_ids)
-    camera = wv.Camera.from_mujoco(model, "eye", 80, 60)
+    camera = wv.mujoco.camera_from_mujoco(model, "eye", 80, 60)
     renderer = GeomRenderer(apart.scene, camera, coinciding, outputs=("segmentation",), cull_backfaces=True)
     eye = eye_of(*model_of(text))
     objects = renderer.render(np.repeat(eye, 3, axis=0), object_poses=poses).segmentation.numpy()

@@ -144,7 +144,7 @@ def test_visible_fraction_of_whole_bodies():
 
     def measure(model, names):
         geoms = wv.mujoco.scene_from_mujoco(model)
-        camera = wv.Camera.from_mujoco(model, "front", 80, 64)
+        camera = wv.mujoco.camera_from_mujoco(model, "front", 80, 64)
         eye = wv.mujoco.camera_poses(simulation.data, model, [model.camera("front").id])[0]
         poses = wv.mujoco.geom_poses(simulation.data, geoms)
         return wv.object_visibility(geoms.scene, camera, eye, objects=names, object_poses=poses)

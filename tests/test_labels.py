@@ -317,7 +317,7 @@ def test_legends_list_only_present_labels(tmp_path):
     assert "<!-- obstacle -->" in (tmp_path / "six.svg").read_text()
     points = wv.render(street(), CAMERA, ABOVE, outputs=("points",)).points
     found = wv.floor_map(points, labels[None], bounds=((-2, -2), (2, 2)), label_names=NAMES)
-    found.save(tmp_path / "map.svg")
+    wv.viz.save_map(found, tmp_path / "map.svg")
     text = (tmp_path / "map.svg").read_text()
     assert "<!-- moving-car -->" in text
     assert "visible ground" not in text

@@ -25,7 +25,10 @@ def test_command_line_without_tyro_names_its_extra(monkeypatch):
 def test_pictures_without_matplotlib_name_their_extra(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     floor = wv.floor_map(np.zeros((1, 2, 2, 3)), np.ones((1, 2, 2), np.uint8), bounds=((-1, -1, -1), (1, 1, 1)))
-    for save in (lambda: floor.save(tmp_path / "map.png"), lambda: wv.viz.depth_colors(np.ones((2, 2)), (0.5, 2))):
+    for save in (
+        lambda: wv.viz.save_map(floor, tmp_path / "map.png"),
+        lambda: wv.viz.depth_colors(np.ones((2, 2)), (0.5, 2)),
+    ):
         with pytest.raises(wv.WarpvisError, match=r"matplotlib, which is missing: pip install 'warpvis\[viz\]'"):
             save()
 

@@ -196,10 +196,6 @@ BAD = {
         lambda: wv.point_visibility(wv.scenes.PRESETS["room"].build(), FLAT, (0, 0, 1, 0, 0, 0, 1), [[0, 0, 0]]),
         "camera must be a warpvis.Camera or a warpvis.cameras.LensCamera, got OrthographicCamera",
     ),
-    "pinhole": (
-        lambda: wv.Camera.from_mujoco(shapes_model()[0], "flat", 8, 6),
-        "camera 'flat' is orthographic. Use warpvis.mujoco.camera_from_mujoco to create",
-    ),
 }
 
 

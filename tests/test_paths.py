@@ -76,7 +76,7 @@ def test_map_and_picture_paths(at, tmp_path):
     views = wv.render(scene, CAMERA, POSE)
     wv.voxel_map(views.depth, CAMERA, POSE, bounds=[[-1, -1, 2], [1, 1, 4]], cell_size=0.5).save(at("voxels.npz"))
     seen = wv.floor_map(views.points, views.labels, bounds=[[-1, -1], [1, 1]], cell_size=0.1)
-    seen.save(at("map.png"))
+    wv.viz.save_map(seen, at("map.png"))
     wv.viz.save_depth(views.depth.numpy()[0], at("depth.png"))
     assert {"voxels.npz", "map.png", "depth.png"} <= set(os.listdir(tmp_path))
 

@@ -56,7 +56,7 @@ def twice(kind, *, moving):
 
 def renderer_of(model, device, **options):
     geoms = scene_from_mujoco(model, device=device)
-    camera = wv.Camera.from_mujoco(model, "eye", 160, 120)
+    camera = wv.mujoco.camera_from_mujoco(model, "eye", 160, 120)
     return geoms, GeomRenderer(geoms.scene, camera, CoincidingGeoms(model, geoms.scene, geoms.geom_ids), **options)
 
 

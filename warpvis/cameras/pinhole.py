@@ -23,7 +23,6 @@ from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
-    import mujoco
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
@@ -106,31 +105,6 @@ class Camera(CameraMakers):
             assert vfov is not None  # for type checkers: one of the two is given
             fx = fy = _focal_length(height, vfov, "vfov")
         return cls(width, height, fx, fy, width / 2, height / 2, near, far)
-
-    @classmethod
-    def from_mujoco(
-        cls, model: mujoco.MjModel, camera: int | str = -1, width: int | None = None, height: int | None = None
-    ) -> Camera:
-        """Create a camera from one of a MuJoCo model; see `warpvis.mujoco.camera_from_mujoco`.
-
-        Args:
-            model: A `mujoco.MjModel`.
-            camera: Name or id; -1 for the free camera.
-            width: Image width [px]; by default the resolution of the MuJoCo camera.
-            height: Image height [px]; by default the resolution of the MuJoCo camera.
-
-        Raises:
-            CameraError: If the model has no such camera, or the camera is not a pinhole.
-        """
-        from warpvis.mujoco import camera_from_mujoco
-
-        result = camera_from_mujoco(model, camera, width, height)
-        if not isinstance(result, cls):
-            name = "the free camera" if camera == -1 else f"camera {camera!r}"
-            raise CameraError(
-                f"{name} is orthographic. Use warpvis.mujoco.camera_from_mujoco to create an OrthographicCamera."
-            )
-        return result
 
     @classmethod
     def from_K(  # noqa: N802 - K is the field's name for the matrix

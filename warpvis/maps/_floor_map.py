@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -15,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.depth_images import read_labels
 from warpvis.core.arrays import as_numpy, as_warp, check_length, empty, get_device
-from warpvis.core.checks import is_whole
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_images
@@ -63,20 +61,6 @@ class FloorMap:
         """Compute the floor area of a label in each view [m^2], shape ``(V,)``."""
         count = (self.cells.numpy() == self.label_names.number(label)).sum(axis=(1, 2))
         return count * self.cell_size**2
-
-    def save(self, path: str | os.PathLike[str], *, view: int = 0) -> None:
-        """Write one view's map as a picture with axes and a legend.
-
-        Raises:
-            WarpvisError: If there is no such view, or the picture cannot be written.
-        """
-        from warpvis.viz import save_map
-
-        if not is_whole(view) or view not in range(len(self.cells)):
-            raise ArrayError(f"view must be from 0 to {len(self.cells) - 1}, got {view!r}")
-        cells = self.cells.numpy()[view]
-        legend = legend_of(np.unique(cells), self.label_names)
-        save_map(cells, path, bounds=self.bounds, legend=legend, axes=self.axes)
 
 
 def floor_map(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
@@ -141,11 +141,11 @@ class MujocoStage:
 
     def eyes(self, name: str) -> tuple[Camera, NDArray[np.float64]]:
         """Return one of the model's cameras, with 320 x 240 pixels, and its current pose, ``(7,)``."""
-        from warpvis.mujoco import camera_poses
+        from warpvis.mujoco import camera_from_mujoco, camera_poses
 
         index = self.model.camera(name).id
         pose = camera_poses(self.data, self.model, [index])[0]
-        return Camera.from_mujoco(self.model, index, *_PICTURE), pose.astype(np.float64)
+        return require_camera(camera_from_mujoco(self.model, index, *_PICTURE)), pose.astype(np.float64)
 
     def _move(self) -> None:
         import mujoco

@@ -4,6 +4,6 @@
 
 import lazy_loader
 
-# Modules are loaded lazily: `FloorMap.save` imports `save_map` from here and needs neither planning nor visibility.
+# Modules are loaded lazily: `save_map` needs neither planning nor visibility.
 # `__init__.pyi` in this directory lists the public names.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

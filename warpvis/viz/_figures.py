@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures and floor maps from arrays, independent of scenes and views."""
+"""Figures, and pictures of floor maps."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import as_items, as_path, check_mapping, check_text
+from warpvis.core.checks import as_path, check_text, is_whole
 from warpvis.core.labels import Label
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
+from warpvis.maps import FloorMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,59 +63,30 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
         raise FileFormatError(f"{path}: {error}") from None
 
 
-def save_map(
-    cells: ArrayLike,
-    path: str | os.PathLike[str],
-    *,
-    bounds: Bounds,
-    legend: Legend,
-    axes: tuple[str, str] = ("x", "y"),
-    title: str = "Seen floor",
-) -> None:
-    """Write a picture of a floor map with axes in meters and a legend.
+def save_map(floor: FloorMap, path: str | os.PathLike[str], *, view: int = 0, title: str = "Seen floor") -> None:
+    """Write a picture of one view's floor map, with axes in meters and a legend.
 
     Args:
-        cells: Values of the cells, shape ``(rows, columns)``, row 0 at the bottom.
+        floor: The maps of all views.
         path: Picture to write.
-        bounds: The map's left, right, bottom and top border [m].
-        legend: Meaning and RGB color, 0 to 255, of every value; `warpvis.maps.MAP_LEGEND` for labels.
-        axes: Names of the horizontal and the vertical axis.
+        view: Index of the view.
         title: Title of the picture.
 
     Raises:
-        ArrayError: If the cells do not have two axes, or contain a value that is not in the legend.
+        ArrayError: If there is no such view.
         FileFormatError: If the picture cannot be written.
     """
     check_text(title, "title")
-    names = as_items(axes, "axes")
-    if len(names) != 2 or not all(isinstance(name, str) for name in names):
-        raise ArrayError(f"axes must be two names, got {axes!r}")
-    borders = as_numpy(bounds, name="bounds").astype(np.float64)
-    if borders.shape != (4,) or not np.isfinite(borders).all():
-        raise ArrayError(f"bounds must be left, right, bottom and top, got {borders.tolist()}")
-    _check_legend(legend)
-    values = as_numpy(cells, name="cells")
-    if values.ndim != 2:
-        raise ArrayError(f"cells must have shape (rows, columns), got {values.shape}")
-    colors = np.zeros((*values.shape, 3), dtype=np.uint8)
-    known = np.zeros(values.shape, dtype=bool)
-    for value, (_, color) in legend.items():
-        colors[values == value] = color
-        known |= values == value
-    if not known.all():
-        raise ArrayError(f"cells must contain only values of the legend, got {values[~known][0]}")
+    if not isinstance(floor, FloorMap):
+        raise ArrayError(f"floor must be a FloorMap, got {type(floor).__name__}")
+    if not is_whole(view) or view not in range(len(floor.cells)):
+        raise ArrayError(f"view must be from 0 to {len(floor.cells) - 1}, got {view!r}")
+    shown = np.unique(floor.cells.numpy()[view])
+    legend = {value: meaning for value, meaning in floor.legend.items() if value in shown}
     figure = new_figure(5.0, 4.77 + legend_height(legend, columns=2))
-    draw_map(figure.subplots(), colors, bounds, axes, title)
+    draw_map(figure.subplots(), floor.rgb()[view], floor.bounds, floor.axes, title)
     draw_legend(figure, legend, columns=2)
     save_figure(figure, path)
-
-
-def _check_legend(legend: object) -> None:
-    for entry in check_mapping(legend, "legend").values():
-        meaning, color = entry if isinstance(entry, tuple | list) and len(entry) == 2 else ("", None)
-        if color is None or as_numpy(color, name="a color of the legend").shape != (3,):
-            raise ArrayError(f"legend must map every value to a meaning and an RGB color, got {entry!r}")
-        check_text(meaning, "a meaning of the legend")
 
 
 def draw_map(axes: Axes, colors: ArrayLike, bounds: Bounds, names: tuple[str, str], title: str) -> None:
