@@ -43,7 +43,7 @@ def cameras() -> dict[str, Any]:
     return {
         "ouster": ouster,
         "one place": wv.cameras.Rays(ouster.directions, near=0.3, far=ouster.far),
-        "scan": wv.rendering.WideCamera(1024, 128, 2 * math.pi),
+        "scan": wv.cameras.WideCamera(1024, 128, 2 * math.pi),
         "lens": wv.Camera.from_opencv(_K, _COEFFICIENTS, 640, 480),
         "pinhole": wv.Camera.from_opencv(_K, None, 640, 480),
     }

@@ -200,7 +200,7 @@ def tools_cases(folder):
         ),
         # warpvis.rendering
         "OrthographicCamera": (
-            wv.rendering.OrthographicCamera,
+            wv.cameras.OrthographicCamera,
             dict(
                 zip(
                     ("width", "height", "fx", "fy", "cx", "cy", "near", "far"),
@@ -210,7 +210,7 @@ def tools_cases(folder):
             ),
         ),
         "OrthographicCamera.from_extent": (
-            wv.rendering.OrthographicCamera.from_extent,
+            wv.cameras.OrthographicCamera.from_extent,
             {"width": 8, "height": 6, "across": 2.0, "near": 0.1, "far": 4.0},
         ),
         # warpvis.sensors
@@ -254,10 +254,10 @@ def tools_cases(folder):
         ),
         "LensCamera of panoramas": (wv.cameras.lenses.Equirectangular, {"width": 8, "height": 6}),
         "WideCamera": (
-            wv.rendering.WideCamera,
+            wv.cameras.WideCamera,
             {"width": 8, "height": 6, "hfov": 3.0, "projection": "spherical", "near": 0.1, "far": 9.0},
         ),
-        "WideCamera.rays_at": (wv.rendering.WideCamera(8, 6, 3.0).rays_at, {"pixels": [[1, 1]]}),
+        "WideCamera.rays_at": (wv.cameras.WideCamera(8, 6, 3.0).rays_at, {"pixels": [[1, 1]]}),
         "render_wide": (
             wv.rendering.render_wide,
             {

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from reference_coinciding import show_later_along
 
 from warpvis import Camera, Scene
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.core.poses import poses_to_matrices
-from warpvis.rendering import OrthographicCamera
 
 AHEAD = np.array([[[0.0, 0.0, 1.0]]])
 

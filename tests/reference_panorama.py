@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reference of the rays of `warpvis.rendering.WideCamera`, by rotating one direction."""
+"""Reference of the rays of `warpvis.cameras.WideCamera`, by rotating one direction."""
 
 from __future__ import annotations
 

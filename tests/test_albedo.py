@@ -9,9 +9,9 @@ import trimesh
 
 import warpvis as wv
 from warpvis.cameras import Rays
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import CameraError
-from warpvis.rendering import OrthographicCamera
 from warpvis.scene import solids
 from warpvis.scene._device_materials import mip_levels
 from warpvis.scene.materials import Appearance, Material, Texture

@@ -36,7 +36,7 @@ CALLS = {
     "hfov": (lambda fov: wv.Camera.from_fov(8, 6, hfov=fov), (60,), (1.0,)),
     "vfov": (lambda fov: wv.Camera.from_fov(8, 6, vfov=fov), (45.0,), (0.8,)),
     "wide camera": (
-        lambda fov: wv.rendering.WideCamera(8, 6, fov, "cylindrical"),
+        lambda fov: wv.cameras.WideCamera(8, 6, fov, "cylindrical"),
         (180,),
         (math.pi,),
     ),

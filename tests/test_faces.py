@@ -10,7 +10,8 @@ import pytest
 
 import warpvis as wv
 from warpvis.cameras import Rays
-from warpvis.rendering import OrthographicCamera, WideCamera
+from warpvis.cameras.orthographic import OrthographicCamera
+from warpvis.cameras.wide import WideCamera
 from warpvis.scene import solids
 from warpvis.sensors import Corruptions, Motion, RollingShutter
 

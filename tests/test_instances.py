@@ -10,7 +10,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.rendering import OrthographicCamera
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.scene import _traversal_plan, solids
 
 from compare import assert_matches_reference

@@ -470,7 +470,7 @@ REFUSED = {
         'caster must be "rays" or "auto" for a Motion, got "packets"',
     ),
     "parallel rays": (
-        lambda s: wv.render(s, wv.rendering.OrthographicCamera.from_extent(8, 6, across=2.0), MOVES),
+        lambda s: wv.render(s, wv.cameras.OrthographicCamera.from_extent(8, 6, across=2.0), MOVES),
         "camera must be a pinhole, a lens or Rays for a Motion, got OrthographicCamera",
     ),
     "shape": (

@@ -12,9 +12,9 @@ from mujoco_models import shapes_model
 from pose_samples import unit
 
 import warpvis as wv
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.mujoco import BatchRenderer, Renderer, camera_from_mujoco, geom_poses, scene_from_mujoco
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
-from warpvis.rendering import OrthographicCamera
 
 import reference
 from compare import assert_view_matches, hair

@@ -10,7 +10,8 @@ from reference_panorama import wide_rays
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.rendering import WideCamera, _panorama, render_wide
+from warpvis.cameras.wide import WideCamera
+from warpvis.rendering import _panorama, render_wide
 
 import reference
 from compare import assert_view_matches, hair

@@ -222,7 +222,7 @@ def test_invalid_patterns_raise(name):
 
 
 def test_wide_camera_error_names_render():
-    camera = wv.rendering.WideCamera(8, 4, 6.0)
+    camera = wv.cameras.WideCamera(8, 4, 6.0)
     with pytest.raises(CameraError, match=r"got WideCamera: wv\.render accepts it"):
         wv.object_visibility(wv.scenes.PRESETS["room"].build(), camera, STRAIGHT)
 

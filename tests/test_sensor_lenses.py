@@ -82,7 +82,7 @@ def test_dataset_round_trips_lens_and_sensor(tmp_path):
 
 
 RAYS = wv.sensors.lidars.laser_scan(-1.0, 1.0, 0.1)
-FLAT = wv.rendering.OrthographicCamera(64, 48, 10.0, 10.0, 32.0, 24.0)
+FLAT = wv.cameras.OrthographicCamera(64, 48, 10.0, 10.0, 32.0, 24.0)
 SHUTTER = wv.sensors.RollingShutter(PINHOLE, 0.03)
 
 

@@ -108,7 +108,7 @@ def test_render_at_with_scales(device, caster):
 
 def test_orthographic_camera_with_scales(device):
     row, scale = [(0, 0, 1, 0, 0, 0, 1)], [(2.0, 0.5, 1.5)]
-    camera = wv.rendering.OrthographicCamera(40, 30, 10, 10, 20, 15, far=10.0)
+    camera = wv.cameras.OrthographicCamera(40, 30, 10, 10, 20, 15, far=10.0)
     pose = wv.look_at((3, 1, 2), (0, 0, 1))[None]
     for shape in (SHAPES[1], SHAPES[4]):
         scene, twin = build(device, row, shapes=[shape]), build(device, row, scale, shapes=[shape])

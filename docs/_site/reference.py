@@ -55,7 +55,7 @@ WORDS = {
     "QuaternionOrder": "warpvis.core.poses",
     "LabelInput": "warpvis.core.label_rules",
     "ImageCamera": "warpvis.cameras.image_cameras",
-    "RenderCamera": "warpvis.rendering._orthographic",
+    "AnyCamera": "warpvis.rendering._orthographic",
     "DepthKind": "warpvis.cameras.ray_camera",
     "Reflectivity": "warpvis.sensors._echoes",
     "CalibratedCamera": "warpvis.cameras.lens_camera",

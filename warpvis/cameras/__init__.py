@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras with lenses, ray bundles, and lens models. The pinhole camera is `warpvis.Camera`."""
+"""Cameras: lenses, ray bundles, panoramas and orthographic images. The pinhole camera is `warpvis.Camera`."""
 
 from __future__ import annotations
 
 from warpvis.cameras import lenses
+from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.fields import (
     lens_camera_from_fields as lens_camera_from_fields,
     lens_camera_to_fields as lens_camera_to_fields,
@@ -15,6 +16,8 @@ from warpvis.cameras.image_cameras import (
     require_calibrated as require_calibrated,
 )
 from warpvis.cameras.lens_camera import LensCamera
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.cameras.rays import Rays
+from warpvis.cameras.wide import WideCamera
 
-__all__ = ["LensCamera", "Rays", "lenses"]
+__all__ = ["AnyCamera", "LensCamera", "OrthographicCamera", "Rays", "WideCamera", "lenses"]

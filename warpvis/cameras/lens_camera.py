@@ -13,9 +13,10 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.base import DepthKind
 from warpvis.cameras.checks import check_pixel_units, check_range, check_size
 from warpvis.cameras.lenses import Lens, lens_to_ros
-from warpvis.cameras.ray_camera import MAX_RAYS, DepthKind, LensedCamera, OnceCache
+from warpvis.cameras.ray_camera import MAX_RAYS, LensedCamera, OnceCache
 from warpvis.core.checks import as_items, check_choice, check_whole
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, IntrinsicsWarning

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.core.checks import check_choice, check_mapping
 from warpvis.errors import ArrayError, CameraError
 
@@ -15,21 +16,19 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from warpvis.cameras.base import DepthKind
     from warpvis.cameras.lens_camera import LensCamera
     from warpvis.cameras.lenses import Lens
-    from warpvis.cameras.ray_camera import DepthKind
     from warpvis.core.messages import Message
 
 
-class CameraMakers:
+class CameraMakers(AnyCamera):
     """Base class with constructors of `Camera` (without distortion) or `warpvis.cameras.LensCamera`.
 
     The cameras are those of the raw images, with the distortion of the calibration. All constructors accept `near` and
     `far` [m], and `kind`, the definition of depth for a lens: ``"z"`` or ``"range"``, see `LensCamera`.
     """
 
-    width: int
-    height: int
     kind: ClassVar[Literal["z"]] = "z"
     """Definition of depth: along the optical axis, as for a pinhole."""
 

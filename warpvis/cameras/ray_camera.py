@@ -4,22 +4,19 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Hashable
 from threading import RLock
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from warpvis.core.poses import Convention
     from warpvis.kernels.rays import RayRange
-
-DepthKind = Literal["z", "range"]
-"""Definition of depth: along the axis of the camera, or along the ray."""
 
 MAX_RAYS = 2**26
 """Maximum number of rays of a camera; they take 1.6 GB."""
@@ -46,41 +43,19 @@ class OnceCache:
         return self._values[name]
 
 
-class RayCamera(ABC):
-    """A camera that defines the ray of each pixel.
+class RayCamera(AnyCamera):
+    """A camera with an array of rays, one per pixel.
 
-    Subclasses have `width`, `height` [px], `near`, `far` [m] and `kind`, the definition of depth. By default, they have
-    OpenCV axes, rays with a common origin, and images of that width and height.
+    Subclasses have `width`, `height` [px], `near`, `far` [m] and `kind`, the definition of depth.
     """
 
     usage_hint = "its rays have no image. wv.render accepts it, and its views have points and labels."
     """Text for error messages: functions that accept the camera."""
-    axes: Convention = "opencv"
-    width: int
-    height: int
-    near: float
-    far: float
-    kind: DepthKind | None
 
     @property
     @abstractmethod
     def rays(self) -> NDArray[np.float64]:
         """Rays of depth 1 for all pixels, shape ``(*shape, 3)``; NaN where a pixel has no ray."""
-
-    @property
-    def origins(self) -> NDArray[np.float64] | None:
-        """Ray origins in the camera frame [m], with the shape of `rays`; None if all are zero."""
-        return None
-
-    @property
-    def times(self) -> NDArray[np.float64] | None:
-        """Time of each ray, after the start of the frame [s], shape ``shape``; None if not given."""
-        return None
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the image of one view: height and width, or the number of rays of a list."""
-        return self.height, self.width
 
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
         """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image.

@@ -9,8 +9,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.base import DepthKind
 from warpvis.cameras.checks import check_range
-from warpvis.cameras.ray_camera import MAX_RAYS, DepthKind, RayCamera
+from warpvis.cameras.ray_camera import MAX_RAYS, RayCamera
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_choice
 from warpvis.core.poses import Convention, check_convention

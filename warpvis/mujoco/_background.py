@@ -7,7 +7,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.rendering import AnyCamera, Fill, OrthographicCamera
+from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.orthographic import OrthographicCamera
+from warpvis.rendering import Fill
 
 
 def filled_depth(image: NDArray[np.float32] | None, camera: AnyCamera, fill: Fill) -> NDArray[np.float32]:

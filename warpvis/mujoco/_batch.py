@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import as_numpy, check_out, empty
 from warpvis.core.checks import check_choice, check_whole
@@ -52,17 +53,7 @@ from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_ge
 from warpvis.mujoco._shapes import shape_bodies
 from warpvis.mujoco._watch import AppearanceWatch
 from warpvis.mujoco._world_models import WorldModels
-from warpvis.rendering import (
-    AnyCamera,
-    DepthSensor,
-    Fill,
-    NearPlane,
-    Output,
-    Views,
-    check_output_names,
-    view_numbers,
-    views_for,
-)
+from warpvis.rendering import DepthSensor, Fill, NearPlane, Output, Views, check_output_names, view_numbers, views_for
 from warpvis.scene import Scene
 
 # Cameras, worlds, number of movable objects, and the stream on which work is queued.

@@ -12,10 +12,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.core.checks import as_items
 from warpvis.errors import ArrayError, CameraError
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_with_fovy, viewer_camera, viewer_pose
-from warpvis.rendering import AnyCamera
 
 CameraChoice: TypeAlias = int | str | mujoco.MjvCamera
 """A camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`."""

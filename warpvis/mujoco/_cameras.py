@@ -12,10 +12,11 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.cameras.pinhole import Camera, check_size
 from warpvis.errors import CameraError
 from warpvis.mujoco._numbers import check_camera_numbers
-from warpvis.rendering import AnyCamera, OrthographicCamera
 
 _FREE = int(mujoco.mjtCamera.mjCAMERA_FREE)
 _TRACKING = int(mujoco.mjtCamera.mjCAMERA_TRACKING)
@@ -57,7 +58,7 @@ def camera_from_mujoco(
         height: Image height [px].
 
     Returns:
-        The camera, with MuJoCo's clipping planes as `near` and `far`; a `warpvis.rendering.OrthographicCamera` if
+        The camera, with MuJoCo's clipping planes as `near` and `far`; a `warpvis.cameras.OrthographicCamera` if
         MuJoCo's camera is orthographic.
 
     Raises:

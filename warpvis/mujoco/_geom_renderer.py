@@ -14,6 +14,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.poses import Convention, poses_to_matrices
 from warpvis.core.threads import launch_images
@@ -21,7 +23,7 @@ from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
 from warpvis.mujoco._coinciding import Pairs, find_pairs, frame_vertices
 from warpvis.mujoco._shapes import shape_bodies
-from warpvis.rendering import AnyCamera, OrthographicCamera, Renderer, Views
+from warpvis.rendering import Renderer, Views
 from warpvis.scene import Scene, SceneObject
 from warpvis.scene.worlds import parse_worlds, pose_columns
 

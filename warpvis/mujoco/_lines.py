@@ -11,9 +11,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.core.poses import poses_to_matrices
 from warpvis.mujoco._visual_shapes import Blocks
-from warpvis.rendering import AnyCamera, OrthographicCamera
 
 _Floats = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.checks import check_choice, check_flag, describe_exception, truncate
 from warpvis.core.label_rules import LabelInput, LabelRules
@@ -30,16 +31,7 @@ from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco._viewer_scene import RendererScene, ViewerScene
 from warpvis.mujoco._visuals import Visuals
-from warpvis.rendering import (
-    AnyCamera,
-    DepthSensor,
-    Fill,
-    NearPlane,
-    Output,
-    check_fill,
-    check_word,
-    require_sensor,
-)
+from warpvis.rendering import DepthSensor, Fill, NearPlane, Output, check_fill, check_word, require_sensor
 from warpvis.sensors import Reason
 
 _REBUILT = ("_stages", "_stage", "_viewer", "_fallback", "_visuals")

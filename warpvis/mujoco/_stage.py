@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import SceneError
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
@@ -25,7 +26,7 @@ from warpvis.mujoco._visual_objects import VisualObjects
 from warpvis.mujoco._visual_shapes import Blocks
 from warpvis.mujoco._visuals import VisualKey
 from warpvis.mujoco._watch import ModelWatch
-from warpvis.rendering import AnyCamera, Output
+from warpvis.rendering import Output
 from warpvis.scene import Part, Scene, SceneObject, take_snapshot
 from warpvis.scene.solids import Solid
 

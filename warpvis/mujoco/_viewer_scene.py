@@ -12,11 +12,11 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.core.poses import poses_to_opencv
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._cameras import Frustum, camera_of_frustum
-from warpvis.rendering import AnyCamera
 from warpvis.scene import Scene
 
 _CULL_FACE = int(mujoco.mjtRndFlag.mjRND_CULL_FACE)

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rendering of depth, points, normals, labels, segmentation, faces and colors, on CPU cores and CUDA.
 
-`packets` is the fast caster, `rays` the reference. A `WideCamera` renders cylindrical and spherical images, and an
-`OrthographicCamera` renders images without perspective.
+`packets` is the fast caster, `rays` the reference.
 """
 
 from __future__ import annotations
@@ -34,8 +33,7 @@ from warpvis.rendering._depth_sensor import (
     require_sensor as require_sensor,
 )
 from warpvis.rendering._moving import parse_sensor as parse_sensor
-from warpvis.rendering._orthographic import AnyCamera, OrthographicCamera
-from warpvis.rendering._panorama import WideCamera, render_wide
+from warpvis.rendering._panorama import render_wide
 from warpvis.rendering._renderer import Renderer as Renderer, render as render
 from warpvis.rendering._sensing import check_word as check_word, view_numbers as view_numbers
 from warpvis.rendering._views import (
@@ -50,14 +48,11 @@ from warpvis.rendering.casters import ray_table as ray_table
 __all__ = [
     "OUTPUTS",
     "SENSOR_OUTPUTS",
-    "AnyCamera",
     "Caster",
     "DepthSensor",
     "Exposure",
     "Fill",
     "NearPlane",
-    "OrthographicCamera",
     "Output",
-    "WideCamera",
     "render_wide",
 ]

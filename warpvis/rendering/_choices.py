@@ -10,6 +10,8 @@ from typing import Literal
 
 import warp as wp
 
+from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.checks import check_choice, check_number, check_whole
 from warpvis.core.outputs import Output
@@ -19,7 +21,6 @@ from warpvis.rendering._cpu_remap import CpuRemapCaster
 from warpvis.rendering._cpu_table import CpuTablePacketsCaster
 from warpvis.rendering._cuda_packets import CudaPacketsCaster
 from warpvis.rendering._cuda_table import CudaTablePacketsCaster
-from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._views import ALL_OUTPUTS, SENSOR_OUTPUTS, check_outputs
 from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster
 
@@ -49,7 +50,7 @@ def check_output_names(outputs: object, sensor: object) -> tuple[str, ...]:
     return names
 
 
-def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "rays"]:
+def choose_caster(caster: Caster, camera: AnyCamera) -> Literal["packets", "rays"]:
     """Resolve the name of a caster for a camera.
 
     Raises:
@@ -64,7 +65,7 @@ def choose_caster(caster: Caster, camera: RenderCamera) -> Literal["packets", "r
 
 
 def caster_class(
-    caster: Literal["packets", "rays"], camera: RenderCamera, device: wp.Device
+    caster: Literal["packets", "rays"], camera: AnyCamera, device: wp.Device
 ) -> Callable[..., RaysCaster | CpuRemapCaster | CpuTablePacketsCaster]:
     """Return the class of the caster for a camera and a device."""
     if isinstance(camera, OrthographicCamera):
@@ -80,7 +81,7 @@ def caster_class(
     return CpuRemapCaster if device.is_cpu else CudaPacketsCaster
 
 
-def fill_numbers(fill: Fill, camera: RenderCamera) -> tuple[float, float] | None:
+def fill_numbers(fill: Fill, camera: AnyCamera) -> tuple[float, float] | None:
     """Return the depths of empty pixels and of pixels that are too near; None for the infinities.
 
     Raises:

@@ -13,10 +13,10 @@ from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
 
 if TYPE_CHECKING:
+    from warpvis.cameras.base import AnyCamera
     from warpvis.kernels.packets import BvhScene
     from warpvis.kernels.packets_cuda import FoundObjects
     from warpvis.kernels.worlds import Worlds
-    from warpvis.rendering._orthographic import AnyCamera
 
 MANY_OBJECTS = 256
 """Number of movable objects from which they are sorted into tiles; with fewer, each packet tests all of them."""

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.image_cameras import pinhole_rays
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.motion import Motion, check_times, instants_of, stacked
@@ -20,7 +22,6 @@ from warpvis.core.poses import Convention, check_convention, parse_poses, vector
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError, PoseError
-from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._views import wants_faces
 from warpvis.rendering.casters import as_images, images_struct, vectors_on_device
 from warpvis.scene import Scene
@@ -55,9 +56,7 @@ class MovingPoses:
 class MovingCaster:
     """Cast with one thread per ray and one query of Warp's mesh per thread, like `RaysCaster`."""
 
-    def __init__(
-        self, scene: Scene, camera: RenderCamera, *, cull_backfaces: bool, clip_near: bool, threads: int
-    ) -> None:
+    def __init__(self, scene: Scene, camera: AnyCamera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
         """Set up the caster.
 
         Raises:
@@ -144,14 +143,14 @@ class MovingCaster:
     @cached_property
     def _origins(self) -> wp.array | None:
         camera = self._camera
-        if not isinstance(camera, RayCamera) or camera.origins is None:
-            return None
         origins = camera.origins
+        if origins is None:
+            return None
         return vectors_on_device(camera, "origins", lambda: origins, self._scene.device).reshape(self._image)
 
     @cached_property
     def _times(self) -> wp.array | None:
-        times = self._camera.times if isinstance(self._camera, RayCamera) else None
+        times = self._camera.times
         if times is None:
             return None
         return wp.array(times.reshape(self._image), dtype=wp.float64, device=self._scene.device)
@@ -162,7 +161,7 @@ class MovingCaster:
 
 
 def parse_sensor(
-    camera: RenderCamera, poses: PoseLike | Motion, convention: Convention | None, device: wp.Device
+    camera: AnyCamera, poses: PoseLike | Motion, convention: Convention | None, device: wp.Device
 ) -> tuple[MotionStruct, int]:
     """Return the motion of a sensor in the format of kernels, and the number of views.
 
@@ -171,7 +170,7 @@ def parse_sensor(
         ArrayError: If the motion does not cover the times of all rays, or `starts` does not match the number of views.
         CameraError: If the sensor moves and the camera's rays have no times.
     """
-    axes = camera.axes if isinstance(camera, RayCamera) else "opencv"
+    axes = camera.axes
     pose_axes = axes if convention is None else check_convention(convention)
 
     def parse(rows: PoseLike) -> wp.array:
@@ -181,7 +180,7 @@ def parse_sensor(
         constant_poses = parse(poses)
         return _struct_of(constant_poses.reshape((1, constant_poses.shape[0], 1))), constant_poses.shape[0]
     if poses.of_rays:
-        return _parse_poses_of_rays(_shape_of(camera), poses, parse)
+        return _parse_poses_of_rays(camera.shape, poses, parse)
     instants = instants_of(poses)
     if isinstance(instants, np.ndarray):
         if instants.ndim not in (2, 3):
@@ -224,18 +223,14 @@ def _parse_poses_of_rays(
     return struct, leading[0]
 
 
-def _check_rays_times(camera: RenderCamera, motion: Motion, starts: np.ndarray | None) -> None:
-    times = camera.times if isinstance(camera, RayCamera) else None
+def _check_rays_times(camera: AnyCamera, motion: Motion, starts: np.ndarray | None) -> None:
+    times = camera.times
     if times is None:
         raise CameraError(
             "camera must have times of rays for a Motion. Set times of Rays, or use a warpvis.sensors.RollingShutter "
             "of the camera"
         )
     check_times(motion, times, np.zeros(1) if starts is None else starts)
-
-
-def _shape_of(camera: RenderCamera) -> tuple[int, ...]:
-    return camera.shape if isinstance(camera, RayCamera) else (camera.height, camera.width)
 
 
 def _struct_of(

@@ -12,8 +12,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.pinhole import require_camera
-from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.arrays import as_warp, count_axes
 from warpvis.core.checks import check_choice, check_flag
 from warpvis.core.motion import Motion
@@ -37,7 +37,6 @@ from warpvis.rendering._choices import (
 )
 from warpvis.rendering._depth_sensor import DepthSensor
 from warpvis.rendering._moving import MovingCaster, MovingPoses
-from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import CheckedImages
 from warpvis.rendering._sensing import Sensing, check_word, next_frame, view_numbers
 from warpvis.rendering._shading import ShadingCaster, extra_bytes
@@ -67,7 +66,7 @@ class Renderer:
     def __init__(
         self,
         scene: Scene,
-        camera: RenderCamera,
+        camera: AnyCamera,
         *,
         outputs: Sequence[Output] = DEFAULT_OUTPUTS,
         caster: Caster = "auto",
@@ -84,7 +83,7 @@ class Renderer:
         Args:
             scene: The scene to render. Objects that are added to it later are rendered too.
             camera: Intrinsics, image size and depth range of all views; or a `warpvis.cameras.LensCamera`, a
-                `warpvis.cameras.Rays` or a `warpvis.rendering.OrthographicCamera`. Rays with distinct origins are cast
+                `warpvis.cameras.Rays` or a `warpvis.cameras.OrthographicCamera`. Rays with distinct origins are cast
                 in packets of rays that pass near a common eye if the origins are within 0.1 m of each other, and ray by
                 ray otherwise. An `OrthographicCamera` is always cast ray by ray.
             outputs: The images to render: ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
@@ -112,7 +111,7 @@ class Renderer:
             WarpvisError: If an argument is invalid.
         """
         require_scene(scene)
-        if not isinstance(camera, OrthographicCamera | RayCamera):
+        if not isinstance(camera, AnyCamera):
             require_camera(camera)
         self.scene = scene
         self.camera = camera
@@ -122,8 +121,7 @@ class Renderer:
         self.device_bytes = check_device_bytes(device_bytes, scene.device)
         self.fill = fill
         self._fill = fill_numbers(fill, camera)
-        self._axes: Convention = camera.axes if isinstance(camera, RayCamera) else "opencv"
-        self._shape = camera.shape if isinstance(camera, RayCamera) else (camera.height, camera.width)
+        self._shape = camera.shape
         self._checked = CheckedImages()
         self._options: dict[str, Any] = {
             "cull_backfaces": check_flag(cull_backfaces, "cull_backfaces"),
@@ -147,11 +145,11 @@ class Renderer:
     def _has_colors(self) -> bool:
         return not COLOR_OUTPUTS.keys().isdisjoint(self.outputs)
 
-    def _make_caster(self, camera: RenderCamera) -> Any:
+    def _make_caster(self, camera: AnyCamera) -> Any:
         caster = self._make_plain_caster(camera)
         return ShadingCaster(caster, self.scene, camera, threads=self.threads) if self._has_colors else caster
 
-    def _make_plain_caster(self, camera: RenderCamera) -> Any:
+    def _make_plain_caster(self, camera: AnyCamera) -> Any:
         """Make a caster without colors, whose outputs are shaded to obtain colors."""
         return caster_class(self.caster, camera, self.scene.device)(self.scene, camera, **self._options)
 
@@ -221,7 +219,7 @@ class Renderer:
             options = world_index, exclude, object_scales
             moving = self._moving_caster().parse(camera_to_world, object_poses, convention, *options)
             return self._render(*moving, self._number(len(moving[0]), frame, view_index), out)
-        poses = self._caster.parse_poses(camera_to_world, self._axes if convention is None else convention)
+        poses = self._caster.parse_poses(camera_to_world, self.camera.axes if convention is None else convention)
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
         return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
 
@@ -328,7 +326,7 @@ class Renderer:
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
         device = self.scene.device
-        poses = self._caster.parse_poses(camera_to_world, self._axes if convention is None else convention)
+        poses = self._caster.parse_poses(camera_to_world, self.camera.axes if convention is None else convention)
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
         axes = ("Y", "X") if count_axes(pixels, wp.vec2) == 3 else ("N",)
         points = as_warp(pixels, wp.vec2, (len(poses), *axes), name="pixels", device=device)
@@ -405,7 +403,7 @@ class Renderer:
 
 def render(
     scene: Scene,
-    camera: RenderCamera,
+    camera: AnyCamera,
     camera_to_world: PoseLike | Motion,
     *,
     outputs: Sequence[Output] = DEFAULT_OUTPUTS,

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.arrays import empty
 from warpvis.core.poses import Convention
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
-from warpvis.rendering._orthographic import OrthographicCamera, RenderCamera
 from warpvis.rendering._prepared import FreeList
 from warpvis.rendering._views import CAST_OUTPUTS, COLOR_OUTPUTS, OUTPUTS
 from warpvis.rendering.casters import CastPoses, as_images
@@ -33,7 +34,7 @@ _MAX_KINDS = 3
 class ShadingCaster:
     """Wrap another caster and add colors of the visible surfaces."""
 
-    def __init__(self, caster: Any, scene: Scene, camera: RenderCamera, *, threads: int) -> None:
+    def __init__(self, caster: Any, scene: Scene, camera: AnyCamera, *, threads: int) -> None:
         """Set up shading of the images of `caster`, which must use the same scene and camera."""
         self._caster = caster
         self._scene = scene

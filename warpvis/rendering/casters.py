@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 import warp as wp
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.arrays import on_gpu
 from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses
 from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.kernels.constants import POSE_WORDS
-from warpvis.rendering._orthographic import RenderCamera
 from warpvis.rendering._prepared import FreeList
 from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
@@ -56,7 +56,7 @@ class RaysCaster:
     def __init__(
         self,
         scene: Scene,
-        camera: RenderCamera,
+        camera: AnyCamera,
         *,
         cull_backfaces: bool,
         clip_near: bool,

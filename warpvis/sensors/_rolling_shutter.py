@@ -11,9 +11,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.base import DepthKind
 from warpvis.cameras.image_cameras import pinhole_rays
 from warpvis.cameras.lens_camera import CalibratedCamera, LensCamera, require_calibrated
-from warpvis.cameras.ray_camera import DepthKind, RayCamera
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.checks import check_choice, check_number
 from warpvis.errors import CameraError
 

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.wide import WideCamera
 from warpvis.core.poses import look_at, poses_to_matrices
 from warpvis.errors import SceneError
-from warpvis.rendering import Renderer, WideCamera, render
+from warpvis.rendering import Renderer, render
 from warpvis.scene import Scene
 from warpvis.visibility import object_visibility
 from warpvis.webots._detection import Box, Frustum, is_hidden

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.rendering import AnyCamera, Renderer
+from warpvis.cameras.base import AnyCamera
+from warpvis.rendering import Renderer
 from warpvis.scene import Scene
 
 _PART_BYTES = 1 << 26  # size of images rendered per batch

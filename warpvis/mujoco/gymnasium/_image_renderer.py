@@ -10,13 +10,13 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._renderer import Renderer
 from warpvis.mujoco._shapes import GEOM, SITE
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco.gymnasium._fractions import VisibleFractions
 from warpvis.mujoco.gymnasium._outputs import DEPTH, FRACTION, REASONS, SEGMENTATION, TRUE_DEPTH, Outputs
-from warpvis.rendering import AnyCamera
 from warpvis.sensors import Reason
 
 _MAX_CAMERAS = 16

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.checks import as_items, check_choice
 from warpvis.errors import ArrayError, CameraError, SceneError
@@ -19,7 +20,7 @@ from warpvis.mujoco._batch_cameras import CameraChoice
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._scene import check_patterns, class_of_geoms
 from warpvis.mujoco._shapes import shape_bodies, shape_count
-from warpvis.rendering import SENSOR_OUTPUTS, AnyCamera, DepthSensor, Fill, Output, check_fill, require_sensor
+from warpvis.rendering import SENSOR_OUTPUTS, DepthSensor, Fill, Output, check_fill, require_sensor
 from warpvis.sensors import Reason
 
 Segmentation: TypeAlias = Literal["geom", "body"] | Mapping[str, int]

@@ -14,6 +14,7 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._batch import BatchRenderer
@@ -26,7 +27,7 @@ from warpvis.mujoco.gymnasium._environments import with_entries
 from warpvis.mujoco.gymnasium._fractions import VisibleFractions
 from warpvis.mujoco.gymnasium._outputs import FRACTION, SEGMENTATION, Outputs, Segmentation
 from warpvis.mujoco.gymnasium._poses import POSES, PoseLayout
-from warpvis.rendering import AnyCamera, DepthSensor, Fill
+from warpvis.rendering import DepthSensor, Fill
 
 _FINAL = "final_obs"
 _MAX_CAMERAS = 64

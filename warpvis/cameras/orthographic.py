@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-from warpvis.cameras.pinhole import Camera, check_numbers, check_size
-from warpvis.cameras.ray_camera import RayCamera
+from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.checks import check_numbers, check_size
 from warpvis.core.checks import is_number
 from warpvis.errors import CameraError
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class OrthographicCamera:
+class OrthographicCamera(AnyCamera):
     """A camera of parallel rays with OpenCV axes: x right, y down, z forward, the direction of all rays.
 
     Pixel ``(x, y)`` covers the square from ``(x, y)`` to ``(x + 1, y + 1)``. The camera-frame point ``(X, Y, Z)`` is
@@ -43,6 +43,8 @@ class OrthographicCamera:
     """Minimum depth [m]; nearer surfaces have depth -inf and still occlude."""
     far: float = math.inf
     """Maximum depth [m]; farther surfaces have depth +inf."""
+
+    kind: ClassVar[Literal["z"]] = "z"
 
     def __post_init__(self) -> None:
         check_numbers(self, "fx and fy must be greater than 0 px/m")
@@ -96,9 +98,3 @@ class OrthographicCamera:
         camera.near, camera.far = self.near, self.far
         camera.clip_inv_z, camera.clip_reach = math.inf, self.near if clip_near else 0.0
         return camera
-
-
-AnyCamera: TypeAlias = Camera | OrthographicCamera
-"""A camera with a planar image."""
-RenderCamera: TypeAlias = AnyCamera | RayCamera
-"""A camera that `Renderer` accepts."""
