@@ -80,7 +80,6 @@ TESTS: tuple[tuple[str, str], ...] = (
     ("rendering/_depth_sensor.py", "depth_sensor randomized latency stereo"),
     ("rendering/_sensing.py", "depth_sensor randomized latency small_calls stereo"),
     ("rendering/_depth_kernels.py", "classify stereo depth_sensor"),
-    ("rendering/_orthographic.py", "orthographic bad_input"),
     ("rendering/_panorama.py", "panorama prepared_rays small_calls bad_input"),
     ("rendering/_shading.py", "lit_colors albedo small_calls"),
     ("rendering/_blindness.py", "unlikely_views"),

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras import lenses
-from warpvis.cameras.lens_camera import CalibratedCamera, LensCamera
+from warpvis.cameras.image_cameras import CalibratedCamera
+from warpvis.cameras.lens_camera import LensCamera
 from warpvis.cameras.lenses import Lens
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import check_mapping, is_number, is_whole, truncate

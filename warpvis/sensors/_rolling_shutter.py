@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.base import DepthKind
-from warpvis.cameras.image_cameras import pinhole_rays
-from warpvis.cameras.lens_camera import CalibratedCamera, LensCamera, require_calibrated
+from warpvis.cameras.image_cameras import CalibratedCamera, pinhole_rays, require_calibrated
+from warpvis.cameras.lens_camera import LensCamera
 from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.checks import check_choice, check_number
 from warpvis.errors import CameraError

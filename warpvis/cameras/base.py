@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The interface of all cameras."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from warpvis.core.poses import Convention
+
+DepthKind = Literal["z", "range"]
+"""Definition of depth: along the axis of the camera, or along the ray."""
+
+
+class AnyCamera(ABC):
+    """A camera: the ray of each pixel, and a range of depth.
+
+    By default, the camera frame has OpenCV axes, rays have a common origin and no times, and the image has `height`
+    rows and `width` columns.
+    """
+
+    width: int
+    height: int
+    near: float
+    far: float
+    kind: DepthKind | None
+    axes: Convention = "opencv"
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the image of one view: height and width, or the number of rays of a list."""
+        return self.height, self.width
+
+    @property
+    def origins(self) -> NDArray[np.float64] | None:
+        """Ray origins in the camera frame [m], with the shape of the rays; None if all are zero."""
+        return None
+
+    @property
+    def times(self) -> NDArray[np.float64] | None:
+        """Time of each ray, after the start of the frame [s], shape ``shape``; None if not given."""
+        return None
+
+    @abstractmethod
+    def device_struct(self, *, clip_near: bool = False) -> Any:
+        """Return the camera as the struct that its kernels use.
+
+        Args:
+            clip_near: Whether surfaces nearer than `near` are transparent, instead of occluding what is behind them.
+        """
