@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras.lens_camera import LensCamera
+from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.cameras.pinhole import Camera, describe_pinhole, same_pinhole
 from warpvis.cameras.ray_camera import LensedCamera, RayCamera
 from warpvis.core.checks import truncate
@@ -17,6 +18,9 @@ from warpvis.errors import CameraError
 
 CalibratedCamera: TypeAlias = Camera | LensCamera
 """A camera from a calibration: a pinhole camera, or a camera with a lens."""
+
+PlanarCamera: TypeAlias = Camera | OrthographicCamera
+"""A camera whose image is a plane."""
 
 ImageCamera: TypeAlias = Camera | LensedCamera
 """A pinhole camera, or a camera with a lens."""

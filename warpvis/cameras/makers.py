@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.checks import check_choice, check_mapping
@@ -29,7 +29,7 @@ class CameraMakers(AnyCamera):
     `far` [m], and `kind`, the definition of depth for a lens: ``"z"`` or ``"range"``, see `LensCamera`.
     """
 
-    kind: ClassVar[Literal["z"]] = "z"
+    kind = "z"
     """Definition of depth: along the optical axis, as for a pinhole."""
 
     @property

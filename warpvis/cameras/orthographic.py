@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING
 
 from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.checks import check_numbers, check_size
@@ -44,7 +44,7 @@ class OrthographicCamera(AnyCamera):
     far: float = math.inf
     """Maximum depth [m]; farther surfaces have depth +inf."""
 
-    kind: ClassVar[Literal["z"]] = "z"
+    kind = "z"
 
     def __post_init__(self) -> None:
         check_numbers(self, "fx and fy must be greater than 0 px/m")

@@ -7,12 +7,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.rendering import Fill
 
 
-def filled_depth(image: NDArray[np.float32] | None, camera: AnyCamera, fill: Fill) -> NDArray[np.float32]:
+def filled_depth(image: NDArray[np.float32] | None, camera: PlanarCamera, fill: Fill) -> NDArray[np.float32]:
     """Return a depth image whose empty pixels are filled.
 
     Args:
@@ -31,7 +31,7 @@ def filled_depth(image: NDArray[np.float32] | None, camera: AnyCamera, fill: Fil
     return np.fmax(image, np.float32(camera.near), out=image, where=image == -np.inf)
 
 
-def _background(camera: AnyCamera) -> np.float32:
+def _background(camera: PlanarCamera) -> np.float32:
     """Compute the depth of `mujoco.Renderer` for empty pixels: its far plane, with the same rounding errors.
 
     Follows `render` in mujoco/rendering/classic/renderer.py for a depth-buffer value of 0.

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import as_numpy, check_out, empty
 from warpvis.core.checks import check_choice, check_whole
@@ -192,7 +192,7 @@ class BatchRenderer:
         self._resizable = ResizableGeoms(model, self.mujoco_scene, resized)
         shapes = self.mujoco_scene.shapes()
         self._coinciding = CoincidingGeoms(model, self.scene, shapes, resizable=self._resizable.objects)
-        self._renderers: dict[AnyCamera, GeomRenderer] = {}
+        self._renderers: dict[PlanarCamera, GeomRenderer] = {}
         self._free_workplaces: dict[_Key, _Workplace] = {}
 
     @property
@@ -401,13 +401,13 @@ class BatchRenderer:
         launch(geoms_of_objects, out.size, inputs, device)
         return out
 
-    def camera(self, camera: CameraChoice) -> AnyCamera:
+    def camera(self, camera: CameraChoice) -> PlanarCamera:
         """Return intrinsics of a camera in this renderer's image size."""
         return camera_from_mujoco(self.model, camera, self.width, self.height)
 
     def _cast(
         self,
-        camera: AnyCamera,
+        camera: PlanarCamera,
         place: _Workplace,
         views: NDArray[np.int64],
         drawn: NDArray[np.int64] | None,

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.checks import as_items
 from warpvis.errors import ArrayError, CameraError
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_with_fovy, viewer_camera, viewer_pose
@@ -35,7 +35,7 @@ class BatchCamera(NamedTuple):
     """The body that a viewer's camera tracks; -1 if it tracks no body."""
     pose: tuple[float, ...]
     """``x y z qx qy qz qw`` of a viewer's camera (OpenCV axes), relative to the tracked center of mass."""
-    intrinsics: AnyCamera
+    intrinsics: PlanarCamera
 
 
 def choose_cameras(
@@ -69,7 +69,7 @@ def _choose(model: mujoco.MjModel, camera: CameraChoice, width: int, height: int
 
 def views_by_intrinsics(
     model: mujoco.MjModel, cameras: Sequence[BatchCamera], fovy: NDArray[np.float64] | None, worlds: NDArray[np.int32]
-) -> dict[AnyCamera, NDArray[np.int64]]:
+) -> dict[PlanarCamera, NDArray[np.int64]]:
     """Group the views of a call by their intrinsics, each group in ascending order.
 
     Args:
@@ -79,7 +79,7 @@ def views_by_intrinsics(
             for the model's values.
         worlds: The call's worlds. The first camera's views of all worlds come first, then the second camera's.
     """
-    count, groups = len(worlds), dict[AnyCamera, list[NDArray[np.int64]]]()
+    count, groups = len(worlds), dict[PlanarCamera, list[NDArray[np.int64]]]()
     for number, camera in enumerate(cameras):
         views = np.arange(number * count, (number + 1) * count)
         if fovy is None or camera.camera_id < 0 or model.cam_sensorsize[camera.camera_id].all():

@@ -12,7 +12,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.cameras.pinhole import Camera, check_size
 from warpvis.errors import CameraError
@@ -42,7 +42,7 @@ def camera_from_mujoco(
     camera: int | str | mujoco.MjvCamera = -1,
     width: int | None = None,
     height: int | None = None,
-) -> AnyCamera:
+) -> PlanarCamera:
     """Return MuJoCo's rendering camera, with the frustum that MuJoCo computes.
 
     `mjv_cameraFrustum` (src/engine/engine_vis_visualize.c) computes the frustum from a field of view or from a focal
@@ -82,7 +82,7 @@ def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
     return Frustum(up, down, left, right, near, far, _is_orthographic(model, viewer))
 
 
-def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: AnyCamera) -> AnyCamera:
+def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: PlanarCamera) -> PlanarCamera:
     """Make the camera that `camera_from_mujoco` would return if a model's camera had another field of view.
 
     Args:
@@ -98,7 +98,7 @@ def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: AnyC
 
 
 @functools.lru_cache(maxsize=256)
-def camera_of_frustum(frustum: Frustum, width: int, height: int) -> AnyCamera:
+def camera_of_frustum(frustum: Frustum, width: int, height: int) -> PlanarCamera:
     """Make the camera of a frustum; a frustum without a width gives square pixels.
 
     Raises:

@@ -15,8 +15,8 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.orthographic import OrthographicCamera
-from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.poses import Convention, poses_to_matrices
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
@@ -176,7 +176,7 @@ class GeomRenderer(Renderer):
             worlds.object_sizes = object_sizes
         return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
 
-    def __init__(self, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
+    def __init__(self, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
         """Prepare to render.
 
         Args:
@@ -188,9 +188,9 @@ class GeomRenderer(Renderer):
         self._coinciding = coinciding
         super().__init__(scene, camera, **options)
 
-    def _make_plain_caster(self, camera: AnyCamera | RayCamera) -> Any:
+    def _make_plain_caster(self, camera: AnyCamera) -> Any:
         caster, cull = super()._make_plain_caster(camera), bool(self._options["cull_backfaces"])
-        assert not isinstance(camera, RayCamera)  # MuJoCo's cameras are neither lenses nor lidars
+        assert isinstance(camera, PlanarCamera)  # MuJoCo's cameras are neither lenses nor lidars
         return _LaterWins(caster, self.scene, camera, self._coinciding, cull, self.threads)
 
 
@@ -198,7 +198,7 @@ class _LaterWins:
     """A caster, followed by a correction pass for pixels where surfaces coincide."""
 
     def __init__(
-        self, caster: Any, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, cull: bool, threads: int
+        self, caster: Any, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, cull: bool, threads: int
     ) -> None:
         """Prepare to cast."""
         self._caster, self._scene, self._camera, self._coinciding = caster, scene, camera, coinciding

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.core.poses import poses_to_matrices
 from warpvis.mujoco._visual_shapes import Blocks
@@ -28,7 +28,7 @@ _FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)  # the side that the c
 class Eye:
     """The camera, and its pose, that lines are drawn for."""
 
-    camera: AnyCamera
+    camera: PlanarCamera
     pose: NDArray[np.float32]
     """Camera to world, ``x y z qx qy qz qw``."""
 

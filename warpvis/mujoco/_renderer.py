@@ -13,7 +13,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.checks import check_choice, check_flag, describe_exception, truncate
 from warpvis.core.label_rules import LabelInput, LabelRules
@@ -129,7 +129,7 @@ class Renderer:
         self._stages: dict[tuple[tuple[int, ...], bool, tuple[int, ...]], Stage] = {}
         self._stage = self._stage_of(DEFAULT_GROUPS, static=True, sites=DEFAULT_GROUPS)
         self._mode = "color"
-        self._camera: AnyCamera | None = None
+        self._camera: PlanarCamera | None = None
         self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
         self._closed = False
         self._fallback_options = {"max_geom": max_geom} | ({} if font_scale is None else {"font_scale": font_scale})

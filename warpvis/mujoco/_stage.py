@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import SceneError
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
@@ -71,7 +71,7 @@ class Stage:
             scene: An empty scene.
         """
         self.scene = scene
-        self.renderers: dict[tuple[tuple[Output, ...], AnyCamera, bool], GeomRenderer] = {}
+        self.renderers: dict[tuple[tuple[Output, ...], PlanarCamera, bool], GeomRenderer] = {}
         self.coinciding = CoincidingGeoms(model, scene)
         self.visuals = VisualObjects(model, selection, scene)
         self._hidden: list[int] = []

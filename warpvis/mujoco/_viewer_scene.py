@@ -12,7 +12,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.poses import poses_to_opencv
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
@@ -60,7 +60,7 @@ class ViewerScene:
         if flags is not None:
             self.mujoco_scene().flags[:] = flags
 
-    def seen(self, camera: AnyCamera, pose: NDArray[np.float32]) -> tuple[AnyCamera, NDArray[np.float32]]:
+    def seen(self, camera: PlanarCamera, pose: NDArray[np.float32]) -> tuple[PlanarCamera, NDArray[np.float32]]:
         """Return the camera and its pose, with the user's changes since the update."""
         if (
             self._mjv_scene is None

@@ -15,6 +15,7 @@ import warp as wp
 from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.image_cameras import pinhole_rays
 from warpvis.cameras.orthographic import OrthographicCamera
+from warpvis.cameras.pinhole import Camera
 from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.motion import Motion, check_times, instants_of, stacked
@@ -138,14 +139,15 @@ class MovingCaster:
         camera, device = self._camera, self._scene.device
         if isinstance(camera, RayCamera):
             return vectors_on_device(camera, "rays", lambda: camera.rays, device).reshape(self._image)
+        assert isinstance(camera, Camera)
         return wp.array(pinhole_rays(camera), dtype=wp.vec3d, device=device)
 
     @cached_property
     def _origins(self) -> wp.array | None:
         camera = self._camera
-        origins = camera.origins
-        if origins is None:
+        if not isinstance(camera, RayCamera) or camera.origins is None:
             return None
+        origins = camera.origins
         return vectors_on_device(camera, "origins", lambda: origins, self._scene.device).reshape(self._image)
 
     @cached_property

@@ -106,6 +106,7 @@ class ShadingCaster:
         elif isinstance(camera, OrthographicCamera):
             footprint.kind, size = shading.FOOTPRINT_PARALLEL, (1 / camera.fx, 1 / camera.fy)
         else:
+            assert isinstance(camera, RayCamera)
             angle = camera.prepared("pixel angle", lambda: pixel_angle(camera))
             footprint.kind, size = shading.FOOTPRINT_CONE, (angle, angle)
         footprint.size = wp.vec2(*size)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.rendering import Renderer
 from warpvis.scene import Scene
 
@@ -24,7 +24,7 @@ class VisibleFractions:
     and high as the image.
     """
 
-    def __init__(self, scene: Scene, camera: AnyCamera, **options: Any) -> None:
+    def __init__(self, scene: Scene, camera: PlanarCamera, **options: Any) -> None:
         """Create the renderer of silhouettes.
 
         Args:

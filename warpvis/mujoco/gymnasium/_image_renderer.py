@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._renderer import Renderer
 from warpvis.mujoco._shapes import GEOM, SITE
@@ -31,7 +31,7 @@ class _Casters(NamedTuple):
 class ImageRenderer(Renderer):
     """A `warpvis.mujoco.Renderer` that computes depth, segmentation and visible fractions at once."""
 
-    _casters: dict[AnyCamera, _Casters]
+    _casters: dict[PlanarCamera, _Casters]
 
     def images(self, outputs: Outputs, draws: NDArray[np.uint32]) -> dict[str, np.ndarray]:
         """Render the scene of the last `update_scene`.
@@ -64,7 +64,7 @@ class ImageRenderer(Renderer):
             entries[FRACTION] = casters.fractions.count(segmentation[None], members, eye, places, hidden)[0]
         return entries
 
-    def _nothing(self, outputs: Outputs, camera: AnyCamera) -> dict[str, np.ndarray]:
+    def _nothing(self, outputs: Outputs, camera: PlanarCamera) -> dict[str, np.ndarray]:
         """Return the images of a scene without geoms."""
         far = {"far": camera.far, "inf": np.inf}
         fill = far[outputs.fill] if isinstance(outputs.fill, str) else outputs.fill
@@ -82,7 +82,7 @@ class ImageRenderer(Renderer):
         sites = np.where(kinds == SITE, ids + self._model.ngeom, -1)
         return np.where(kinds == GEOM, ids, sites).astype(np.int32)
 
-    def _casters_of(self, camera: AnyCamera, outputs: Outputs) -> _Casters:
+    def _casters_of(self, camera: PlanarCamera, outputs: Outputs) -> _Casters:
         cached = self.__dict__.setdefault("_casters", {})
         if camera not in cached or cached[camera].stage is not self._stage:
             if len(cached) >= _MAX_CAMERAS:  # bounds the memory if the field of view keeps changing

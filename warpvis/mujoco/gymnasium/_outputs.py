@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.checks import as_items, check_choice
 from warpvis.errors import ArrayError, CameraError, SceneError
@@ -125,7 +125,7 @@ def _numbers(model: mujoco.MjModel, segmentation: Segmentation) -> tuple[NDArray
     return np.append(numbers, -1).astype(np.int32), max(highest, 0)
 
 
-def _depth_bounds(fill: Fill, cameras: Sequence[AnyCamera], *, sensed: bool) -> tuple[float, float]:
+def _depth_bounds(fill: Fill, cameras: Sequence[PlanarCamera], *, sensed: bool) -> tuple[float, float]:
     """Return the bounds of depth.
 
     Raises:

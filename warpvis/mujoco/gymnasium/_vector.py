@@ -14,7 +14,7 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._batch import BatchRenderer
@@ -123,7 +123,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         )
         self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
         self._threads = threads
-        self._fractions: dict[AnyCamera, VisibleFractions] = {}
+        self._fractions: dict[PlanarCamera, VisibleFractions] = {}
         self._shown = np.zeros(model.ngeom, dtype=bool)
         self._shown[shown_geoms(model, range(6))] = True
         remaining = spaces.Dict({name: space for name, space in single.spaces.items() if name != POSES})
@@ -241,7 +241,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             eyes[:, :3] += com[:, camera.body]
         return eyes
 
-    def _fractions_of(self, camera: AnyCamera) -> VisibleFractions:
+    def _fractions_of(self, camera: PlanarCamera) -> VisibleFractions:
         if camera not in self._fractions:
             if len(self._fractions) >= _MAX_CAMERAS:
                 self._fractions.clear()
