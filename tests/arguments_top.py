@@ -82,7 +82,6 @@ def top_cases(folder):
         "Camera.back_project": (CAMERA.back_project, {"pixels": [[1, 1]], "depth": [1.0]}),
         "FieldOfView": (wv.FieldOfView, {"hfov": 1.0, "up": 0.5, "down": 0.5, "near": 0.1, "far": 9, "resolution": 9}),
         "FloorMap.area": (floor_map.area, {"label": "ground"}),
-        "FloorMap.save": (floor_map.save, {"path": path / "map.png", "view": 0}),
         "Frames": (
             wv.Frames,
             {

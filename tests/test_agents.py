@@ -166,7 +166,7 @@ def test_angles_to_points():
         ),
         (lambda: FieldOfView(1, 1, 1, near=2, far=1), "the depth range needs 0 <= near < far, got near=2.0, far=1.0"),
         (lambda: Agent.human("", POSE), "name of an agent must be a non-empty string, got ''"),
-        (lambda: Agent("robot", 3, POSE), "camera of 'robot' must be a warpvis.Camera, a warpvis.sensors.Lens"),
+        (lambda: Agent("robot", 3, POSE), "camera of 'robot' must be a warpvis.Camera, a warpvis.cameras.Lens"),
         (
             lambda: Agent("robot", wv.Camera.kinect(), POSE, attention=1.0),
             "attention of 'robot' must be a warpvis.Camera, a LensCamera or None, got float",

@@ -108,6 +108,7 @@ OURS = {
     "MujocoStage.can_place",
     "MujocoStage.place",
     "MujocoStage.eyes",
+    "AnyCamera.device_struct",
     "Camera.device_struct",
     "OrthographicCamera.device_struct",
     "Scene.replace_objects",
