@@ -235,6 +235,7 @@ def tools_cases(folder):
         "LensCamera.unproject": (LENS.unproject, {"pixels": [[1, 1]]}),
         "LensCamera.to_camera_info": (LENS.to_camera_info, MESSAGE),
         "LensCamera.canvas_rays": (LENS.canvas_rays, {"canvas": (1, 0, 0, 1)}),
+        "LensCamera.has_pixels_of": (LENS.has_pixels_of, {"other": LENS}),
         "LensCamera.rays_at": (LENS.rays_at, {"pixels": [[1, 1]]}),
         "LensCamera of OpenCV": (
             wv.cameras.lenses.OpenCVPinhole,

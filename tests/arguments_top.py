@@ -78,6 +78,8 @@ def top_cases(folder):
         ),
         "Camera.to_camera_info": (CAMERA.to_camera_info, MESSAGE),
         "Camera.to_K": (CAMERA.to_K, {"pixel_center": 0.5}),
+        "Camera.rays_at": (CAMERA.rays_at, {"pixels": [[1, 1]]}),
+        "Camera.has_pixels_of": (CAMERA.has_pixels_of, {"other": CAMERA}),
         "Camera.project": (CAMERA.project, {"points": [[0, 0, 1]]}),
         "Camera.back_project": (CAMERA.back_project, {"pixels": [[1, 1]], "depth": [1.0]}),
         "FieldOfView": (wv.FieldOfView, {"hfov": 1.0, "up": 0.5, "down": 0.5, "near": 0.1, "far": 9, "resolution": 9}),

@@ -109,6 +109,7 @@ OURS = {
     "MujocoStage.place",
     "MujocoStage.eyes",
     "AnyCamera.device_struct",
+    "AnyCamera.ray_range",
     "Camera.device_struct",
     "OrthographicCamera.device_struct",
     "Scene.replace_objects",

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from warpvis.core.poses import Convention
+    from warpvis.kernels.rays import RayRange
 
 DepthKind = Literal["z", "range"]
 """Definition of depth: along the axis of the camera, or along the ray."""
@@ -30,6 +31,8 @@ class AnyCamera(ABC):
     far: float
     kind: DepthKind | None
     axes: Convention = "opencv"
+    usage_hint = ""
+    """Text for error messages: functions that accept the camera."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -45,6 +48,19 @@ class AnyCamera(ABC):
     def times(self) -> NDArray[np.float64] | None:
         """Time of each ray, after the start of the frame [s], shape ``shape``; None if not given."""
         return None
+
+    def ray_range(self, *, clip_near: bool = False) -> RayRange:
+        """Return the range of depth as the struct of kernels that read rays from arrays.
+
+        Args:
+            clip_near: Whether surfaces nearer than `near` are transparent, instead of occluding what is behind them.
+        """
+        from warpvis.kernels.rays import RayRange
+
+        struct = RayRange()
+        struct.near, struct.far, struct.is_planar = self.near, self.far, self.kind == "z"
+        struct.clip = self.near if clip_near else 0.0
+        return struct
 
     @abstractmethod
     def device_struct(self, *, clip_near: bool = False) -> Any:

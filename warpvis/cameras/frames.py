@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.cameras.image_cameras import ImageCamera, describe_pixels, require_image_camera, same_pixels
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import FARTHEST, as_numpy
 from warpvis.core.checks import pluralize
 from warpvis.core.pose_order import warn_of_order
@@ -102,10 +102,10 @@ class Frames:
                 raise CameraError("camera must be given because the frames define none")
             return self.camera
         require_image_camera(camera)
-        if self.camera is not None and not same_pixels(camera, self.camera):
+        if self.camera is not None and not camera.has_pixels_of(self.camera):
             raise CameraError(
-                f"camera must have the pixels of the frames' camera, {describe_pixels(self.camera)}, got "
-                f"{describe_pixels(camera)}. Leave it out, or remove the camera of the frames: "
+                f"camera must have the pixels of the frames' camera, {self.camera.describe()}, got "
+                f"{camera.describe()}. Leave it out, or remove the camera of the frames: "
                 "dataclasses.replace(frames, camera=None), on the command line --replace-camera"
             )
         return camera

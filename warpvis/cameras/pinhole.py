@@ -18,7 +18,6 @@ from warpvis.cameras.checks import (
     warn_of_improbable,
 )
 from warpvis.cameras.makers import CameraMakers
-from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.errors import CameraError
 
@@ -239,6 +238,34 @@ class Camera(CameraMakers):
         y = z * (pixels[..., 1] - self.cy) / self.fy
         return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
+    @property
+    def rays(self) -> NDArray[np.float64]:
+        """Rays of depth 1 through the pixel centers, shape ``(height, width, 3)``."""
+        import numpy as np
+
+        y, x = np.mgrid[: self.height, : self.width] + 0.5
+        return self.back_project(np.stack([x, y], axis=-1), np.ones_like(x))
+
+    def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image."""
+        import numpy as np
+
+        rays, points = self.back_project(pixels, 1.0), np.asarray(pixels)
+        inside = ((points >= 0) & (points < (self.width, self.height))).all(axis=-1, keepdims=True)
+        return np.where(inside, rays, np.nan)
+
+    def has_pixels_of(self, other: object) -> bool:
+        """Return whether another camera has the same size and intrinsics; depth ranges may differ."""
+        if not isinstance(other, Camera) or (self.width, self.height) != (other.width, other.height):
+            return False
+        names = ("fx", "fy", "cx", "cy")
+        return all(abs(getattr(self, name) - getattr(other, name)) < _SAME_PIXELS for name in names)
+
+    def describe(self) -> str:
+        """Describe the image size and the intrinsics in a few words."""
+        intrinsics = f"fx={self.fx:.6g} fy={self.fy:.6g} cx={self.cx:.6g} cy={self.cy:.6g}"
+        return f"{self.width}x{self.height} pixels, {intrinsics}"
+
     def _near_reach(self) -> float:
         """Return the distance to the farthest image corner on the near plane, plus a small margin [m]."""
         x = max(abs(self.cx), abs(self.width - self.cx)) / self.fx
@@ -274,26 +301,12 @@ def clip_inv_z(near: float) -> float:
     return float(max_inv_z)
 
 
-def same_pinhole(camera: Camera, other: Camera) -> bool:
-    """Return whether two pinhole cameras have the same size and intrinsics; depth ranges may differ."""
-    numbers = ((camera.fx, other.fx), (camera.fy, other.fy), (camera.cx, other.cx), (camera.cy, other.cy))
-    same_size = (camera.width, camera.height) == (other.width, other.height)
-    return same_size and all(abs(a - b) < _SAME_PIXELS for a, b in numbers)
-
-
-def describe_pinhole(camera: Camera) -> str:
-    """Describe the image size and intrinsics of a pinhole camera in a few words."""
-    intrinsics = f"fx={camera.fx:.6g} fy={camera.fy:.6g} cx={camera.cx:.6g} cy={camera.cy:.6g}"
-    return f"{camera.width}x{camera.height} pixels, {intrinsics}"
-
-
 def require_camera(camera: object) -> Camera:
     """Return `camera`, or raise `CameraError` if it is not a pinhole camera."""
     if not isinstance(camera, Camera):
-        if isinstance(camera, RayCamera):
-            raise CameraError(
-                f"camera must be a pinhole here, a warpvis.Camera, got a {type(camera).__name__}: {camera.usage_hint}"
-            )
+        hint = getattr(camera, "usage_hint", "")
+        if hint:
+            raise CameraError(f"camera must be a pinhole here, a warpvis.Camera, got a {type(camera).__name__}: {hint}")
         raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
     return camera
 

@@ -10,6 +10,7 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from warpvis.cameras.base import AnyCamera
+from warpvis.core.checks import truncate
 from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
@@ -50,7 +51,6 @@ class RayCamera(AnyCamera):
     """
 
     usage_hint = "its rays have no image. wv.render accepts it, and its views have points and labels."
-    """Text for error messages: functions that accept the camera."""
 
     @property
     @abstractmethod
@@ -89,17 +89,8 @@ class RayCamera(AnyCamera):
         return {name: value for name, value in self.__dict__.items() if name != "_prepared"}
 
     def device_struct(self, *, clip_near: bool = False) -> RayRange:
-        """Return the range of the camera as a struct for `warpvis.kernels.ray_table`.
-
-        Args:
-            clip_near: Whether surfaces nearer than `near` are ignored instead of occluding.
-        """
-        from warpvis.kernels.rays import RayRange
-
-        struct = RayRange()
-        struct.near, struct.far, struct.is_planar = self.near, self.far, self.kind == "z"
-        struct.clip = self.near if clip_near else 0.0
-        return struct
+        """Return the range of the camera as a struct for `warpvis.kernels.ray_table`; see `ray_range`."""
+        return self.ray_range(clip_near=clip_near)
 
 
 class LensedCamera(RayCamera):
@@ -120,3 +111,12 @@ class LensedCamera(RayCamera):
     @abstractmethod
     def canvas_rays(self, canvas: tuple[int, int, int, int]) -> NDArray[np.float64]:
         """Return the rays of the image enlarged by a margin (left, top, right, bottom) [px], like `rays`."""
+
+    def has_pixels_of(self, other: object) -> bool:
+        """Return whether another camera has the same size, lens and kind of depth; depth ranges may differ."""
+        mine = (self.lens, self.width, self.height, self.kind)
+        return isinstance(other, LensedCamera) and mine == (other.lens, other.width, other.height, other.kind)
+
+    def describe(self) -> str:
+        """Describe the image size and the lens in a few words."""
+        return f"{self.width}x{self.height} pixels, {truncate(repr(self.lens))}"

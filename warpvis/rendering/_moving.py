@@ -13,7 +13,6 @@ import numpy as np
 import warp as wp
 
 from warpvis.cameras.base import AnyCamera
-from warpvis.cameras.image_cameras import pinhole_rays
 from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.cameras.ray_camera import RayCamera
@@ -105,7 +104,10 @@ class MovingCaster:
         from warpvis.kernels.moving_rays import cast_moving_rays
 
         outputs = images_struct(as_images(images))
-        triangles, camera = self._scene.triangles(faces=wants_faces(images)).struct, self._range()
+        triangles, camera = (
+            self._scene.triangles(faces=wants_faces(images)).struct,
+            self._camera.ray_range(clip_near=self._clip_near),
+        )
         objects = [] if poses.objects is None else [poses.objects]
         rays = [self._rays, self._origins, self._times, self._cull_backfaces, outputs]
         launch_images(
@@ -124,23 +126,13 @@ class MovingCaster:
         _check_rays_times(self._camera, motion, starts)
         return _struct_of(parse_moving_poses(self._scene, motion), motion)
 
-    def _range(self) -> object:
-        if isinstance(self._camera, RayCamera):
-            return self._camera.device_struct(clip_near=self._clip_near)
-        from warpvis.kernels.rays import RayRange
-
-        struct = RayRange()
-        struct.near, struct.far, struct.is_planar = self._camera.near, self._camera.far, True
-        struct.clip = self._camera.near if self._clip_near else 0.0
-        return struct
-
     @cached_property
     def _rays(self) -> wp.array:
         camera, device = self._camera, self._scene.device
         if isinstance(camera, RayCamera):
             return vectors_on_device(camera, "rays", lambda: camera.rays, device).reshape(self._image)
         assert isinstance(camera, Camera)
-        return wp.array(pinhole_rays(camera), dtype=wp.vec3d, device=device)
+        return wp.array(camera.rays, dtype=wp.vec3d, device=device)
 
     @cached_property
     def _origins(self) -> wp.array | None:

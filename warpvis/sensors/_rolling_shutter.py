@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.base import DepthKind
-from warpvis.cameras.image_cameras import CalibratedCamera, pinhole_rays, require_calibrated
-from warpvis.cameras.lens_camera import LensCamera
+from warpvis.cameras.image_cameras import CalibratedCamera, require_calibrated
 from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.checks import check_choice, check_number
 from warpvis.errors import CameraError
@@ -68,12 +67,12 @@ class RollingShutter(RayCamera):
     @property
     def kind(self) -> DepthKind | None:  # type: ignore[override]
         """Definition of depth: ``"z"``, along the axis, or ``"range"``, along the ray."""
-        return self.camera.kind if isinstance(self.camera, LensCamera) else "z"
+        return self.camera.kind
 
     @cached_property
     def rays(self) -> NDArray[np.float64]:
         """Rays of depth 1 through the pixel centers, shape ``(height, width, 3)``; NaN where a pixel has no ray."""
-        return self.camera.rays if isinstance(self.camera, LensCamera) else pinhole_rays(self.camera)
+        return self.camera.rays
 
     @cached_property
     def times(self) -> NDArray[np.float64]:
@@ -86,12 +85,7 @@ class RollingShutter(RayCamera):
 
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
         """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image."""
-        if isinstance(self.camera, LensCamera):
-            return self.camera.rays_at(pixels)
-        rays = self.camera.back_project(pixels, 1.0)
-        points = np.asarray(pixels)
-        inside = ((points >= 0) & (points < (self.width, self.height))).all(axis=-1, keepdims=True)
-        return np.where(inside, rays, np.nan)
+        return self.camera.rays_at(pixels)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields without cached values."""

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TypeVar
 
 from warpvis.cameras import CalibratedCamera
-from warpvis.cameras.image_cameras import describe_pixels, same_pixels
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception
 from warpvis.core.user_warnings import warn_user
@@ -71,12 +70,12 @@ def make_calibrated(place: str, make: Callable[[], CalibratedCamera]) -> Calibra
 
 def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:
     """Return the camera of all images; None, with a warning, if they have several."""
-    other = next((camera for camera in cameras if not same_pixels(camera, cameras[0])), None)
+    other = next((camera for camera in cameras if not camera.has_pixels_of(cameras[0])), None)
     if other is None:
         return cameras[0] if cameras else None
     warn_user(
-        f"{place}: its images have different cameras, such as {describe_pixels(cameras[0])} and "
-        f"{describe_pixels(other)}; frames have only one, so give it explicitly",
+        f"{place}: its images have different cameras, such as {cameras[0].describe()} and "
+        f"{other.describe()}; frames have only one, so give it explicitly",
         IntrinsicsWarning,
     )
     return None
