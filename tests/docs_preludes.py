@@ -96,6 +96,10 @@ def _rendering(folder):
     return {"K": K, "poses": _poses(), "other_poses": _poses()[::-1], "pixels": pixels}
 
 
+def _extending(folder):
+    return {"scene": _room(), "pose": _poses(1)}
+
+
 def _files(folder):
     _room().export(folder / "lab.glb")
     return {}

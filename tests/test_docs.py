@@ -18,6 +18,7 @@ from renamed import RENAMED_NAMES, RENAMED_OPTIONS
 
 import warpvis as wv
 from warpvis.cli import main
+from warpvis.core import plugins
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -85,7 +86,10 @@ def test_code_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = preludes.prepare(page.stem, tmp_path)
     for number, code in enumerate(fences(page, "python")):
-        exec(compile(preludes.made_smaller(code), f"{page.name}, fence {number}", "exec"), names)
+        # Warp reads the source of kernels from the file.
+        file = tmp_path / f"{page.stem}_{number}.py"
+        file.write_text(preludes.made_smaller(code))
+        exec(compile(file.read_text(), file, "exec"), names)
 
 
 @pytest.mark.docs
@@ -145,6 +149,8 @@ def test_mentioned_names_exist(page):
         if name.split(".")[0] in wv.__all__:
             dotted.append(f".{name}")
     for name in dotted:
+        if f"warpvis{name}" in (plugins.MESH_READERS, plugins.DATASET_FORMATS):
+            continue  # groups of entry points
         try:
             find(f"warpvis{name}")
         except (AttributeError, ImportError) as error:

@@ -17,7 +17,8 @@ from warpvis.cameras.image_cameras import (
 )
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.cameras.orthographic import OrthographicCamera
+from warpvis.cameras.ray_camera import RayCamera
 from warpvis.cameras.rays import Rays
 from warpvis.cameras.wide import WideCamera
 
-__all__ = ["AnyCamera", "LensCamera", "OrthographicCamera", "Rays", "WideCamera", "lenses"]
+__all__ = ["AnyCamera", "LensCamera", "OrthographicCamera", "RayCamera", "Rays", "WideCamera", "lenses"]

@@ -8,17 +8,20 @@ import io
 import itertools
 import logging
 import posixpath
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpvis.core.checks import describe_exception, is_whole, truncate
 from warpvis.core.file_content import require_content
 from warpvis.core.label_rules import LabelRules
 from warpvis.core.labels import Label
+from warpvis.core.plugins import MESH_READERS, load_plugin, plugin_names
+from warpvis.core.types import MeshLike
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._archives import is_archive, unpack
 from warpvis.io._file_meshes import FileMesh, FileMeshes
@@ -53,6 +56,8 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         raise SceneError(f"{path}: its geometry is in a single file; leave out search_path")
     if is_archive(path.name):
         loaded = _load_archive(path)
+    elif (read := _plugin(kind)) is not None:
+        return _read_by_plugin(read, path)
     else:
         _require_reader(str(path), path.suffix, kind)
         loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path), _locator(path, search_path))
@@ -116,6 +121,26 @@ def _kind(name: str) -> str:
     return Path(name).suffix.lower().lstrip(".")
 
 
+def _plugin(kind: str) -> Callable[[Path], Mapping[str, MeshLike]] | None:
+    """Return the function of another distribution that reads a format; None for formats that are read here."""
+    import trimesh
+
+    return None if kind in _GLTF or kind in trimesh.available_formats() else load_plugin(MESH_READERS, kind)
+
+
+def _read_by_plugin(read: Callable[[Path], Mapping[str, MeshLike]], path: Path) -> FileParts:
+    """Return the parts of a file, from a function that returns meshes by name."""
+    try:
+        return FileParts(path, [Part(name, _arrays(mesh)) for name, mesh in read(path).items()])
+    except Exception as error:  # third-party readers may raise any exception
+        raise FileFormatError(f"{path}: cannot be read: {describe_exception(error)}") from error
+
+
+def _arrays(mesh: Any) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
+    vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else mesh
+    return np.asarray(vertices, dtype=np.float64), np.asarray(faces)
+
+
 def _require_reader(name: str, suffix: str, kind: str) -> None:
     """Raise an error for formats that cannot be read.
 
@@ -130,7 +155,7 @@ def _require_reader(name: str, suffix: str, kind: str) -> None:
     if kind in mesh_loaders:
         needed = _NEEDED.get(kind, "packages that are not installed, as trimesh's documentation says")
         raise FileFormatError(f"{name}: reading .{kind} needs {needed}")
-    known = ", ".join(sorted({*_GLTF, *trimesh.available_formats(), "tar"}))
+    known = ", ".join(sorted({*_GLTF, *trimesh.available_formats(), *plugin_names(MESH_READERS), "tar"}))
     found = repr(suffix) if suffix else "a name without a suffix"
     raise FileFormatError(f"{name}: {found} is not a scene format; supported are wbt, xml, urdf, and {known}")
 

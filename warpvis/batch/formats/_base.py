@@ -12,6 +12,7 @@ import numpy as np
 
 from warpvis.cameras.lenses import OpenCVPinhole
 from warpvis.cameras.pinhole import Camera
+from warpvis.core.plugins import DATASET_FORMATS, load_plugin, plugin_names
 from warpvis.errors import CameraError, FileFormatError
 
 if TYPE_CHECKING:
@@ -165,10 +166,14 @@ def find_format(name: str) -> type[Format]:
     Raises:
         FileFormatError: If there is no such format.
     """
-    if not isinstance(name, str) or name not in _REGISTRY:
-        raise FileFormatError(f"format must be one of {', '.join(FORMATS)}, got {name!r}")
-    module, kind = _REGISTRY[name]
-    return getattr(import_module(f"warpvis.batch.formats._{module}"), kind)
+    if isinstance(name, str) and name in _REGISTRY:
+        module, kind = _REGISTRY[name]
+        return getattr(import_module(f"warpvis.batch.formats._{module}"), kind)
+    plugin = load_plugin(DATASET_FORMATS, name) if isinstance(name, str) else None
+    if plugin is None:
+        names = ", ".join((*FORMATS, *plugin_names(DATASET_FORMATS)))
+        raise FileFormatError(f"format must be one of {names}, got {name!r}")
+    return plugin
 
 
 def lens_as(plan: Plan, name: str, write: Callable[[Lens], Written]) -> Written:
