@@ -90,6 +90,7 @@ def test_distant_textures_are_averaged(device):
     assert np.abs(seen - np.array([125, 100, 50])).max() <= 2
 
 
+@pytest.mark.slow
 def test_movable_objects_keep_their_colors(device):
     scene = wv.Scene(device=device)
     scene.add(BOX, name="box", movable=True, appearance=APPEARANCES["repeat mirror"])

@@ -77,7 +77,7 @@ def test_process_count_by_threads(tmp_path, monkeypatch):
     assert [shards_at_once(threads) for threads in (7, 16)] == [0, 8]
 
 
-@pytest.mark.smoke("zarr-*")
+@pytest.mark.slow
 @pytest.mark.parametrize("name, options", [("zarr", {"compression": "zstd"}), ("bop", {}), ("png", {})])
 def test_bytes_equal_those_of_one_thread(tmp_path, started, name, options):
     if name == "zarr":

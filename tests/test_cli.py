@@ -191,6 +191,7 @@ def test_labels_select_the_candidate_objects(lab, monkeypatch, capsys):
     assert "The robot must move to see ball." in out
 
 
+@pytest.mark.slow
 def test_pose_arguments_in_every_format(lab, tmp_path, monkeypatch, capsys):
     row = wv.core.poses.look_at((-1.77, 0, 0.7), (0, 0, 0.39))
     opengl = [*row[:3], *wv.core.poses.quaternion_product(row[3:], np.array([1.0, 0, 0, 0]))]

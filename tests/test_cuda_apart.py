@@ -106,7 +106,7 @@ def test_closed_mesh_from_outside(render):
         assert np.isfinite(views.depth.numpy()).mean() > 0.01
 
 
-@pytest.mark.smoke("squares")
+@pytest.mark.slow
 @pytest.mark.cxx
 @pytest.mark.parametrize("render", KINDS, indirect=True)
 def test_worlds_and_exclude_match_single_rays(render):

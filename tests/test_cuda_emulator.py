@@ -392,6 +392,7 @@ def test_many_small_triangles_in_a_deep_tree(emulator):
             assert asked.depth.numpy().tobytes() == views.depth.numpy().tobytes()
 
 
+@pytest.mark.slow
 def test_slivers_and_grazing_planes(emulator):
     """Small and large triangles for which single precision is insufficient."""
     rng = np.random.default_rng(5)
@@ -498,6 +499,7 @@ def test_no_ray_passes_through_a_vertex(emulator, movable, seed, side):
     assert np.isfinite(depth).all()
 
 
+@pytest.mark.slow
 def test_ray_bundle_in_the_room(emulator):
     """Depth alone in small packets, all outputs in large ones."""
     scene, pose = wv.scenes.PRESETS["room"].build(), wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))

@@ -156,6 +156,7 @@ def test_launch_uses_loaded_block_dim():
     assert {block_dim for context, block_dim in poses_to_opencv.module.execs if context is None} == loaded == {1}
 
 
+@pytest.mark.slow
 def test_launches_go_through_kernel_cache():
     """Only modules that call `load_module` themselves launch without `kernel_cache.launch`."""
     found = []

@@ -180,6 +180,7 @@ def test_mujoco_picture_matches_light_formula():
     assert np.quantile(error, 0.95) < 1 / 255  # MuJoCo interpolates vertex colors, and the edge of the cone is jagged
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_mujoco_picture_matches_sky():
     xml = """<mujoco><asset><texture name="sky" type="skybox" builtin="flat" width="16" height="16"/></asset>

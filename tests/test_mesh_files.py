@@ -79,6 +79,7 @@ def files_of_many_parts(folder):
     }
 
 
+@pytest.mark.slow
 def test_names_are_deterministic_across_processes(tmp_path):
     names = files_of_many_parts(tmp_path)
     assert {name: [item.name for item in load(tmp_path / name)] for name in names} == names

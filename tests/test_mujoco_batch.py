@@ -165,6 +165,7 @@ def test_visibility_of_geoms_differs_between_worlds(device):
     assert np.array_equal(plain.segmentation.numpy()[0], before.segmentation.numpy()[0])
 
 
+@pytest.mark.slow
 def test_mujoco_warp_model_provides_fields(device):
     mjwarp = pytest.importorskip("mujoco_warp", reason="the package mujoco_warp is not installed")
     worlds = []

@@ -197,6 +197,7 @@ FLEX_FLAGS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_flexes_match_mujoco():
     model, data = model_of("flexes")

@@ -40,7 +40,7 @@ def assert_matches_reference(views, scene, camera, poses, **options):
         assert_view_matches(views, view, expected, depth_beside)
 
 
-@pytest.mark.smoke("*-occlude-True")
+@pytest.mark.slow
 @pytest.mark.parametrize(("near_plane", "cull_backfaces"), [("occlude", True), ("clip", False), ("clip", True)])
 def test_solids_and_moved_meshes_match_reference(near_plane, cull_backfaces, device):
     """The camera is among the objects, so that they intersect its plane."""

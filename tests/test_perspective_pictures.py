@@ -108,6 +108,7 @@ def test_texts_do_not_overlap_or_leave_the_figure(drawn):
     assert_tidy(drawn[0])
 
 
+@pytest.mark.slow
 def test_long_names_and_titles_fit(tmp_path):
     scene = wv.Scene()
     scene.add(trimesh.creation.box((4, 4, 0.02)), name="floor", label="ground", pose=(0, 0, -0.01, 0, 0, 0, 1))
@@ -330,6 +331,7 @@ def test_invalid_arguments_are_rejected(tmp_path, monkeypatch, change, said):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_sightings_color_visible_parts(tmp_path):
     """Visible parts of the ball have its color; if it is occluded, only the legend and a tint have."""
     counts = {}

@@ -97,6 +97,7 @@ def moving_scene(places=None):
     return scene
 
 
+@pytest.mark.slow
 def test_proposal_uses_object_poses_of_perspective():
     """In the first world the ball is as in experiment 2; in the second a crate also blocks the first proposal."""
     _, robot, human = second_experiment()

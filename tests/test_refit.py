@@ -334,6 +334,7 @@ def test_kernels_match_references(lanes, parts):
     np.testing.assert_array_equal(box.numpy(), whole)
 
 
+@pytest.mark.slow
 def test_large_meshes_are_refitted_by_several_threads(device):
     mesh = trimesh.creation.icosphere(subdivisions=6)
     scene = wv.Scene(device=device)
