@@ -143,6 +143,7 @@ def test_url_output(tmp_path):
     assert tree(tmp_path / "third") == expected
 
 
+@pytest.mark.smoke("options0")
 @pytest.mark.parametrize("options", [{}, {"compression": "zstd"}, {"compression": "zstd", "level": "3"}])
 def test_zarr_python_reads_zarr(tmp_path, options):
     zarr = pytest.importorskip("zarr")

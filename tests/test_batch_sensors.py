@@ -157,6 +157,7 @@ def test_zarr_and_png_contain_reasons(tmp_path, whole):
     assert lost.any() and (units[lost] == 0).all() and (units[~lost] > 0).all()
 
 
+@pytest.mark.smoke("bop", "tum")
 @pytest.mark.parametrize("format", ["tum", "bop", "nerfstudio", "colmap"])
 def test_lost_pixels_in_each_format(tmp_path, whole, format):
     """Lost pixels are 0 in the files and +inf when read back; none is counted as out of range."""

@@ -132,6 +132,7 @@ def test_compressed_poses_of_excessive_size_are_reported(copy):
     assert verify(copy).problems[0] == "poses.npz: is missing or cannot be read"
 
 
+@pytest.mark.slow
 def test_mutated_datasets_are_reported_or_raise(copy):
     rng, names = random.Random(3), ["manifest.json", "index.json", "shards/000001.json", "poses.npz"]
     kept = {name: (copy / name).read_bytes() for name in names}

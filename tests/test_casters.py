@@ -108,6 +108,7 @@ def test_ranges_follow_rep_117(device, caster):
     assert farther[24, 32] == pytest.approx(0.2, abs=1e-6)
 
 
+@pytest.mark.smoke("*-packets")
 def test_no_ray_leaves_a_closed_mesh(device, caster):
     """From inside closed meshes every ray hits, in all directions, near the origin and 10 km away."""
     camera = wv.Camera.from_fov(256, 256, hfov=np.pi / 2)

@@ -61,6 +61,7 @@ def search(file):
     return ("--search-path", "lib", "--strict") if file == "cart.urdf" else ()
 
 
+@pytest.mark.smoke("room.glb", "world.wbt", "cart.urdf")
 @pytest.mark.parametrize("file", FILES)
 def test_every_command_accepts_every_scene_format(run, tmp_path, file):
     given = ("--poses", ORBIT, "--camera", "camera.json", *search(file))

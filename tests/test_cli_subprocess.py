@@ -13,6 +13,7 @@ from warpvis.cli import Batch, run_command
 from warpvis.cli._subprocess import run_in_subprocess
 
 
+@pytest.mark.slow
 def test_ended_process_raises_one_sentence(capsys):
     with pytest.raises(wv.WarpvisError, match=r"^the node was lost \(exit code 1\)$"):
         run_in_subprocess(partial(os._exit, 1), "the node was lost")

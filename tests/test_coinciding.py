@@ -20,6 +20,7 @@ from support.coinciding import FLUSH, HEAD, TWICE, eye_of, model_of, renderer_of
 from support.mujoco_renderer import images
 
 
+@pytest.mark.smoke("*-packets-*")
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("kind", TWICE)
 def test_later_of_two_equal_geoms_is_shown(kind, moving, device, caster):
@@ -313,6 +314,7 @@ def test_solids_are_paired_by_their_exact_surfaces():
     assert names_of(pairs, scene) == {("rod", "end"), ("rod", "sleeve")} | flat
 
 
+@pytest.mark.smoke("*-cylinder", "*-sphere")
 @pytest.mark.gl
 @pytest.mark.parametrize("kind", TWICE)
 def test_segmentation_matches_mujoco(kind, device):

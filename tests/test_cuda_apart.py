@@ -60,7 +60,7 @@ def test_ranges_inside_a_box(size, render):
     check_box(render, size, (outlets(20, 100), spread_out(700)))
 
 
-@pytest.mark.smoke("squares-0.004-False")
+@pytest.mark.slow
 @pytest.mark.cxx
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 @pytest.mark.parametrize("near", [0.004, 0.05, 1.0])

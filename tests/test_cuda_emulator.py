@@ -207,6 +207,7 @@ def test_all_variants_render_the_same(emulator):
             assert_bits_equal(images, expected)
 
 
+@pytest.mark.slow
 def test_trees_built_on_a_gpu(emulator, monkeypatch):
     """Images are bit-identical for a single tree and for joined trees."""
     built = []
@@ -341,7 +342,7 @@ def test_invalid_poses_render_nothing(emulator):
         assert (views.segmentation.numpy()[1:] == -1).all()
 
 
-@pytest.mark.smoke("True")
+@pytest.mark.slow
 @pytest.mark.parametrize("solid", [False, True])
 def test_more_objects_than_one_list_holds(emulator, solid):
     """Without static objects; the movable objects fill two lists and part of a third."""
@@ -356,6 +357,7 @@ def test_more_objects_than_one_list_holds(emulator, solid):
     assert_matches_reference(views, twin, CAMERA, eyes(1))
 
 
+@pytest.mark.slow
 def test_found_objects_do_not_change_images(emulator):
     """Bit-identical to testing all objects in every packet: far, near, behind, around the camera, and excluded."""
     rng = np.random.default_rng(4)

@@ -207,6 +207,7 @@ def test_scaled_objects(emulator):
         assert_points_match(view_of(views, view), twin, CAMERA, eyes(2)[one], pixels[one])
 
 
+@pytest.mark.slow
 @pytest.mark.cxx
 def test_near_plane_clips_meshes(emulator):
     scene, poses, camera = near_plane_scenes.scene("cpu"), near_plane_scenes.poses(), near_plane_scenes.CAMERA

@@ -24,6 +24,7 @@ SCALE = CAMERA.fx * 0.06
 ENDLESS = dataclasses.replace(CAMERA, near=0.0, far=np.inf)
 
 
+@pytest.mark.smoke("*-3-0.0", "*-1-1.0", "*-4-0.5")
 @pytest.mark.parametrize(("reach", "step"), [(1, 1.0), (4, 0.5), (9, 2.0), (3, 0.0)])
 def test_fattening_matches_the_reference(device, reach, step):
     """Without noise, depth is bit-identical to that of the pixel selected by the reference."""

@@ -384,6 +384,7 @@ def run(monkeypatch, capsys, *arguments):
     return code, output.out, output.err + " ".join(str(one.message) for one in told)
 
 
+@pytest.mark.slow
 def test_command_line_renders_lens_cameras(room, tmp_path, monkeypatch, capsys):
     (tmp_path / "eye.json").write_text(json.dumps({"width": 64, "height": 48, "lens": LENS}))
     given = ("experiment_1", "--frame", "--camera", tmp_path / "eye.json", "--quiet")
@@ -404,6 +405,7 @@ def test_command_line_renders_lens_cameras(room, tmp_path, monkeypatch, capsys):
     assert code == 0 and "visible" in said and (tmp_path / "check.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_perspective_pictures_support_lenses(tmp_path):
     scene = wv.scenes.PRESETS["room"].build()
     agents = [

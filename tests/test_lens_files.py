@@ -38,6 +38,7 @@ def file_of_opencv(path, d, **others):
     return path
 
 
+@pytest.mark.smoke("yaml")
 @pytest.mark.parametrize("ending", ["yaml", "xml"])
 def test_opencv_files(ending, tmp_path):
     pytest.importorskip("ruamel.yaml")
@@ -50,6 +51,7 @@ def test_opencv_files(ending, tmp_path):
     np.testing.assert_allclose(plain.to_K(pixel_center=0.0), K)
 
 
+@pytest.mark.slow
 def test_ros_calibrations_describe_raw_image(tmp_path):
     """`P` describes the rectified image and is ignored."""
     pytest.importorskip("ruamel.yaml")

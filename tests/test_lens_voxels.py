@@ -81,6 +81,7 @@ def test_undistorted_lens_matches_pinhole(device):
         assert (getattr(first, name).numpy() != getattr(second, name).numpy()).sum() <= 5
 
 
+@pytest.mark.slow
 def test_chunks_and_threads_do_not_change_maps(monkeypatch, device):
     scene, camera = build(device), CAMERAS["range"]()
     views = wv.render(scene, camera, POSES, outputs=("depth", "labels"))

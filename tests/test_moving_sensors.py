@@ -126,6 +126,7 @@ def eyes_for_zero():
     }
 
 
+@pytest.mark.smoke("*-occlude")
 @pytest.mark.parametrize("near_plane", ["occlude", "clip"])
 @pytest.mark.parametrize("eye", ["camera", "lens", "lidar"])
 def test_zero_motion_matches_static_render(eye, near_plane, device, monkeypatch):

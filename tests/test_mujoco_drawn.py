@@ -236,6 +236,7 @@ RAYS = f"""{HEAD}<worldbody><geom name="floor" type="plane" size="3 3 .1" pos="0
   <rangefinder site="down"/><rangefinder site="slant"/><rangefinder site="behind"/></sensor></mujoco>"""
 
 
+@pytest.mark.smoke("perspective")
 @pytest.mark.gl
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_rangefinder_lines_match_mujoco(projection):

@@ -116,6 +116,7 @@ def test_changed_model_matches_mujoco(name, device):
         assert_same_images(ours, images(theirs, data, "front"), 2e-4)
 
 
+@pytest.mark.smoke("*-another shape", "*-vertices", "*-hidden", "*-field of view", "*-size of a *")
 @pytest.mark.parametrize("name", CHANGES | UPLOADED)
 def test_changed_model_matches_new_renderer(name, device):
     model, data = task()

@@ -164,6 +164,7 @@ def test_camera_inside_geom_sees_through_back_faces():
     assert segmentation[24, 32].tolist() == WALL_PIXEL
 
 
+@pytest.mark.slow
 def test_importing_warpvis_does_not_import_mujoco():
     code = "import sys, warpvis; assert 'mujoco' not in sys.modules; import warpvis.mujoco; sys.modules['mujoco']"
     subprocess.run([sys.executable, "-c", code], check=True)

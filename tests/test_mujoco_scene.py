@@ -279,6 +279,7 @@ def test_pickle_renders_equal_images_in_another_process():
     assert result.stdout[-len(expected) :] == expected
 
 
+@pytest.mark.smoke("deep")
 @pytest.mark.parametrize("make", [copy.copy, copy.deepcopy, lambda geoms: geoms.to("cpu")], ids=["copy", "deep", "to"])
 def test_copies_render_equal_images_and_are_independent(make):
     model, data = shapes_model()

@@ -57,7 +57,7 @@ def drawn(item, rays, eye):
     return which, colors / 255, clear
 
 
-@pytest.mark.smoke('forward0-texrepeat="1.5 2.5"')
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("more", ['texrepeat="1.5 2.5"', 'texrepeat="1.5 2.5" texuniform="true"'])
 @pytest.mark.parametrize("forward", [(0.4, 1, -0.7), (-0.5, -1, 0.6)])

@@ -42,6 +42,7 @@ def test_large_scenes_match_ray_caster(name, device):
     assert_same(packets, rays)
 
 
+@pytest.mark.smoke("*-0", "*-3")
 @pytest.mark.parametrize("seed", range(4))
 def test_triangles_around_the_camera_match_reference(seed, device):
     """Triangles are in front of the camera, behind it, and intersect its plane."""

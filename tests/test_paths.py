@@ -70,6 +70,7 @@ def test_depth_paths(at, tmp_path):
     assert "one.png" in os.listdir(tmp_path)
 
 
+@pytest.mark.smoke("text")
 def test_map_and_picture_paths(at, tmp_path):
     scene = wv.Scene()
     scene.add(trimesh.creation.box(), pose=(0, 0, 3, 0, 0, 0, 1), label="object")

@@ -103,7 +103,7 @@ def assert_tidy(figure):
         assert not box_a.overlaps(box_b), f"{a!r} and {b!r}"
 
 
-@pytest.mark.smoke("experiment_2")
+@pytest.mark.slow
 def test_texts_do_not_overlap_or_leave_the_figure(drawn):
     assert_tidy(drawn[0])
 
@@ -254,6 +254,7 @@ def test_camera_view_matches_rendered_image():
     assert seen.extent == (0, 320, 240, 0)
 
 
+@pytest.mark.slow
 def test_pictures_of_views_with_movable_objects():
     """The picture of the second view shows the ball at its pose in that view."""
     scene = wv.Scene()
@@ -346,6 +347,7 @@ def test_sightings_color_visible_parts(tmp_path):
     assert (counts[1] - swatch) / (counts[3] - swatch) == pytest.approx(599 / 330, rel=0.1)
 
 
+@pytest.mark.slow
 def test_sightings_of_all_objects_have_distinct_colors(tmp_path):
     experiment = scenes.EXPERIMENTS[0]
     path = tmp_path / "all.png"
@@ -369,6 +371,7 @@ def test_long_names_in_legend_are_shortened_in_the_middle(tmp_path, monkeypatch)
     assert figure.axes[0].get_xlabel() == "x [px]\n17 objects, of which 15 are named"
 
 
+@pytest.mark.slow
 def test_points_are_colored_by_status(tmp_path):
     experiment = scenes.EXPERIMENTS[1]
     scene, pose = experiment.build(), experiment.poses()

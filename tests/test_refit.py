@@ -91,6 +91,7 @@ def assert_refitted(scene, name):
     assert struct.movable_closed.numpy()[position] == 0
 
 
+@pytest.mark.smoke("*-packets-*")
 @pytest.mark.parametrize("deformation", DEFORMATIONS)
 def test_deformed_meshes_match_rebuilt_scene(deformation, device, caster):
     vertices = DEFORMATIONS[deformation]()

@@ -31,6 +31,7 @@ def depth_of(sensor, camera, distance, **options):
     return views.depth.numpy()[0], views.reasons.numpy()[0]
 
 
+@pytest.mark.smoke("oak_d", "kinect_v2")
 @pytest.mark.parametrize("name", PROFILES)
 def test_range_is_the_devices_with_any_camera(name):
     sensor = PROFILES[name]

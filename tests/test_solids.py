@@ -20,6 +20,7 @@ def render(scene, camera, cameras, caster, **options):
     return wv.render(scene, camera, cameras, outputs=ALL, caster=caster, **options)
 
 
+@pytest.mark.smoke("*-packets-*")
 @pytest.mark.parametrize("name", SHAPES)
 def test_surfaces_match_reference(device, caster, name):
     rng = np.random.default_rng(len(name))
@@ -38,6 +39,7 @@ def test_intersecting_solids_and_meshes(device, caster):
     assert_matches_reference(culled, scene, SMALL, cameras, cull_backfaces=True)
 
 
+@pytest.mark.smoke("*-packets-*")
 @pytest.mark.parametrize("gap", [1e-4, 1e-3, 0.05])
 @pytest.mark.parametrize("name", ["sphere", "capsule", "cylinder"])
 def test_solids_at_close_range(device, caster, name, gap):

@@ -46,6 +46,7 @@ def twin(scene, sensor, camera, poses, seen, draws, seed):
     return reference_stereo.measure_stereo(sensor, camera, sight, draws, seed)
 
 
+@pytest.mark.smoke("*-packets-*")
 @pytest.mark.parametrize(
     "sensor",
     [

@@ -104,6 +104,7 @@ print(count_pool())
 """
 
 
+@pytest.mark.slow
 def test_pool_grows_to_the_largest_request():
     """There is one pool for all numbers of threads."""
     done = subprocess.run([sys.executable, "-c", POOL], capture_output=True, text=True, check=True)

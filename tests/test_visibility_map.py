@@ -21,6 +21,7 @@ import reference
 ROBOT = [(*ROBOT_AT, ROBOT_RADIUS)]
 
 
+@pytest.mark.smoke("*-1")
 @pytest.mark.parametrize("number", [1, 3])
 def test_maps_match_reference(number, device):
     experiment = scenes.EXPERIMENTS[number - 1]

@@ -203,6 +203,7 @@ def run(simulation, monkeypatch, capsys):
     return capsys.readouterr().out.splitlines()
 
 
+@pytest.mark.smoke("experiment_2")
 def test_controller_output_matches_warpvis(world, experiment, monkeypatch, capsys):
     simulation = simulated(world, steps=3)
     (line,) = run(simulation, monkeypatch, capsys)  # nothing changes after the first of two images

@@ -281,6 +281,7 @@ def mutated(rng, tokens):
     return "".join(tokens)
 
 
+@pytest.mark.slow
 def test_mutations_give_a_world_or_an_error():
     rng = random.Random(1)
     tokens = re.findall(r'"(?:[^"\\]|\\.)*"|[\w.-]+|\s+|.', SMALL)

@@ -239,6 +239,7 @@ def test_wide_image_pixels_match_the_boxes(tmp_path, projection):
         np.testing.assert_allclose(item.image_size, (width, height), atol=6)
 
 
+@pytest.mark.slow
 def test_wide_images_include_objects_behind_within_the_fov(tmp_path):
     """Round shapes are not clipped; a box is omitted if all its corners are outside."""
     wide = 'width 200 height 100 projection "cylindrical" fieldOfView '
