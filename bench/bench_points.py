@@ -128,9 +128,9 @@ def compare(rounds: int) -> None:
         (f"Open3D only those in view, {share.sum():,}", check("everywhere"), open3d(everywhere[share])),
         ("a million points in view", check("in view"), open3d(seen)),
     )
-    for title, ours, theirs in rows:
-        ours(), theirs()
-        times = [np.median(column) for column in take_turns([ours, theirs], rounds)]
+    for title, warpvis_call, open3d_call in rows:
+        warpvis_call(), open3d_call()
+        times = [np.median(column) for column in take_turns([warpvis_call, open3d_call], rounds)]
         print(
             f"{title}: {1e3 * times[0]:.1f} ms, Open3D {1e3 * times[1]:.1f} ms: {times[1] / times[0]:.1f} times as fast"
         )

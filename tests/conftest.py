@@ -113,7 +113,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before pytest evaluates -m
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the parameters that `smoke` does not list as slow, and deselect tests that need a GPU if there is none."""
+    """Mark the parameters that `smoke` does not list as slow, and deselect GPU tests without a GPU."""
     _mark_slow(items)
     if CUDA_DEVICES:
         return

@@ -105,7 +105,7 @@ def test_the_first_of_coinciding_walls_is_shown(spread, packets_only):
 
 
 def test_only_rays_beside_the_eye_see_near_ends(packets_only):
-    """Triangles outside the image of the eye, whose near ends are in the image of rays that begin beside it."""
+    """Triangles outside the image of the eye, whose near ends are in the image of rays with other origins."""
     spike = np.array([(0.315, -0.2, 0.3), (0.315, 0.2, 0.3), (9, 0, 8)])
     turns = [np.array([(c, -s, 0), (s, c, 0), (0, 0, 1)]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
     scene = wv.Scene(device="cpu")

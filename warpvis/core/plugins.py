@@ -21,7 +21,7 @@ def plugin_names(group: str) -> tuple[str, ...]:
 
 
 def load_plugin(group: str, name: str) -> Any | None:
-    """Import the object of an entry point; return None if there is none of this name.
+    """Import and return the object of an entry point, or return None for an unknown name.
 
     Raises:
         FileFormatError: If its module cannot be imported, or lacks the object.
