@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     import numpy as np
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from warpvis.core.poses import Convention
     from warpvis.kernels.rays import RayRange
@@ -48,6 +48,14 @@ class AnyCamera(ABC):
     def times(self) -> NDArray[np.float64] | None:
         """Time of each ray, after the start of the frame [s], shape ``shape``; None if not given."""
         return None
+
+    def _contains(self, pixels: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether image points [px], shape ``(..., 2)``, are in the image, shape ``(..., 1)``."""
+        import numpy as np
+
+        points = np.asarray(pixels)
+        inside = (points >= 0) & (points < (self.width, self.height))
+        return np.all(inside, axis=-1, keepdims=True)
 
     def ray_range(self, *, clip_near: bool = False) -> RayRange:
         """Return the range of depth as the struct of kernels that read rays from arrays.

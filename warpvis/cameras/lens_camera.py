@@ -131,9 +131,7 @@ class LensCamera(LensedCamera):
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
         """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image."""
         rays = self._scale_to_depth_one(self.unproject(pixels))
-        points = np.asarray(pixels)
-        inside = ((points >= 0) & (points < (self.width, self.height))).all(axis=-1, keepdims=True)
-        return np.where(inside & (rays[..., 2:] > 0 if self.kind == "z" else True), rays, np.nan)
+        return np.where(self._contains(pixels) & (rays[..., 2:] > 0 if self.kind == "z" else True), rays, np.nan)
 
     def _scale_to_depth_one(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.kind == "range":

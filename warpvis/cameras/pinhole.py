@@ -250,9 +250,8 @@ class Camera(CameraMakers):
         """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image."""
         import numpy as np
 
-        rays, points = self.back_project(pixels, 1.0), np.asarray(pixels)
-        inside = ((points >= 0) & (points < (self.width, self.height))).all(axis=-1, keepdims=True)
-        return np.where(inside, rays, np.nan)
+        rays = self.back_project(pixels, 1.0)
+        return np.where(self._contains(pixels), rays, np.nan)
 
     def has_pixels_of(self, other: object) -> bool:
         """Return whether another camera has the same size and intrinsics; depth ranges may differ."""
