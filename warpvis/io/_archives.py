@@ -37,11 +37,7 @@ def is_archive(name: str) -> bool:
 
 
 def check_unpacked(path: Path, size: int, fix: str = "unpack it first") -> None:
-    """Raise an error if a file unpacks to more than 1 GiB.
-
-    Raises:
-        FileFormatError: If `size`, in bytes, exceeds the limit; `fix` is the remedy in the message.
-    """
+    """Raise an error if a file unpacks to more than 1 GiB."""
     if size > _MAX_BYTES:
         raise FileFormatError(f"{path}: unpacks to more than 1 GiB, the maximum: {fix}")
 
@@ -52,9 +48,6 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
     Args:
         path: The archive; its suffix determines the kind.
         zipped: Content of a ZIP file with any name.
-
-    Raises:
-        FileFormatError: If it cannot be read, or would unpack to more than 1 GiB.
     """
     found: dict[str, bytes] = {}
     size = 0

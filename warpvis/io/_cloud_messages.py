@@ -41,11 +41,7 @@ _STRAIGHT = 1e-6  # rad
 
 
 def check_cloud(cloud: object) -> NDArray[np.void]:
-    """Check for a structured array with the fields x, y and z, of shape ``(N,)`` or ``(H, W)``, and return it.
-
-    Raises:
-        ArrayError: If it is not one, or a field is not a number.
-    """
+    """Check for a structured array with the fields x, y and z, of shape ``(N,)`` or ``(H, W)``, and return it."""
     if not isinstance(cloud, np.ndarray) or cloud.dtype.names is None:
         raise ArrayError("a cloud must be a NumPy array with named fields, as returned by warpvis.sensors.point_clouds")
     names = cloud.dtype.names
@@ -58,12 +54,7 @@ def check_cloud(cloud: object) -> NDArray[np.void]:
 
 
 def as_layout(cloud: NDArray[np.void], layout: CloudLayout | None, stamp: Stamp = 0.0) -> NDArray[np.void]:
-    """Return a packed cloud with the fields of a driver; `stamp` is the origin of its times.
-
-    Raises:
-        ArrayError: If the cloud lacks a source of the driver's fields.
-        MessageError: If the layout is unknown.
-    """
+    """Return a packed cloud with the fields of a driver; `stamp` is the origin of its times."""
     if layout is None:
         fields = [(name, cloud.dtype[name].newbyteorder("<").str) for name in cloud.dtype.names or ()]
     else:
@@ -94,11 +85,7 @@ def _field(cloud: NDArray[np.void], name: str, layout: CloudLayout | None) -> An
 
 
 def as_livox_points(cloud: NDArray[np.void]) -> NDArray[np.void]:
-    """Return the points of a cloud in the format of Livox's driver, in order of time; unavailable fields are 0.
-
-    Raises:
-        ArrayError: If the cloud has no times, or a value is out of range of its field.
-    """
+    """Return the points of a cloud in the format of Livox's driver, in order of time; unavailable fields are 0."""
     names = cloud.dtype.names or ()
     if "time" not in names:
         raise ArrayError('the layout "livox" needs the field time, which the cloud lacks')
@@ -134,11 +121,7 @@ def _scaled(values: NDArray[Any], name: str, source: str) -> NDArray[np.float64]
 
 
 def _whole(values: NDArray[Any], scale: float, maximum: int, name: str, source: str) -> NDArray[np.float64]:
-    """Return whole numbers in the unit of a field.
-
-    Raises:
-        ArrayError: If they are out of the field's range.
-    """
+    """Return whole numbers in the unit of a field."""
     scaled = np.rint(values.astype(np.float64) * scale)
     if scaled.size and not 0 <= scaled.min() <= scaled.max() <= maximum:
         raise ArrayError(

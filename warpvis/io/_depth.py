@@ -97,9 +97,6 @@ def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
 
     Args:
         image: Pixels of 8 or 16 bits, shape ``(H, W)``.
-
-    Raises:
-        ArrayError: If its shape or dtype differs.
     """
     if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16) or not image.size:
         raise ArrayError(f"a PNG image must be uint8 or uint16 of shape (H, W), got {image.dtype} of {image.shape}")

@@ -68,11 +68,7 @@ def _read(path: Path) -> NDArray:
 
 
 def find_depth_images(folder: str | os.PathLike[str]) -> list[Path]:
-    """Return the depth images in a folder, sorted by name.
-
-    Raises:
-        FileFormatError: If the folder does not exist, or contains no depth images.
-    """
+    """Return the depth images in a folder, sorted by name."""
     folder = as_path(folder)
     if not folder.is_dir():
         raise FileFormatError(f"{folder}: no such folder")

@@ -22,11 +22,7 @@ _LONGEST_SHOWN = 60
 
 
 def read_array(path: Path) -> NDArray[np.generic]:
-    """Read the array of a ``.npy`` file.
-
-    Raises:
-        FileFormatError: If it cannot be read, or has another format.
-    """
+    """Read the array of a ``.npy`` file."""
     loaded = _load_numpy(path, "NPY")
     if isinstance(loaded, NpzFile):
         loaded.close()
@@ -41,10 +37,6 @@ def read_archive(path: Path, selected: Sequence[str], needed: str) -> dict[str, 
         path: The file.
         selected: Names of the arrays; others are not read.
         needed: Name of the required array.
-
-    Raises:
-        FileFormatError: If it cannot be read, has another format, lacks the required array, or contains an object that
-            is not an array, or if compressed arrays unpack to more than 1 GiB.
     """
     loaded = _load_numpy(path, "NPZ")
     if not isinstance(loaded, NpzFile):
@@ -85,9 +77,6 @@ def as_numbers(value: Json, shape: tuple[int, ...], location: str) -> NDArray[np
         value: Nested lists of numbers; Booleans are not numbers.
         shape: Expected shape.
         location: Beginning of the message: the location of the value, and its name.
-
-    Raises:
-        FileFormatError: If it has another shape or type.
     """
     leaves = _leaves(value, shape)
     if leaves is not None and all(type(leaf) is float or type(leaf) is int for leaf in leaves):
@@ -126,11 +115,7 @@ def _leaves(value: Json, shape: tuple[int, ...]) -> list[Json] | None:
 
 
 def read_lines(path: Path, line: str) -> list[str]:
-    """Read the lines of a text file; `line` is the expected format of a line, for the message.
-
-    Raises:
-        FileFormatError: If the file cannot be read, or is not text.
-    """
+    """Read the lines of a text file; `line` is the expected format of a line, for the message."""
     try:
         return path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets write a byte order mark
     except OSError as error:

@@ -48,10 +48,6 @@ def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
         file: Its bytes, ``.gltf`` or ``.glb``.
         find: Reads the buffers that it references.
         locate: Finds the images that it references.
-
-    Raises:
-        ValueError: If it does not parse, or requires an unsupported extension. Malformed files may raise any other
-            exception.
     """
     data = GltfData(file, find)
     unread = [name for name in data.names("extensionsRequired") if name not in _READ and not _HARMLESS.match(name)]

@@ -42,9 +42,6 @@ class GltfData:
         Args:
             file: Its bytes.
             find: Reads its buffers.
-
-        Raises:
-            ValueError: If it is not glTF 2.
         """
         self._find = find
         self._chunk: bytes | None = None
@@ -73,11 +70,7 @@ class GltfData:
         return found
 
     def one(self, key: str, index: Json) -> dict[str, Any]:
-        """Return an object of a list of the JSON.
-
-        Raises:
-            ValueError: If the index is out of range.
-        """
+        """Return an object of a list of the JSON."""
         items = self.all(key)
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(items):
             raise ValueError(f"it references {key} {index!r} of {len(items)}")
@@ -90,11 +83,7 @@ class GltfData:
         return self._content.get(key, otherwise)
 
     def accessor(self, index: Json) -> NDArray[np.generic]:
-        """Read an accessor (3.6.2), shape ``(count, components)``; normalized integers become float64.
-
-        Raises:
-            ValueError: If it exceeds its buffer view, or has an unknown type.
-        """
+        """Read an accessor (3.6.2), shape ``(count, components)``; normalized integers become float64."""
         item = self.one("accessors", index)
         count, dtype, width = _layout(item)
         if "bufferView" in item:
@@ -124,11 +113,7 @@ class GltfData:
         return "bufferView" in item or "sparse" in item
 
     def view(self, index: Json) -> NDArray[np.uint8]:
-        """Return the bytes of a buffer view (3.6.1), decoded.
-
-        Raises:
-            ValueError: If it exceeds its buffer, does not decode, or needs a package that is missing.
-        """
+        """Return the bytes of a buffer view (3.6.1), decoded."""
         item = self.one("bufferViews", index)
         extensions = item.get("extensions") or {}
         for name in MESHOPT:
@@ -218,11 +203,7 @@ class GltfData:
 
 
 def decode_draco(data: bytes) -> Any:
-    """Decode a `DRACO` mesh to an object with ``faces``, and ``attributes`` with ``unique_id`` and ``data``.
-
-    Raises:
-        ValueError: If it does not decode, or the decoder is missing.
-    """
+    """Decode a `DRACO` mesh to an object with ``faces``, and ``attributes`` with ``unique_id`` and ``data``."""
     try:
         import DracoPy
     except ImportError:

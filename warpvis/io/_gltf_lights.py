@@ -22,9 +22,6 @@ def gltf_light(root: Any, node: dict[str, Any], placement: NDArray[np.float64]) 
         root: The file's ``extensions``.
         node: The node.
         placement: Matrix from the node to the file's frame, ``(4, 4)``.
-
-    Raises:
-        ValueError: If it is malformed. Malformed files may raise any other exception.
     """
     packed = (node.get("extensions") or {}).get(LIGHTS)
     if packed is None:

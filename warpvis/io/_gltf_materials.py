@@ -71,11 +71,7 @@ class GltfMaterials:
             return None
 
     def _appearance(self, primitive: dict[str, Any], attribute: Attribute) -> Appearance:
-        """Read the appearance of a primitive.
-
-        Raises:
-            ValueError: If it is malformed. Malformed files may raise any other exception.
-        """
+        """Read the appearance of a primitive."""
         attributes, index = primitive["attributes"], primitive.get("material")
         colors = _vertex_colors(attribute("COLOR_0")) if "COLOR_0" in attributes else None
         if index is None:

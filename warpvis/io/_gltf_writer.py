@@ -64,9 +64,6 @@ def gltf_chunks(objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis
 
     Returns:
         Parts of the file, in order.
-
-    Raises:
-        ValueError: If a vertex is not finite, or the file would exceed the format's maximum length.
     """
     upright = Y_UP_TO_Z_UP.T if up == "z" else np.eye(4)
     buffer, meshes, nodes = _Buffer(), list[dict[str, Any]](), list[dict[str, Any]]()

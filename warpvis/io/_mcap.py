@@ -28,11 +28,6 @@ def check_mcap(bag: Path) -> None:
 
     Args:
         bag: A file, or a folder of files; files with other suffixes are skipped.
-
-    Raises:
-        ValueError: If a record is too long.
-        FileFormatError: If a chunk is too large.
-        OSError: If a file cannot be read.
     """
     for path in sorted(bag.glob("*.mcap")) if bag.is_dir() else [bag]:
         if path.suffix.lower() == ".mcap" and path.is_file():

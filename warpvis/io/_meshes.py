@@ -45,12 +45,7 @@ _NEEDED = {"dae": "pycollada: pip install 'warpvis[collada]'", "3mf": "lxml and 
 
 
 def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
-    """Read the parts of a mesh file, or of all mesh files of an archive; see `warpvis.Scene.load`.
-
-    Raises:
-        FileFormatError: If the file does not parse, or a part has no triangles and `strict` is set.
-        SceneError: If `search_path` is given, but the format does not reference other files with geometry.
-    """
+    """Read the parts of a mesh file, or of all mesh files of an archive; see `warpvis.Scene.load`."""
     kind = _kind(path.name)
     if search_path and kind != "gltf":
         raise SceneError(f"{path}: its geometry is in a single file; leave out search_path")
@@ -91,11 +86,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
 
 
 def _classes(path: Path, meshes: Sequence[FileMesh]) -> LabelRules:
-    """Return the classes that `Scene.export` writes in addition to labels: their names, and which are ground.
-
-    Raises:
-        FileFormatError: If a class has two names, or the metadata is invalid.
-    """
+    """Return the classes that `Scene.export` writes in addition to labels: their names, and which are ground."""
     names: dict[int, str] = {}
     for mesh in meshes:
         number, name = mesh.extras.get("label"), mesh.extras.get("label_name")
@@ -142,11 +133,7 @@ def _arrays(mesh: Any) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
 
 
 def _require_reader(name: str, suffix: str, kind: str) -> None:
-    """Raise an error for formats that cannot be read.
-
-    Raises:
-        FileFormatError: If it is not a mesh format, or the package that reads it is missing.
-    """
+    """Raise an error for formats that cannot be read."""
     import trimesh
     from trimesh.exchange.load import mesh_loaders
 
@@ -161,11 +148,7 @@ def _require_reader(name: str, suffix: str, kind: str) -> None:
 
 
 def _load_archive(path: Path) -> FileMeshes:
-    """Read all mesh files of an archive.
-
-    Raises:
-        FileFormatError: If it contains none, one does not parse, or their vertical axes differ.
-    """
+    """Read all mesh files of an archive."""
     import trimesh
 
     files = unpack(path)
@@ -253,11 +236,7 @@ def _locate_member(files: dict[str, bytes], member: str, name: str) -> bytes | N
 
 
 def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
-    """Read one file.
-
-    Raises:
-        FileFormatError: If it does not parse.
-    """
+    """Read one file."""
     require_content(file, "a mesh", name=name)
     if not file:
         raise FileFormatError(f"{name}: is empty")

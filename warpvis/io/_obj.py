@@ -28,9 +28,6 @@ def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
 
     The text starts and ends with an empty line. Faces of fewer than three corners are removed; the second value
     describes them, as a part of a sentence.
-
-    Raises:
-        ValueError: If a vertex has fewer than three numbers, or a face has the index 0; the message names the line.
     """
     text, joined = _lines(file)
     zero = _ZERO.search(joined)
@@ -50,11 +47,7 @@ def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
 
 
 def require_obj_elements(file: bytes) -> None:
-    """Reject vertices that are not numbers, and faces that index no vertex; a slow pass that names the line.
-
-    Raises:
-        ValueError: If there is one.
-    """
+    """Reject vertices that are not numbers, and faces that index no vertex; a slow pass that names the line."""
     text, joined = _lines(file)
     count = len(re.findall(rb"\nv ", joined))
     for element in _ELEMENT.finditer(joined):

@@ -34,11 +34,7 @@ def straighten_ply(file: bytes) -> bytes:
 
 
 def _with_triangles(file: bytes) -> bytes:
-    """Triangulate the faces of a binary file with different numbers of corners, and drop all other face properties.
-
-    Raises:
-        ValueError: If it is another or a damaged file; IndexError and KeyError mean the same.
-    """
+    """Triangulate the faces of a binary file with different numbers of corners, and drop all other face properties."""
     start = file.index(b"\n", file.index(b"end_header")) + 1
     lines = [line.split() for line in file[:start].decode("ascii").splitlines()]
     kind = next(words[1] for words in lines if words[0] == "format")
@@ -83,11 +79,7 @@ def _elements(lines: list[list[str]]) -> list[_Element]:
 
 
 def _are_alike(file: bytes, place: int, count: int, layout: list[_Property]) -> bool:
-    """Return whether all faces have as many corners and list items as the first, or there are no corners at all.
-
-    Raises:
-        ValueError: If the file is too short.
-    """
+    """Return whether all faces have as many corners and list items as the first, or there are no corners at all."""
     if not count or not any(item.is_list and item.is_corners for item in layout):
         return True
     fields, lengths, end = [], {}, place
@@ -108,11 +100,7 @@ def _are_alike(file: bytes, place: int, count: int, layout: list[_Property]) -> 
 
 
 def _corners(file: bytes, place: int, count: int, layout: list[_Property]) -> list[NDArray[np.int64]]:
-    """Read the corners of each face sequentially, since the faces have different lengths.
-
-    Raises:
-        ValueError: If the file is too short, or a list length is negative.
-    """
+    """Read the corners of each face sequentially, since the faces have different lengths."""
     faces = []
     for _ in range(count):
         for item in layout:

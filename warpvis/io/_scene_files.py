@@ -25,12 +25,7 @@ def read_parts(
     search_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     strict: bool = False,
 ) -> FileParts:
-    """Read the objects of a file; see `warpvis.Scene.load` for the arguments.
-
-    Raises:
-        FileFormatError: If the file is missing or does not parse, or has unsupported content and `strict` is set.
-        SceneError: If `search_path` does not apply to such a file.
-    """
+    """Read the objects of a file; see `warpvis.Scene.load` for the arguments."""
     path, strict = as_path(path), check_flag(strict, "strict", FileFormatError)
     folders = (
         [search_path] if isinstance(search_path, os.PathLike) else as_items(search_path, "search_path", SceneError)

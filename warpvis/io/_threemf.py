@@ -24,9 +24,6 @@ def unit_and_names(files: dict[str, bytes]) -> tuple[float, list[str]]:
 
     Args:
         files: The files in the 3MF archive.
-
-    Raises:
-        ValueError: If the unit is unknown.
     """
     models = [files[name] for name in sorted(files) if name.lower().endswith(".model")]
     found: dict[str, None] = {}

@@ -128,9 +128,6 @@ def read_device(
         offset: Origin of the node in the world [m], shape ``(3,)``.
         robot: Name of its robot.
         protos: Types of the PROTOs that contain it.
-
-    Raises:
-        FileFormatError: If a field has an invalid value.
     """
     if node.type not in ("RangeFinder", "Camera"):
         return None

@@ -73,20 +73,12 @@ class World:
 
 
 def parse_world(path: str | Path) -> World:
-    """Read a world file.
-
-    Raises:
-        FileFormatError: If the file cannot be read or has a syntax error, with its line.
-    """
+    """Read a world file."""
     return parse_text(read_text(Path(path)), str(path))
 
 
 def parse_text(text: str, file: str = "<text>") -> World:
-    """Parse the text of a world.
-
-    Raises:
-        FileFormatError: If the text has a syntax error, with its line.
-    """
+    """Parse the text of a world."""
     version = read_version(text, file)
     parser = Parser(text, file, version)
     world = World(Path(file), version)
@@ -103,11 +95,7 @@ def parse_text(text: str, file: str = "<text>") -> World:
 
 
 def read_text(path: Path) -> str:
-    """Read the text of a file; replace bytes that are not UTF-8, which occur in comments and names of old worlds.
-
-    Raises:
-        FileFormatError: If the file cannot be read.
-    """
+    """Read the text of a file; replace bytes that are not UTF-8, which occur in comments and names of old worlds."""
     require_content(path, "a Webots file")
     try:
         return path.read_text(encoding="utf-8-sig", errors="replace")
@@ -118,11 +106,7 @@ def read_text(path: Path) -> str:
 
 
 def read_version(text: str, file: str) -> Version:
-    """Read the version in a text's header.
-
-    Raises:
-        FileFormatError: If the first line is not a header.
-    """
+    """Read the version in a text's header."""
     line = re.split(r"[\r\n]", text[:200].removeprefix("\ufeff"), maxsplit=1)[0].strip()
     match = _HEADER.fullmatch(line)
     if match is None:

@@ -48,11 +48,7 @@ def parts_of(node: Node) -> list[Node]:
 
 
 def expand_joint(node: Node) -> Node | None:
-    """Build a Group of the visible parts of an instance of `JOINTS`, at rest; return None for other types.
-
-    Raises:
-        FileFormatError: If a field has an invalid value.
-    """
+    """Build a Group of the visible parts of an instance of `JOINTS`, at rest; return None for other types."""
     if node.type not in JOINTS:
         return None
     pairs = [(node.nodes(points), node.number(play, _DEFAULT_BACKLASH)) for points, play in JOINTS[node.type]]
@@ -74,9 +70,6 @@ def missing_parts(
     Returns:
         The missing PROTOs and meshes; the number of other shapes; and whether there are cameras, range finders or
         lidars.
-
-    Raises:
-        FileFormatError: If a field has an invalid value.
     """
     missing: list[str] = []
     shapes, eyes, seen, nodes = 0, False, {id(body)}, [body]

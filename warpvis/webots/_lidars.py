@@ -200,9 +200,6 @@ def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.flo
         rotation: Node-to-world rotation, shape ``(3, 3)``.
         offset: Origin of the node in the world [m], shape ``(3,)``.
         robot: Name of its robot.
-
-    Raises:
-        FileFormatError: If a field has an invalid value.
     """
     if node.type != "Lidar":
         return None

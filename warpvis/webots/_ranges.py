@@ -204,12 +204,7 @@ def distort_pixels(
 
 
 def as_version(version: Version | str) -> Version:
-    """Convert the name of a release to a `Version`; return a `Version` unchanged.
-
-    Raises:
-        ArrayError: If `version` is neither.
-        FileFormatError: If `version` is a text that is not a release.
-    """
+    """Convert the name of a release to a `Version`; return a `Version` unchanged."""
     if isinstance(version, str):
         return Version.parse(version)
     if not isinstance(version, Version):

@@ -21,11 +21,7 @@ _MILLIMETERS = 1000.0
 
 
 def parse_bop(path: Path, data: Json) -> FilePoses:
-    """Read poses in the order of image ids, which are the timestamps.
-
-    Raises:
-        FileFormatError: If the file has another format, or an image is malformed or has no pose; the message names it.
-    """
+    """Read poses in the order of image ids, which are the timestamps."""
     if not isinstance(data, dict):
         raise FileFormatError(f"{path}: must be an object of images by their ids, got {shorten(data)}")
     keys = _keys_by_id(path, data)

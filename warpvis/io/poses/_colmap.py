@@ -23,11 +23,7 @@ FILES = ("images.txt", "images.bin")
 
 
 def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
-    """Read the poses of a model's images, sorted by the images' names, and their camera if they share one.
-
-    Raises:
-        FileFormatError: If the file, or the cameras file next to it, cannot be read.
-    """
+    """Read the poses of a model's images, sorted by the images' names, and their camera if they share one."""
     images = colmap_images(path)
     turns = np.array([image.rotation for image in images]).reshape(-1, 4)
     lengths = np.linalg.norm(turns, axis=1, keepdims=True)

@@ -42,11 +42,7 @@ class FilePoses:
     def to_frames(
         self, path: Path, file_format: str, convention: Convention | None, quaternion: QuaternionOrder = "xyzw"
     ) -> Frames:
-        """Convert to frames; `quaternion` is the order of the quaternions in `poses` and `object_poses`.
-
-        Raises:
-            FileFormatError: If there are no poses, or values are invalid; the message names the first.
-        """
+        """Convert to frames; `quaternion` is the order of the quaternions in `poses` and `object_poses`."""
         if not len(self.poses):
             raise FileFormatError(f"{path}: holds no poses")
         axes = convention or self.convention

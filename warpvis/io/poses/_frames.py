@@ -121,11 +121,7 @@ def read_frames(
 
 
 def _file_in(folder: Path) -> Path:
-    """Find the pose file in a folder of COLMAP, nerfstudio or BOP.
-
-    Raises:
-        FileFormatError: If it contains no such file, or several.
-    """
+    """Find the pose file in a folder of COLMAP, nerfstudio or BOP."""
     kinds = [[folder / name for name in names if (folder / name).is_file()] for names in _IN_FOLDERS]
     found = [files[0] for files in kinds if files]
     if len(found) > 1:

@@ -21,11 +21,7 @@ from warpvis.io.poses._file_poses import FilePoses
 
 
 def parse_nerfstudio(path: Path, data: Json, *, distortion: bool = False) -> FilePoses:
-    """Read the poses of the file's ``frames``, in the file's order and world frame.
-
-    Raises:
-        FileFormatError: If the file has another format, or a frame is malformed; the message gives its index.
-    """
+    """Read the poses of the file's ``frames``, in the file's order and world frame."""
     if isinstance(data, dict) and "frames" not in data:
         raise FileFormatError(f'{path}: has no list "frames", which holds the poses of nerfstudio\'s files')
     frames = data.get("frames") if isinstance(data, dict) else data

@@ -71,10 +71,6 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
         path: A folder with ``metadata.yaml``, or one ``.mcap`` or ``.db3`` file.
         topic: The topic; not needed if only one topic has poses.
         distortion: Whether the camera is that of the raw images, with its lens, or of the rectified ones.
-
-    Raises:
-        FileFormatError: If rosbags is missing, the bag cannot be read, it has no such topic or one without poses, or
-            the frames of the poses differ.
     """
     try:
         from rosbags.rosbag2 import Reader

@@ -37,9 +37,6 @@ def read_csv(path: Path) -> FilePoses:
     """Read poses of comma-separated values with a line of column names, which may begin with ``#``.
 
     Other columns, empty lines, and lines that begin with ``#`` are skipped.
-
-    Raises:
-        FileFormatError: If the file has another format, or a line is malformed; the message names it.
     """
     lines = read_lines(path, "x,y,z,qx,qy,qz,qw")
     reader = csv.reader(lines)
@@ -69,12 +66,7 @@ def read_csv(path: Path) -> FilePoses:
 
 
 def read_parquet(path: Path) -> FilePoses:
-    """Read the poses of a Parquet file; other columns are not read.
-
-    Raises:
-        FileFormatError: If pyarrow is missing, the file has another format, or a row is malformed; the message gives
-            its index.
-    """
+    """Read the poses of a Parquet file; other columns are not read."""
     try:
         import pyarrow.parquet as parquet
     except ImportError:

@@ -36,9 +36,6 @@ def expand(node: Node) -> Node | None:
 
     Returns:
         A node of type Solid with the instance's DEF name, translation, rotation and name, and its shapes as children.
-
-    Raises:
-        FileFormatError: If its sizes are invalid.
     """
     if node.type not in _EXPANDERS:
         return None

@@ -37,9 +37,6 @@ class Protos:
         world: The world.
         search_path: Webots' installation folder, or other folders with PROTO files below them.
         cache: Folder of Webots' cache.
-
-    Raises:
-        FileFormatError: If a folder of the search path does not exist.
     """
 
     def __init__(
@@ -72,10 +69,6 @@ class Protos:
 
         Returns:
             The expanded node, cached by instance; None for a built-in type and for a PROTO without a file.
-
-        Raises:
-            FileFormatError: If a PROTO file does not parse, its template fails or needs an engine that is not
-                installed, a value has a wrong type or is not allowed, or PROTOs use each other in a cycle.
         """
         if node.type in BUILTIN_NODES:
             return None

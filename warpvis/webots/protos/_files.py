@@ -81,9 +81,6 @@ class ProtoFile:
         Args:
             instance: A node of this type.
             protos: `Node.protos` of the nodes in defaults.
-
-        Raises:
-            FileFormatError: If a value has a wrong type or is not allowed.
         """
         return {
             name: _checked(field, name, instance) if name in instance.fields else self.default(name, protos)
@@ -102,9 +99,6 @@ def read_proto(path: Path, source: str | None = None) -> ProtoFile:
     Args:
         path: The file.
         source: Its URL, if it is a copy in Webots' cache, whose file name is a hash.
-
-    Raises:
-        FileFormatError: If the file cannot be read, or its interface has a syntax error.
     """
     text = read_text(path)
     source = str(path) if source is None else source

@@ -68,9 +68,6 @@ def render(
 
     Returns:
         Text with the line breaks of the template, so that line numbers agree up to the first loop.
-
-    Raises:
-        FileFormatError: If the engine is not installed, or the program fails or exceeds a limit.
     """
     pieces = _split(body, *_MARKS[language], file, first_line)
     program, lines = _program(pieces, language)
@@ -111,9 +108,6 @@ def script_value(value: Value, field_type: str, place: str, describe: Describe =
         describe: Returns type, value and default of each field of a PROTO instance. For other nodes, templates get the
             fields in the file, whose types are unknown: one value is a scalar, two to four numbers are a vector or
             rotation, and more are a list.
-
-    Raises:
-        FileFormatError: If the value exceeds the limits of values for a template.
     """
     return _Script(place, describe).value(value, field_type)
 

@@ -34,9 +34,6 @@ def texture_coordinates(
 
     Returns:
         Coordinates, shape ``(m, 3, 2)``, or None if the node has none.
-
-    Raises:
-        FileFormatError: If the node's texCoordIndex is malformed.
     """
     found: NDArray[np.float64] | None = None
     if node.type == "IndexedFaceSet":

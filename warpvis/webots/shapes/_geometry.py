@@ -56,10 +56,6 @@ def tessellate(node: Node, *, resolve: Resolve | None = None) -> Triangles | Non
     Returns:
         Vertices [m], shape ``(n, 3)`` float64, without unused ones, and faces, shape ``(m, 3)`` int32; None if there
         are no triangles.
-
-    Raises:
-        FileFormatError: If a field has a value that is invalid in Webots, or there would be too many triangles.
-        MissingMeshError: If a mesh file is missing, or no reader of its format is installed.
     """
     if node.type in _FILES:
         return _mesh_file(node, resolve or find_beside)

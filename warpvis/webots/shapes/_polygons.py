@@ -25,11 +25,7 @@ Indices = NDArray[np.int64]
 
 
 def refuse(node: Node, expected: str, got: object) -> NoReturn:
-    """Raise a FileFormatError with the expected and the actual content of a node.
-
-    Raises:
-        FileFormatError: Always.
-    """
+    """Raise a FileFormatError with the expected and the actual content of a node."""
     raise FileFormatError(f"{node.file}:{node.line}: expected {expected} in {node.type}, got {got}")
 
 

@@ -41,9 +41,6 @@ def reset_fields(node: Node) -> tuple[Node, list[str]]:
 
     Returns:
         The same node if all values are valid, else a copy; and a note with file and line for every replaced field.
-
-    Raises:
-        FileFormatError: If a field has a wrong type, for which Webots has no replacement.
     """
     fixes: dict[str, Value] = {}
     notes = []
