@@ -19,7 +19,7 @@ import warp as wp
 from gpu_trees import Mesh, ball, builders_of_a_gpu
 
 import warpvis as wv
-from warpvis.scene._bvh import build_bvh
+from warpvis.scene.acceleration.bvh import build_bvh
 from warpvis.scenes import terrain
 
 NAMES = ["experiment_3", "room", "blobs_77k", "blobs_1m"]

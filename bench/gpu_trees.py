@@ -16,7 +16,7 @@ from gpu_work import timer_of
 from ratios import Contest, Workload
 
 import warpvis as wv
-from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh
+from warpvis.scene.acceleration.bvh_cuda import DeviceMesh, build_device_bvh
 from warpvis.scenes import terrain
 
 Mesh = tuple[np.ndarray, np.ndarray]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The BVH builder for the CPU; see ``native/cpu/bvh_split.h`` and `warpvis.scene._bvh`.
+"""The BVH builder for the CPU; see ``native/cpu/bvh_split.h`` and `warpvis.scene.acceleration.bvh`.
 
 Each triangle is an item of `ITEM_WORDS` 32-bit numbers; each possible split has `SPLIT_WORDS` numbers.
 """

@@ -3,8 +3,8 @@
 """The BVH builder for CUDA: builds the binary tree level by level with one thread per item or range.
 
 It splits ranges as ``native/cpu/bvh_split.h`` does. `warpvis.kernels.bvh_cuda_items` creates the root,
-`warpvis.kernels.bvh_cuda_nodes` converts the binary tree to wide nodes, and `warpvis.scene._bvh_cuda` launches all
-kernels. Results do not depend on the order of threads.
+`warpvis.kernels.bvh_cuda_nodes` converts the binary tree to wide nodes, and `warpvis.scene.acceleration.bvh_cuda`
+launches all kernels. Results do not depend on the order of threads.
 """
 
 import warp as wp

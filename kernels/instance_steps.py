@@ -9,7 +9,7 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 @wp.struct
 class InstanceStep:
-    """A node of a BVH of instance boxes in depth-first order; see `warpvis.scene._instance_tree`."""
+    """A node of a BVH of instance boxes in depth-first order; see `warpvis.scene.acceleration.instance_tree`."""
 
     low: wp.vec3  # of the box, in the world
     high: wp.vec3

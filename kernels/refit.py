@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Refitting of a BVH to moved vertices: corners in leaves, then boxes from the leaves up; see `warpvis.scene._refit`.
+"""Refitting of a BVH to moved vertices: corners in leaves, then boxes from the leaves up.
 
-A leaf or a node is processed by one thread on the CPU, and by a warp on CUDA, with one thread per lane: `parts` is the
-number of threads. Slots are indices of children, ``node * lanes + lane``.
+Launched by `warpvis.scene.acceleration.refit`. A leaf or a node is processed by one thread on the CPU, and by a warp
+on CUDA, with one thread per lane: `parts` is the number of threads. Slots are indices of children, written as
+``node * lanes + lane``.
 """
 
 import warp as wp

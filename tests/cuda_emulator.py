@@ -30,7 +30,7 @@ from warpvis.rendering import OUTPUTS, Renderer
 from warpvis.rendering._cuda_points import list_points, packet_count
 from warpvis.rendering._ray_packets import prepare_all
 from warpvis.rendering.casters import RaysCaster, RayTableCaster, as_images, images_struct
-from warpvis.scene.geometry import build_scene_bvh
+from warpvis.scene.acceleration.geometry import build_scene_bvh
 
 NATIVE = Path(__file__).parent / "native"
 HEADERS = Path(native_source.__file__).parent / "native"

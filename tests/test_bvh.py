@@ -15,7 +15,7 @@ import warp as wp
 import warpvis as wv
 from warpvis.core.arrays import aligned_empty
 from warpvis.errors import ArrayError, SceneError
-from warpvis.scene import _bvh
+from warpvis.scene.acceleration import bvh as builder
 from warpvis.scene.closed import provably_closed
 from warpvis.scenes import shapes
 
@@ -155,7 +155,7 @@ def test_tree_of_100_million_triangles_can_be_collapsed():
     from warpvis.kernels.constants import SPLIT_WORDS
 
     splits = np.zeros(100_000_000 * SPLIT_WORDS, dtype=np.int32)  # zeros: all items form one leaf
-    made = _bvh._collapse(bvh.collapse_tree, wp.array(splits, device="cpu", copy=False), 32, evenly=False)
+    made = builder._collapse(bvh.collapse_tree, wp.array(splits, device="cpu", copy=False), 32, evenly=False)
     assert made[2:] == (1, 1, 1)
     np.testing.assert_array_equal(made.leaf_ranges.numpy()[0], [0, 100_000_000])
 
@@ -163,13 +163,13 @@ def test_tree_of_100_million_triangles_can_be_collapsed():
 def test_too_many_triangles_raise(monkeypatch):
     """Before a tree is built, if there are too many leaves, and for all trees together."""
     with pytest.raises(SceneError, match="at most 238609294 triangles, got 238609295"):
-        _bvh.check_size(238_609_295, 16, None)
-    _bvh.check_size(238_609_294, 16, None)
-    monkeypatch.setattr(_bvh, "MAX_PLACES", 3000)
+        builder.check_size(238_609_295, 16, None)
+    builder.check_size(238_609_294, 16, None)
+    monkeypatch.setattr(builder, "MAX_PLACES", 3000)
     message = r"at most 187 leaves of up to 16 triangles, got \d+; share meshes between objects"
     with pytest.raises(SceneError, match=message):
         CASES["soup"]().build()
-    monkeypatch.setattr(_bvh, "MAX_PLACES", 11 * 16)
+    monkeypatch.setattr(builder, "MAX_PLACES", 11 * 16)
     scene = wv.Scene()
     for size in (1, 2):
         scene.add((random_triangles(65 * size).reshape(-1, 3), np.arange(195 * size).reshape(-1, 3)), movable=True)

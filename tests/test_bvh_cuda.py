@@ -17,7 +17,7 @@ from build_checks import Checks
 from warpvis.errors import SceneError
 from warpvis.kernels import bvh_cuda_ranges
 from warpvis.kernels.bvh_cuda_nodes import join_children
-from warpvis.scene import _bvh_cuda, _joined_trees
+from warpvis.scene.acceleration import bvh_cuda, joined_trees
 
 import reference
 from support import bvh as bvh_checks
@@ -28,7 +28,7 @@ MAX_LEVELS = 8
 
 def build(given, device="cpu", max_levels=MAX_LEVELS):
     arrays = given.vertices, given.faces, given.owner, given.closed
-    return _bvh_cuda.build_device_bvh(_bvh_cuda.DeviceMesh.of(*arrays, wp.get_device(device)), max_levels=max_levels)
+    return bvh_cuda.build_device_bvh(bvh_cuda.DeviceMesh.of(*arrays, wp.get_device(device)), max_levels=max_levels)
 
 
 def areas(tree) -> tuple[float, float]:
@@ -69,8 +69,8 @@ def test_tree_is_reproducible(device):
 
 def test_too_deep_tree_is_split_evenly(monkeypatch):
     parted = []
-    collapse = _bvh_cuda._collapse
-    monkeypatch.setattr(_bvh_cuda, "_collapse", lambda *a, **k: parted.append(k) or collapse(*a, **k))
+    collapse = bvh_cuda._collapse
+    monkeypatch.setattr(bvh_cuda, "_collapse", lambda *a, **k: parted.append(k) or collapse(*a, **k))
     assert build(CASES["doubling"]()).depth <= MAX_LEVELS
     assert parted == [{"evenly": False}, {"evenly": True}]
 
@@ -79,10 +79,10 @@ def test_binary_tree_storage_grows(monkeypatch):
     """The binary tree grows from any initial size."""
     given = CASES["soup"]()
     expected = build(given)
-    room = _bvh_cuda._Splitter._new_binary
+    room = bvh_cuda._Splitter._new_binary
     small = [5]
     monkeypatch.setattr(
-        _bvh_cuda._Splitter, "_new_binary", lambda self, nodes: room(self, small.pop() if small else nodes)
+        bvh_cuda._Splitter, "_new_binary", lambda self, nodes: room(self, small.pop() if small else nodes)
     )
     bvh_checks.assert_equal(build(given), expected)
 
@@ -99,11 +99,11 @@ def test_host_reads_level_counts_rarely(monkeypatch):
 
 
 def test_too_many_triangles_raise():
-    mesh = _bvh_cuda.DeviceMesh(*(SimpleNamespace(device=None, __len__=None) for _ in range(4)))
+    mesh = bvh_cuda.DeviceMesh(*(SimpleNamespace(device=None, __len__=None) for _ in range(4)))
     with pytest.raises(SceneError, match=r"at most 1 levels holds 1024 triangles, got 3000$"):
         arrays = CASES["soup"]()
-        mesh = _bvh_cuda.DeviceMesh.of(arrays.vertices, arrays.faces, arrays.owner, arrays.closed, wp.get_device("cpu"))
-        _bvh_cuda.build_device_bvh(mesh, max_levels=1)
+        mesh = bvh_cuda.DeviceMesh.of(arrays.vertices, arrays.faces, arrays.owner, arrays.closed, wp.get_device("cpu"))
+        bvh_cuda.build_device_bvh(mesh, max_levels=1)
 
 
 def exponents():
@@ -126,7 +126,7 @@ def exponents():
 )
 def test_every_kernel_matches_its_reference(monkeypatch, make, halves):
     given, checks = make(), Checks()
-    monkeypatch.setattr(_bvh_cuda, "launch", checks(_bvh_cuda.launch))
+    monkeypatch.setattr(bvh_cuda, "launch", checks(bvh_cuda.launch))
     build(given)
     assert (checks.halved > 0) == halves
     if len(given.faces) > 32:
@@ -142,8 +142,8 @@ def test_trees_are_joined_equally_on_device_and_host(names, share, device):
     trees = [build(given, device) for given in inputs]
     before = [tree.owners.numpy().copy() for tree in trees]
     joined = SimpleNamespace()
-    _joined_trees._join_on_device(joined, trees, closed, wp.get_device(device), share=share)
-    nodes, leaves = (first(trees) for first in (_joined_trees.first_nodes, _joined_trees.first_leaves))
+    joined_trees._join_on_device(joined, trees, closed, wp.get_device(device), share=share)
+    nodes, leaves = (first(trees) for first in (joined_trees.first_nodes, joined_trees.first_leaves))
     for name in ("leaves", "nodes"):
         whole = np.concatenate([getattr(tree, name).numpy() for tree in trees])
         np.testing.assert_array_equal(getattr(joined, name).numpy(), whole)
@@ -162,8 +162,8 @@ def test_moved_children_match_the_reference(device):
         if made.device.is_cpu:
             wp.launch(join_children, dim=len(made), inputs=[70, 9, made], device="cpu")
             again = wp.array(children, device="cpu")
-            _joined_trees.move_children(again, 70, 9)
+            joined_trees.move_children(again, 70, 9)
             np.testing.assert_array_equal(again.numpy(), made.numpy())
         else:
-            _joined_trees.move_children(made, 70, 9)
+            joined_trees.move_children(made, 70, 9)
         np.testing.assert_array_equal(made.numpy(), reference.join_children(children, 70, 9))

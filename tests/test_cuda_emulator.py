@@ -215,7 +215,9 @@ def test_trees_built_on_a_gpu(emulator, monkeypatch):
         scene = build("cpu", moved(), movable=movable)
         expected = render(emulator, scene, eyes(2))
         with monkeypatch.context() as patch:
-            patch.setattr("warpvis.scene._tree_cache.builds_on", lambda device, count: built.append(count) or True)
+            patch.setattr(
+                "warpvis.scene.acceleration.tree_cache.builds_on", lambda device, count: built.append(count) or True
+            )
             assert_bits_equal(render(emulator, scene, eyes(2)), expected)
     assert len(built) == 1 + 5
 

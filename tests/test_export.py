@@ -120,7 +120,9 @@ def test_failed_export_leaves_no_file(tmp_path, monkeypatch):
     scene = all_kinds()
     with pytest.raises(FileFormatError, match=r"scene.glb: vertices of 'rug' must be finite"):
         with monkeypatch.context() as patch:
-            patch.setattr("warpvis.scene._refit.DeformingObject.vertices", np.full((8, 3), np.nan, np.float32))
+            patch.setattr(
+                "warpvis.scene.acceleration.refit.DeformingObject.vertices", np.full((8, 3), np.nan, np.float32)
+            )
             scene.export(tmp_path / "scene.glb")
     monkeypatch.setattr("warpvis.io._gltf_writer._MAX_BYTES", 1000)
     with pytest.raises(

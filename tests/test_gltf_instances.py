@@ -10,7 +10,7 @@ from gltf_files import GltfWriter
 import warpvis as wv
 from warpvis.errors import FileFormatError
 from warpvis.io import _gltf
-from warpvis.scene import _traversal_plan
+from warpvis.scene.acceleration import traversal_plan
 
 from support import instances as instance_scenes
 from support.many_objects import calls_of
@@ -94,7 +94,7 @@ def test_instances_share_a_mesh_and_a_tree(few_share, tmp_path, device, cull_bac
     path = write(tmp_path / "many.glb", rows_of(COUNT), translation=[0.5, 0, 0], rotation=turn, scale=[1.5, 1.5, 1.5])
     scene = wv.Scene.load(path, up="y", device=device)
     assert len(meshes_of(scene)) == 1
-    assert len(_traversal_plan.plan_traversal(scene._objects, scene.device).instances) == COUNT
+    assert len(traversal_plan.plan_traversal(scene._objects, scene.device).instances) == COUNT
     assert not scene.movable
     above = np.eye(4)
     above[:3, :3], above[0, 3] = 1.5 * rotation(turn), 0.5
@@ -212,7 +212,7 @@ def test_exported_instances_share_their_mesh(few_share, tmp_path):
     scene.export(tmp_path / "again.glb")
     again = wv.Scene.load(tmp_path / "again.glb")
     assert len(meshes_of(again)) == 1
-    assert len(_traversal_plan.plan_traversal(again._objects, again.device).instances) == COUNT
+    assert len(traversal_plan.plan_traversal(again._objects, again.device).instances) == COUNT
     assert_alike(again, scene)
 
 
@@ -224,7 +224,7 @@ def test_one_hundred_thousand_instances_share_one_mesh(tmp_path):
     mesh = trimesh.creation.icosphere(subdivisions=4)
     scene = wv.Scene.load(write(tmp_path / "many.glb", list(map(np.float32, rows)), mesh))
     assert scene.triangle_count == count * len(mesh.faces)
-    plan = _traversal_plan.plan_traversal(scene._objects, scene.device)
+    plan = traversal_plan.plan_traversal(scene._objects, scene.device)
     assert len(plan.instances) == count
     assert len(plan.meshes) == 1
     np.testing.assert_allclose(plan.instance_poses[7, :3], rows[0][7][[0, 2, 1]] * (1, -1, 1), atol=1e-5)

@@ -11,7 +11,8 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.cameras.orthographic import OrthographicCamera
-from warpvis.scene import _traversal_plan, solids
+from warpvis.scene import solids
+from warpvis.scene.acceleration import traversal_plan
 
 from compare import assert_matches_reference
 from support import instances as instance_scenes
@@ -171,7 +172,7 @@ def test_tree_sharing_thresholds(uses, subdivisions, instances):
     scene = wv.Scene()
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
     scene.add_instances(mesh, np.tile(STILL, (uses, 1)), movable=False)
-    assert len(_traversal_plan.plan_traversal(scene._objects, scene.device).instances) == instances
+    assert len(traversal_plan.plan_traversal(scene._objects, scene.device).instances) == instances
 
 
 def test_100000_instances_use_little_memory():
@@ -189,4 +190,4 @@ def test_100000_instances_use_little_memory():
     arrays = [getattr(struct, name) for name in names]
     assert sum(array.size * wp.types.type_size_in_bytes(array.dtype) for array in arrays) < 15e6
     assert scene.triangle_count == len(places) * len(mesh.faces)
-    assert all(isinstance(item, _traversal_plan.Instances) for _, _, item in scene._objects.runs())
+    assert all(isinstance(item, traversal_plan.Instances) for _, _, item in scene._objects.runs())

@@ -164,7 +164,7 @@ def test_launches_go_through_kernel_cache():
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Attribute) and node.attr == "launch" and getattr(node.value, "id", "") == "wp":
                 found.append(path.relative_to(PACKAGE).as_posix())
-    assert found == ["core/kernel_cache.py", "core/threads.py", "core/threads.py", "scene/_bvh.py"]
+    assert found == ["core/kernel_cache.py", "core/threads.py", "core/threads.py", "scene/acceleration/bvh.py"]
 
 
 ENDING = "from warpvis.cli._interrupts import exiting_on_interrupt\nwith exiting_on_interrupt():\n"

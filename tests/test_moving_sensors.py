@@ -17,7 +17,7 @@ from warpvis.cameras import LensCamera, Rays, lenses
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.errors import ArrayError, CameraError, PoseError
 from warpvis.rendering import OUTPUTS, views_for
-from warpvis.scene import _traversal_plan
+from warpvis.scene.acceleration import traversal_plan
 from warpvis.scene.worlds import part_of
 from warpvis.sensors import Motion, RollingShutter, deskew, measure_incidence, point_clouds
 
@@ -132,12 +132,12 @@ def eyes_for_zero():
 def test_zero_motion_matches_static_render(eye, near_plane, device, monkeypatch):
     """Scenes contain solids, meshes and static instances, some of them excluded or scaled."""
     for name, few in (("_MIN_USES", 10), ("_MIN_SAVED", 1000), ("_MIN_SAVED_CUDA", 1000)):
-        monkeypatch.setattr(_traversal_plan, name, few)
+        monkeypatch.setattr(traversal_plan, name, few)
     rng = np.random.default_rng(5)
     scene = build_solids(device, random_poses(rng, 10), extra=[trimesh.creation.box((0.5, 0.3, 0.7))] * 2)
     grains = random_poses(rng, 40, spread=2.5)
     scene.add_instances(trimesh.creation.icosphere(2, 0.15), grains, names="grain", movable=False)
-    assert len(_traversal_plan.plan_traversal(scene._objects, scene.device).instances) == 40
+    assert len(traversal_plan.plan_traversal(scene._objects, scene.device).instances) == 40
     still, shutter = eyes_for_zero()[eye]
     poses = np.array([wv.look_at(place, (0, 0, 0.6)) for place in ((2.2, 0.3, 1.0), (-1.5, 1.2, 0.8))])
     there = np.array([scene.objects[index].pose for index in scene.movable])

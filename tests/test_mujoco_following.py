@@ -188,7 +188,7 @@ def test_repeated_moves_rebuild_nothing():
 
 
 def test_only_changed_trees_are_rebuilt(monkeypatch):
-    from warpvis.scene import _tree_cache
+    from warpvis.scene.acceleration import tree_cache
 
     model, data = task()
     renderer = Renderer(model, 90, 120)
@@ -196,8 +196,8 @@ def test_only_changed_trees_are_rebuilt(monkeypatch):
     model.geom("knob").size[0] = 0.04
     shown(renderer, model, data)
     built = []
-    build = _tree_cache.build_bvh
-    monkeypatch.setattr(_tree_cache, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build(*a, **k))
+    build = tree_cache.build_bvh
+    monkeypatch.setattr(tree_cache, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build(*a, **k))
     model.geom("knob").size[0] = 0.05
     assert_as_new(renderer, model, data)
     ball = len(renderer.scene["knob"].faces)

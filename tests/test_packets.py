@@ -139,7 +139,7 @@ def test_skipping_back_faces_of_closed_meshes_is_exact(monkeypatch, device):
     scene = build()
     assert scene.bvh().struct.closed_count == 6  # all except the open box
     lean = wv.render(scene, SMALL, poses, outputs=ALL)
-    monkeypatch.setattr("warpvis.scene._tree_cache.provably_closed", lambda vertices, faces: False)
+    monkeypatch.setattr("warpvis.scene.acceleration.tree_cache.provably_closed", lambda vertices, faces: False)
     scene = build()
     assert scene.bvh().struct.closed_count == 0
     whole = wv.render(scene, SMALL, poses, outputs=ALL)

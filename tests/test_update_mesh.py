@@ -14,9 +14,10 @@ import warp as wp
 import warpvis as wv
 from warpvis.errors import SceneError
 from warpvis.kernels.bvh_cuda_items import check_mesh
-from warpvis.scene import _new_mesh, _tree_cache, geometry, solids
-from warpvis.scene._spliced import splice_bvh
-from warpvis.scene.geometry import build_scene_bvh
+from warpvis.scene import _new_mesh, solids
+from warpvis.scene.acceleration import geometry, tree_cache
+from warpvis.scene.acceleration.geometry import build_scene_bvh
+from warpvis.scene.acceleration.splicing import splice_bvh
 
 import reference
 from support.refit import ALL, BALL, SMALL, assert_seen, eyes
@@ -95,9 +96,9 @@ def test_objects_sharing_the_mesh_keep_it(device):
 def test_only_changed_trees_are_rebuilt(monkeypatch):
     """Neither other objects nor the updated one are tested for closedness again."""
     built, asked = [], []
-    build_bvh, provably_closed = _tree_cache.build_bvh, _tree_cache.provably_closed
-    monkeypatch.setattr(_tree_cache, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build_bvh(*a, **k))
-    monkeypatch.setattr(_tree_cache, "provably_closed", lambda v, f: asked.append(len(f)) or provably_closed(v, f))
+    build_bvh, provably_closed = tree_cache.build_bvh, tree_cache.provably_closed
+    monkeypatch.setattr(tree_cache, "build_bvh", lambda *a, **k: built.append(len(a[1])) or build_bvh(*a, **k))
+    monkeypatch.setattr(tree_cache, "provably_closed", lambda v, f: asked.append(len(f)) or provably_closed(v, f))
     scene = build("cpu", CONE, BALL)
     update(scene, "second", HALF)
     scene.bvh()
@@ -135,8 +136,8 @@ def test_update_after_render_builds_one_tree(device, monkeypatch):
     scene.bvh(), scene.triangles()
     built, meshes = [], []
     for name in ("build_bvh", "build_device_bvh"):
-        make = getattr(_tree_cache, name)
-        monkeypatch.setattr(_tree_cache, name, lambda *a, make=make, **k: built.append(1) or make(*a, **k))
+        make = getattr(tree_cache, name)
+        monkeypatch.setattr(tree_cache, name, lambda *a, make=make, **k: built.append(1) or make(*a, **k))
     make_mesh = geometry.make_mesh
     monkeypatch.setattr(geometry, "make_mesh", lambda *a: meshes.append(1) or make_mesh(*a))
     for name, mesh in [("first", HALF), ("second", CONE), ("box_0", BALL), ("box_1", HALF), ("first", BOX)]:

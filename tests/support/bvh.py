@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from warpvis.scene._bvh import build_bvh
+from warpvis.scene.acceleration.bvh import build_bvh
 from warpvis.scenes import PRESETS
 
 import reference

@@ -8,7 +8,8 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.scene import _traversal_plan, solids
+from warpvis.scene import solids
+from warpvis.scene.acceleration import traversal_plan
 from warpvis.scene.worlds import parse_worlds
 
 from compare import wrong_depth
@@ -21,9 +22,9 @@ COUNT = 35  # several full groups of lanes and a partial one
 @pytest.fixture
 def shared(monkeypatch):
     """Lower the number of instances that share a tree: the brute-force reference has to render them."""
-    monkeypatch.setattr(_traversal_plan, "_MIN_USES", 10)
-    monkeypatch.setattr(_traversal_plan, "_MIN_SAVED", 1000)
-    monkeypatch.setattr(_traversal_plan, "_MIN_SAVED_CUDA", 1000)
+    monkeypatch.setattr(traversal_plan, "_MIN_USES", 10)
+    monkeypatch.setattr(traversal_plan, "_MIN_SAVED", 1000)
+    monkeypatch.setattr(traversal_plan, "_MIN_SAVED_CUDA", 1000)
 
 
 def rows(seed=0):
@@ -56,7 +57,7 @@ def twin(scene):
 
 
 def instances_of(scene):
-    return len(_traversal_plan.plan_traversal(scene.objects, scene.device).instances)
+    return len(traversal_plan.plan_traversal(scene.objects, scene.device).instances)
 
 
 def assert_alike(one, other):

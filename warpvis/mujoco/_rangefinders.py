@@ -22,7 +22,7 @@ from warpvis.mujoco._geoms import stored_mesh
 from warpvis.mujoco._numbers import check_shape_numbers
 from warpvis.mujoco._poses import Kinematics, PoseSource, WorldPoses, check_computed, read_frames
 from warpvis.mujoco._watch import ModelWatch, Watched
-from warpvis.scene.geometry import make_mesh
+from warpvis.scene.acceleration.geometry import make_mesh
 
 _GEOM = mujoco.mjtGeom
 _ROUND = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_ELLIPSOID, _GEOM.mjGEOM_CYLINDER)

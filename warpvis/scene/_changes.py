@@ -61,7 +61,7 @@ class SceneChanges(SceneTrees):
         Raises:
             SceneError: If there is no such object, it is not movable, or the vertices are malformed.
         """
-        from warpvis.scene._refit import DeformingObject, parse_vertices
+        from warpvis.scene.acceleration.refit import DeformingObject, parse_vertices
 
         index = self.index(name)
         item = self._objects[index]
@@ -123,7 +123,7 @@ class SceneChanges(SceneTrees):
 
         From then on the scene caches its trees, so that only trees of new triangles are built.
         """
-        from warpvis.scene._tree_cache import TreeCache
+        from warpvis.scene.acceleration.tree_cache import TreeCache
 
         index = {item.name: number for number, item in enumerate(objects)}
         if len(index) < len(objects):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.scene._object import SceneObject
-from warpvis.scene._traversal_plan import frame_vertices
+from warpvis.scene.acceleration.traversal_plan import frame_vertices
 from warpvis.scene.colors import linear_color, screen_color
 from warpvis.scene.lights import Background, Falloff, Light
 from warpvis.scene.materials import Appearance, Filter, Material, Projection, Texture, Wrap

@@ -15,11 +15,11 @@ from warpvis.core.kernel_cache import launch
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
 from warpvis.kernels.constants import CPU_LANES, CUDA_LANES
-from warpvis.scene._bvh import Bvh
-from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh
 from warpvis.scene._object import SceneObject, check_mesh
 from warpvis.scene._shared_mesh import placed_at
-from warpvis.scene._tree_cache import build_tree
+from warpvis.scene.acceleration.bvh import Bvh
+from warpvis.scene.acceleration.bvh_cuda import DeviceMesh, build_device_bvh
+from warpvis.scene.acceleration.tree_cache import build_tree
 
 
 class MeshOnDevice(SceneObject):
@@ -115,7 +115,7 @@ def build_mesh_tree(item: SceneObject, closed: bool, device: wp.Device) -> Bvh:
 
 def build_warp_mesh(item: SceneObject, device: wp.Device) -> wp.Mesh:
     """Build the mesh of an object for the ``rays`` caster."""
-    from warpvis.scene.geometry import make_mesh
+    from warpvis.scene.acceleration.geometry import make_mesh
 
     if isinstance(item, MeshOnDevice):
         mesh: DeviceMesh = item.__dict__["mesh"]

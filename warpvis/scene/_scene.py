@@ -34,7 +34,7 @@ from warpvis.scene._meshes import SharedMeshes, instance_names
 from warpvis.scene._object import SceneObject, check_scale, detach, take_snapshot
 from warpvis.scene._object_list import Instances, ObjectList
 from warpvis.scene._parts import merge_instances
-from warpvis.scene._traversal_plan import instance_indices
+from warpvis.scene.acceleration.traversal_plan import instance_indices
 from warpvis.scene.appearances import LazyAppearance, choose_appearance
 from warpvis.scene.materials import AppearanceLike
 from warpvis.scene.solids import Solid

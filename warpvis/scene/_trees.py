@@ -15,13 +15,13 @@ from warpvis.cameras.ray_camera import OnceCache
 from warpvis.errors import SceneError
 from warpvis.scene._object import SceneObject
 from warpvis.scene._object_list import ObjectList
-from warpvis.scene._traversal_plan import plan_traversal
-from warpvis.scene.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles
+from warpvis.scene.acceleration.geometry import SceneBvh, Triangles, build_scene_bvh, build_triangles
+from warpvis.scene.acceleration.traversal_plan import plan_traversal
 
 if TYPE_CHECKING:
     from warpvis.kernels.lighting import Lights
     from warpvis.kernels.shading import DeviceMaterials
-    from warpvis.scene._tree_cache import TreeCache
+    from warpvis.scene.acceleration.tree_cache import TreeCache
     from warpvis.scene.lights import Background, Light
 
 
@@ -160,8 +160,8 @@ class SceneTrees:
             closed: Whether its back faces can be culled when it is seen from outside.
         """
         from warpvis.scene._new_mesh import build_mesh_tree, build_warp_mesh
-        from warpvis.scene._spliced import splice_bvh, splice_triangles
-        from warpvis.scene._tree_cache import TreeCache
+        from warpvis.scene.acceleration.splicing import splice_bvh, splice_triangles
+        from warpvis.scene.acceleration.tree_cache import TreeCache
 
         old_count = self._objects[index].triangle_count
         with self._lock:

@@ -26,7 +26,7 @@ from warpvis.kernels.constants import (
     TILE_SIDE,
 )
 from warpvis.scene import Scene
-from warpvis.scene.geometry import SceneBvh
+from warpvis.scene.acceleration.geometry import SceneBvh
 
 if TYPE_CHECKING:
     from warpvis.kernels.point_packets import PointJob

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Triangles and the tree above them, in rows with one number per lane: see warpvis/scene/_bvh.py.
+// Triangles and the tree above them, in rows with one number per lane: see warpvis/scene/acceleration/bvh.py.
 struct Bvh {
     enum { LEAF_WORDS = LEAF_ROWS * LANES, NODE_WORDS = NODE_ROWS * LANES };
 

@@ -101,7 +101,7 @@ struct Mesh {
     const unsigned char* closed;  // [object]
 };
 
-// Contents of leaves, as in warpvis/scene/_bvh.py.
+// Contents of leaves, as in warpvis/scene/acceleration/bvh.py.
 struct Leaves {
     float* rows;  // [leaf][LEAF_ROWS][lane]
     int* triangles;  // [leaf][lane]

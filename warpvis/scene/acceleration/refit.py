@@ -20,7 +20,7 @@ from warpvis.scene._object import SceneObject
 from warpvis.scene._shared_mesh import placed_at
 
 if TYPE_CHECKING:
-    from warpvis.scene._bvh import Bvh
+    from warpvis.scene.acceleration.bvh import Bvh
 
 # Fewer leaves are not worth a separate launch or another thread.
 _MIN_LEAVES = 512

@@ -9,9 +9,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.scene._bvh import Bvh, build_bvh
-from warpvis.scene._bvh_cuda import DeviceMesh, build_device_bvh, builds_on
 from warpvis.scene._object import SceneObject
+from warpvis.scene.acceleration.bvh import Bvh, build_bvh
+from warpvis.scene.acceleration.bvh_cuda import DeviceMesh, build_device_bvh, builds_on
 from warpvis.scene.closed import provably_closed
 
 _Key = tuple[bytes, ...]

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
-from warpvis.scene._bvh import check_leaves
+from warpvis.scene.acceleration.bvh import check_leaves
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
-    from warpvis.scene._bvh import Bvh
+    from warpvis.scene.acceleration.bvh import Bvh
 
 
 def join_trees(

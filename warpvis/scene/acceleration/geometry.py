@@ -15,18 +15,24 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import get_device
 from warpvis.errors import SceneError
 from warpvis.kernels.constants import BOX_WORDS, CPU_LANES, CUDA_LANES, LEAF_ROWS, NODE_ROWS
-from warpvis.scene._instance_tree import instance_steps
-from warpvis.scene._joined_trees import first_leaves, first_nodes, join_trees
-from warpvis.scene._own_faces import own_faces, slot_faces
-from warpvis.scene._traversal_plan import InstancedMesh, TraversalPlan, flatten, frame_vertices, plan_traversal
+from warpvis.scene.acceleration.instance_tree import instance_steps
+from warpvis.scene.acceleration.joined_trees import first_leaves, first_nodes, join_trees
+from warpvis.scene.acceleration.own_faces import own_faces, slot_faces
+from warpvis.scene.acceleration.traversal_plan import (
+    InstancedMesh,
+    TraversalPlan,
+    flatten,
+    frame_vertices,
+    plan_traversal,
+)
 
 if TYPE_CHECKING:
     from warpvis.kernels.packets import BvhScene
     from warpvis.kernels.triangle_scene import TriangleScene
-    from warpvis.scene._bvh import Bvh
     from warpvis.scene._object import SceneObject
-    from warpvis.scene._refit import BvhRefit
-    from warpvis.scene._tree_cache import TreeCache
+    from warpvis.scene.acceleration.bvh import Bvh
+    from warpvis.scene.acceleration.refit import BvhRefit
+    from warpvis.scene.acceleration.tree_cache import TreeCache
 
 
 @dataclass(frozen=True)
@@ -135,7 +141,7 @@ def build_scene_bvh(
         faces: Whether to store the face index in the object's mesh for each triangle.
     """
     from warpvis.kernels.packets import BvhScene
-    from warpvis.scene._tree_cache import TreeCache
+    from warpvis.scene.acceleration.tree_cache import TreeCache
 
     cache = TreeCache(keep=False) if cache is None else cache
     lanes = lanes or (CPU_LANES if device.is_cpu else CUDA_LANES)
@@ -220,7 +226,7 @@ def _owners(
 
 def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: TraversalPlan) -> dict[int, BvhRefit]:
     """Create refits of the trees of objects that deform, in the joined arrays; the last trees are `plan.meshes`."""
-    from warpvis.scene._refit import BvhRefit
+    from warpvis.scene.acceleration.refit import BvhRefit
 
     refits = {}
     first = len(trees) - len(plan.meshes)

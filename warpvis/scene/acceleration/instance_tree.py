@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.kernels.constants import CPU_LANES, NODE_HIGH_ROW, NODE_LOW_ROW, NODE_ROWS
-from warpvis.scene._bvh import Bvh, build_bvh
+from warpvis.scene.acceleration.bvh import Bvh, build_bvh
 
 
 def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np.ndarray:

@@ -15,7 +15,7 @@ from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels import bvh_cuda, bvh_cuda_items as item_kernels, bvh_cuda_nodes as node_kernels, bvh_cuda_ranges
 from warpvis.kernels.constants import CUDA_LANES, LEAF_ROWS, NODE_ROWS
-from warpvis.scene._bvh import Bvh, check_leaves, check_size
+from warpvis.scene.acceleration.bvh import Bvh, check_leaves, check_size
 
 _BINS = 3 * bvh_cuda_ranges.BINS  # of a range
 # Threads that reduce the box around all items: few contend for it. Minimum number of items per thread that fills bins,
@@ -52,7 +52,7 @@ class DeviceMesh(NamedTuple):
         closed: NDArray[np.bool_],
         device: wp.Device,
     ) -> DeviceMesh:
-        """Copy host arrays to a device; see `warpvis.scene._bvh.build_bvh`."""
+        """Copy host arrays to a device; see `warpvis.scene.acceleration.bvh.build_bvh`."""
         return cls(
             wp.array(vertices, dtype=wp.vec3, device=device),
             wp.array(faces, dtype=wp.int32, device=device),
@@ -62,7 +62,7 @@ class DeviceMesh(NamedTuple):
 
 
 def build_device_bvh(mesh: DeviceMesh, *, max_levels: int) -> Bvh:
-    """Build a tree of 32 lanes on the mesh's device, as `warpvis.scene._bvh.build_bvh` does on the CPU.
+    """Build a tree of 32 lanes on the mesh's device, as `warpvis.scene.acceleration.bvh.build_bvh` does on the CPU.
 
     Only the number of ranges and nodes per level is copied to the host.
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import aligned_empty
 from warpvis.errors import SceneError
 from warpvis.kernels.constants import BOX_WORDS, LEAF_ROWS, NODE_HIGH_ROW, NODE_LOW_ROW, NODE_ROWS
-from warpvis.scene._bvh import Bvh, check_leaves
-from warpvis.scene._joined_trees import move_children
-from warpvis.scene.geometry import SceneBvh, Triangles
+from warpvis.scene.acceleration.bvh import Bvh, check_leaves
+from warpvis.scene.acceleration.geometry import SceneBvh, Triangles
+from warpvis.scene.acceleration.joined_trees import move_children
 
 
 class _Span(NamedTuple):

@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from warpvis.scene._bvh import Bvh
+    from warpvis.scene.acceleration.bvh import Bvh
 
 
 def own_faces(owner: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -213,7 +213,7 @@ def _find_meshes(
     objects: ObjectList, pieces: dict[int, list[int]], movable_runs: Sequence[_Run], instanced: Sequence[_Run]
 ) -> list[InstancedMesh]:
     """Find the distinct meshes of the objects with their own frames, in order of first use."""
-    from warpvis.scene._refit import check_values
+    from warpvis.scene.acceleration.refit import check_values
 
     meshes: dict[int | tuple[bytes, bytes], InstancedMesh] = {}
     of_arrays: dict[tuple[int, int], InstancedMesh] = {}  # identical arrays need not be compared
