@@ -34,9 +34,6 @@ def read_frame_arrays(store: Store) -> dict[str, Any]:
     """Read the arrays of a dataset's frames.
 
     They are stored uncompressed; compressed arrays are refused, because they could unpack to any size.
-
-    Raises:
-        Exception: If the file is malformed; NumPy and zipfile may raise any exception.
     """
     data = store.read(POSES) or b""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -61,12 +58,7 @@ class Dataset:
         self.warnings: dict[str, int] = {}
 
     def check(self, *, resume: bool) -> bool:
-        """Perform the checks of `opened` without writing; return whether the dataset already exists.
-
-        Raises:
-            FileFormatError: If the folder contains other files or the dataset of another job, if another process
-                writes it, or if it cannot be read.
-        """
+        """Perform the checks of `opened` without writing; return whether the dataset already exists."""
         try:
             try:
                 return self._require_ours(resume=resume)
@@ -78,12 +70,7 @@ class Dataset:
 
     @contextmanager
     def opened(self, *, resume: bool) -> Iterator[list[int]]:
-        """Open the dataset for writing, as a context manager that yields the numbers of the missing shards.
-
-        Raises:
-            FileFormatError: If the folder contains other files or the dataset of another job, if another process
-                writes it, or if a file cannot be written, also later, inside the context.
-        """
+        """Open the dataset for writing, as a context manager that yields the numbers of the missing shards."""
         began = False
         try:
             self._store.create()
@@ -124,11 +111,7 @@ class Dataset:
         return f"{self._complete} of {shards} complete. Use resume=True to continue"
 
     def _require_ours(self, *, resume: bool) -> bool:
-        """Return whether the dataset already exists and may be resumed.
-
-        Raises:
-            FileFormatError: If it exists and may not be resumed.
-        """
+        """Return whether the dataset already exists and may be resumed."""
         entries = self._store.entries()
         if not entries:
             return False

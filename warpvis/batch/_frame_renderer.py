@@ -213,11 +213,7 @@ def frames_batch(frames: Frames, part: slice) -> Batch:
 
 
 def check_batch_outputs(outputs: object, sensor: object) -> tuple[str, ...]:
-    """Check names of outputs of a batch, and return them; `sensor` is None for exact depth.
-
-    Raises:
-        ArrayError: If there are no names, if one is unknown, or if one requires a sensor and `sensor` is None.
-    """
+    """Check names of outputs of a batch, and return them; `sensor` is None for exact depth."""
     names = check_outputs(outputs, BATCH_OUTPUTS)
     images = [name for name in names if _is_image(name)]
     if images:
@@ -232,11 +228,7 @@ def choose_excluded(scene: Scene, exclude: Sequence[str | int] | None) -> list[i
 
 
 def make_scene(scene: SceneSource, device: DeviceLike) -> Scene:
-    """Load or make the scene, and move it to a device; without a device it is not moved.
-
-    Raises:
-        WarpvisError: If `scene` is not a scene, or if the device does not exist.
-    """
+    """Load or make the scene, and move it to a device; without a device it is not moved."""
     if isinstance(scene, str | os.PathLike):
         scene = Scene.load(scene, device="cpu" if device is None else device)
     elif callable(scene) and not isinstance(scene, type):

@@ -164,9 +164,6 @@ def read_label_names(name: str, manifest: Mapping[str, Json]) -> LabelNames:
     Args:
         name: Name of the dataset for messages.
         manifest: The manifest.
-
-    Raises:
-        FileFormatError: If the names of the manifest are not valid names of labels.
     """
     scene = manifest.get("scene")
     names = scene.get("label_names", {}) if isinstance(scene, dict) else {}
@@ -179,11 +176,7 @@ def read_label_names(name: str, manifest: Mapping[str, Json]) -> LabelNames:
 
 
 def require_same(found: Mapping[str, Json], expected: Manifest, name: str) -> None:
-    """Check that a dataset was begun with the same input as the job that is to resume it.
-
-    Raises:
-        FileFormatError: If the manifests differ; the message lists the differences.
-    """
+    """Check that a dataset was begun with the same input as the job that is to resume it."""
     differences = list(dict.fromkeys(_differences(found, json.loads(manifest_text(expected)), ())))
     if differences:
         text = "; ".join(truncate(difference, 300) for difference in differences[:_MAX_DIFFERENCES])

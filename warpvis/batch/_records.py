@@ -52,9 +52,6 @@ def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[
         files: The files that were written.
         units: Files and folders that together contain all of `files`.
         empty: Number of the frames that see nothing.
-
-    Raises:
-        OSError: If a file cannot be moved.
     """
     sums = files.sums()
     outside = [file for file in sums if not any(file == unit or file.startswith(f"{unit}/") for unit in units)]

@@ -248,11 +248,7 @@ def make_plan(
     sensor: DepthSensor | None = None,
     seed: int = 0,
 ) -> Plan:
-    """Make the plan of a job; see `render_batch` for the arguments.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
-    """
+    """Make the plan of a job; see `render_batch` for the arguments."""
     scene.require_objects()
     if not isinstance(frames, Frames):
         frames = Frames.from_poses(frames)
@@ -303,11 +299,7 @@ def _choose_seen(
 
 
 def _place_objects(scene: Scene, frames: Frames) -> Frames:
-    """Return the frames with poses of the movable objects, which are taken from the scene if the frames have none.
-
-    Raises:
-        PoseError: If the frames have poses of a different number of objects than the scene.
-    """
+    """Return the frames with poses of the movable objects, which are taken from the scene if the frames have none."""
     movable = len(scene.movable)
     if frames.object_poses is None:
         if not movable:
@@ -326,9 +318,6 @@ def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Cali
     """Return the number of frames per shard: the given one, or as many as fit into the default size of a shard.
 
     `masks` is the number of masks per frame, which count toward the size.
-
-    Raises:
-        ArrayError: If `shard_frames` is not a positive integer.
     """
     if shard_frames is None:
         import warp as wp

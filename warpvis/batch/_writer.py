@@ -121,10 +121,6 @@ class ShardWriter:
         Args:
             shards: Numbers of the shards.
             done: Called on the writer threads, by one thread at a time.
-
-        Raises:
-            OSError: If a file cannot be written.
-            WorkerLostError: If an encoding process ended.
         """
         if self._processes is not None:
             self._processes.ready()

@@ -35,10 +35,6 @@ def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[
         done: Called with every complete shard, by one thread at a time.
         devices: A single device is used in this process; each of several devices gets a separate process.
         threads: CPU threads that render, and as many that encode; they are divided among the processes.
-
-    Raises:
-        OSError: If a file cannot be written.
-        WorkerLostError: If a process ended before its work was finished.
     """
     if len(devices) == 1:
         with ShardWriter(job, device=devices[0], threads=threads) as writer:
@@ -48,11 +44,7 @@ def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[
 
 
 def parse_devices(device: DeviceLike) -> list[str]:
-    """Return the names of the devices given by one device, several separated by commas, or ``"cuda:all"``.
-
-    Raises:
-        ArrayError: If the machine has no such device, or if CPU and GPUs are mixed.
-    """
+    """Return the names of the devices given by one device, several separated by commas, or ``"cuda:all"``."""
     names: list[DeviceLike] = [device] if not isinstance(device, str) else [name.strip() for name in device.split(",")]
     if names == ["cuda:all"]:
         names = [str(found) for found in wp.get_cuda_devices()]

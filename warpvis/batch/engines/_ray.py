@@ -138,9 +138,6 @@ def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterat
         gpu: Whether each worker has a GPU.
         workers: Number of workers; by default one for each GPU or core of the cluster.
         address: Address of the cluster; see `ray.init`.
-
-    Raises:
-        WarpvisError: If Ray is missing, the cluster does not exist, or it has too few resources for the workers.
     """
     printed = redirect_stdout(_WithoutRay(sys.stdout)), redirect_stderr(_WithoutRay(sys.stderr))
     with printed[0], printed[1], _cluster(address) as ray:
@@ -148,12 +145,7 @@ def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterat
 
 
 def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: Done) -> None:
-    """Render and write shards.
-
-    Raises:
-        OSError: If a file cannot be written.
-        WorkerLostError: If workers were lost and could not be restarted.
-    """
+    """Render and write shards."""
     if not shards:
         return
     store = open_store(job.out)
@@ -200,11 +192,7 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
 
 
 def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) -> _Share:
-    """Divide a cluster among workers.
-
-    Raises:
-        ArrayError: If the cluster has too few resources.
-    """
+    """Divide a cluster among workers."""
     cpus, gpus = int(resources.get("CPU", 0)), int(resources.get("GPU", 0))
     limit = min(cpus, gpus) if gpu else cpus
     count = limit if workers is None else workers

@@ -161,11 +161,7 @@ class Format(Protocol):
 
 
 def find_format(name: str) -> type[Format]:
-    """Return the class of a format.
-
-    Raises:
-        FileFormatError: If there is no such format.
-    """
+    """Return the class of a format."""
     if isinstance(name, str) and name in _REGISTRY:
         module, kind = _REGISTRY[name]
         return getattr(import_module(f"warpvis.batch.formats._{module}"), kind)
@@ -183,9 +179,6 @@ def lens_as(plan: Plan, name: str, write: Callable[[Lens], Written]) -> Written:
         plan: The plan.
         name: Name of the format.
         write: Function that converts a lens, or raises `CameraError`.
-
-    Raises:
-        FileFormatError: If the format does not support the lens, or if depth of the camera is along the ray.
     """
     camera = plan.camera
     if isinstance(camera, Camera):
@@ -201,11 +194,7 @@ def lens_as(plan: Plan, name: str, write: Callable[[Lens], Written]) -> Written:
 
 
 def refuse_lens(plan: Plan, name: str, reason: str) -> None:
-    """Reject cameras with a lens.
-
-    Raises:
-        FileFormatError: If the camera of the plan has a lens.
-    """
+    """Reject cameras with a lens."""
     if not isinstance(plan.camera, Camera):
         raise FileFormatError(
             f"camera must be a pinhole camera for format {name!r}, {reason}. The formats tum, nerfstudio, colmap and "
@@ -223,9 +212,6 @@ def check_options(plan: Plan, name: str, known: Mapping[str, str]) -> None:
         plan: The plan.
         name: Name of the format.
         known: Names of its options, with descriptions of their values for the message.
-
-    Raises:
-        FileFormatError: If an option is unknown.
     """
     unknown = sorted(plan.options.keys() - known.keys())
     if unknown:

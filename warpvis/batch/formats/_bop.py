@@ -103,11 +103,7 @@ class Bop(Layout):
     """Label of the objects that are annotated by default."""
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan.
-
-        Raises:
-            FileFormatError: If it has other outputs, no objects, an unknown option, or a camera with a lens.
-        """
+        """Check the plan."""
         super().__init__(plan)
         refuse_lens(plan, self.name, "which has no distortion")
         if len(plan.outputs) < 2:

@@ -42,11 +42,7 @@ class Colmap(Layout):
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan.
-
-        Raises:
-            FileFormatError: If the format does not support an output, an option or the lens.
-        """
+        """Check the plan."""
         super().__init__(plan)
         model, parameters = lens_as(plan, self.name, lens_to_colmap)
         pinhole = isinstance(plan.camera, Camera)

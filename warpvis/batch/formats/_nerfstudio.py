@@ -55,11 +55,7 @@ class Nerfstudio(Layout):
     default_outputs: ClassVar[tuple[str, ...]] = ("depth", "labels")
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan.
-
-        Raises:
-            FileFormatError: If the format does not support an output, an option or the lens.
-        """
+        """Check the plan."""
         super().__init__(plan)
         self._camera = lens_as(plan, self.name, lens_to_nerfstudio)
 

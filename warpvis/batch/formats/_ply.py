@@ -45,11 +45,7 @@ class Ply(Layout):
     options: ClassVar[Mapping[str, str]] = {"organized": "true or false"}
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan.
-
-        Raises:
-            FileFormatError: If the format does not support an output or an option, or if points are not an output.
-        """
+        """Check the plan."""
         super().__init__(plan)
         self._organized = self.flag_option("organized")
         if "points" not in plan.outputs:

@@ -49,12 +49,7 @@ class Png(Layout):
     options: ClassVar[Mapping[str, str]] = {"scale": "units per meter, 1000"}
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan.
-
-        Raises:
-            FileFormatError: If the format does not support an output or an option, or if there are more than 65535
-                objects.
-        """
+        """Check the plan."""
         super().__init__(plan)
         self._scale = self.positive_option("scale", 1000.0)
         if "segmentation" in plan.outputs and len(plan.object_names) > _MAX_OBJECTS:

@@ -55,12 +55,7 @@ class Ros2(Layout):
     library: ClassVar[str | None] = "rosbags"
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan.
-
-        Raises:
-            FileFormatError: If it has no depth, an unknown option, or a time or a lens that ROS does not support, or if
-                the package ``rosbags`` is missing.
-        """
+        """Check the plan."""
         super().__init__(plan)
         if "depth" not in plan.outputs:
             raise FileFormatError(f"outputs must include depth for format 'ros2', got {', '.join(plan.outputs)}")

@@ -43,12 +43,7 @@ class Tum(Layout):
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan.
-
-        Raises:
-            FileFormatError: If the format does not support an output, an option or the lens, or if timestamps do not
-                increase: TUM's tools identify frames by them.
-        """
+        """Check the plan."""
         super().__init__(plan)
         self._numbers = lens_as(plan, self.name, lens_to_tum)
         times = plan.frames.timestamps

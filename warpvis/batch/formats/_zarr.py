@@ -67,9 +67,6 @@ class Zarr(Format):
 
         Args:
             plan: The plan; options ``compression`` (``"none"``, ``"zstd"``) and its ``level``.
-
-        Raises:
-            FileFormatError: If an option is unknown or malformed, or if zarr is missing.
         """
         check_options(plan, self.name, _OPTIONS)
         try:

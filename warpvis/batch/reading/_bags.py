@@ -28,11 +28,7 @@ class BagReader:
     """Reads depth from ``bag_000012``; point clouds have the same depth and are not read."""
 
     def __init__(self, files: Files, job: Job) -> None:
-        """Prepare to read.
-
-        Raises:
-            FileFormatError: If the dataset is at a URL, or if rosbags is missing.
-        """
+        """Prepare to read."""
         if not isinstance(files.store, LocalStore):
             raise FileFormatError(f"{job.name}: datasets of bags must be in a local folder, got a URL")
         try:

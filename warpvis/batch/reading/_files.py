@@ -52,19 +52,11 @@ class Files:
         self._recent = Recent[NDArray[np.uint8]](self.cache_size)
 
     def bytes_of(self, name: str) -> NDArray[np.uint8]:
-        """Return the contents of a file, read-only.
-
-        Raises:
-            FileFormatError: If the file is missing or cannot be read.
-        """
+        """Return the contents of a file, read-only."""
         return self._recent.get(name, lambda: self._open(name))
 
     def read(self, name: str) -> bytes:
-        """Read a small file without caching it.
-
-        Raises:
-            FileFormatError: If the file is missing or cannot be read.
-        """
+        """Read a small file without caching it."""
         try:
             data = self.store.read(name)
         except OSError as error:

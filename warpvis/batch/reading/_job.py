@@ -72,11 +72,7 @@ class Job:
         return specs
 
     def option(self, name: str, default: float) -> float:
-        """Return a numeric option of the format.
-
-        Raises:
-            FileFormatError: If the option is not a number.
-        """
+        """Return a numeric option of the format."""
         value = self.options.get(name, default)
         try:
             return float(value)  # type: ignore[arg-type]
@@ -87,11 +83,7 @@ class Job:
 
 
 def read_job(store: Store) -> Job:
-    """Read a dataset's manifest.
-
-    Raises:
-        FileFormatError: If there is no manifest, or if it does not define the contents.
-    """
+    """Read a dataset's manifest."""
     manifest = parse_manifest(store.read(MANIFEST))
     if manifest is None:
         raise no_dataset(store)

@@ -42,9 +42,6 @@ class ShardReader(Protocol):
             shard: Shard of the frame.
             row: Index of the frame in the shard.
             out: Memory with the dtype and shape of the array.
-
-        Raises:
-            FileFormatError: If a file is missing, damaged, or cannot be read.
         """
         ...
 
@@ -86,11 +83,7 @@ class NpzReader:
 
 
 def _mapped_array(data: NDArray[np.uint8], entry: zipfile.ZipInfo) -> NDArray:
-    """Return an array of an ``.npz`` file as a view of the file.
-
-    Raises:
-        ValueError: If the array is compressed, truncated, or invalid.
-    """
+    """Return an array of an ``.npz`` file as a view of the file."""
     if entry.compress_type != zipfile.ZIP_STORED:
         raise ValueError(f"{entry.filename} is compressed")
     local = data[entry.header_offset : entry.header_offset + _LOCAL_HEADER]
@@ -112,11 +105,7 @@ class ZarrReader:
     """
 
     def __init__(self, files: Files, job: Job) -> None:
-        """Prepare to read.
-
-        Raises:
-            FileFormatError: If the chunks are compressed, and numcodecs is missing.
-        """
+        """Prepare to read."""
         self._files, self._job, self._specs = files, job, job.specs()
         self._tables = Recent[NDArray[np.uint64]](files.cache_size)
         self._is_compressed = job.options.get("compression", "none") == "zstd"
@@ -169,11 +158,7 @@ class ZarrReader:
 
 
 def number(value: Json, name: str) -> float:
-    """Check that a value from a JSON file is a number, and return it.
-
-    Raises:
-        FileFormatError: If the value is not a number.
-    """
+    """Check that a value from a JSON file is a number, and return it."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise FileFormatError(f"{name}: expected a number, got {value!r}")
     return float(value)

@@ -29,9 +29,6 @@ def write_file(path: str | os.PathLike[str], parts: Iterable[FilePart]) -> tuple
 
     Parts are bytes-like objects or NumPy arrays. If a part begins at a page boundary in memory and at a multiple of
     `ALIGNMENT` in the file, its whole pages bypass the page cache, if the system supports this.
-
-    Raises:
-        OSError: If the file cannot be written.
     """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:

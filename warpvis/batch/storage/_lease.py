@@ -45,10 +45,6 @@ def leased(system: AbstractFileSystem, path: str, name: str) -> Iterator[None]:
     The lock is exclusive if the store supports exclusive creation of files (fsspec's mode ``"xb"``: memory, disks, S3).
     On other stores, two processes that start at the same time may both write, as on any store after a process was
     suspended for longer than the lease. This is harmless for the same job: both write the same bytes.
-
-    Raises:
-        FileFormatError: If another process holds the lock.
-        OSError: If the lock cannot be written.
     """
     owner = uuid.uuid4().hex
     if not _create(system, path, owner):

@@ -139,11 +139,7 @@ class LocalStore:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Lock the dataset for writing by other processes of this machine, as a context manager.
-
-        Raises:
-            FileFormatError: If another process holds the lock.
-        """
+        """Lock the dataset for writing by other processes of this machine, as a context manager."""
         try:
             import fcntl
         except ImportError:  # Windows
@@ -195,11 +191,7 @@ class RemoteStore:
     """An fsspec URL. Files are written to a local temporary folder first, and then copied."""
 
     def __init__(self, url: str) -> None:
-        """Open the dataset at `url`.
-
-        Raises:
-            FileFormatError: If fsspec does not support the URL, or if a package is missing.
-        """
+        """Open the dataset at `url`."""
         try:
             import fsspec
         except ImportError:
@@ -286,11 +278,7 @@ def is_local(out: str | os.PathLike[str]) -> bool:
 
 
 def open_store(out: str | os.PathLike[str]) -> Store:
-    """Open the dataset in a folder, or at an fsspec URL such as ``s3://bucket/name``.
-
-    Raises:
-        FileFormatError: If `out` is a file, or a URL that cannot be opened.
-    """
+    """Open the dataset in a folder, or at an fsspec URL such as ``s3://bucket/name``."""
     as_path(out, "out")
     text = os.fspath(out)
     if not is_local(text):

@@ -18,11 +18,7 @@ _UNSUPPORTED = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
 def sync_tree(path: Path) -> None:
-    """Synchronize a file, or a folder with all its contents.
-
-    Raises:
-        OSError: If the disk is full or fails.
-    """
+    """Synchronize a file, or a folder with all its contents."""
     if not path.is_dir():
         _sync(path)
         return
@@ -34,11 +30,7 @@ def sync_tree(path: Path) -> None:
 
 
 def sync_folders(folders: Iterable[str | os.PathLike[str]]) -> None:
-    """Synchronize the entries of folders.
-
-    Raises:
-        OSError: If the disk is full or fails.
-    """
+    """Synchronize the entries of folders."""
     if hasattr(os, "O_DIRECTORY"):  # Windows cannot open folders
         for folder in folders:
             _sync(folder)

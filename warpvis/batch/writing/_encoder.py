@@ -60,9 +60,6 @@ class Encoder:
         Args:
             shard: Number of the shard.
             images: Arrays of its frames, by name.
-
-        Raises:
-            OSError: If a file cannot be written.
         """
         part = self._plan.shard_slice(shard)
         with self._store.new_files() as files:

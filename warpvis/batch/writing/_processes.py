@@ -98,11 +98,7 @@ class EncodingProcesses:
         return process
 
     def ready(self) -> None:
-        """Wait until all processes have started.
-
-        Raises:
-            WorkerLostError: If a process cannot start.
-        """
+        """Wait until all processes have started."""
         if not self._started:
             slots = [self._slots.get() for _ in range(len(self._processes) * _SHARDS)]
             for slot in slots:
@@ -158,12 +154,7 @@ class Slot:
         self._places = places
 
     def write(self, shard: int) -> Record:
-        """Write a shard, whose images were copied by `fill`, and then its record.
-
-        Raises:
-            OSError: If a file cannot be written.
-            WorkerLostError: If the process has ended.
-        """
+        """Write a shard, whose images were copied by `fill`, and then its record."""
         self.send((shard, self._places, 0 if self._mapped is None else len(self._mapped)))
         reply = self.receive()
         if isinstance(reply, Exception):
