@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 import warpvis as wv
+from warpvis.batch._dataset import Record
 from warpvis.batch._frame_renderer import Batch, ImageBuffers
-from warpvis.batch._records import Record
 from warpvis.batch._render_batch import make_plan
 from warpvis.batch._writer import Job, ShardWriter
 from warpvis.batch.formats._base import find_format

@@ -15,9 +15,9 @@ from batch_jobs import CAMERA, make_poses, make_scene, run, tree
 
 import warpvis as wv
 from warpvis.batch import npz_parts, verify
+from warpvis.batch._dataset import commit, read_whole
 from warpvis.batch._frame_renderer import ImageBuffers
-from warpvis.batch._records import commit, read_whole
-from warpvis.batch.storage import _direct_io as direct_io
+from warpvis.batch.storage import _output as direct_io
 from warpvis.batch.storage._output import ShardFiles
 from warpvis.batch.storage._stores import open_store
 

@@ -17,8 +17,8 @@ from batch_jobs import make_frames, run, tree
 
 import warpvis as wv
 from warpvis.batch import _writer as writer
+from warpvis.batch._encoding import EncodingProcesses, shards_at_once
 from warpvis.batch.engines._local import _incoming
-from warpvis.batch.writing._processes import EncodingProcesses, shards_at_once
 
 pytestmark = pytest.mark.skipif(
     not hasattr(os, "memfd_create") or not Path("/proc/self/stat").exists(), reason="needs Linux"
@@ -172,8 +172,7 @@ def test_no_process_outlives_a_killed_job(tmp_path):
 
 def test_poses_are_mapped_not_copied(tmp_path):
     from warpvis.batch import find_format, make_plan
-    from warpvis.batch.writing._encoder import Target
-    from warpvis.batch.writing._processes import _share as share, unshare
+    from warpvis.batch._encoding import Target, _share as share, unshare
 
     scene = wv.Scene()
     scene.add((np.eye(3), [[0, 1, 2]]), name="triangle")

@@ -351,7 +351,7 @@ def test_invalid_arguments_and_paths_are_rejected(written, tmp_path):
 
 def test_number_of_open_files_is_limited(written, monkeypatch):
     """The number of open files of a dataset with many shards is limited."""
-    frames = importlib.import_module("warpvis.batch.reading._files")
+    frames = importlib.import_module("warpvis.batch.reading._shards")
     monkeypatch.setattr(frames, "_MAX_MAPPED", 1)
     dataset = wv.open_dataset(written("npz"))
     before = len(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else 0

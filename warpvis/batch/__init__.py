@@ -12,9 +12,9 @@ A dataset is a folder, or an fsspec URL::
     index.json           the record of files that cover the whole dataset; its presence means that it is complete
 
 `_job` defines the plan of a dataset, and `formats` lays out its files. `_writer` renders shards in one process and
-passes them to `writing`, which encodes them on threads or in additional processes; `engines` run one or many such
-processes. `_dataset`, `_records` and `storage` manage the folder, and `reading` reads it back. `_manifest` and
-`_identity` determine whether a job may resume a dataset, and `_verify` checks whether a dataset is intact.
+passes them to `_encoding`, which encodes them on threads or in additional processes; `engines` run one or many such
+processes. `_dataset` and `storage` manage the folder, and `reading` reads it back. `_manifest` determines whether a job
+may resume a dataset, and `_verify` checks whether a dataset is intact.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from warpvis.core.labels import LabelNames
+from warpvis.errors import WarpvisError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,9 +21,12 @@ if TYPE_CHECKING:
 Options = Mapping[str, str | float]
 """A format's options by name: strings, numbers or flags."""
 
-
 FRAME_ARRAYS = ("camera_to_world", "timestamps", "object_poses", "world_index")
 """Names of the arrays of `Frames`, as attributes and in files."""
+
+
+class WorkerLostError(WarpvisError):
+    """A process that rendered or encoded ended before its work was finished."""
 
 
 @dataclass(frozen=True, eq=False)

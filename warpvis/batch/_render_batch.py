@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from warpvis.batch._dataset import Dataset
+from warpvis.batch._dataset import Dataset, Record
 from warpvis.batch._emptiness import describe_empty
 from warpvis.batch._frame_renderer import (
     IMAGES,
@@ -27,10 +27,8 @@ from warpvis.batch._frame_renderer import (
     choose_excluded,
     make_scene,
 )
-from warpvis.batch._identity import same_meshes
 from warpvis.batch._job import Options, Plan
-from warpvis.batch._manifest import make_manifest
-from warpvis.batch._records import Record
+from warpvis.batch._manifest import make_manifest, same_meshes
 from warpvis.batch._verify import verify
 from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local

@@ -12,11 +12,25 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from warpvis.batch._dataset import POSES, read_frame_arrays
-from warpvis.batch._identity import frames_hash
+from warpvis.batch._dataset import (
+    BEGIN_RECORD,
+    INDEX_RECORD,
+    POSES,
+    RECORDS_FOLDER,
+    read_frame_arrays,
+    read_record,
+    shard_record,
+)
 from warpvis.batch._job import FRAME_ARRAYS, shard_name
-from warpvis.batch._manifest import MANIFEST, Contents, no_dataset, parse_manifest, read_contents, read_label_names
-from warpvis.batch._records import BEGIN_RECORD, INDEX_RECORD, RECORDS_FOLDER, read_record, shard_record
+from warpvis.batch._manifest import (
+    MANIFEST,
+    Contents,
+    frames_hash,
+    no_dataset,
+    parse_manifest,
+    read_contents,
+    read_label_names,
+)
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.checks import check_flag, pluralize
 from warpvis.core.threads import core_count

@@ -11,13 +11,12 @@ from queue import SimpleQueue
 from threading import Event, Lock
 from typing import TYPE_CHECKING
 
+from warpvis.batch._dataset import Record
+from warpvis.batch._encoding import Encoder, EncodingProcesses, Target, can_start, process_count, shards_at_once
 from warpvis.batch._frame_renderer import FrameRenderer, ImageBuffers, frames_batch
 from warpvis.batch._job import Plan
-from warpvis.batch._records import Record
 from warpvis.batch.formats._base import Format, Images
 from warpvis.batch.storage._stores import is_local
-from warpvis.batch.writing._encoder import Encoder, Target
-from warpvis.batch.writing._processes import EncodingProcesses, can_start, process_count, shards_at_once
 from warpvis.core.threads import check_threads
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from threading import Event
 
 import warp as wp
 
+from warpvis.batch._encoding import WorkerLostError
 from warpvis.batch._writer import Done, Job, ShardWriter, writer_count
-from warpvis.batch.writing._encoder import WorkerLostError
 from warpvis.core.arrays import get_device
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike

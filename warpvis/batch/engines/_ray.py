@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypedDict
 import numpy as np
 import warp as wp
 
-from warpvis.batch._records import Record, read_whole, shard_record
+from warpvis.batch._dataset import Record, read_whole, shard_record
+from warpvis.batch._encoding import WorkerLostError
 from warpvis.batch._writer import Done, Job, Run, ShardWriter
 from warpvis.batch.storage._stores import Store, open_store
-from warpvis.batch.writing._encoder import WorkerLostError
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 
 if TYPE_CHECKING:

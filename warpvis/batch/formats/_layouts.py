@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Format, check_options
-from warpvis.batch.storage._direct_io import FilePart
+from warpvis.batch.storage._output import FilePart
 from warpvis.errors import FileFormatError
 from warpvis.io import count_lost, depth_to_units, describe_lost, encode_pngs
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from warpvis.batch._job import Plan, shard_name
 from warpvis.batch.formats._base import IMAGE_DTYPES, Format, Images, check_options
-from warpvis.batch.storage._direct_io import ALIGNMENT, MIN_DIRECT
+from warpvis.batch.storage._output import ALIGNMENT, MIN_DIRECT
 from warpvis.cameras import CalibratedCamera, lens_camera_to_fields, opencv_intrinsics
 from warpvis.cameras.pinhole import Camera
 from warpvis.sensors import sensor_to_fields

@@ -18,8 +18,7 @@ import numpy as np
 
 from warpvis.batch._job import Options, Plan, frame_arrays
 from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS, Format, Images, check_options
-from warpvis.batch.storage._direct_io import FilePart
-from warpvis.batch.storage._output import files_below
+from warpvis.batch.storage._output import FilePart, files_below
 from warpvis.cameras import CalibratedCamera, LensCamera, lens_camera_to_fields, opencv_intrinsics
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError

@@ -11,15 +11,12 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.batch._dataset import POSES, read_frame_arrays
+from warpvis.batch._dataset import INDEX_RECORD, POSES, RECORDS_FOLDER, read_frame_arrays
 from warpvis.batch._job import shard_name
 from warpvis.batch._manifest import MANIFEST
-from warpvis.batch._records import INDEX_RECORD, RECORDS_FOLDER
-from warpvis.batch.reading._bags import BagReader
-from warpvis.batch.reading._files import Files
 from warpvis.batch.reading._job import FrameSpec, Job, read_job
-from warpvis.batch.reading._pictures import BopReader, ColmapReader, PngReader, TumReader
-from warpvis.batch.reading._shards import NpzReader, ShardReader, ZarrReader
+from warpvis.batch.reading._pictures import BagReader, BopReader, ColmapReader, PngReader, TumReader
+from warpvis.batch.reading._shards import Files, NpzReader, ShardReader, ZarrReader
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.cameras import CalibratedCamera, opencv_intrinsics
 from warpvis.cameras.frames import Frames
@@ -112,7 +109,7 @@ class FrameDataset:
         self._job = read_job(store)
         frames = _read_poses(store, self._job)
         self._reader = _make_reader(store, self._job, frames)
-        self._specs = _choose(self._reader.specs(), self._outputs, self._job)
+        self._specs = _choose(self._reader.specs, self._outputs, self._job)
         self.complete = store.size(INDEX_RECORD) is not None
         """Whether all frames exist; an interrupted job has written only some of them."""
         shards = range(self._job.shard_count) if self.complete else _recorded_shards(store, self._job)

@@ -1,29 +1,33 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readers of formats with one file per frame: PNG files of depth, labels and objects, and COLMAP's maps."""
+"""Readers of images: PNG files of depth, labels and objects, COLMAP's maps, and depth in ROS 2 bags."""
 
 from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+import os
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
-from warpvis.batch.reading._files import Files, Recent
-from warpvis.batch.reading._job import FrameSpec, Job
-from warpvis.batch.reading._shards import number
+from warpvis.batch.formats._ros2 import image_topic
+from warpvis.batch.reading._job import Job
+from warpvis.batch.reading._shards import Files, Recent, ShardReader, number
+from warpvis.batch.storage._stores import LocalStore
 from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
-from warpvis.io import missing_units
+from warpvis.io import check_mcap, from_image_msg, missing_units
 
 Column: TypeAlias = dict[str, NDArray]
 
 _MILLIMETERS_PER_METER = 1000.0
+# Bags are read sequentially. All depth images of this number of recent bags are cached.
+_BAGS = 2
 _BOP_COUNTS = {
     "visible_fraction": ("visib_fract", np.float32),
     "visible_pixels": ("px_count_visib", np.int32),
@@ -32,7 +36,7 @@ _BOP_COUNTS = {
 """Arrays of visibility in BOP's ``scene_gt_info.json``: key and dtype."""
 
 
-class PngReader:
+class PngReader(ShardReader):
     """Reads files such as ``depth/000012/000000.png`` of the formats ``png``, ``tum`` and ``nerfstudio``.
 
     Pixels without depth, 0 or 65535, become +inf, also where a surface was nearer than the camera's `near`.
@@ -43,12 +47,8 @@ class PngReader:
 
     def __init__(self, files: Files, job: Job) -> None:
         """Prepare to read."""
-        self._files, self._job, self._specs = files, job, job.specs()
+        super().__init__(files, job)
         self._scale = job.option("scale", self.scale)
-
-    def specs(self) -> Mapping[str, FrameSpec]:
-        """Return the arrays of a frame."""
-        return self._specs
 
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
         """Decode the file of a frame."""
@@ -103,7 +103,7 @@ class BopReader(PngReader):
         super().__init__(files, job)
         self._scale = _MILLIMETERS_PER_METER / job.option("depth_scale", 1.0)
         self._split = str(job.options.get("split", "train"))
-        self._specs = {name: spec for name, spec in self._specs.items() if name == "depth" or name in _BOP_COUNTS}
+        self.specs = {name: spec for name, spec in self.specs.items() if name == "depth" or name in _BOP_COUNTS}
         self._counts = Recent[Column](files.cache_size)
 
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
@@ -133,22 +133,13 @@ class BopReader(PngReader):
             raise FileFormatError(f"{place} is damaged: {describe_exception(error)}") from None
 
 
-class ColmapReader:
+class ColmapReader(ShardReader):
     """Reads COLMAP's depth and normal maps; normals are rotated to the world frame."""
 
     def __init__(self, files: Files, job: Job, rotations: NDArray[np.float64]) -> None:
-        """Prepare to read.
-
-        Args:
-            files: The files.
-            job: The job.
-            rotations: Rotations from camera to world of all frames, shape ``(frames, 3, 3)``.
-        """
-        self._files, self._job, self._specs, self._rotations = files, job, job.specs(), rotations
-
-    def specs(self) -> Mapping[str, FrameSpec]:
-        """Return the arrays of a frame."""
-        return self._specs
+        """Prepare to read; `rotations` are from camera to world for all frames, shape ``(frames, 3, 3)``."""
+        super().__init__(files, job)
+        self._rotations = rotations
 
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
         """Read the map of a frame."""
@@ -167,3 +158,47 @@ class ColmapReader:
         rotation = self._rotations[shard * self._job.shard_frames + row].astype(np.float32)
         out[...] = values.transpose(1, 2, 0) @ rotation.T
         out[(values == 0).all(axis=0)] = np.nan
+
+
+class BagReader(ShardReader):
+    """Reads depth from ``bag_000012``; point clouds have the same depth and are not read."""
+
+    def __init__(self, files: Files, job: Job) -> None:
+        """Prepare to read."""
+        super().__init__(files, job)
+        if not isinstance(files.store, LocalStore):
+            raise FileFormatError(f"{job.name}: datasets of bags must be in a local folder, got a URL")
+        try:
+            import rosbags.highlevel  # noqa: F401
+        except ImportError:
+            raise FileFormatError(f"{job.name}: reading bags requires rosbags: pip install 'warpvis[ros]'") from None
+        self._root = files.store.root
+        self.specs = {name: spec for name, spec in self.specs.items() if name == "depth"}
+        self._topic = "/" + str(job.options.get("topic", "/camera/depth")).strip("/") + f"/{image_topic(job.camera)}"
+        self._bags = Recent[NDArray[np.float32]](_BAGS)
+
+    def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
+        """Copy the depth of a frame."""
+        out[...] = self._bags.get(shard, lambda: self._read(shard))[row]
+
+    def _read(self, shard: int) -> NDArray[np.float32]:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+
+        bag = Path(os.fspath(self._root)) / f"bag_{shard_name(shard)}"
+        length, spec = self._job.shard_length(shard), self.specs["depth"]
+        depth = np.empty((length, *spec.shape), dtype=spec.dtype)
+        count = 0
+        try:
+            check_mcap(bag)
+            with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+                images = [connection for connection in reader.connections if connection.topic == self._topic]
+                for connection, _, data in reader.messages(connections=images):
+                    if count < length:
+                        depth[count] = from_image_msg(reader.deserialize(data, connection.msgtype))
+                    count += 1
+        except Exception as error:  # rosbags may raise any exception for damaged bags
+            raise FileFormatError(f"{self._job.name}: {bag.name} cannot be read: {describe_exception(error)}") from None
+        if count != length:
+            raise FileFormatError(f"{self._job.name}: {bag.name} must have {length} depth images, got {count}")
+        return depth

@@ -1,62 +1,115 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The protocol of readers, and readers of raw arrays: ``npz`` and ``zarr``."""
+"""Access to the files of a dataset, the base class of readers, and readers of raw arrays: ``npz`` and ``zarr``."""
 
 from __future__ import annotations
 
 import io
+import mmap
 import zipfile
-from collections.abc import Mapping
-from typing import Protocol
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import IMAGE_DTYPES
-from warpvis.batch.reading._files import Files, Recent
-from warpvis.batch.reading._job import FrameSpec, Job
+from warpvis.batch.reading._job import Job
+from warpvis.batch.storage._stores import LocalStore, Store
 from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
+
+Value = TypeVar("Value")
+
+# Number of cached files: memory-mapped files only use address space, files of URLs are held in memory.
+_MAX_MAPPED, _MAX_IN_MEMORY = 512, 4
 
 _LOCAL_HEADER = 30  # size of the header of a ZIP entry before its name and extra field
 _MAX_HEADER = 4096
 
 
-class ShardReader(Protocol):
+class Recent(Generic[Value]):
+    """A cache of recent values by key; concurrent callers may create a value twice."""
+
+    def __init__(self, size: int) -> None:
+        """Cache at cache_size `size` values."""
+        self._size = size
+        self._values: OrderedDict[Hashable, Value] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
+        """Return the cached value of the key; create it if it is missing."""
+        value = self._values.get(key)
+        if value is None:
+            value = self._values[key] = make()
+            while len(self._values) > self._size:
+                try:
+                    self._values.popitem(last=False)
+                except KeyError:  # removed by another thread
+                    break
+        return value
+
+
+class Files:
+    """The files of a dataset: local files are memory-mapped, files of a URL are read whole."""
+
+    def __init__(self, store: Store) -> None:
+        """Read files from `store`."""
+        self.store = store
+        self.cache_size = _MAX_MAPPED if isinstance(store, LocalStore) else _MAX_IN_MEMORY
+        self._recent = Recent[NDArray[np.uint8]](self.cache_size)
+
+    def bytes_of(self, name: str) -> NDArray[np.uint8]:
+        """Return the contents of a file, read-only."""
+        return self._recent.get(name, lambda: self._open(name))
+
+    def read(self, name: str) -> bytes:
+        """Read a small file without caching it."""
+        try:
+            data = self.store.read(name)
+        except OSError as error:
+            raise FileFormatError(f"{self.store.name}: {name} cannot be read: {error.strerror or error}") from None
+        if data is None:
+            raise FileFormatError(f"{self.store.name}: {name} is missing")
+        return data
+
+    def _open(self, name: str) -> NDArray[np.uint8]:
+        if not isinstance(self.store, LocalStore):
+            return np.frombuffer(self.read(name), dtype=np.uint8)
+        try:
+            with self.store.open(name) as stream:
+                return np.frombuffer(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
+        except FileNotFoundError:
+            raise FileFormatError(f"{self.store.name}: {name} is missing") from None
+        except ValueError:  # empty files cannot be mapped
+            raise FileFormatError(f"{self.store.name}: {name} is empty") from None
+        except OSError as error:
+            raise FileFormatError(f"{self.store.name}: {name} cannot be read: {error.strerror or error}") from None
+
+
+class ShardReader:
     """Reads frames of one format."""
 
     def __init__(self, files: Files, job: Job) -> None:
         """Prepare to read."""
-
-    def specs(self) -> Mapping[str, FrameSpec]:
-        """Return dtypes and shapes of the arrays of a frame that the dataset contains."""
-        ...
+        self._files, self._job = files, job
+        self.specs = job.specs()
+        """Dtypes and shapes of the arrays of a frame that the dataset contains."""
 
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
-        """Read an array of a frame.
-
-        Args:
-            name: Name of the array.
-            shard: Shard of the frame.
-            row: Index of the frame in the shard.
-            out: Memory with the dtype and shape of the array.
-        """
-        ...
+        """Read the array `name` of frame `row` of a shard into memory with its dtype and shape."""
+        raise NotImplementedError
 
 
-class NpzReader:
+class NpzReader(ShardReader):
     """Reads ``shard-000012.npz``, whose arrays are not compressed and can be memory-mapped."""
 
     def __init__(self, files: Files, job: Job) -> None:
         """Prepare to read."""
-        self._files, self._job, self._specs = files, job, job.specs()
+        super().__init__(files, job)
         self._shards = Recent[dict[str, NDArray]](files.cache_size)
-
-    def specs(self) -> Mapping[str, FrameSpec]:
-        """Return the arrays of a frame."""
-        return self._specs
 
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
         """Copy an array of a frame from the mapped file."""
@@ -68,11 +121,11 @@ class NpzReader:
         try:
             with self._files.store.open(name) as stream, zipfile.ZipFile(stream) as archive:
                 entries = {entry.filename: entry for entry in archive.infolist()}
-            arrays = {key: _mapped_array(data, entries[f"{key}.npy"]) for key in self._specs}
+            arrays = {key: _mapped_array(data, entries[f"{key}.npy"]) for key in self.specs}
         except Exception as error:  # zipfile and NumPy may raise any exception for damaged files
             raise FileFormatError(f"{self._job.name}: {name} is damaged: {describe_exception(error)}") from None
         length = self._job.shard_length(shard)
-        for key, spec in self._specs.items():
+        for key, spec in self.specs.items():
             array = arrays[key]
             if array.dtype != spec.dtype or array.shape != (length, *spec.shape):
                 raise FileFormatError(
@@ -98,7 +151,7 @@ def _mapped_array(data: NDArray[np.uint8], entry: zipfile.ZipInfo) -> NDArray:
     return data[first : first + size].view(dtype).reshape(shape)
 
 
-class ZarrReader:
+class ZarrReader(ShardReader):
     """Reads ``data.zarr``: shards of the codec ``sharding_indexed`` with one chunk per frame; see `formats._zarr`.
 
     Only files of the shard are read, so unfinished datasets can be read, too.
@@ -106,7 +159,7 @@ class ZarrReader:
 
     def __init__(self, files: Files, job: Job) -> None:
         """Prepare to read."""
-        self._files, self._job, self._specs = files, job, job.specs()
+        super().__init__(files, job)
         self._tables = Recent[NDArray[np.uint64]](files.cache_size)
         self._is_compressed = job.options.get("compression", "none") == "zstd"
         if self._is_compressed:
@@ -117,13 +170,9 @@ class ZarrReader:
                     f"{job.name}: reading compressed chunks requires zarr: pip install 'warpvis[dataset]'"
                 ) from None
 
-    def specs(self) -> Mapping[str, FrameSpec]:
-        """Return the arrays of a frame."""
-        return self._specs
-
     def read_into(self, name: str, shard: int, row: int, out: NDArray) -> None:
         """Copy an array of a frame from the mapped file, or decompress it."""
-        spec = self._specs[name]
+        spec = self.specs[name]
         file = f"data.zarr/{name}/c.{shard}" + ".0" * len(spec.shape)
         data = self._files.bytes_of(file)
         if name not in IMAGE_DTYPES:  # one chunk with all frames of the shard

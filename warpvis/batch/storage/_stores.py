@@ -4,19 +4,20 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
 import shutil
 import stat
 import tempfile
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Protocol
 
 from warpvis.batch.storage._lease import leased, require_unlocked
 from warpvis.batch.storage._output import ShardFiles, files_below
-from warpvis.batch.storage._sync import sync_folders, sync_tree
 from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError
 
@@ -24,6 +25,12 @@ _PART = ".part-"
 """Prefix of temporary folders in a dataset; their contents are incomplete."""
 _LOCK = f"{_PART}lock"
 """Name of the lock file at a URL."""
+
+# Concurrent calls of fsync share commits of the file system: for 218 files of 26 kB, they take half the time.
+_THREADS = 8
+
+_OPEN = os.O_RDONLY if hasattr(os, "O_DIRECTORY") else os.O_RDWR  # Windows requires write access
+_UNSUPPORTED = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
 class Store(Protocol):
@@ -288,3 +295,38 @@ def open_store(out: str | os.PathLike[str]) -> Store:
     if existing.exists() and not existing.is_dir():
         raise FileFormatError(f"{existing}: is a file, but a dataset must be a folder")
     return LocalStore(path)
+
+
+def sync_tree(path: Path) -> None:
+    """Synchronize a file, or a folder with all its contents."""
+    if not path.is_dir():
+        _sync(path)
+        return
+    folders = list(os.walk(path))
+    files = [os.path.join(folder, name) for folder, _, names in folders for name in names]
+    with ThreadPoolExecutor(_THREADS) as pool:
+        list(pool.map(_sync_all, (files[first::_THREADS] for first in range(min(_THREADS, len(files))))))
+    sync_folders(folder for folder, _, _ in folders)
+
+
+def sync_folders(folders: Iterable[str | os.PathLike[str]]) -> None:
+    """Synchronize the entries of folders."""
+    if hasattr(os, "O_DIRECTORY"):  # Windows cannot open folders
+        for folder in folders:
+            _sync(folder)
+
+
+def _sync_all(paths: Iterable[str]) -> None:
+    for path in paths:
+        _sync(path)
+
+
+def _sync(path: str | os.PathLike[str]) -> None:
+    descriptor = os.open(path, _OPEN)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in _UNSUPPORTED:  # the file system does not support fsync
+            raise
+    finally:
+        os.close(descriptor)

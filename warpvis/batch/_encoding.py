@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Encoding and writing of shards in additional processes, each with a separate global interpreter lock (GIL).
+"""Encoding and writing of shards, on threads, and in additional processes on machines with many cores.
 
-Compression releases the GIL, but other work for each frame (opening a file, checksums, ...) acquires it a dozen times:
-on 16 cores, one process with 16 threads wrote 1,600 PNG images per second, two processes 3,900. Each process therefore
-has only a few encoding threads. Images are passed through shared memory.
+Compression releases the global interpreter lock (GIL), but other work for each frame (opening a file, checksums, ...)
+acquires it a dozen times: on 16 cores, one process with 16 threads wrote 1,600 PNG images per second, two processes
+3,900. Each additional process therefore has only a few encoding threads. Images are passed through shared memory.
 """
 
 from __future__ import annotations
@@ -14,19 +14,31 @@ import os
 import pickle
 import subprocess
 import sys
+import threading
+import traceback
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from itertools import accumulate
 from multiprocessing.connection import Connection, Pipe
 from multiprocessing.spawn import get_executable
 from queue import SimpleQueue
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from warpvis.batch._records import Record
-from warpvis.batch.storage._direct_io import ALIGNMENT
-from warpvis.batch.writing._encoder import Target, WorkerLostError
+from warpvis.batch._dataset import Record, commit, shard_record
+from warpvis.batch._emptiness import count_empty
+from warpvis.batch._job import WorkerLostError
+from warpvis.batch.formats._base import find_format
+from warpvis.batch.storage._output import ALIGNMENT
+from warpvis.batch.storage._stores import open_store
+from warpvis.core.threads import Crew
+from warpvis.errors import WarpvisError
+
+if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
+    from warpvis.batch.formats._base import Images
 
 _THREADS = 4
 """Encoding threads per process."""
@@ -35,10 +47,55 @@ _SHARDS = 2
 
 # `sys.path` is that of the parent, as with multiprocessing's spawn. Unlike spawn, the process does not import the main
 # script, which might lack a guard for that.
-_START = "import sys; sys.path[:] = sys.argv[1].split('\\n'); from warpvis.batch.writing._worker import main; main()"
+_START = "import sys; sys.path[:] = sys.argv[1].split('\\n'); from warpvis.batch._encoding import main; main()"
 
 Place: TypeAlias = tuple[str, str, tuple[int, ...], int]
 """An array in shared memory: name, dtype, shape and offset in bytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """The plan of a dataset, its format and its path; it can be pickled."""
+
+    plan: Plan
+    format: str
+    out: str
+
+
+class Encoder:
+    """Encodes images of shards, and writes them with their records; several threads may write different shards.
+
+    It is a context manager that ends its threads on exit.
+    """
+
+    def __init__(self, target: Target, threads: int) -> None:
+        """Start `threads` encoding threads."""
+        self._plan = target.plan
+        self._store = open_store(target.out)
+        self._crew = Crew(threads, "warpvis-encoder")
+        self.layout = find_format(target.format)(target.plan)
+        self.layout.encoders = self._crew
+
+    def __enter__(self) -> Encoder:
+        """Return this encoder."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Finish pending work, and end the threads."""
+        self._crew.__exit__(*error)
+
+    def write(self, shard: int, images: Images) -> Record:
+        """Write a shard and then its record.
+
+        Args:
+            shard: Number of the shard.
+            images: Arrays of its frames, by name.
+        """
+        part = self._plan.shard_slice(shard)
+        with self._store.new_files() as files:
+            units = self.layout.write_shard(shard, images, files)
+            empty = count_empty(images, self._plan.object_labels)
+            return commit(self._store, shard_record(shard), part.stop - part.start, files, units, empty=empty)
 
 
 def can_start() -> bool:
@@ -209,3 +266,37 @@ def unshare(descriptor: int, sizes: list[int], data: bytes) -> Target:
     memory = memoryview(mmap.mmap(descriptor, sum(sizes), access=mmap.ACCESS_READ) if sum(sizes) else b"")
     ends = list(accumulate(sizes))
     return pickle.loads(data, buffers=[memory[end - size : end] for end, size in zip(ends, sizes, strict=True)])
+
+
+def main() -> None:
+    """Write shards until the parent process ends or closes the pipe.
+
+    The command-line arguments are open file descriptors: a pipe that the parent process closes, shared memory with the
+    arrays of the job, and a connection and shared memory for each concurrent shard.
+    """
+    life, shared, *numbers = map(int, sys.argv[2:])
+    connections = [Connection(number) for number in numbers[::2]]
+    threads, sizes, data = connections[0].recv()
+    encoder = Encoder(unshare(shared, sizes, data), threads)
+    for connection, memory in zip(connections, numbers[1::2], strict=True):
+        threading.Thread(target=_serve, args=(encoder, connection, memory), daemon=True).start()
+    os.read(life, 1)
+    os._exit(0)
+
+
+def _serve(encoder: Encoder, connection: Connection, memory: int) -> None:
+    """Write the shards received through one connection."""
+    mapped: mmap.mmap | None = None
+    with suppress(EOFError, OSError):  # the parent process has ended
+        connection.send(None)
+        while True:
+            shard, places, size = connection.recv()
+            if mapped is None or len(mapped) != size:
+                mapped = mmap.mmap(memory, size)
+            try:
+                answer: object = encoder.write(shard, dict(mapped_arrays(mapped, places)))
+            except (WarpvisError, OSError) as error:
+                answer = error
+            except Exception:
+                answer = RuntimeError(f"in an encoding process:\n{traceback.format_exc()}")
+            connection.send(answer)
