@@ -124,7 +124,7 @@ def test_failed_export_leaves_no_file(tmp_path, monkeypatch):
                 "warpvis.scene.acceleration.refit.DeformingObject.vertices", np.full((8, 3), np.nan, np.float32)
             )
             scene.export(tmp_path / "scene.glb")
-    monkeypatch.setattr("warpvis.io._gltf_writer._MAX_BYTES", 1000)
+    monkeypatch.setattr("warpvis.io._scene_files._MAX_BYTES", 1000)
     with pytest.raises(
         FileFormatError, match=r"scene.glb: binary glTF has at most 1000 bytes, but this file would have"
     ):

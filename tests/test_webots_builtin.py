@@ -10,9 +10,9 @@ import pytest
 import trimesh
 
 from warpvis.errors import FileFormatError
-from warpvis.webots._depth_cameras import expand_depth_camera
 from warpvis.webots._grammar import parse_text
 from warpvis.webots.protos._builtin import BUILTIN, expand
+from warpvis.webots.protos._standins import expand_depth_camera
 from warpvis.webots.shapes._geometry import tessellate
 
 NEW, OLD = "R2023b", "R2021b"

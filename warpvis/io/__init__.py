@@ -7,27 +7,26 @@
 
 from __future__ import annotations
 
-from warpvis.io._cloud_messages import to_laserscan
-from warpvis.io._clouds import save_cloud, save_clouds
+from warpvis.io._archives import check_mcap as check_mcap
+from warpvis.io._cloud_messages import register_livox_types, to_laserscan, to_livox_msg
 from warpvis.io._depth import (
     count_lost as count_lost,
     depth_to_units as depth_to_units,
     describe_lost as describe_lost,
     encode_png as encode_png,
     encode_pngs as encode_pngs,
+    find_depth_images as find_depth_images,
     missing_units as missing_units,
+    read_depth,
     save_depth_png,
 )
-from warpvis.io._depth_reading import find_depth_images as find_depth_images, read_depth
 from warpvis.io._files import read_archive as read_archive
-from warpvis.io._livox_messages import register_livox_types, to_livox_msg
-from warpvis.io._mcap import check_mcap as check_mcap
 from warpvis.io._messages import from_image_msg, to_image_msg, to_pointcloud2
-from warpvis.io._points import read_points
+from warpvis.io._points import read_points, save_cloud, save_clouds
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
 from warpvis.io.cameras._files import load_camera
 from warpvis.io.poses._frames import leaves_order_open as leaves_order_open, read_frames as read_frames
-from warpvis.io.poses._tum import read_poses
+from warpvis.io.poses._tables import read_poses
 
 __all__ = [
     "from_image_msg",

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Archives and compressed files, unpacked into memory up to a size limit."""
+"""Archives and compressed files, unpacked into memory up to a size limit, and the same limit for other files.
+
+rosbags allocates what the lengths in an MCAP file (https://mcap.dev/spec) specify, which may be anything in a damaged
+file, so they are checked before.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import bz2
 import gzip
 import io
 import lzma
+import os
 import tarfile
 import zipfile
 from collections.abc import Iterator
@@ -29,6 +34,16 @@ _Stream = IO[bytes] | gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile
 # A few thousand bytes can unpack to any size.
 _MAX_BYTES = 1 << 30
 _PIECE = 1 << 20
+
+_MCAP_MAGIC = b"\x89MCAP0\r\n"
+_MCAP_HEAD = 9
+"""Bytes before the content of a record: its kind, and its length."""
+_FOOTER, _CHUNK, _CHUNK_INDEX = 2, 6, 8
+_UNPACKED = slice(16, 24)
+"""Bytes of a chunk that store its uncompressed length."""
+_FIX = "write it in smaller chunks"
+_MCAP_SIZES = 16
+"""Bytes at the end of a chunk index: its stored and its uncompressed length."""
 
 
 def is_archive(name: str) -> bool:
@@ -91,3 +106,36 @@ def _members(path: Path, zipped: bytes | None) -> Iterator[tuple[str, _Stream, i
     else:
         kind = path.suffix.lower()
         yield path.stem, gzip.open(path) if kind == ".gz" else bz2.open(path) if kind == ".bz2" else lzma.open(path), 0
+
+
+def check_mcap(bag: Path) -> None:
+    """Reject MCAP files of a bag in which a record is longer than the file, or a chunk unpacks to more than 1 GiB.
+
+    Args:
+        bag: A file, or a folder of files; files with other suffixes are skipped.
+    """
+    for path in sorted(bag.glob("*.mcap")) if bag.is_dir() else [bag]:
+        if path.suffix.lower() == ".mcap" and path.is_file():
+            _check_mcap_file(path)
+
+
+def _check_mcap_file(path: Path) -> None:
+    size = os.path.getsize(path)
+    with path.open("rb") as file:
+        if file.read(len(_MCAP_MAGIC)) != _MCAP_MAGIC:
+            return  # rosbags reports it
+        while len(head := file.read(_MCAP_HEAD)) == _MCAP_HEAD and head[0] != _FOOTER:
+            start, length = file.tell(), int.from_bytes(head[1:], "little")
+            if start + length > size:
+                raise ValueError(f"{path.name} has a record of {length} bytes at byte {start}, and {size} in all")
+            if head[0] == _CHUNK_INDEX and length >= _MCAP_SIZES:
+                file.seek(start + length - _MCAP_SIZES)
+                sizes = file.read(_MCAP_SIZES)
+                stored = int.from_bytes(sizes[:8], "little")
+                if stored > size:
+                    raise ValueError(f"{path.name} has a chunk of {stored} bytes, and {size} in all")
+                check_unpacked(path, int.from_bytes(sizes[8:], "little"), _FIX)
+            if head[0] == _CHUNK and length >= _UNPACKED.stop:
+                file.seek(start)
+                check_unpacked(path, int.from_bytes(file.read(_UNPACKED.stop)[_UNPACKED], "little"), _FIX)
+            file.seek(start + length)

@@ -21,10 +21,19 @@ from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.types import Json
 from warpvis.io._file_meshes import FileMeshes
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
-from warpvis.io._gltf_lights import gltf_light
 from warpvis.io._gltf_materials import GltfMaterials, Locate
-from warpvis.io._gltf_placements import INSTANCES, Shape, Split, instance_matrices, node_matrix, nodes_in_order, split
-from warpvis.io._gltf_rest import joint_matrices, morphed, skinned
+from warpvis.io._gltf_placements import (
+    INSTANCES,
+    Shape,
+    Split,
+    instance_matrices,
+    joint_matrices,
+    morphed,
+    nodes_in_order,
+    skinned,
+    split,
+)
+from warpvis.scene.lights import Light
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility", INSTANCES}
@@ -38,6 +47,9 @@ _HARMLESS = re.compile(
     r"|KHR_(xmp\w*|techniques_webgl|node_selectability|node_hoverability)$"
     r"|EXT_(mesh_features|structural_metadata|instance_features|mesh_manifold)$"
 )
+
+_LIGHTS = "KHR_lights_punctual"
+_LIGHT_KINDS = ("directional", "point", "spot")
 
 
 def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
@@ -111,7 +123,7 @@ class _Shapes:
         appearance = self._materials.appearance(primitive, rows, len(vertices), f"mesh {node['mesh']}")
         if not _is_skinned(node, primitive):
             return Shape(vertices, faces, appearance)
-        joints = joint_matrices(data, node["skin"], node_matrix)
+        joints = joint_matrices(data, node["skin"])
         return Shape(skinned(vertices, primitive["attributes"], rows, joints), faces, appearance)
 
 
@@ -223,3 +235,38 @@ def _faces(corners: NDArray[np.integer], mode: int) -> NDArray[np.integer]:
     odd = np.arange(count) % 2
     first = np.arange(count)
     return np.stack([corners[first], corners[first + 1 + odd], corners[first + 2 - odd]], axis=1)
+
+
+def gltf_light(root: Any, node: dict[str, Any], placement: NDArray[np.float64]) -> Light | None:
+    """Read the light of a node, which shines along its -z; scale does not affect it. None for nodes without a light.
+
+    Args:
+        root: The file's ``extensions``.
+        node: The node.
+        placement: Matrix from the node to the file's frame, ``(4, 4)``.
+    """
+    packed = (node.get("extensions") or {}).get(_LIGHTS)
+    if packed is None:
+        return None
+    known, number = root[_LIGHTS]["lights"], packed["light"]
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(known):
+        raise ValueError(f"it references light {number!r} of {len(known)}")
+    entry = known[number]
+    kind = entry.get("type")
+    if kind not in _LIGHT_KINDS:
+        raise ValueError(f"the type of a light must be one of {', '.join(_LIGHT_KINDS)}, got {kind!r}")
+    cone = entry.get("spot") or {}
+    return Light(
+        kind,
+        str(entry.get("name") or node.get("name") or ""),
+        tuple(placement[:3, 3].tolist()),
+        tuple((-placement[:3, 2]).tolist()),
+        color=entry.get("color", (1.0, 1.0, 1.0)),
+        intensity=entry.get("intensity", 1.0),
+        color_space="linear",
+        falloff="gltf",
+        attenuation=(1.0, 0.0, 0.0) if kind == "directional" else (0.0, 0.0, 1.0),
+        reach=np.inf if entry.get("range") is None else entry["range"],
+        inner_angle=cone.get("innerConeAngle", 0.0),
+        outer_angle=cone.get("outerConeAngle", np.pi / 4),
+    )

@@ -1,20 +1,22 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Placements of glTF meshes: at nodes, and as instances; and which of them share their triangles.
+"""Placements of glTF meshes, at nodes and as instances, which of them share their triangles, and their rest shape.
 
-Section numbers are those of the glTF 2.0 specification.
+The rest shape, without animation, has morph targets by their weights, and skins by their joints' nodes. Section numbers
+are those of the glTF 2.0 specification.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
+from warpvis.core.types import Json
 from warpvis.io._file_meshes import FileMesh
 from warpvis.io._gltf_data import GltfData
 from warpvis.scene import keep_winding
@@ -29,6 +31,12 @@ _MAX_INSTANCES = 100_000
 
 # Tolerance of the dot product of two unit axes: rounding error of matrices in single precision.
 _MAX_SKEW = 1e-6
+
+Rows = Callable[[str], NDArray[np.generic]]
+"""Reads an attribute of a primitive."""
+
+_MAX_SETS = 16
+"""Maximum number of sets of four joints each."""
 
 
 def nodes_in_order(data: GltfData) -> Iterator[tuple[int, dict[str, Any], NDArray[np.float64]]]:
@@ -184,3 +192,82 @@ def _sizes(factors: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return factors in single precision, the precision of vertices, so that equal sizes compare equal."""
     with np.errstate(over="ignore"):
         return factors.astype(np.float32)
+
+
+def morphed(data: GltfData, vertices: NDArray[np.float64], targets: Json, weights: Json) -> NDArray[np.float64]:
+    """Apply the morph targets (3.7.2.2) that have a nonzero weight.
+
+    Args:
+        data: The file.
+        vertices: Shape ``(n, 3)``.
+        targets: Targets of the primitive.
+        weights: Weights of the node, or else of the mesh; None if neither has any.
+    """
+    if not (isinstance(targets, list) and isinstance(weights, list)):
+        return vertices
+    for target, weight in zip(targets, weights, strict=False):
+        place = target.get("POSITION")
+        if not weight or place is None or not data.has_data(place):
+            continue
+        moved = data.accessor(place)
+        if moved.shape != vertices.shape:
+            raise ValueError(f"a morph target must move {len(vertices)} vertices, got {moved.shape}")
+        vertices = vertices + float(weight) * moved.astype(np.float64)
+    return vertices
+
+
+def skinned(
+    vertices: NDArray[np.float64], attributes: dict[str, Any], rows: Rows, joints: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Apply the skin (3.7.3.3) to vertices; the result is in the file's frame.
+
+    Vertices whose weights are all 0 do not move.
+
+    Args:
+        vertices: Shape ``(n, 3)``.
+        attributes: Attributes of the primitive: ``JOINTS_0``, ``WEIGHTS_0``, ``JOINTS_1``, ...
+        rows: Reads one of them.
+        joints: Result of `joint_matrices`.
+    """
+    transforms, total = np.zeros((len(vertices), 4, 4)), np.zeros(len(vertices))
+    for number in range(_MAX_SETS):
+        if f"JOINTS_{number}" not in attributes:
+            break
+        chosen, weights = rows(f"JOINTS_{number}").astype(np.int64), rows(f"WEIGHTS_{number}").astype(np.float64)
+        if not chosen.shape == weights.shape == (len(vertices), 4):
+            raise ValueError(f"a skin needs 4 joints and weights of {len(vertices)} vertices each, got {weights.shape}")
+        if chosen.size and not 0 <= chosen.min() <= chosen.max() < len(joints):
+            raise ValueError(f"a vertex moves with joint {chosen.max()} of {len(joints)}")
+        for column in range(4):
+            transforms += weights[:, column, None, None] * joints[chosen[:, column]]
+        total += weights.sum(axis=1)
+    unweighted = ~(np.abs(total) > 0)
+    transforms[unweighted], total[unweighted] = np.eye(4), 1.0
+    with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
+        transforms /= total[:, None, None]
+        return np.einsum("vij,vj->vi", transforms[:, :3, :3], vertices) + transforms[:, :3, 3]
+
+
+def joint_matrices(data: GltfData, skin: Json) -> NDArray[np.float64]:
+    """Return the matrices from a skin's mesh to the file's frame, one per joint, shape ``(joints, 4, 4)``."""
+    item = data.one("skins", skin)
+    joints = list(item["joints"])
+    above = {child: index for index, node in enumerate(data.all("nodes")) for child in node.get("children", [])}
+    places: dict[int, NDArray[np.float64]] = {}
+    for joint in joints:
+        chain = [joint]
+        while chain[-1] in above and chain[-1] not in places:
+            if len(chain) > len(data.all("nodes")):
+                raise ValueError(f"node {joint} is below itself")
+            chain.append(above[chain[-1]])
+        for index in reversed(chain):
+            if index not in places:
+                local = node_matrix(data.one("nodes", index))
+                places[index] = places[above[index]] @ local if index in above else local
+    found = np.stack([places[joint] for joint in joints]) if joints else np.zeros((0, 4, 4))
+    if "inverseBindMatrices" not in item:
+        return found
+    inverse = data.accessor(item["inverseBindMatrices"])
+    if inverse.shape[1] != 16 or len(inverse) < len(joints):
+        raise ValueError(f"a skin of {len(joints)} joints needs as many matrices, got {inverse.shape}")
+    return found @ inverse[: len(joints)].astype(np.float64).reshape(-1, 4, 4).swapaxes(1, 2)

@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+import html
 import io
 import itertools
 import logging
 import posixpath
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -28,10 +30,8 @@ from warpvis.io._file_meshes import FileMesh, FileMeshes
 from warpvis.io._gltf import read_gltf
 from warpvis.io._gltf_data import Find, uri_name
 from warpvis.io._gltf_materials import Locate
-from warpvis.io._obj import obj_order, obj_splits, require_obj_elements, straighten_obj
-from warpvis.io._obj_materials import ObjMaterials
+from warpvis.io._obj import ObjMaterials, obj_order, obj_splits, require_obj_elements, straighten_obj
 from warpvis.io._ply import straighten_ply
-from warpvis.io._threemf import unit_and_names
 from warpvis.scene import Axis, FileParts, Part, keep_winding
 from warpvis.scene.appearances import choose_appearance
 from warpvis.scene.collada import unit_and_axis, without_skins
@@ -42,6 +42,17 @@ _NAMELESS = ("geometry_0", "geometry")
 _MAX_NAMED = 5
 _NEEDED = {"dae": "pycollada: pip install 'warpvis[collada]'", "3mf": "lxml and networkx: pip install lxml networkx"}
 """Packages that trimesh's readers of these formats need."""
+
+# The 3MF core specification, section 3.4: a model without a unit is in millimeters.
+_METERS = {
+    b"micron": 1e-6,
+    b"millimeter": 1e-3,
+    b"centimeter": 1e-2,
+    b"inch": 0.0254,
+    b"foot": 0.3048,
+    b"meter": 1.0,
+}
+_NAME = re.compile(rb"""\b(?:partnumber|name)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 
 
 def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
@@ -351,3 +362,23 @@ def _unique(names: Sequence[str]) -> list[str]:
         assigned.add(free)
         unique.append(free)
     return unique
+
+
+def unit_and_names(files: dict[str, bytes]) -> tuple[float, list[str]]:
+    """Read the unit of a 3MF file [m], and the names of its parts, in order.
+
+    Args:
+        files: The files in the 3MF archive.
+    """
+    models = [files[name] for name in sorted(files) if name.lower().endswith(".model")]
+    found: dict[str, None] = {}
+    unit = b"millimeter"
+    for model in models:
+        root = re.search(rb"<(?:\w+:)?model\b[^>]*", model)
+        match = re.search(rb"""\sunit\s*=\s*["']([^"']*)["']""", root[0]) if root else None
+        unit = match[1] if match else unit
+        found |= {html.unescape((a or b).decode(errors="replace")): None for a, b in _NAME.findall(model)}
+    if unit not in _METERS:
+        known = ", ".join(name.decode() for name in _METERS)
+        raise ValueError(f"the unit must be one of {known}, got {unit.decode(errors='replace')!r}")
+    return _METERS[unit], list(found)

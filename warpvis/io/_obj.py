@@ -1,16 +1,26 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Workarounds for trimesh's OBJ reader, applied to the text before it is parsed.
+"""Workarounds for trimesh's OBJ reader, applied to the text before it is parsed; and the materials of its faces.
 
 The reader requires one space after a keyword at the beginning of a line, resolves relative indices from the end of the
-file instead of from their line, truncates all vertices to the shortest one, and returns objects in reverse order.
+file instead of from their line, truncates all vertices to the shortest one, and returns objects in reverse order. It
+assigns one material per object, or splits objects by material; texture coordinates come from it.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from pathlib import Path
 
-from warpvis.core.checks import pluralize
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.checks import pluralize, truncate
+from warpvis.core.user_warnings import warn_user
+from warpvis.io._gltf_materials import Locate
+from warpvis.scene.appearances import LazyAppearance
+from warpvis.scene.materials import Appearance, Material, Texture, Wrap
 
 # All patterns start with the preceding newline, which is found fast, and never backtrack: files have millions of lines.
 _INDENTED = re.compile(rb"\n *+(v|vn|vt|f|o|g|s|usemtl|mtllib) ++")
@@ -21,6 +31,19 @@ _SHORT_VERTEX, _SHORT_FACE = (
 _ZERO = re.compile(rb"\nf (?:[^\n#]* )?0++(?=[ /\n#])")
 _ELEMENT = re.compile(rb"\n([vf]) ++([^\n#]*)")
 _PART = {"object": re.compile(rb"\no ++([^\n]*)"), "group": re.compile(rb"\ng ++([^\n]*)")}
+
+_DIRECTIVE = {
+    "object": re.compile(rb"\n(usemtl|o) ++([^\n]*)"),
+    "group": re.compile(rb"\n(usemtl|g) ++([^\n]*)"),
+}
+_LIBRARY = re.compile(rb"\nmtllib ++([^\n]*)")
+_FACE = re.compile(rb"\nf ([^\n]*)")
+
+# Options of maps, and the maximum number of values of each; fewer numbers may precede the file name.
+_OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
+_WORD = ("-clamp", "-blendu", "-blendv", "-cc", "-bm", "-boost", "-texres", "-imfchan", "-type")
+_WHITE = np.array([1.0, 1.0, 1.0])
+_ONCE = (1.0, 1.0)
 
 
 def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
@@ -123,3 +146,194 @@ def _corner(corner: bytes, counts: dict[bytes, int]) -> bytes:
             index = b"%d" % absolute
         parts.append(index)
     return b"/".join(parts)
+
+
+class ObjMaterials:
+    """The materials of an OBJ file, and those of its faces."""
+
+    def __init__(self, name: str, text: bytes, locate: Locate) -> None:
+        """Read the MTL files, and collect the runs of faces with the same object and material.
+
+        Args:
+            name: Name of the file, for messages.
+            text: Result of `straighten_obj`.
+            locate: Finds MTL files and images.
+        """
+        self._name, self._locate = name, locate
+        self._statements: dict[str, dict[str, str]] = {}
+        self._known: dict[str, Material] = {}
+        self._missing: list[str] = []
+        self._runs: dict[str, list[tuple[str, int, bytes]]] = {}
+        if b"\nusemtl " not in text:
+            return
+        for match in _LIBRARY.finditer(text):
+            self._read_library(_decoded(match[1]), locate)
+        self._collect_runs(text)
+
+    def appearance(self, mesh: str, base_appearance: LazyAppearance | None, faces: int) -> LazyAppearance | None:
+        """Return the deferred appearance of an object.
+
+        Args:
+            mesh: Its name in the file; empty for faces before any name.
+            base_appearance: Texture coordinates and vertex colors, as read by trimesh.
+            faces: Its number of triangles.
+        """
+        runs = self._runs.pop(mesh, None)  # used once; frees the text of the file
+        if not runs:
+            return base_appearance
+        names = list(dict.fromkeys(run[0] for run in runs))
+        rows = self._rows(runs, names, faces) if len(names) > 1 else None
+        unknown = [name for name in names if name and name not in self._statements]
+        missed = f" ({', '.join(self._missing)}: no such file)" if self._missing else ""
+        file_name = self._name
+
+        def make() -> Appearance:
+            base = None if base_appearance is None else base_appearance.get()
+            if unknown:
+                listed = ", ".join(map(repr, map(truncate, unknown[:5])))
+                warn_user(f"{file_name}: no MTL file defines the material {listed}{missed}; using white", UserWarning)
+            if len(names) > 1 and rows is None:
+                warn_user(
+                    f"{file_name}: using one material for {mesh!r}, since its faces differ from those of the file",
+                    UserWarning,
+                )
+            uv, colors = (None, None) if base is None else (base.uv, base.vertex_colors)
+            return Appearance(tuple(map(self._material, names)), rows, uv, colors)
+
+        return LazyAppearance(make)
+
+    def _read_library(self, words: str, locate: Locate) -> None:
+        """Read the MTL files of a line: one file whose name may contain spaces, or else several."""
+        found = locate(words)
+        names = [words] if found is not None else words.split()
+        for name in names:
+            found = locate(name)
+            try:
+                file = found.read_bytes() if isinstance(found, Path) else found
+            except OSError:
+                file = None
+            if file is None:
+                self._missing.append(name)
+                continue
+            for statements in read_mtl(file):
+                self._statements.setdefault(statements["name"], statements)
+
+    def _material(self, name: str) -> Material:
+        """Return a material, created on first use."""
+        if name not in self._known:
+            self._known[name] = mtl_material(self._statements.get(name, {"name": name}), self._locate)
+        return self._known[name]
+
+    def _collect_runs(self, text: bytes) -> None:
+        """Split the text where the object or the material changes."""
+        kind = "object" if obj_splits(text)["split_objects"] else "group"
+        mesh, material, start = "", "", 0
+        places = [
+            (match.start(), match[1], _decoded(match[2]), match.end()) for match in _DIRECTIVE[kind].finditer(text)
+        ]
+        for place, keyword, value, end in [*places, (len(text), b"", "", len(text))]:
+            count = text.count(b"\nf ", start, place)
+            if count:
+                # Keep the text: the number of triangles per face is computed later, if needed.
+                self._runs.setdefault(mesh, []).append((material, count, text[start:place]))
+            start = end
+            if keyword == b"usemtl":
+                material = value
+            elif keyword:
+                mesh = value
+
+    def _rows(self, runs: list[tuple[str, int, bytes]], names: list[str], faces: int) -> NDArray[np.int32] | None:
+        """Return each triangle's material index; None if their number differs from that of trimesh's triangles."""
+        numbers = np.array([names.index(run[0]) for run in runs], dtype=np.int32)
+        counts = np.array([run[1] for run in runs])
+        if counts.sum() == faces:
+            return np.repeat(numbers, counts)
+        lines = [match[1] for run in runs for match in _FACE.finditer(run[2])]
+        polygons, corners = np.repeat(numbers, counts), [len(line.split()) for line in lines]
+        if len(corners) != len(polygons):
+            return None
+        alike = len({len(line.replace(b"/", b" ").split()) for line in lines}) == 1
+        if alike and set(corners) == {4}:  # trimesh puts the second halves of all quads after the first halves
+            rows = np.concatenate([polygons, polygons])
+        else:
+            rows = np.repeat(polygons, np.array(corners) - 2)
+        return rows if len(rows) == faces else None
+
+
+def read_mtl(file: bytes) -> list[dict[str, str]]:
+    """Return the statements of each material of an MTL file, by keyword; names are in ``name``."""
+    found: list[dict[str, str]] = []
+    for line in file.replace(b"\r", b"\n").replace(b"\\\n", b" ").split(b"\n"):
+        words = _decoded(line.partition(b"#")[0]).split(None, 1)
+        if not words:
+            continue
+        keyword, content = words[0].lower(), words[1] if len(words) > 1 else ""
+        if keyword == "newmtl":
+            found.append({"name": content.strip()})
+        elif found:
+            found[-1].setdefault(keyword, content.strip())
+    return found
+
+
+def mtl_material(statements: dict[str, str], locate: Locate) -> Material:
+    """Create a material from the statements of an MTL file; invalid numbers are replaced by defaults."""
+    texture, repeat = _texture(statements["map_kd"], locate) if statements.get("map_kd") else (None, _ONCE)
+    color = _numbers(statements.get("kd", ""), 3)
+    opacity = _numbers(statements.get("d", "").replace("-halo", ""), 1)
+    if opacity is None and "tr" in statements:
+        transparency = _numbers(statements["tr"], 1)
+        opacity = None if transparency is None else 1 - transparency
+    alpha = 1.0 if opacity is None else float(opacity[0])
+    specular, emission = _numbers(statements.get("ks", ""), 3), _numbers(statements.get("ke", ""), 3)
+    shininess = _numbers(statements.get("ns", ""), 1)
+    metallic, roughness = _numbers(statements.get("pm", ""), 1), _numbers(statements.get("pr", ""), 1)
+    blends = alpha < 1 or "map_d" in statements
+    return Material(
+        statements["name"],
+        (*np.clip(_WHITE if color is None else color, 0, 1).tolist(), min(max(alpha, 0.0), 1.0)),
+        texture=texture,
+        texture_repeat=repeat,
+        alpha_mode="blend" if blends else "opaque",
+        metallic=0.0 if metallic is None else float(np.clip(metallic[0], 0, 1)),
+        roughness=1.0 if roughness is None else float(np.clip(roughness[0], 0, 1)),
+        specular=(0.0, 0.0, 0.0) if specular is None else tuple(np.clip(specular, 0, 1).tolist()),
+        shininess=0.0 if shininess is None else max(0.0, float(shininess[0])),
+        emission=(0.0, 0.0, 0.0) if emission is None else tuple(np.maximum(emission, 0).tolist()),
+    )
+
+
+def _texture(words: str, locate: Locate) -> tuple[Texture, tuple[float, float]]:
+    """Parse a map statement, options and a file name that may contain spaces; return the texture and its repetition."""
+    remaining, clamp, repeat = words.split(), False, _ONCE
+    while len(remaining) > 1 and remaining[0].startswith("-"):
+        option = remaining.pop(0).lower()
+        if option in _OPTIONS:
+            numbers: list[float] = []
+            while len(numbers) < _OPTIONS[option] and len(remaining) > 1 and _numbers(remaining[0], 1) is not None:
+                numbers.append(float(remaining.pop(0)))
+            if option == "-s" and numbers and min(numbers[:2]) >= 0:  # missing values are 1
+                repeat = (numbers[0], numbers[1] if len(numbers) > 1 else 1.0)
+        elif option in _WORD and len(remaining) > 1:
+            clamp |= option == "-clamp" and remaining[0].lower() == "on"
+            remaining.pop(0)
+    name = " ".join(remaining)
+    found = locate(name)
+    wrap: Wrap = "clamp" if clamp else "repeat"
+    label = str(found) if isinstance(found, Path) else name
+    return Texture(b"" if found is None else found, label, wrap, wrap), repeat
+
+
+def _numbers(text: str, count: int) -> NDArray[np.float64] | None:
+    """Return the first `count` finite numbers of a text; None if there are fewer. One of three is repeated."""
+    words: Sequence[str] = text.split()[:count]
+    try:
+        numbers = np.array([float(word) for word in words])
+    except ValueError:
+        return None
+    if count == 3 and len(numbers) == 1:
+        numbers = np.repeat(numbers, 3)
+    return numbers if len(numbers) == count and np.isfinite(numbers).all() else None
+
+
+def _decoded(text: bytes) -> str:
+    return text.strip().decode("utf-8", errors="replace")

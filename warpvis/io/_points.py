@@ -1,24 +1,35 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points from files: text of lines ``x y z``, NumPy ``.npy``, and ``.ply``."""
+"""Reader of points, and writers of lidar clouds.
+
+Points are text, NumPy ``.npy`` or ``.ply``; clouds are KITTI's ``.bin``, ``.pcd``, ``.las`` or ``.npy``.
+"""
 
 from __future__ import annotations
 
 import io
 import math
 import os
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path, describe_exception, truncate
+from warpvis.core.checks import as_items, as_path, check_choice, check_text, check_whole, describe_exception, truncate
 from warpvis.core.file_content import require_content
-from warpvis.errors import FileFormatError
+from warpvis.errors import ArrayError, FileFormatError
+from warpvis.io._cloud_messages import check_cloud
 from warpvis.io._files import read_array, read_lines
 from warpvis.io._ply import straighten_ply
 
 _LINE = "x y z"
+
+# TYPE of a PCD field by the kind of a NumPy dtype.
+_PCD_KINDS = {"f": "F", "i": "I", "u": "U"}
+
+# Resolution of LAS coordinates.
+_LAS_SCALE = 0.0001  # m
 
 
 def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
@@ -92,3 +103,142 @@ def _read_ply(path: Path) -> NDArray[np.float64]:
         return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh's readers may raise any exception
         raise FileFormatError(f"{path}: cannot be read as PLY: {describe_exception(error)}") from None
+
+
+def save_cloud(path: str | os.PathLike[str], cloud: NDArray[np.void]) -> None:
+    """Write a point cloud, in the format given by the file name's suffix.
+
+    Args:
+        path: ``.bin``, KITTI's: x, y, z and intensity, float32; ``.pcd``, the Point Cloud Library's, binary, all
+            fields; ``.las``, with `laspy` (``pip install 'warpvis[lidar]'``): coordinates of 0.1 mm, intensity from 0
+            to 1 as 0 to 65535, time as ``gps_time``, and other fields as extra dimensions; ``.npy``, NumPy's, all
+            fields.
+        cloud: Points with named fields, as returned by `warpvis.sensors.point_clouds`. Points that are NaN are left out
+            of all formats except ``.pcd`` and ``.npy``, which keep rows and columns.
+
+    Raises:
+        ArrayError: If `cloud` is not a cloud.
+        FileFormatError: If the format is unknown, or the file cannot be written.
+    """
+    path = as_path(path)
+    write = _writer(path.suffix.lower(), "path")
+    cloud = check_cloud(cloud)
+    try:
+        write(path, cloud)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def save_clouds(
+    folder: str | os.PathLike[str], clouds: Iterable[NDArray[np.void]], suffix: str = ".bin", *, first: int = 0
+) -> list[Path]:
+    """Write point clouds as numbered files, ``000000.bin``, ``000001.bin`` and so on, as in KITTI.
+
+    Args:
+        folder: Output folder, which is created if it does not exist.
+        clouds: Point clouds, as for `save_cloud`.
+        suffix: The format, ``".bin"``, ``".pcd"``, ``".las"`` or ``".npy"``.
+        first: Number of the first file.
+
+    Returns:
+        Paths of the files.
+
+    Raises:
+        ArrayError: If one is not a cloud.
+        FileFormatError: If the format is unknown, or a file cannot be written.
+    """
+    folder = as_path(folder, "folder")
+    _writer(check_text(suffix, "suffix", FileFormatError), "suffix")
+    number = check_whole(first, "first", minimum=0)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileFormatError(f"{folder}: cannot be created: {error.strerror}") from None
+    written: list[Path] = []
+    for cloud in clouds if isinstance(clouds, Iterator) else as_items(clouds, "clouds"):
+        written.append(folder / f"{number + len(written):06d}{suffix}")
+        save_cloud(written[-1], cloud)
+    return written
+
+
+def _writer(suffix: str, name: str) -> Callable[[Path, NDArray[np.void]], None]:
+    writers = {".bin": _write_kitti, ".pcd": _write_pcd, ".las": _write_las, ".npy": _write_npy}
+    return writers[check_choice(suffix, f"the ending of {name}" if name == "path" else name, writers, FileFormatError)]
+
+
+def _finite(cloud: NDArray[np.void]) -> NDArray[np.void]:
+    flat = cloud.reshape(-1)
+    return flat[np.isfinite(flat["x"])]
+
+
+def _write_kitti(path: Path, cloud: NDArray[np.void]) -> None:
+    points = _finite(cloud)
+    columns = [points[name] for name in "xyz"]
+    columns.append(points["intensity"] if "intensity" in (cloud.dtype.names or ()) else np.zeros(len(points)))
+    path.write_bytes(np.stack(columns, axis=-1).astype("<f4").tobytes())
+
+
+def _write_npy(path: Path, cloud: NDArray[np.void]) -> None:
+    with path.open("wb") as file:
+        np.save(file, cloud)
+
+
+def _write_pcd(path: Path, cloud: NDArray[np.void]) -> None:
+    """Write PCD 0.7, binary (pointclouds.org, "The PCD (Point Cloud Data) file format")."""
+    names = cloud.dtype.names or ()
+    kinds = [cloud.dtype[name].newbyteorder("<") for name in names]
+    packed = np.empty(cloud.size, dtype=list(zip(names, kinds, strict=True)))
+    for name in names:
+        packed[name] = cloud[name].reshape(-1)
+    rows, columns = cloud.shape if cloud.ndim == 2 else (1, cloud.size)
+    header = (
+        "# .PCD v0.7 - Point Cloud Data file format\n"
+        "VERSION 0.7\n"
+        f"FIELDS {' '.join(names)}\n"
+        f"SIZE {' '.join(str(kind.itemsize) for kind in kinds)}\n"
+        f"TYPE {' '.join(_PCD_KINDS[kind.kind] for kind in kinds)}\n"
+        f"COUNT {' '.join('1' for _ in names)}\n"
+        f"WIDTH {columns}\nHEIGHT {rows}\n"
+        "VIEWPOINT 0 0 0 1 0 0 0\n"
+        f"POINTS {cloud.size}\nDATA binary\n"
+    )
+    path.write_bytes(header.encode("ascii") + packed.tobytes())
+
+
+def _write_las(path: Path, cloud: NDArray[np.void]) -> None:
+    """Write LAS 1.4, point format 6, with laspy, an optional dependency."""
+    try:
+        import laspy
+    except ImportError:
+        raise FileFormatError(
+            f"{path}: LAS is written with laspy, which is missing: pip install 'warpvis[lidar]'"
+        ) from None
+    points = _finite(cloud)
+    names = cloud.dtype.names or ()
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = np.full(3, _LAS_SCALE)
+    extra = [name for name in names if name not in ("x", "y", "z", "intensity", "time")]
+    for name in extra:
+        header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=cloud.dtype[name].newbyteorder("<")))
+    las = laspy.LasData(header)
+    try:
+        las.x, las.y, las.z = (points[name].astype(np.float64) for name in "xyz")
+        if "intensity" in names:
+            las.intensity = _las_intensity(points["intensity"], path)
+        if "time" in names:
+            las.gps_time = points["time"].astype(np.float64)
+        for name in extra:
+            las[name] = points[name]
+        las.write(path)
+    except ArrayError:
+        raise
+    except (ValueError, OverflowError) as error:
+        raise ArrayError(f"{path}: LAS does not hold this cloud: {describe_exception(error)}") from None
+
+
+def _las_intensity(intensity: NDArray[np.float32], path: Path) -> NDArray[np.uint16]:
+    if intensity.size and not 0.0 <= intensity.min() <= intensity.max() <= 1.0:
+        raise ArrayError(
+            f"{path}: intensity must be from 0 to 1 for LAS, got {intensity.min():g} to {intensity.max():g}"
+        )
+    return np.rint(intensity * np.float32(65535.0)).astype(np.uint16)

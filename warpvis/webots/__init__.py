@@ -6,10 +6,9 @@ from __future__ import annotations
 
 from warpvis.webots._controller import DepthEye
 from warpvis.webots._devices import Device, Lens
-from warpvis.webots._lidar_images import find_lidar, render_lidar
 from warpvis.webots._lidars import Lidar
 from warpvis.webots._nodes import Node, Version
-from warpvis.webots._range_images import find_device, render_range
+from warpvis.webots._range_images import find_device, find_lidar, render_lidar, render_range
 from warpvis.webots._ranges import add_noise, distort_pixels, quantize, range_values
 from warpvis.webots._recognition import Recognized, recognize, segmentation_image
 from warpvis.webots._world import WebotsWorld, load_webots, read_world as read_world

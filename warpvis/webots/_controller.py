@@ -18,9 +18,8 @@ from warpvis.core.poses import QuaternionOrder, poses_to_matrices, poses_to_open
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, PoseError
 from warpvis.maps import FloorMap, Sphere, back_project, classify, floor_map
-from warpvis.webots._nodes import Version
+from warpvis.webots._nodes import Version, rotation_matrix
 from warpvis.webots._ranges import UNBIASED, as_version
-from warpvis.webots._transforms import rotation_matrix
 
 _NO_IMAGE = "the range finder has no image: enable() it and step the simulation first"
 

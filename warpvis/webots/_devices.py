@@ -17,7 +17,7 @@ from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import poses_to_opencv
 from warpvis.errors import SceneError
 from warpvis.webots._nodes import Node, Version
-from warpvis.webots.shapes._resets import correction
+from warpvis.webots.shapes._geometry import correction
 
 Kind = Literal["range-finder", "camera", "kinect"]
 Projection = Literal["planar", "cylindrical", "spherical"]

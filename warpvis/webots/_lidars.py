@@ -21,7 +21,7 @@ from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
 from warpvis.webots._devices import origin_note, read_field_of_view, read_ranges
 from warpvis.webots._nodes import Node, Version
-from warpvis.webots.shapes._resets import correction
+from warpvis.webots.shapes._geometry import correction
 
 # From this release on, images of rotating lidars begin behind them, and points of fixed lidars use the correct azimuths
 # of their columns (Webots' pull requests 6324 and 6417).

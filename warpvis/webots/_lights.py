@@ -19,8 +19,7 @@ from warpvis.errors import WarpvisError
 from warpvis.scene.colors import linear_color
 from warpvis.scene.lights import Background, Light, LightKind
 from warpvis.scene.materials import Texture
-from warpvis.webots._nodes import Node
-from warpvis.webots._transforms import Transform
+from warpvis.webots._nodes import Node, Transform
 
 LIGHTS: dict[str, LightKind] = {"DirectionalLight": "directional", "PointLight": "point", "SpotLight": "spot"}
 

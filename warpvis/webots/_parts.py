@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of a Webots world's Solids to scene objects with triangles, names and labels."""
+"""Node types, and the conversion of a Webots world's Solids to scene objects with triangles, names and labels."""
 
 from __future__ import annotations
 
 import fnmatch
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from warpvis.core.checks import pluralize, truncate as truncate_text
 from warpvis.core.labels import Label
 from warpvis.scene import Part
-from warpvis.webots._extents import Extent
+from warpvis.webots._detection import Extent
 from warpvis.webots._grammar import World
 from warpvis.webots._materials import Find, Surface, join_appearances
-from warpvis.webots._nodes import Node, Version
-from warpvis.webots._transforms import Transform
+from warpvis.webots._nodes import Node, Transform, Value, Version, new_node
+from warpvis.webots.shapes._geometry import GEOMETRIES, correction
 from warpvis.webots.shapes._polygons import Triangles, join
-from warpvis.webots.shapes._resets import correction
 
 GROUND_HEIGHT = 0.1
 """Maximum absolute height of a level surface that is labeled as ground [m]."""
@@ -34,6 +33,36 @@ _NEGATIVE_SCALES = Version(2022, 2)
 
 ROBOTS = {"Robot", "Supervisor", "DifferentialWheels", "CustomRobot"}
 HUMANS = ("*human*", "*person*", "*pedestrian*")
+
+DEVICES = {
+    *("Accelerometer", "Altimeter", "Camera", "Compass", "Connector", "Display", "DistanceSensor", "Emitter", "GPS"),
+    *("Gyro", "InertialUnit", "LED", "Lidar", "LightSensor", "Microphone", "Pen", "Radar", "Radio", "RangeFinder"),
+    *("Receiver", "Speaker", "TouchSensor", "VacuumGripper"),
+}
+SOLIDS = {"Solid", "Charger", "Servo", "Track", *ROBOTS, *DEVICES}
+TRANSFORMS = {"Transform", "Pose", "TrackWheel", "Fluid", *SOLIDS}
+# Fields that contain a node's parts. A joint's end point is saved at the joint's current position.
+PARTS = {
+    "Group": ("children",),
+    "Lidar": ("children", "rotatingHead"),
+    "Propeller": ("slowHelix",),  # the part that is visible at rest
+    **dict.fromkeys(("HingeJoint", "SliderJoint", "Hinge2Joint", "BallJoint", "Slot"), ("endPoint",)),
+}
+# Webots' joint PROTOs with backlash (projects/joints/protos): start points between joint and end point, each with the
+# field of its backlash. Without backlash there is no start point; Webots replaces a negative one by the default.
+JOINTS = {
+    "HingeJointWithBacklash": (("startPoint", "backlash"),),
+    "Hinge2JointWithBacklash": (("startPoint", "backlash"), ("startPoint2", "backlash2")),
+}
+_DEFAULT_BACKLASH = 0.01  # [rad]
+# Not visible to range finders; the last two types are PROTOs.
+UNSEEN = {
+    *("WorldInfo", "Viewpoint", "Background", "Fog", "DirectionalLight", "PointLight", "SpotLight", "Billboard"),
+    *("SolidReference", "Muscle", "ContactProperties", "TexturedBackground", "TexturedBackgroundLight"),
+}
+LINES = {"IndexedLineSet", "PointSet"}  # geometry without triangles
+MAX_LOOKED_AT = 10_000
+"""Maximum number of nodes of an instance that are searched for missing parts."""
 
 
 def corrected_scale(node: Node) -> tuple[NDArray[np.float64], str]:
@@ -226,3 +255,67 @@ def truncate(sentences: Iterable[str]) -> list[str]:
     unique = list(dict.fromkeys(sentences))
     more = len(unique) - _MAX_SENTENCES
     return unique if more <= 0 else [*unique[:_MAX_SENTENCES], f"and {more} more"]
+
+
+def parts_of(node: Node) -> list[Node]:
+    """List the child nodes that are drawn with a node."""
+    return [part for name in PARTS.get(node.type, ("children",)) for part in node.nodes(name)]
+
+
+def expand_joint(node: Node) -> Node | None:
+    """Build a Group of the visible parts of an instance of `JOINTS`, at rest; return None for other types."""
+    if node.type not in JOINTS:
+        return None
+    pairs = [(node.nodes(points), node.number(play, _DEFAULT_BACKLASH)) for points, play in JOINTS[node.type]]
+    parts: list[float | str | bool | Node] = [part for points, play in pairs if play != 0 for part in points]
+    fields: dict[str, Value] = {"children": [*parts, *node.nodes("endPoint")]}
+    return new_node(node, "Group", fields, node.name)
+
+
+def missing_parts(
+    body: Node, expand: Callable[[Node], Node | None], find_mesh: Callable[[str, Node], Path | None]
+) -> tuple[list[str], int, bool]:
+    """Find PROTOs and meshes that an instance of a PROTO shows and whose files are missing.
+
+    Args:
+        body: The expanded instance.
+        expand: Expands an instance of a PROTO; returns None for one without a file.
+        find_mesh: Finds the file of a node's URL.
+
+    Returns:
+        The missing PROTOs and meshes; the number of other shapes; and whether there are cameras, range finders or
+        lidars.
+    """
+    missing: list[str] = []
+    shapes, eyes, seen, nodes = 0, False, {id(body)}, [body]
+    while nodes and len(seen) <= MAX_LOOKED_AT:
+        node = nodes.pop()
+        inside: list[Node] = []
+        eyes = eyes or node.type in ("Camera", "RangeFinder", "Lidar")
+        if node.type in ("Shape", "CadShape"):
+            geometry = node if node.type == "CadShape" else node.node("geometry")
+            if geometry is None or geometry.type in LINES:
+                continue
+            lacks = _lacking(geometry, expand, find_mesh)
+            missing += [lacks] if lacks else []
+            shapes += not lacks
+        elif node.type in TRANSFORMS or node.type in PARTS:
+            inside = parts_of(node)
+        elif node.type not in UNSEEN:
+            expanded = expand(node)
+            missing += [node.type] if expanded is None else []
+            inside = [] if expanded is None else [expanded]
+        nodes += [part for part in inside if id(part) not in seen]
+        seen.update(map(id, inside))
+    return missing, shapes, eyes
+
+
+def _lacking(
+    geometry: Node, expand: Callable[[Node], Node | None], find_mesh: Callable[[str, Node], Path | None]
+) -> str:
+    """Describe the missing PROTO or mesh of a geometry node; return an empty text if none is missing."""
+    if geometry.type not in GEOMETRIES:
+        found = expand(geometry)
+        return geometry.type if found is None else ""
+    urls = geometry.texts("url") if geometry.type in ("Mesh", "CadShape") else []
+    return f"{geometry.type} {urls[0]}" if urls and urls[0] and find_mesh(urls[0], geometry) is None else ""

@@ -21,13 +21,12 @@ from warpvis.errors import SceneError
 from warpvis.rendering import Renderer, render
 from warpvis.scene import Scene
 from warpvis.visibility import object_visibility
-from warpvis.webots._detection import Box, Frustum, is_hidden
+from warpvis.webots._detection import Bounds, Box, Extent, Frustum, is_hidden, triangles_of
 from warpvis.webots._devices import Device
-from warpvis.webots._extents import Bounds, Extent, triangles_of
 from warpvis.webots._nodes import Node
 from warpvis.webots._range_images import find_device
+from warpvis.webots.shapes._geometry import correction
 from warpvis.webots.shapes._polygons import join
-from warpvis.webots.shapes._resets import correction
 
 if TYPE_CHECKING:
     from warpvis.webots._world import WebotsWorld

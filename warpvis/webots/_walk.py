@@ -20,43 +20,38 @@ from warpvis.core.checks import pluralize
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.scene.lights import Background, Light
-from warpvis.webots._depth_cameras import DEPTH_CAMERAS, expand_depth_camera
+from warpvis.webots._detection import Extent, ball_about, bounding_geometry
 from warpvis.webots._devices import Device, read_device
-from warpvis.webots._extents import Extent, ball_about, bounding_geometry
 from warpvis.webots._grammar import World
-from warpvis.webots._kinds import (
-    JOINTS,
-    LINES,
-    PARTS,
-    SOLIDS,
-    TRANSFORMS,
-    UNSEEN,
-    expand_joint,
-    missing_parts,
-    parts_of,
-)
 from warpvis.webots._lidars import Lidar, read_lidar
 from warpvis.webots._lights import LIGHTS, read_background, read_lights
 from warpvis.webots._materials import Surface, shape_appearance
-from warpvis.webots._nodes import Node, Value
+from warpvis.webots._nodes import Node, Transform, Value
 from warpvis.webots._parts import (
     HUMANS,
+    JOINTS,
+    LINES,
+    PARTS,
     ROBOTS,
+    SOLIDS,
+    TRANSFORMS,
+    UNSEEN,
     Names,
     Solid,
     Step,
     corrected_scale,
+    expand_joint,
     is_level,
+    missing_parts,
+    parts_of,
     vertical_axis,
 )
-from warpvis.webots._transforms import Transform
 from warpvis.webots.protos._builtin import BUILTIN, expand
 from warpvis.webots.protos._expansion import Protos
 from warpvis.webots.protos._known import KNOWN
-from warpvis.webots.protos._standins import stand_in, stand_in_geometry
-from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, tessellate
+from warpvis.webots.protos._standins import DEPTH_CAMERAS, expand_depth_camera, stand_in, stand_in_geometry
+from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, reset_fields, tessellate
 from warpvis.webots.shapes._polygons import Triangles
-from warpvis.webots.shapes._resets import reset_fields
 
 MAX_VISITED = 1_000_000
 """Maximum number of visited nodes of a world, each USE counted as a copy."""

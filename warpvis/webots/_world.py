@@ -15,8 +15,8 @@ from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scene import FileParts, Scene
+from warpvis.webots._detection import Bounds
 from warpvis.webots._devices import Device
-from warpvis.webots._extents import Bounds
 from warpvis.webots._grammar import parse_world
 from warpvis.webots._lidars import Lidar
 from warpvis.webots._nodes import Node, Version

@@ -18,12 +18,9 @@ from warpvis.core.json_files import read_json
 from warpvis.core.poses import Convention, QuaternionOrder, check_convention, check_quaternion
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_archive, read_array
-from warpvis.io.poses._bop import parse_bop
-from warpvis.io.poses._colmap import FILES as COLMAP_FILES, read_colmap
+from warpvis.io.poses._datasets import FILES as COLMAP_FILES, parse_bop, parse_nerfstudio, read_colmap
 from warpvis.io.poses._file_poses import FilePoses
-from warpvis.io.poses._nerfstudio import parse_nerfstudio
-from warpvis.io.poses._tables import read_csv, read_parquet
-from warpvis.io.poses._tum import read_poses
+from warpvis.io.poses._tables import read_csv, read_parquet, read_poses
 
 # Pose files in a folder, one format per line; the first existing one of a line is read.
 _IN_FOLDERS = (

@@ -17,7 +17,7 @@ from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
-from warpvis.io._mcap import check_mcap
+from warpvis.io._archives import check_mcap
 from warpvis.io.cameras._pinhole import one_camera
 from warpvis.io.poses._file_poses import FilePoses
 
