@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Appearances of the geoms and sites of a MuJoCo model: colors, materials and textures."""
+"""Appearances of the geoms and sites of a MuJoCo model: colors, materials, textures, and normals for shading."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.mujoco._normals import corner_normals, has_normals, round_normals, stored_normals
-from warpvis.mujoco._shapes import shape_data, shape_value
+from warpvis.mujoco._model_fields import MATERIAL_FIELDS
+from warpvis.mujoco._shapes import DEFAULT_COLOR, shape_data, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
 from warpvis.scene.appearances import LazyAppearance
@@ -26,22 +26,16 @@ Color = tuple[float, float, float, float]
 Stored = tuple[NDArray[np.float32], NDArray[np.int32]]
 Normals = Callable[[], NDArray[np.float32]]
 
-_DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
-"""A geom that has a material and this color takes the material's color (`setMaterial` in engine_vis_visualize.c)."""
-
 _SHININESS = 128.0
 """The exponent of a material whose shininess is 1 (`renderGeom` in render_gl3.c)."""
 
-_MATERIAL_FIELDS = (
-    *("mat_rgba", "mat_texid", "mat_texrepeat", "mat_texuniform"),
-    *("mat_emission", "mat_specular", "mat_shininess", "mat_metallic", "mat_roughness"),
-)
-
 _FIRST_ROLE = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_2D) + 1
-_BOX = mujoco.mjtGeom.mjGEOM_BOX
 _SRGB = int(mujoco.mjtColorSpace.mjCOLORSPACE_SRGB)
-_MESHES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
+_GEOM = mujoco.mjtGeom
+_MESHES = (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF)
+# Shapes with smooth normals that differ from those of their triangles.
+_SMOOTH = (*_MESHES, _GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER)
 
 
 class GeomAppearances:
@@ -50,35 +44,28 @@ class GeomAppearances:
     def __init__(self, model: mujoco.MjModel) -> None:
         """Copy the model's materials: later appearances use their current values. Images of textures are read later."""
         self._model = model
-        self._materials = SimpleNamespace(**{name: np.array(getattr(model, name)) for name in _MATERIAL_FIELDS})
+        self._materials = SimpleNamespace(**{name: np.array(getattr(model, name)) for name in MATERIAL_FIELDS})
         self._known: dict[tuple[Any, ...], LazyAppearance] = {}
         self._texture = cache(partial(_texture, model))
-        self._stored = cache(partial(stored_normals, model))
+        self._stored = cache(partial(_stored_normals, model))
 
     def of(self, geom: int, shape: Mesh | Solid) -> LazyAppearance:
-        """Return the appearance of a geom or site with its current color, material and size.
-
-        Args:
-            geom: The geom or site.
-            shape: Its triangles, onto which textures are mapped.
-        """
+        """Return the appearance of a geom or site with its current color, material, size and triangles."""
         model = self._model
         rgba, material = tuple(shape_value(model, "rgba", geom).tolist()), int(shape_value(model, "matid", geom))
         kind, size = int(shape_value(model, "type", geom)), shape_value(model, "size", geom).copy()
         laid = _Laid(kind, shape_data(model, geom), size, shape)
-        if material < 0 and not has_normals(kind):  # an appearance of a single color must not keep the model alive
+        if material < 0 and kind not in _SMOOTH:  # an appearance of a single color must not keep the model alive
             return self._cached((rgba,), partial(_of_one_color, rgba, None))
         if material < 0:
             return self._cached((rgba, laid.key()), partial(_of_one_color, rgba, self._normals(laid)))
-        if _texture_number(self._materials, material) < 0 and not has_normals(kind):
+        if _texture_number(self._materials, material) < 0 and kind not in _SMOOTH:
             return self._cached((rgba, material), partial(self._make, rgba, material, None))
         return self._cached((rgba, material, laid.key()), partial(self._make, rgba, material, laid))
 
     def _normals(self, laid: _Laid) -> Normals:
         """Return a function that computes a shape's normals without a reference to the model."""
-        if laid.kind in _MESHES:
-            return partial(_normals_of, laid, self._stored(laid.data))
-        return partial(_normals_of, laid, None)
+        return partial(_normals_of, laid, self._stored(laid.data) if laid.kind in _MESHES else None)
 
     def _cached(self, key: tuple[Any, ...], make: Callable[[], Appearance]) -> LazyAppearance:
         if key not in self._known:
@@ -87,11 +74,11 @@ class GeomAppearances:
 
     def _make(self, rgba: Color, material: int, laid: _Laid | None) -> Appearance:
         model, values = self._model, self._materials
-        color = tuple(values.mat_rgba[material].tolist()) if rgba == _DEFAULT_COLOR else rgba
+        color = tuple(values.mat_rgba[material].tolist()) if rgba == DEFAULT_COLOR else rgba
         number = _texture_number(values, material)
         repeat, uniform = values.mat_texrepeat[material].astype(np.float64), bool(values.mat_texuniform[material])
         uv = None if laid is None or number < 0 else _coordinates(model, number, repeat, laid, uniform=uniform)
-        normals = self._normals(laid)() if laid is not None and has_normals(laid.kind) else None
+        normals = self._normals(laid)() if laid is not None and laid.kind in _SMOOTH else None
         result = Material(
             model.material(material).name,
             _unit(color),
@@ -124,9 +111,9 @@ class _Laid(NamedTuple):
 
 
 def _normals_of(laid: _Laid, stored: Stored | None) -> NDArray[np.float32]:
-    if stored is None:
-        return round_normals(laid.kind, laid.size, *laid.triangles())
-    return corner_normals(stored, *laid.triangles())
+    vertices, faces = laid.triangles()
+    corners = vertices[faces].astype(np.float64)
+    return _round_normals(laid.kind, laid.size, corners) if stored is None else _corner_normals(stored, corners)
 
 
 def _of_one_color(rgba: Color, normals: Normals | None) -> Appearance:
@@ -186,7 +173,7 @@ def _coordinates(
     vertices, faces = laid.triangles()
     if int(model.tex_type[number]) >= _CUBE:
         square = len(set(laid.size.tolist())) == 1
-        if laid.kind != _BOX or (uniform and not square):
+        if laid.kind != _GEOM.mjGEOM_BOX or (uniform and not square):
             return None
         return box_cube_uv(vertices[faces], laid.size, int(model.tex_width[number]))
     rows = _stored_coordinates(model, laid.data) if laid.kind in _MESHES else None
@@ -203,3 +190,35 @@ def _stored_coordinates(model: mujoco.MjModel, mesh: int) -> NDArray[np.float32]
     start = int(model.mesh_faceadr[mesh])
     corners = model.mesh_facetexcoord[start : start + int(model.mesh_facenum[mesh])]
     return model.mesh_texcoord[first : first + count][corners]
+
+
+def _stored_normals(model: mujoco.MjModel, mesh: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Copy a mesh's normals, shape ``(n, 3)``, and their indices at the corners of its faces, ``(m, 3)``."""
+    first, start = int(model.mesh_normaladr[mesh]), int(model.mesh_faceadr[mesh])
+    rows = model.mesh_normal[first : first + int(model.mesh_normalnum[mesh])]
+    return rows.copy(), model.mesh_facenormal[start : start + int(model.mesh_facenum[mesh])].copy()
+
+
+def _corner_normals(stored: Stored, corners: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return normals of the corners of a mesh's faces, shape ``(m, 3, 3)``; the face normal where one is 0."""
+    rows, index = stored
+    normals = rows[index].astype(np.float64)
+    none = ~(np.linalg.norm(normals, axis=-1) > 0)
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat[~(np.linalg.norm(flat, axis=-1) > 0)] = 0, 0, 1  # faces without an area, which are not visible
+    normals[none] = np.repeat(flat[:, None], 3, axis=1)[none]
+    return normals.astype(np.float32)
+
+
+def _round_normals(kind: int, size: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return normals at the triangle corners of a round shape in its frame, shape ``(m, 3, 3)``."""
+    if kind == _GEOM.mjGEOM_ELLIPSOID:
+        return (corners / size**2).astype(np.float32)
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        return (corners - [0, 0, 1] * np.clip(corners[..., 2:], -size[1], size[1])).astype(np.float32)
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        aside = corners * [1, 1, 0]
+        is_end = np.ptp(corners[..., 2], axis=1) == 0
+        aside[is_end] = np.sign(corners[is_end][..., 2:]) * [0, 0, 1]
+        return aside.astype(np.float32)
+    return corners.astype(np.float32)

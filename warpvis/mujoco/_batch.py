@@ -21,21 +21,22 @@ from warpvis.core.kernel_cache import launch
 from warpvis.core.label_rules import LabelInput
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
-from warpvis.mujoco._batch_cameras import (
+from warpvis.mujoco._batch_views import (
     NOBODY,
     BatchCamera,
+    BatchViews,
     CameraChoice,
+    batch_views,
     check_fovy,
     choose_cameras,
     viewer_arrays,
     views_by_intrinsics,
 )
-from warpvis.mujoco._batch_views import BatchViews, batch_views
 from warpvis.mujoco._batch_worlds import FixedGeoms, check_worlds
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE, check_groups
-from warpvis.mujoco._options import shown_by
+from warpvis.mujoco._model_fields import AppearanceWatch
 from warpvis.mujoco._poses import (
     Kinematics,
     PoseSource,
@@ -48,11 +49,10 @@ from warpvis.mujoco._poses import (
     viewer_transforms,
     world_count,
 )
-from warpvis.mujoco._resizable import Resizable, ResizableGeoms, resizable_geoms
 from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_geoms, warn_of_soft
 from warpvis.mujoco._shapes import shape_bodies
-from warpvis.mujoco._watch import AppearanceWatch
-from warpvis.mujoco._world_models import WorldModels
+from warpvis.mujoco._visuals import shown_by
+from warpvis.mujoco._world_models import Resizable, ResizableGeoms, WorldModels, resizable_geoms
 from warpvis.rendering import DepthSensor, Fill, NearPlane, Output, Views, check_output_names, view_numbers, views_for
 from warpvis.scene import Scene
 

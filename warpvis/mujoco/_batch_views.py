@@ -4,11 +4,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import NamedTuple, TypeAlias
 
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
-from warpvis.errors import ArrayError
+from warpvis.cameras.image_cameras import PlanarCamera
+from warpvis.core.checks import as_items
+from warpvis.errors import ArrayError, CameraError
+from warpvis.mujoco._cameras import camera_from_mujoco, camera_with_fovy, viewer_camera, viewer_pose
 from warpvis.rendering import Views
 
 
@@ -48,3 +56,98 @@ def batch_views(views: Views, cameras: int, worlds: int) -> BatchViews:
 
 def _images(views: Views) -> list[tuple[str, wp.array]]:
     return [(field.name, getattr(views, field.name)) for field in fields(Views)]
+
+
+CameraChoice: TypeAlias = int | str | mujoco.MjvCamera
+"""A camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`."""
+
+_FIXED = mujoco.mjtCamera.mjCAMERA_FIXED
+_TRACKING = mujoco.mjtCamera.mjCAMERA_TRACKING
+_ORTHOGRAPHIC = mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
+NOBODY = -1
+
+
+class BatchCamera(NamedTuple):
+    """One camera of a call: one of the model's cameras, or the pose of a viewer's camera."""
+
+    camera_id: int
+    """Id of the model's camera; -1 for a viewer's camera."""
+    body: int
+    """The body that a viewer's camera tracks; -1 if it tracks no body."""
+    pose: tuple[float, ...]
+    """``x y z qx qy qz qw`` of a viewer's camera (OpenCV axes), relative to the tracked center of mass."""
+    intrinsics: PlanarCamera
+
+
+def choose_cameras(
+    model: mujoco.MjModel, cameras: CameraChoice | Sequence[CameraChoice] | None, width: int, height: int
+) -> list[BatchCamera]:
+    """Return the requested cameras: all of the model's by default.
+
+    Raises:
+        CameraError: If a camera does not exist, or there are no cameras.
+    """
+    if cameras is None:
+        cameras = range(model.ncam)
+    elif isinstance(cameras, str | int | np.integer | mujoco.MjvCamera):
+        cameras = [cameras]
+    chosen = [_choose(model, camera, width, height) for camera in as_items(cameras, "cameras", CameraError)]
+    if not chosen:
+        raise CameraError("cameras must contain at least one camera, got none in the model or the list")
+    return chosen
+
+
+def _choose(model: mujoco.MjModel, camera: CameraChoice, width: int, height: int) -> BatchCamera:
+    viewer = viewer_camera(model, camera)
+    intrinsics = camera_from_mujoco(model, viewer, width, height)
+    if viewer.type == _FIXED:
+        return BatchCamera(int(viewer.fixedcamid), NOBODY, (0.0,) * 7, intrinsics)
+    # Data in which all centers of mass are at the origin.
+    pose = viewer_pose(mujoco.MjData(model), viewer)
+    body = int(viewer.trackbodyid) if viewer.type == _TRACKING else NOBODY
+    return BatchCamera(-1, body, tuple(pose.tolist()), intrinsics)
+
+
+def views_by_intrinsics(
+    model: mujoco.MjModel, cameras: Sequence[BatchCamera], fovy: NDArray[np.float64] | None, worlds: NDArray[np.int32]
+) -> dict[PlanarCamera, NDArray[np.int64]]:
+    """Group the views of a call by their intrinsics, each group in ascending order.
+
+    Args:
+        model: The model.
+        cameras: The call's cameras.
+        fovy: Vertical fields of view of the model's cameras in every world [degrees], shape ``(1 or W, ncam)``; None
+            for the model's values.
+        worlds: The call's worlds. The first camera's views of all worlds come first, then the second camera's.
+    """
+    count, groups = len(worlds), dict[PlanarCamera, list[NDArray[np.int64]]]()
+    for number, camera in enumerate(cameras):
+        views = np.arange(number * count, (number + 1) * count)
+        if fovy is None or camera.camera_id < 0 or model.cam_sensorsize[camera.camera_id].all():
+            groups.setdefault(camera.intrinsics, []).append(views)
+            continue
+        angles, which = np.unique(fovy[worlds % len(fovy), camera.camera_id], return_inverse=True)
+        for k, angle in enumerate(angles.tolist()):
+            seen = camera_with_fovy(model, camera.camera_id, angle, camera.intrinsics)
+            groups.setdefault(seen, []).append(views[which == k])
+    return {intrinsics: np.concatenate(parts) for intrinsics, parts in groups.items()}
+
+
+def check_fovy(model: mujoco.MjModel, fovy: NDArray[np.float64]) -> None:
+    """Raise an `ArrayError` unless all fields of view are above 0 and, if they are angles, below 180 degrees."""
+    upper = np.where(model.cam_projection == _ORTHOGRAPHIC, np.inf, 180.0)
+    bad = np.argwhere(~((fovy > 0) & (fovy < upper)))
+    if len(bad):
+        world, camera = bad[0].tolist()
+        limits = "from 0 to 180 degrees" if upper[camera] == 180 else "a number of meters above 0"
+        raise ArrayError(f"cam_fovy must be {limits}, got {fovy[world, camera]} for camera {camera} in world {world}")
+
+
+def viewer_arrays(cameras: Sequence[BatchCamera], device: wp.Device) -> tuple[wp.array, wp.array, wp.array]:
+    """Return ids, tracked bodies and poses of the cameras on a device."""
+    poses = np.array([camera.pose for camera in cameras], dtype=np.float32)
+    return (
+        wp.array([camera.camera_id for camera in cameras], dtype=wp.int32, device=device),
+        wp.array([camera.body for camera in cameras], dtype=wp.int32, device=device),
+        wp.array(poses, dtype=wp.transform, shape=(len(cameras),), device=device),
+    )

@@ -19,7 +19,7 @@ from warpvis.core.labels import Label
 from warpvis.errors import SceneError
 from warpvis.mujoco import _tessellation as tessellation
 from warpvis.mujoco._appearances import GeomAppearances
-from warpvis.mujoco._shapes import shape_bodies, shape_count, shape_data, shape_places, shape_value
+from warpvis.mujoco._shapes import DEFAULT_COLOR, shape_bodies, shape_count, shape_data, shape_places, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.scene import Part, solids
 from warpvis.scene.solids import DEFAULT_MESH_TOLERANCE, Solid
@@ -175,7 +175,7 @@ def _is_opaque(model: mujoco.MjModel, geom: int) -> bool:
 
 def has_opacity(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> bool:
     """Return whether a color with a material (-1 for no material) is not fully transparent."""
-    uses_geom_color = material < 0 or rgba.tolist() != [0.5, 0.5, 0.5, 1.0]
+    uses_geom_color = material < 0 or tuple(rgba.tolist()) != DEFAULT_COLOR
     return bool((rgba[3] if uses_geom_color else model.mat_rgba[material][3]) != 0)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
-from warpvis.mujoco._numbers import check_light_numbers
+from warpvis.mujoco._model_fields import check_light_numbers
 from warpvis.scene.lights import Background, Light, LightKind
 from warpvis.scene.materials import Texture
 

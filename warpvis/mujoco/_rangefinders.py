@@ -19,9 +19,8 @@ from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._geoms import stored_mesh
-from warpvis.mujoco._numbers import check_shape_numbers
+from warpvis.mujoco._model_fields import ModelWatch, Watched, check_shape_numbers
 from warpvis.mujoco._poses import Kinematics, PoseSource, WorldPoses, check_computed, read_frames
-from warpvis.mujoco._watch import ModelWatch, Watched
 from warpvis.scene.acceleration.geometry import make_mesh
 
 _GEOM = mujoco.mjtGeom

@@ -20,17 +20,15 @@ from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
-from warpvis.mujoco._background import filled_depth
-from warpvis.mujoco._cameras import camera_of_frustum, viewer_camera, viewer_frustum, viewer_pose
+from warpvis.mujoco._cameras import camera_of_frustum, filled_depth, viewer_camera, viewer_frustum, viewer_pose
 from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_MESH_TOLERANCE, check_groups
-from warpvis.mujoco._lines import Eye
-from warpvis.mujoco._options import shown_by
 from warpvis.mujoco._poses import check_computed
 from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
+from warpvis.mujoco._tessellation import Eye
 from warpvis.mujoco._viewer_scene import RendererScene, ViewerScene
-from warpvis.mujoco._visuals import Visuals
+from warpvis.mujoco._visuals import Visuals, shown_by
 from warpvis.rendering import DepthSensor, Fill, NearPlane, Output, check_fill, check_word, require_sensor
 from warpvis.sensors import Reason
 

@@ -32,7 +32,7 @@ from warpvis.mujoco._geoms import (
     shown_geoms,
 )
 from warpvis.mujoco._lights import model_background, model_lights
-from warpvis.mujoco._numbers import check_shape_numbers
+from warpvis.mujoco._model_fields import check_shape_numbers
 from warpvis.mujoco._shapes import object_names, shape_bodies
 from warpvis.mujoco._visuals import soft_names
 from warpvis.scene import Scene

@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 GEOM, SITE, UNKNOWN = (int(getattr(mujoco.mjtObj, f"mjOBJ_{name}")) for name in ("GEOM", "SITE", "UNKNOWN"))
 _SKIN, _FLEX, _TENDON = (int(getattr(mujoco.mjtObj, f"mjOBJ_{name}")) for name in ("SKIN", "FLEX", "TENDON"))
 
+DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
+"""A geom that has a material and this color takes the material's color (`setMaterial` in engine_vis_visualize.c)."""
+
 
 def shape_count(model: mujoco.MjModel) -> int:
     """Return the number of geoms and sites."""
@@ -51,13 +54,7 @@ def shape_places(data: mujoco.MjData) -> tuple[NDArray[np.float64], NDArray[np.f
 
 
 def drawn_number(model: mujoco.MjModel, kind: int, index: int) -> int | None:
-    """Return the number of a visual element in the numbering of `object_names`; None for decorations.
-
-    Args:
-        model: The model.
-        kind: `mujoco.mjtObj` of the element.
-        index: Id of the element.
-    """
+    """Return the number in `object_names` of a visual element, a `mujoco.mjtObj` and an id; None for decorations."""
     first = 0
     for known, count in _counts(model).items():
         if kind == known:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warpvis.core.labels import Label
 from warpvis.mujoco._scene import Selection
 from warpvis.mujoco._shapes import drawn_number, free_name, shape_count
-from warpvis.mujoco._visual_shapes import Blocks
+from warpvis.mujoco._tessellation import Blocks
 from warpvis.mujoco._visuals import MAIN_PARTS, VisualKey
 from warpvis.scene import Scene
 

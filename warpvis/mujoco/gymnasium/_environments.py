@@ -5,11 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import gymnasium as gym
 import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from warpvis.errors import SceneError
 
@@ -68,3 +71,64 @@ def add_entries(observation: Any, added: Mapping[str, _Value]) -> dict[str, Any]
     """Return an observation with additional entries."""
     known = observation if isinstance(observation, Mapping) else {STATE: observation}
     return {**known, **added}
+
+
+WORDS = 3
+"""Number of 32-bit words: two of the episode, and the frame."""
+
+_LOW = 2**16
+
+
+class Draws:
+    """The seeds of one environment, equal in single and vector environments.
+
+    They depend on the last seed and the number of resets since, so that each episode has different noise and, for a
+    sensor with randomized parameters, a different sensor. Without a seed they are random, like those of Gymnasium's
+    environments.
+    """
+
+    def __init__(self) -> None:
+        """Initialize with random entropy."""
+        self._entropy = np.random.SeedSequence().entropy
+        self._episode, self._frame = 0, -1
+        self._words = self._draw()
+
+    def reset(self, seed: int | None) -> None:
+        """Start the next episode, or the first episode of a seed."""
+        self._episode += 1
+        if seed is not None:
+            self._entropy, self._episode = seed, 0
+        self._frame = -1
+        self._words = self._draw()
+
+    def _draw(self) -> list[int]:
+        sequence = np.random.SeedSequence(self._entropy, spawn_key=(self._episode,))
+        return [int(word) for word in sequence.generate_state(WORDS - 1)]
+
+    def next(self) -> NDArray[np.uint32]:
+        """Advance to the next observation, and return its words, ``(3,)``."""
+        self._frame = (self._frame + 1) % 2**32
+        return np.array([*self._words, self._frame], dtype=np.uint32)
+
+
+def as_halves(words: NDArray[np.uint32]) -> NDArray[np.float32]:
+    """Split words into 16-bit halves, which float32 represents exactly."""
+    return np.concatenate(np.divmod(words, _LOW)).astype(np.float32)
+
+
+def from_halves(halves: NDArray[np.float32]) -> NDArray[np.uint32]:
+    """Return the words of rows from `as_halves`, ``(W, 3)``."""
+    high, low = np.split(halves.astype(np.uint32), 2, axis=1)
+    return high * np.uint32(_LOW) + low
+
+
+def view_draws(words: NDArray[np.uint32], cameras: int) -> NDArray[np.uint32]:
+    """Return number and frame of C cameras in W environments, ``(C, W, 2)``, from words ``(W, 3)``."""
+    numbers = np.array([_numbers(first, second, cameras) for first, second, _ in words.tolist()], dtype=np.uint32)
+    return np.stack([numbers.T, np.broadcast_to(words[:, 2], numbers.T.shape)], axis=-1)
+
+
+@lru_cache(maxsize=2**16)
+def _numbers(first: int, second: int, cameras: int) -> tuple[int, ...]:
+    """Generate a number for each camera of an episode."""
+    return tuple(int(word) for word in np.random.SeedSequence([first, second]).generate_state(cameras))

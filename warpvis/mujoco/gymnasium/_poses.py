@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from warpvis.errors import SceneError
 from warpvis.mujoco._geoms import shown_geoms
+from warpvis.mujoco._model_fields import Watched
 from warpvis.mujoco._poses import WorldPoses
-from warpvis.mujoco._watch import Watched
-from warpvis.mujoco.gymnasium._draws import WORDS, Draws, as_halves
-from warpvis.mujoco.gymnasium._environments import add_entries, find_simulation, with_entries
+from warpvis.mujoco.gymnasium._environments import WORDS, Draws, add_entries, as_halves, find_simulation, with_entries
 
 POSES = "poses"
 _ALL_GROUPS = range(6)

@@ -18,14 +18,12 @@ from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._batch import BatchRenderer
-from warpvis.mujoco._batch_cameras import NOBODY, BatchCamera, CameraChoice, choose_cameras, views_by_intrinsics
+from warpvis.mujoco._batch_views import NOBODY, BatchCamera, CameraChoice, choose_cameras, views_by_intrinsics
 from warpvis.mujoco._geoms import shown_geoms
 from warpvis.mujoco._poses import WorldPoses, camera_poses, geom_poses
 from warpvis.mujoco._scene import Movable
-from warpvis.mujoco.gymnasium._draws import from_halves, view_draws
-from warpvis.mujoco.gymnasium._environments import with_entries
-from warpvis.mujoco.gymnasium._fractions import VisibleFractions
-from warpvis.mujoco.gymnasium._outputs import FRACTION, SEGMENTATION, Outputs, Segmentation
+from warpvis.mujoco.gymnasium._environments import from_halves, view_draws, with_entries
+from warpvis.mujoco.gymnasium._outputs import FRACTION, SEGMENTATION, Outputs, Segmentation, VisibleFractions
 from warpvis.mujoco.gymnasium._poses import POSES, PoseLayout
 from warpvis.rendering import DepthSensor, Fill
 

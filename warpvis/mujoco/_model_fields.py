@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Detection of changes of a model since a scene was built from it."""
+"""Fields of a model that determine images: detection of changes since a scene was built, and checks of numbers."""
 
 from __future__ import annotations
 
@@ -11,24 +11,39 @@ from typing import Any
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 
+from warpvis.errors import SceneError, WarpvisError
+
+MATERIAL_FIELDS = (
+    *("mat_rgba", "mat_texid", "mat_texrepeat", "mat_texuniform"),
+    *("mat_emission", "mat_specular", "mat_shininess", "mat_metallic", "mat_roughness"),
+)
+_LIGHT_FIELDS = (
+    *("light_pos", "light_dir", "light_cutoff", "light_exponent"),
+    *("light_attenuation", "light_ambient", "light_diffuse", "light_specular"),
+)
+_HEADLIGHT_FIELDS = ("ambient", "diffuse", "specular")
+_CAMERA_FIELDS = ("cam_fovy", "cam_intrinsic", "cam_sensorsize")
+# Numbers that determine shapes, their visibility and their appearance.
+_SHAPE_NUMBERS = (
+    *("geom_size", "geom_rgba", "site_size", "site_rgba", *MATERIAL_FIELDS),
+    *("hfield_size", "skin_rgba", "flex_rgba", "tendon_rgba"),
+)
 # Visibility and sizes of geoms.
-_FIELDS = (
-    "geom_type",
-    "geom_dataid",
-    "geom_size",
-    "geom_rgba",
-    "geom_matid",
-    "mat_rgba",
-    "geom_group",
-    "hfield_size",
+_SHAPE_FIELDS = (
+    *("geom_type", "geom_dataid", "geom_size", "geom_rgba", "geom_matid", "mat_rgba", "geom_group", "hfield_size"),
 )
 # Poses of geoms in their bodies, and of bodies in their parents.
 _POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
 # The same fields of sites, which are optional.
 _SITE_FIELDS = ("site_type", "site_size", "site_rgba", "site_matid", "site_group")
 _SITE_POSES = ("site_pos", "site_quat")
+# Fields that determine colors. Like in MuJoCo, images of textures are read once.
+_COLOR_FIELDS = (
+    *("geom_rgba", "geom_matid", "site_rgba", "site_matid", *MATERIAL_FIELDS),
+    *("light_active", "light_type", "light_bodyid", *_LIGHT_FIELDS),
+)
 _MESHES = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
-_FIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
+_HEIGHT_FIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
 
 
 class Watched:
@@ -38,11 +53,7 @@ class Watched:
     """
 
     def __init__(self, array: np.ndarray) -> None:
-        """Copy the current values.
-
-        Args:
-            array: A contiguous array.
-        """
+        """Copy the current values of a contiguous array."""
         self.array = array
         self._memory = array.reshape(-1).data.cast("B") if array.size else memoryview(b"")
         self._before = bytearray(self._memory)
@@ -68,22 +79,16 @@ class ModelWatch:
     """Watches the fields of a model that determine shapes and visibility of geoms and sites."""
 
     def __init__(self, model: mujoco.MjModel, geoms: Iterable[int], *, sites: bool = False) -> None:
-        """Copy the current values.
-
-        Args:
-            model: The model.
-            geoms: The geoms whose meshes and height fields are watched.
-            sites: Whether sites are watched.
-        """
+        """Copy the current values, including meshes and height fields of `geoms`, and sites if `sites` is set."""
         self._model = model
         poses = _POSES + (_SITE_POSES if sites else ())
-        names = _FIELDS + poses + (_SITE_FIELDS if sites else ())
+        names = _SHAPE_FIELDS + poses + (_SITE_FIELDS if sites else ())
         self._fields = {name: Watched(getattr(model, name)) for name in names}
         self._poses = [self._fields[name] for name in poses]
         self._plane = self._far()
         assets = {(int(model.geom_type[geom]), int(model.geom_dataid[geom])) for geom in geoms if geom < model.ngeom}
         meshes = {index for kind, index in assets if kind in _MESHES and index >= 0}
-        fields = {index for kind, index in assets if kind == _FIELD and index >= 0}
+        fields = {index for kind, index in assets if kind == _HEIGHT_FIELD and index >= 0}
         self._vertices = [_AssetRun(model, run, of_meshes=True) for run in _runs(meshes)]
         self._heights = [_AssetRun(model, run, of_meshes=False) for run in _runs(fields)]
         runs = [*self._vertices, *self._heights]
@@ -109,24 +114,13 @@ class ModelWatch:
         sizes = self._fields["hfield_size"]
         before = sizes.before()
         resized = [k for k in range(len(before)) if not np.array_equal(before[k], sizes.array[k])]
-        changed = {(_FIELD, index) for index in resized}
-        changed |= {(_FIELD, index) for run in self._heights for index in run.changed()}
+        changed = {(_HEIGHT_FIELD, index) for index in resized}
+        changed |= {(_HEIGHT_FIELD, index) for run in self._heights for index in run.changed()}
         return changed | {(kind, index) for run in self._vertices for index in run.changed() for kind in _MESHES}
 
     def _far(self) -> float:
         """Return the distance of the far plane, which determines the size of infinite planes."""
         return float(self._model.vis.map.zfar * self._model.stat.extent)
-
-
-# Fields that determine colors. Like in MuJoCo, images of textures are read once.
-_APPEARANCE_FIELDS = (
-    *("geom_rgba", "geom_matid", "site_rgba", "site_matid"),
-    *("mat_rgba", "mat_texid", "mat_texrepeat", "mat_texuniform"),
-    *("mat_emission", "mat_specular", "mat_shininess", "mat_metallic", "mat_roughness"),
-    *("light_active", "light_type", "light_bodyid", "light_pos", "light_dir", "light_cutoff", "light_exponent"),
-    *("light_attenuation", "light_ambient", "light_diffuse", "light_specular"),
-)
-_HEADLIGHT_FIELDS = ("ambient", "diffuse", "specular")
 
 
 class AppearanceWatch:
@@ -135,7 +129,7 @@ class AppearanceWatch:
     def __init__(self, model: mujoco.MjModel) -> None:
         """Copy the current values."""
         self._model = model
-        self._fields = {name: Watched(getattr(model, name)) for name in _APPEARANCE_FIELDS}
+        self._fields = {name: Watched(getattr(model, name)) for name in _COLOR_FIELDS}
         headlight = model.vis.headlight
         self._fields |= {f"vis.headlight.{name}": Watched(getattr(headlight, name)) for name in _HEADLIGHT_FIELDS}
 
@@ -179,3 +173,37 @@ def _runs(indices: Iterable[int]) -> list[list[int]]:
     """Split indices into runs of consecutive ones."""
     places = enumerate(sorted(indices))
     return [[index for _, index in run] for _, run in groupby(places, key=lambda pair: pair[1] - pair[0])]
+
+
+def check_shape_numbers(model: mujoco.MjModel) -> None:
+    """Raise a `SceneError` if a number that determines shapes, visibility or appearance is not finite."""
+    _check(model, _SHAPE_NUMBERS, SceneError)
+
+
+def check_light_numbers(model: mujoco.MjModel, lights: Iterable[int]) -> None:
+    """Raise a `SceneError` if a number of the given lights, or of the headlight, is not finite."""
+    _check(model, _LIGHT_FIELDS, SceneError, list(lights))
+    for name in _HEADLIGHT_FIELDS:
+        value = getattr(model.vis.headlight, name)
+        if not np.isfinite(value).all():
+            raise SceneError(f"vis.headlight.{name} must be finite numbers, got {value.tolist()}")
+
+
+def check_camera_numbers(model: mujoco.MjModel, camera: int, error: type[WarpvisError]) -> None:
+    """Raise an error if a number that determines a camera's intrinsics is not finite."""
+    _check(model, _CAMERA_FIELDS, error, [camera])
+
+
+def _check(
+    model: mujoco.MjModel, fields: Iterable[str], error: type[WarpvisError], chosen: list[int] | None = None
+) -> None:
+    for name in fields:
+        values = getattr(model, name)
+        rows = values if chosen is None else values[chosen]
+        if np.isfinite(rows).all():
+            continue
+        row = int(np.argwhere(~np.isfinite(rows))[0, 0])
+        index, kind = row if chosen is None else chosen[row], name.split("_")[0]
+        noun = {"mat": "material", "cam": "camera"}.get(kind, kind)
+        label = getattr(model, noun)(index).name or index
+        raise error(f"{name} of {noun} {label!r} must be finite, got {values[index].tolist()}")
