@@ -15,10 +15,11 @@ from warpvis.mujoco._batch import BatchRenderer
 from warpvis.mujoco._batch_views import BatchViews
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._model_files import read_model
-from warpvis.mujoco._poses import Kinematics, WorldPoses, camera_poses, geom_poses
+from warpvis.mujoco._poses import WorldPoses, camera_poses, geom_poses
 from warpvis.mujoco._rangefinders import Rangefinders
 from warpvis.mujoco._renderer import Renderer
 from warpvis.mujoco._scene import MujocoScene, scene_from_mujoco
+from warpvis.mujoco._worlds import Kinematics
 
 __all__ = [
     "BatchRenderer",

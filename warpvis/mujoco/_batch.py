@@ -32,20 +32,18 @@ from warpvis.mujoco._batch_views import (
     viewer_arrays,
     views_by_intrinsics,
 )
-from warpvis.mujoco._batch_worlds import FixedGeoms, check_worlds
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE, check_groups
 from warpvis.mujoco._model_fields import AppearanceWatch
 from warpvis.mujoco._poses import (
-    Kinematics,
     PoseSource,
-    WorldPoses,
     camera_transforms,
     check_computed,
     movable_ids,
     object_places,
     object_transforms,
+    read_source,
     viewer_transforms,
     world_count,
 )
@@ -53,6 +51,7 @@ from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_ge
 from warpvis.mujoco._shapes import shape_bodies
 from warpvis.mujoco._visuals import shown_by
 from warpvis.mujoco._world_models import Resizable, ResizableGeoms, WorldModels, resizable_geoms
+from warpvis.mujoco._worlds import FixedGeoms, Kinematics, check_worlds
 from warpvis.rendering import DepthSensor, Fill, NearPlane, Output, Views, check_output_names, view_numbers, views_for
 from warpvis.scene import Scene
 
@@ -476,10 +475,8 @@ class BatchRenderer:
         kinds: Iterable[str],
     ) -> tuple[PoseSource, NDArray[np.int32], WorldModels | None, NDArray[np.int32]]:
         """Return a source of poses, the worlds to render in it, differences between models, and the rows of these."""
-        if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
-            poses = WorldPoses.of(poses)
-        if hasattr(poses, "geom_xpos"):
-            source = cast(PoseSource, poses)
+        source = read_source(poses)
+        if source is not None:
             count = world_count(source)
             chosen = self._chosen_worlds(worlds, count)
             check_computed(source, kinds, chosen)

@@ -1,42 +1,25 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of geoms and cameras in one world or many: from MuJoCo's data, arrays, or joint positions."""
+"""Poses of geoms, sites and cameras in one world or many, from MuJoCo's data or arrays."""
 
 from __future__ import annotations
 
-import copy
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, Protocol
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Protocol, cast
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu, surely_finite
-from warpvis.core.checks import as_items, is_whole, pluralize
+from warpvis.core.checks import as_items, is_whole
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import check_threads, run_each
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.mujoco._scene import MujocoScene
-from warpvis.mujoco._world_models import WorldModels
-
-FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
-
-# Fields of mjData, named alike in MuJoCo, MJX and MuJoCo Warp, and the type of one geom's or camera's entry.
-_FIELDS = {
-    "geom_xpos": wp.vec3,
-    "geom_xmat": wp.mat33,
-    "cam_xpos": wp.vec3,
-    "cam_xmat": wp.mat33,
-    "subtree_com": wp.vec3,
-    "site_xpos": wp.vec3,
-    "site_xmat": wp.mat33,
-}
 
 
 class PoseSource(Protocol):
@@ -80,13 +63,28 @@ class WorldPoses:
         worlds = as_items(worlds, "worlds")
         if not worlds or not all(isinstance(data, mujoco.MjData) for data in worlds):
             raise ArrayError(f"worlds must be one or more of mujoco.MjData, got {worlds!r}")
-        if len({tuple(len(getattr(data, name)) for name in _FIELDS) for data in worlds}) > 1:
+        names = [field.name for field in fields(cls)]
+        if len({tuple(len(getattr(data, name)) for name in names) for data in worlds}) > 1:
             raise ArrayError(
                 "worlds must be mujoco.MjData of one model, got several numbers of geoms, cameras, bodies or sites"
             )
-        found = cls(*(np.stack([getattr(data, name) for data in worlds]) for name in _FIELDS))
+        found = cls(*(np.stack([getattr(data, name) for data in worlds]) for name in names))
         check_computed(found, ("geom",))
         return found
+
+
+def pose_shapes(model: mujoco.MjModel) -> dict[str, tuple[int, int]]:
+    """Return the shapes of the fields of `WorldPoses` in one world."""
+    shapes = {"geom_xpos": (model.ngeom, 3), "geom_xmat": (model.ngeom, 9)}
+    shapes |= {"cam_xpos": (model.ncam, 3), "cam_xmat": (model.ncam, 9), "subtree_com": (model.nbody, 3)}
+    return shapes | {"site_xpos": (model.nsite, 3), "site_xmat": (model.nsite, 9)}
+
+
+def read_source(poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput) -> PoseSource | None:
+    """Return the poses of geoms that a caller gave; None if it gave joint positions."""
+    if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
+        return WorldPoses.of(poses)
+    return cast("PoseSource", poses) if hasattr(poses, "geom_xpos") else None
 
 
 def geom_poses(source: PoseSource, scene: MujocoScene) -> NDArray[np.float32]:
@@ -149,17 +147,9 @@ def object_transforms(
     geoms: tuple[wp.array, wp.array] | None = None,
     out: wp.array | None = None,
 ) -> wp.array:
-    """Compute the poses of `geom_poses` on the scene's device, for the given worlds or all.
+    """Compute the poses of `geom_poses` in the given worlds or all, ``(W, M)`` `wp.transform` on the scene's device.
 
-    Args:
-        source: As for `geom_poses`.
-        scene: The result of `scene_from_mujoco`.
-        worlds: Indices of the worlds, int32 on the scene's device; all by default.
-        geoms: The scene's `movable_geoms` and `movable_sites` on its device, if the caller caches them there.
-        out: An array made by `object_places` to write into.
-
-    Returns:
-        Geom to world, shape ``(W, M)`` `wp.transform` on the scene's device.
+    Callers may cache the results of `movable_ids` and `object_places`, and pass them as `geoms` and `out`.
     """
     from warpvis.kernels import mujoco as kernels
 
@@ -170,7 +160,7 @@ def object_transforms(
         kinds.append(("site", scene.site_count, sites))
     for kind, count, ids in kinds:
         position, rotation = read_frames(source, kind, count, device)
-        worlds = all_of(position.shape[0], device) if worlds is None else worlds
+        worlds = _all_of(position.shape[0], device) if worlds is None else worlds
         out = object_places(scene, len(worlds)) if out is None else out
         places = out[:, done:] if done else out
         inputs = [position, rotation, worlds, ids, places]
@@ -211,7 +201,7 @@ def camera_transforms(
     from warpvis.kernels import mujoco as kernels
 
     position, rotation = read_frames(source, "cam", model.ncam, device)
-    worlds = all_of(position.shape[0], device) if worlds is None else worlds
+    worlds = _all_of(position.shape[0], device) if worlds is None else worlds
     if not isinstance(cameras, wp.array):
         cameras = wp.array(list(cameras), dtype=wp.int32, device=device)
     out = wp.empty((len(cameras), len(worlds)), dtype=wp.transform, device=device) if out is None else out
@@ -220,149 +210,13 @@ def camera_transforms(
     return out
 
 
-def all_of(count: int, device: wp.Device) -> wp.array:
-    """Return indices from 0 up, shape ``(count,)`` int32."""
+def _all_of(count: int, device: wp.Device) -> wp.array:
     return wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device=device)
 
 
-def world_count(source: PoseSource, field: str = "geom_xpos") -> int:
+def world_count(source: PoseSource) -> int:
     """Count the worlds of a source of poses."""
-    value = _get(source, field)
-    return 1 if isinstance(source, mujoco.MjData) else int(value.shape[0])
-
-
-class Kinematics:
-    """Computes poses from joint positions or states with MuJoCo on several threads."""
-
-    def __init__(self, model: mujoco.MjModel, *, threads: int | None = None) -> None:
-        """Prepare to compute poses.
-
-        Args:
-            model: A `mujoco.MjModel`.
-            threads: CPU threads to use; all cores of this process by default.
-        """
-        if not isinstance(model, mujoco.MjModel):
-            raise ArrayError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
-        self._model = model
-        self._threads = check_threads(threads)
-        self._spare: list[mujoco.MjData] = []
-
-    def from_qpos(
-        self,
-        qpos: ArrayLike,
-        *,
-        mocap_pos: ArrayLike | None = None,
-        mocap_quat: ArrayLike | None = None,
-        model: object | None = None,
-    ) -> WorldPoses:
-        """Compute poses of W worlds.
-
-        Args:
-            qpos: Joint positions, shape ``(W, nq)``, or ``(nq,)`` for one world.
-            mocap_pos: Positions of mocap bodies [m], shape ``(W, nmocap, 3)``; the model's by default.
-            mocap_quat: Their rotations ``w x y z``, shape ``(W, nmocap, 4)``; the model's by default.
-            model: Model fields that differ between worlds: a mapping of `body_pos`, `body_quat`, `geom_pos`,
-                `geom_quat`, `cam_pos` and `cam_quat` to arrays of shape ``(W, ...)`` or ``(1, ...)``, or an object with
-                these attributes.
-
-        Raises:
-            ArrayError: If a shape is wrong, or a number is not finite.
-        """
-        array = as_numpy(qpos, name="qpos")
-        rows = _check_rows(array[None] if array.ndim == 1 else array, (self._model.nq,), "qpos")
-        parts = {"qpos": rows}
-        for name, value, size in (("mocap_pos", mocap_pos, 3), ("mocap_quat", mocap_quat, 4)):
-            if value is not None:
-                parts[name] = _check_rows(value, (self._model.nmocap, size), name)
-                if len(parts[name]) != len(rows):
-                    raise ArrayError(
-                        f"{name} must be of {pluralize(len(rows), 'world')} like qpos, got {len(parts[name])}"
-                    )
-
-        def place(data: mujoco.MjData, world: int) -> None:
-            for name, values in parts.items():
-                getattr(data, name)[:] = values[world]
-
-        changes = {} if model is None else WorldModels(self._model, model, len(rows)).poses()
-        return self._run(place, len(rows), changes)
-
-    def from_states(self, states: ArrayLike, spec: int = FULL_PHYSICS) -> WorldPoses:
-        """Compute poses of W worlds.
-
-        Args:
-            states: Rows as returned by `mj_getState`, such as those of `mujoco.rollout`, shape ``(W, n)``, or
-                ``(rollouts, steps, n)``, in which case the worlds are all steps of the first rollout, then the second.
-            spec: Contents of a row, of `mujoco.mjtState`; the default, mjSTATE_FULLPHYSICS, is that of
-                `mujoco.rollout`.
-
-        Raises:
-            ArrayError: If the shape is wrong, or a number is not finite.
-        """
-        known = isinstance(spec, mujoco.mjtState) or is_whole(spec)
-        if not known or not 0 < int(spec) < 1 << int(mujoco.mjtState.mjNSTATE):
-            raise ArrayError(f"spec must be of mujoco.mjtState, got {spec!r}")
-        size = mujoco.mj_stateSize(self._model, int(spec))
-        array = as_numpy(states, name="states")
-        if array.ndim == 3:
-            array = array.reshape(-1, array.shape[-1])
-        rows = _check_rows(array, (size,), "states")
-        return self._run(lambda data, world: mujoco.mj_setState(self._model, data, rows[world], spec), len(rows))
-
-    def _run(
-        self,
-        place: Callable[[mujoco.MjData, int], None],
-        count: int,
-        changes: Mapping[str, NDArray[np.float64]] = MappingProxyType({}),
-    ) -> WorldPoses:
-        model = self._model
-        shapes = {"geom_xpos": (model.ngeom, 3), "geom_xmat": (model.ngeom, 9)}
-        shapes |= {"cam_xpos": (model.ncam, 3), "cam_xmat": (model.ncam, 9), "subtree_com": (model.nbody, 3)}
-        if model.nsite:
-            shapes |= {"site_xpos": (model.nsite, 3), "site_xmat": (model.nsite, 9)}
-        arrays = {name: np.empty((count, *shape), dtype=np.float32) for name, shape in shapes.items()}
-        parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
-        # Every thread has its own copy of a model that changes from world to world.
-        models = [_changeable(model, changes) if changes else model for _ in parts]
-        data_of_threads = [mujoco.MjData(thread_model) if changes else self._take() for thread_model in models]
-
-        def work(index: int) -> None:
-            thread_model, data = models[index], data_of_threads[index]
-            mujoco.mj_resetData(thread_model, data)
-            fields = [(out, getattr(data, name)) for name, out in arrays.items()]
-            changed = [(getattr(thread_model, name), values) for name, values in changes.items()]
-            for world in parts[index].tolist():
-                place(data, world)
-                for field, values in changed:
-                    field[:] = values[world % len(values)]
-                mujoco.mj_kinematics(thread_model, data)
-                mujoco.mj_comPos(thread_model, data)  # cameras may look at a center of mass
-                mujoco.mj_camlight(thread_model, data)
-                for out, field in fields:
-                    out[world] = field
-
-        run_each(work, range(len(parts)), self._threads)
-        if not changes:
-            self._spare.extend(data_of_threads)
-        return WorldPoses(**arrays)
-
-    def _take(self) -> mujoco.MjData:
-        try:
-            return self._spare.pop()
-        except IndexError:  # the first call, or several calls at the same time
-            return mujoco.MjData(self._model)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the state for pickling, without scratch data."""
-        return {"_model": self._model, "_threads": self._threads, "_spare": []}
-
-
-def _changeable(model: mujoco.MjModel, changes: Collection[str]) -> mujoco.MjModel:
-    """Copy a model so that the given fields can be changed."""
-    copied = copy.copy(model)
-    if "geom_pos" in changes or "geom_quat" in changes:
-        # MuJoCo skips the poses of geoms that the compiler marked as having their body's frame.
-        copied.geom_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-    return copied
+    return 1 if isinstance(source, mujoco.MjData) else int(_get(source, "geom_xpos").shape[0])
 
 
 def viewer_transforms(
@@ -374,15 +228,9 @@ def viewer_transforms(
     tracking: bool,
     out: wp.array,
 ) -> None:
-    """Write poses of a viewer's cameras, whose ids are -1.
+    """Write poses of a viewer's cameras, whose ids are -1, into their rows of `out`, ``(cameras, W)`` `wp.transform`.
 
-    Args:
-        source: As for `geom_poses`, with `subtree_com` if a camera tracks a body.
-        model: The `mujoco.MjModel`.
-        cameras: Ids, tracked bodies and poses, as returned by `viewer_arrays`.
-        worlds: Indices of the worlds, int32 on the device.
-        tracking: Whether a camera tracks a body.
-        out: Output, shape ``(cameras, W)`` `wp.transform`; rows of other cameras are not changed.
+    The cameras are the result of `viewer_arrays`; `tracking` states whether one of them tracks a body.
     """
     from warpvis.kernels import mujoco as kernels
 
@@ -394,13 +242,7 @@ def viewer_transforms(
 def check_computed(source: PoseSource, kinds: Iterable[str], worlds: NDArray[np.int32] | None = None) -> None:
     """Check that poses were computed and are finite: MuJoCo's data is zero initially and after a reset.
 
-    Args:
-        source: As for `geom_poses`; arrays on a GPU are not read.
-        kinds: Of "geom", "site" and "cam".
-        worlds: Indices of the worlds to check; all by default.
-
-    Raises:
-        ArrayError: If the rotations of a world are zero, or a number is not finite.
+    Kinds are of "geom", "site" and "cam". Arrays on a GPU are not read.
     """
     for name in (f"{kind}_{part}" for kind in kinds for part in ("xmat", "xpos")):
         value: Any = getattr(source, name, None)
@@ -439,11 +281,7 @@ def _in_world(source: PoseSource, world: int) -> str:
 
 
 def read_frames(source: PoseSource, kind: str, count: int, device: wp.Device) -> tuple[wp.array, wp.array]:
-    """Read positions and rotations of all geoms ("geom"), sites ("site") or cameras ("cam"), shape ``(W, count)``.
-
-    Raises:
-        ArrayError: If the source does not have them, or their number is wrong.
-    """
+    """Read positions and rotations of all geoms ("geom"), sites ("site") or cameras ("cam"), shape ``(W, count)``."""
     names = f"{kind}_xpos", f"{kind}_xmat"
     position, rotation = (_read(source, name, count, device) for name in names)
     if position.shape != rotation.shape:
@@ -464,23 +302,10 @@ def _get(source: PoseSource, name: str) -> ArrayInput:
 
 def _read(source: PoseSource, name: str, count: int, device: wp.Device) -> wp.array:
     """Read a field of all worlds on a device, shape ``(W, count)``, without a copy if memory can be shared."""
-    value, dtype = _get(source, name), _FIELDS[name]
+    value, dtype = _get(source, name), wp.mat33 if name.endswith("xmat") else wp.vec3
     if not isinstance(value, wp.array):
         if isinstance(source, mujoco.MjData):
             value = value[None]
         if dtype is wp.mat33 and getattr(value, "ndim", 0) == 3 and value.shape[2] == 9:
             value = value.reshape((value.shape[0], value.shape[1], 3, 3))
     return as_warp(value, dtype, ("W", count), name=name, device=device)
-
-
-def _check_rows(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
-    rows = as_numpy(values, name=name).astype(np.float64)
-    if rows.shape[1:] != shape or rows.ndim != len(shape) + 1:
-        expected = ", ".join(map(str, ("W", *shape)))
-        raise ArrayError(f"{name} must have shape ({expected}), got {rows.shape}")
-    bad = np.flatnonzero(~np.isfinite(rows).all(axis=tuple(range(1, rows.ndim))))
-    if len(bad):
-        raise ArrayError(
-            f"{name} must be finite, got others in {len(bad)} of {pluralize(len(rows), 'world')}, the first {bad[0]}"
-        )
-    return rows

@@ -20,7 +20,8 @@ from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._geoms import stored_mesh
 from warpvis.mujoco._model_fields import ModelWatch, Watched, check_shape_numbers
-from warpvis.mujoco._poses import Kinematics, PoseSource, WorldPoses, check_computed, read_frames
+from warpvis.mujoco._poses import PoseSource, check_computed, read_frames, read_source
+from warpvis.mujoco._worlds import Kinematics
 from warpvis.scene.acceleration.geometry import make_mesh
 
 _GEOM = mujoco.mjtGeom
@@ -170,10 +171,8 @@ class Rangefinders:
 
     def _read_poses(self, poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput) -> tuple[PoseSource, bool]:
         """Return a source of poses, and whether it is a single world without a world axis."""
-        if isinstance(poses, list | tuple) and len(poses) and all(isinstance(data, mujoco.MjData) for data in poses):
-            return WorldPoses.of(poses), False
-        if hasattr(poses, "geom_xpos"):
-            source = cast("PoseSource", poses)
+        source = read_source(poses)
+        if source is not None:
             ids = {"site": self._rays["site"], "cam": self._rays["camera"]}
             check_computed(source, ("geom", *(kind for kind, numbers in ids.items() if (numbers >= 0).any())))
             return source, isinstance(poses, mujoco.MjData)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warpvis.errors import SceneError
 from warpvis.mujoco._geoms import shown_geoms
 from warpvis.mujoco._model_fields import Watched
-from warpvis.mujoco._poses import WorldPoses
+from warpvis.mujoco._poses import WorldPoses, pose_shapes
 from warpvis.mujoco.gymnasium._environments import WORDS, Draws, add_entries, as_halves, find_simulation, with_entries
 
 POSES = "poses"
@@ -36,17 +36,8 @@ class PoseLayout:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         """Compute the layout."""
-        shapes = {
-            "geom_xpos": (model.ngeom, 3),
-            "geom_xmat": (model.ngeom, 9),
-            "cam_xpos": (model.ncam, 3),
-            "cam_xmat": (model.ncam, 9),
-            "subtree_com": (model.nbody, 3),
-            "site_xpos": (model.nsite, 3),
-            "site_xmat": (model.nsite, 9),
-        }
         self.of_data, self.size = dict[str, tuple[slice, tuple[int, int]]](), 0
-        for name, shape in shapes.items():
+        for name, shape in pose_shapes(model).items():
             self.of_data[name] = self._take(shape[0] * shape[1]), shape
         self.shown, self.fovy = self._take(model.ngeom), self._take(model.ncam)
         self.draws = self._take(2 * WORDS)
