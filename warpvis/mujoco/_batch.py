@@ -150,9 +150,6 @@ class BatchRenderer:
             seed: Seed of the sensor's random numbers, which also depend on world, camera and frame.
             device: Where to render; poses on a GPU must be on this one.
             threads: CPU threads to use; all cores of this process by default.
-
-        Raises:
-            WarpvisError: If an argument is invalid.
         """
         nworld = None if nworld is None else check_whole(nworld, "nworld")
         check_size(width, "width")

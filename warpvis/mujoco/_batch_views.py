@@ -41,11 +41,7 @@ class BatchViews(Views):
 
 
 def batch_views(views: Views, cameras: int, worlds: int) -> BatchViews:
-    """Set the numbers of cameras and worlds of views; `BatchViews` are changed in place.
-
-    Raises:
-        ArrayError: If `views` is not a `Views`.
-    """
+    """Set the numbers of cameras and worlds of views; `BatchViews` are changed in place."""
     if not isinstance(views, Views):
         raise ArrayError(f"out must be warpvis.Views, got {type(views).__name__}")
     if not isinstance(views, BatchViews):
@@ -82,11 +78,7 @@ class BatchCamera(NamedTuple):
 def choose_cameras(
     model: mujoco.MjModel, cameras: CameraChoice | Sequence[CameraChoice] | None, width: int, height: int
 ) -> list[BatchCamera]:
-    """Return the requested cameras: all of the model's by default.
-
-    Raises:
-        CameraError: If a camera does not exist, or there are no cameras.
-    """
+    """Return the requested cameras: all of the model's by default."""
     if cameras is None:
         cameras = range(model.ncam)
     elif isinstance(cameras, str | int | np.integer | mujoco.MjvCamera):

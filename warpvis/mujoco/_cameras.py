@@ -70,11 +70,7 @@ def camera_from_mujoco(
 
 
 def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
-    """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision.
-
-    Raises:
-        CameraError: If a number of the camera is not finite.
-    """
+    """Compute the frustum of one of MuJoCo's cameras, in MuJoCo's single precision."""
     vertical_horizontal_clip = np.zeros((3, 2), dtype=np.float32)
     mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
     up, down, left, right, near, far = numbers = vertical_horizontal_clip.ravel().tolist()
@@ -100,11 +96,7 @@ def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: Plan
 
 @functools.lru_cache(maxsize=256)
 def camera_of_frustum(frustum: Frustum, width: int, height: int) -> PlanarCamera:
-    """Make the camera of a frustum; a frustum without a width gives square pixels.
-
-    Raises:
-        CameraError: If the frustum is empty.
-    """
+    """Make the camera of a frustum; a frustum without a width gives square pixels."""
     up, down, left, right, near, far, orthographic = frustum
     if left + right == 0:  # the width follows from the viewport's aspect ratio
         left = right = (up + down) / 2 * width / height
@@ -125,11 +117,7 @@ def camera_of_frustum(frustum: Frustum, width: int, height: int) -> PlanarCamera
 
 
 def viewer_camera(model: mujoco.MjModel, camera: int | str | mujoco.MjvCamera) -> mujoco.MjvCamera:
-    """Make a `mujoco.MjvCamera` from a camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`.
-
-    Raises:
-        CameraError: If there is no such camera, or its type is `mjCAMERA_USER`, which defines no pose.
-    """
+    """Make a `mujoco.MjvCamera` from a camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`."""
     if not isinstance(model, mujoco.MjModel):
         raise CameraError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
     if isinstance(camera, mujoco.MjvCamera):
@@ -150,11 +138,7 @@ def viewer_camera(model: mujoco.MjModel, camera: int | str | mujoco.MjvCamera) -
 
 
 def camera_id(model: mujoco.MjModel, camera: int | str) -> int:
-    """Find the id of one of the model's cameras, given by name or id.
-
-    Raises:
-        CameraError: If there is no such camera.
-    """
+    """Find the id of one of the model's cameras, given by name or id."""
     if isinstance(camera, str):
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
         if found >= 0:

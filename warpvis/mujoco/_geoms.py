@@ -125,11 +125,7 @@ def movable_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def check_groups(groups: Iterable[int], name: str = "geom_groups") -> tuple[int, ...]:
-    """Return the groups as a sorted tuple.
-
-    Raises:
-        SceneError: If one is not an integer from 0 to 5.
-    """
+    """Return the groups as a sorted tuple."""
     known = range(mujoco.mjNGROUP)
     items = [groups] if is_whole(groups) else as_items(groups, name, SceneError)
     if not all(is_whole(group) and group in known for group in items):

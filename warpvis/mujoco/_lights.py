@@ -35,9 +35,6 @@ def model_lights(model: mujoco.MjModel) -> tuple[Light, ...]:
     """Return a model's active lights at its initial state; the headlight comes first.
 
     Image lights are omitted. MuJoCo's renderer does not draw point lights, either.
-
-    Raises:
-        SceneError: If a number of a light is not finite.
     """
     active = [number for number in range(model.nlight) if model.light_active[number]]
     check_light_numbers(model, active)

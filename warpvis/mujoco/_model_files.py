@@ -104,11 +104,7 @@ def _lit_appearance(appearance: LazyAppearance, part: Part) -> LazyAppearance:
 
 
 def _parse(path: Path) -> ElementTree.Element:
-    """Parse the root of an XML file that is MJCF or URDF.
-
-    Raises:
-        FileFormatError: If it is neither.
-    """
+    """Parse the root of an XML file that is MJCF or URDF."""
     try:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:

@@ -96,9 +96,6 @@ class Renderer:
             fallback: Whether to render colors with a `mujoco.Renderer`, which needs OpenGL.
             device: Device for rendering: ``"cpu"``, ``"cuda:0"``, ...
             threads: Number of CPU threads; by default all cores available to the process.
-
-        Raises:
-            WarpvisError: If an argument is invalid.
         """
         if not isinstance(model, mujoco.MjModel):
             raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")

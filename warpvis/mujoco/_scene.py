@@ -227,11 +227,7 @@ def select_geoms(
     exclude: Iterable[str] = (),
     static: bool = True,
 ) -> Selection:
-    """Parse the arguments of `scene_from_mujoco` that select visible geoms, names and labels.
-
-    Raises:
-        SceneError: If an argument is invalid, a pattern has no match, or values of the model are not finite.
-    """
+    """Parse the arguments of `scene_from_mujoco` that select visible geoms, names and labels."""
     if not isinstance(model, mujoco.MjModel):
         raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
     static = check_flag(static, "static", SceneError)
@@ -284,9 +280,6 @@ def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str 
         model: The model.
         classes: Numbers by name or pattern.
         name: Name of the argument, for messages.
-
-    Raises:
-        SceneError: If a pattern has no match, or a number is invalid.
     """
     numbers = np.full(len(shape_bodies(model)), -1, dtype=np.int32)
     names = object_names(model)[: len(numbers)]
@@ -299,11 +292,7 @@ def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str 
 
 
 def check_patterns(patterns: Any, name: str = "exclude") -> tuple[str, ...]:
-    """Check names or patterns of names, and return them as a tuple.
-
-    Raises:
-        SceneError: If an item is not a text.
-    """
+    """Check names or patterns of names, and return them as a tuple."""
     items = as_items(patterns, name, SceneError)
     wrong = [item for item in items if not isinstance(item, str)]
     if wrong:

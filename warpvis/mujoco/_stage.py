@@ -107,9 +107,6 @@ class Stage:
 
         Args:
             data: Computed data of the model.
-
-        Raises:
-            SceneError: If values of the model are not finite.
         """
         if self._watch.changed():
             self._follow_model()

@@ -74,10 +74,6 @@ def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[P
         robot: The root element, which is modified.
         search_path: Folders that are searched for packages and meshes.
         strict: Whether a part of a mesh file without triangles is an error.
-
-    Raises:
-        ValueError: If MuJoCo cannot compile it.
-        FileFormatError: If a mesh does not parse, or, with `strict`, a part of it has no triangles.
     """
     found = _Meshes(path, search_path, strict)
     shown, hidden, groups = "visual", "collision", (VISUAL_GROUP,)
@@ -239,9 +235,6 @@ def _read_mesh(path: Path, warned: list[str], *, strict: bool) -> _Mesh | None:
     """Read all triangles of a mesh file in the file's frame; return None if it has none.
 
     Without colors in the file, vertices at the same position are merged, so that MuJoCo's normals are smooth.
-
-    Raises:
-        FileFormatError: If the file does not parse, or, with `strict`, a part of it has no triangles.
     """
     if path.suffix.lower() in _NO_MESHES:
         raise FileFormatError(f"{path}: must be a mesh file, got {path.suffix}")

@@ -58,11 +58,7 @@ def asks_for_more(option: mujoco.MjvOption) -> bool:
 
 
 def shown_by(option: mujoco.MjvOption | None) -> tuple[tuple[int, ...], bool, tuple[int, ...]]:
-    """Return the shown groups of geoms, whether geoms welded to the world are shown, and the shown groups of sites.
-
-    Raises:
-        SceneError: If `option` is not a `mujoco.MjvOption`, or enables convex hulls.
-    """
+    """Return the shown groups of geoms, whether geoms welded to the world are shown, and the shown groups of sites."""
     if option is None:
         return DEFAULT_GROUPS, True, DEFAULT_GROUPS
     if not isinstance(option, mujoco.MjvOption):

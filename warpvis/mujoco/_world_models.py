@@ -36,9 +36,6 @@ class WorldModels:
             model: The model.
             source: A mapping of names to arrays, or an object with them as attributes, like MuJoCo Warp's model.
             worlds: Number of worlds.
-
-        Raises:
-            ArrayError: If there are no known arrays, or an array is invalid.
         """
         self._model, self._worlds = model, worlds
         self._fields = _read(source)
@@ -98,9 +95,6 @@ class WorldModels:
 
         Args:
             geoms: The geoms to check.
-
-        Raises:
-            ArrayError: If colors or materials differ, or arrays are on a GPU, where they are not compared.
         """
         names = [name for name in _COLOR_FIELDS if name in self._fields]
         if not names:
@@ -194,11 +188,7 @@ def _effective(
 
 
 def _read(source: object) -> dict[str, Any]:
-    """Collect the arrays by name.
-
-    Raises:
-        ArrayError: If no arrays are found, or a mapping has unknown names.
-    """
+    """Collect the arrays by name."""
     if isinstance(source, mujoco.MjModel):
         raise ArrayError("model must have arrays with a dimension for worlds, like MuJoCo Warp's model, got an MjModel")
     if isinstance(source, Mapping):
@@ -221,11 +211,7 @@ _NUMBERS |= {_GEOM.mjGEOM_ELLIPSOID: 3, _GEOM.mjGEOM_BOX: 3}
 
 
 def resizable_geoms(model: mujoco.MjModel, selection: Selection, resizable: Resizable) -> tuple[int, ...]:
-    """List the geoms selected by name or pattern, or all resizable geoms with ``"all"``, in ascending order.
-
-    Raises:
-        SceneError: If the argument is invalid, or a pattern matches no resizable geom.
-    """
+    """List the geoms selected by name or pattern, or all resizable geoms with ``"all"``, in ascending order."""
     numbers = {int(kind): count for kind, count in _NUMBERS.items()}
     primitive = {geom for geom in range(model.ngeom) if int(model.geom_type[geom]) in numbers}
     if isinstance(resizable, str):
@@ -269,9 +255,6 @@ class ResizableGeoms:
 
         Returns:
             Sizes, shape ``(worlds, M)`` vec4 on the scene's device; None if all equal the scene's.
-
-        Raises:
-            ArrayError: If a size is invalid, or differs for a geom that is not resizable.
         """
         from warpvis.kernels.mujoco import geom_sizes
 

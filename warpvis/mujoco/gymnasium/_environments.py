@@ -30,9 +30,6 @@ def find_simulation(env: gym.Env) -> tuple[mujoco.MjModel, mujoco.MjData]:
     Environments of Gymnasium, gymnasium-robotics and Meta-World have ``model`` and ``data``, those of robosuite
     ``sim``,
     and those of dm_control ``physics``. A reset may replace them.
-
-    Raises:
-        SceneError: If the environment has none of them.
     """
     if not isinstance(env, gym.Env):
         raise SceneError(f"env must be a gymnasium.Env, got {type(env).__name__}")
@@ -55,11 +52,7 @@ def _get(owner: object, path: str) -> object:
 
 
 def with_entries(space: spaces.Space, added: Mapping[str, spaces.Space]) -> spaces.Dict:
-    """Return the space of observations with additional entries.
-
-    Raises:
-        SceneError: If it has an entry of the same name.
-    """
+    """Return the space of observations with additional entries."""
     known = dict(space.spaces) if isinstance(space, spaces.Dict) else {STATE: space}
     taken = sorted(set(known) & set(added))
     if taken:

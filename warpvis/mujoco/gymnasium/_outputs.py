@@ -111,11 +111,7 @@ class Outputs:
         fill: Fill,
         sensor: DepthSensor | None,
     ) -> None:
-        """Check the arguments of a wrapper.
-
-        Raises:
-            WarpvisError: If an argument is invalid.
-        """
+        """Check the arguments of a wrapper."""
         single = isinstance(camera, str | int | np.integer | mujoco.MjvCamera)
         self.cameras: list[CameraChoice] = [camera] if single else as_items(camera, "camera", CameraError)
         if not self.cameras:
@@ -190,11 +186,7 @@ def _numbers(model: mujoco.MjModel, segmentation: Segmentation) -> tuple[NDArray
 
 
 def _depth_bounds(fill: Fill, cameras: Sequence[PlanarCamera], *, sensed: bool) -> tuple[float, float]:
-    """Return the bounds of depth.
-
-    Raises:
-        ArrayError: If `fill` would leave NaN.
-    """
+    """Return the bounds of depth."""
     far = max(camera.far for camera in cameras)
     fill = check_fill(fill)
     if fill == "inf" and sensed:

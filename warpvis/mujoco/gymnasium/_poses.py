@@ -113,11 +113,7 @@ class _Seen:
     """The last seen values of a model."""
 
     def __init__(self, model: mujoco.MjModel, digest: bytes | None) -> None:
-        """Read the model, and compare its shapes with the previous ones.
-
-        Raises:
-            SceneError: If the shapes differ.
-        """
+        """Read the model, and compare its shapes with the previous ones."""
         self.model, self.digest = model, shape_digest(model)
         if digest not in (None, self.digest):
             raise SceneError(_OTHER_SHAPES)
@@ -126,11 +122,7 @@ class _Seen:
         self._shown = self._read_shown()
 
     def shown(self) -> NDArray[np.float32]:
-        """Return 1 for every currently visible geom, else 0, shape ``(ngeom,)``.
-
-        Raises:
-            SceneError: If shapes of the model have changed.
-        """
+        """Return 1 for every currently visible geom, else 0, shape ``(ngeom,)``."""
         if any(watched.changed() for watched in self._shapes):
             raise SceneError(_OTHER_SHAPES)
         if any(watched.changed() for watched in self._watched_appearance):

@@ -81,9 +81,6 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             device: Device for rendering: ``"cpu"``, ``"cuda:0"``, ...
             threads: Number of CPU threads; by default all cores available to the process, since workers are idle
                 during rendering.
-
-        Raises:
-            WarpvisError: If environments or an argument are invalid.
         """
         if not isinstance(env, gym.vector.VectorEnv):
             raise SceneError(f"env must be a gymnasium.vector.VectorEnv, got {type(env).__name__}")
@@ -253,11 +250,7 @@ def _replace_poses(observation: dict[str, Any], images: dict[str, np.ndarray]) -
 
 
 def _shared_model(env: gym.vector.VectorEnv) -> mujoco.MjModel:
-    """Return the model that the environments share.
-
-    Raises:
-        SceneError: If their models differ, or the environment does not support calls.
-    """
+    """Return the model that the environments share."""
     base = env.unwrapped
     if not hasattr(base, "call") or not hasattr(base, "set_attr"):
         raise SceneError(f"env must be a SyncVectorEnv or an AsyncVectorEnv, got {base}")
