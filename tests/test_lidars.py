@@ -172,7 +172,7 @@ def test_calibrated_velodyne_points_match_driver(tmp_path, make, count):
 
 def test_hdl64e_points_match_driver():
     """The built-in table contains the same corrections; using only heights, the lowest laser was off by 66 mm."""
-    rays, table = lidars.hdl64e(), lidars._velodyne_tables.HDL64E_S3
+    rays, table = lidars.hdl64e(), lidars._velodyne._HDL64E_S3
     number = min(range(64), key=lambda laser: table[laser][0])
     elevation, left, vertical = table[number]
     row = {"vert_correction": math.radians(elevation), "rot_correction": math.radians(left)}

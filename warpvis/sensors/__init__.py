@@ -6,8 +6,7 @@ from __future__ import annotations
 
 from warpvis.core.motion import Motion
 from warpvis.sensors import lidars
-from warpvis.sensors._clouds import point_clouds
-from warpvis.sensors._deskew import deskew
+from warpvis.sensors._clouds import deskew, point_clouds
 from warpvis.sensors._echoes import Returns, gather_returns, measure_incidence, reflect, spread_beams
 from warpvis.sensors._rolling_shutter import RollingShutter
 from warpvis.sensors.depth import (

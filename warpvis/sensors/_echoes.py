@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import warp as wp
@@ -56,11 +56,8 @@ def spread_beams(rays: Rays, divergence: float, count: int = 7) -> Rays:
     Returns:
         Rays of shape ``(H, W * count)`` or ``(N * count,)``, with the rays of a beam next to each other, and with the
         origin, time and ring of their central ray. `gather_returns` combines them to returns.
-
-    Raises:
-        ArrayError: If an argument is invalid.
     """
-    _require_rays(rays)
+    require_rays(rays)
     divergence = check_angle(divergence, "divergence", minimum=0.0, maximum=math.pi)
     count = check_whole(count, "count")
     if count > _MAX_SUBRAYS:
@@ -74,16 +71,11 @@ def spread_beams(rays: Rays, divergence: float, count: int = 7) -> Rays:
         np.cos(angle)[:, None] * first[..., None, :] + np.sin(angle)[:, None] * second[..., None, :]
     )
     spread /= np.linalg.norm(spread, axis=-1, keepdims=True)
-    return Rays(
-        _flatten_beams(spread, center.shape[:-1], count),
-        origins=_repeat(rays.origins, count, axis=-2),
-        times=_repeat(rays.times, count, axis=-1),
-        rings=_repeat(rays.rings, count, axis=-1),
-        near=rays.near,
-        far=rays.far,
-        kind=rays.kind,
-        axes=rays.axes,
-    )
+    *shape, last = center.shape[:-1]
+    given = ((name, getattr(rays, name), axis) for name, axis in (("origins", -2), ("times", -1), ("rings", -1)))
+    repeated = {name: np.repeat(np.asarray(values), count, axis) for name, values, axis in given if values is not None}
+    options: dict[str, Any] = {name: getattr(rays, name) for name in ("near", "far", "kind", "axes")}
+    return Rays(spread.reshape(*shape, last * count, 3), **repeated, **options)
 
 
 def measure_incidence(
@@ -114,8 +106,8 @@ def measure_incidence(
     """
     from warpvis.kernels import echoes
 
-    _require_rays(rays)
-    normals = _image(views, "normals")
+    require_rays(rays)
+    normals = require_image(views, "normals")
     device = normals.device
     if isinstance(sensor_to_world, Motion):
         return _measure_moving_incidence(normals, rays, sensor_to_world, convention, out)
@@ -180,7 +172,7 @@ def reflect(
     from warpvis.kernels.echoes import reflect_rays
 
     require_scene(scene)
-    depth, segmentation = _image(views, "depth"), _image(views, "segmentation")
+    depth, segmentation = require_image(views, "depth"), require_image(views, "segmentation")
     device = depth.device
     check_out(incidence, wp.float32, depth.shape, name="incidence", device=device)
     shares = wp.array(reflectivities(scene, reflectivity), dtype=wp.float32, device=device)
@@ -222,9 +214,6 @@ def gather_returns(
 
     Returns:
         Ranges and intensities, shape ``(V, 1, H, W)``, or ``(V, 1, N)`` for a list; two returns for ``"dual"``.
-
-    Raises:
-        ArrayError: If an argument is invalid.
     """
     from warpvis.kernels import echoes
 
@@ -263,7 +252,8 @@ def _as_image(shape: tuple[int, ...], views: int) -> tuple[int, int, int]:
     return (views, *shape) if len(shape) == 2 else (views, 1, *shape)  # type: ignore[return-value]
 
 
-def _require_rays(rays: object) -> None:
+def require_rays(rays: object) -> None:
+    """Raise an error if `rays` is not a ray pattern."""
     if not isinstance(rays, Rays):
         raise ArrayError(f"rays must be warpvis.cameras.Rays, got {type(rays).__name__}")
 
@@ -276,15 +266,8 @@ def _perpendicular(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64]
     return first, np.cross(directions, first)
 
 
-def _flatten_beams(spread: NDArray[np.float64], shape: tuple[int, ...], count: int) -> NDArray[np.float64]:
-    return spread.reshape(*shape[:-1], shape[-1] * count, 3)
-
-
-def _repeat(values: NDArray | None, count: int, axis: int) -> NDArray | None:
-    return None if values is None else np.repeat(np.asarray(values), count, axis=axis)
-
-
-def _image(views: object, name: str) -> wp.array:
+def require_image(views: object, name: str) -> wp.array:
+    """Return an output of `views`, which must be rendered images with this output."""
     if not isinstance(views, Views):
         raise ArrayError(f"views must be warpvis.Views, got {type(views).__name__}")
     image = getattr(views, name)

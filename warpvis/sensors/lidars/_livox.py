@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras.rays import Rays
-from warpvis.core.checks import as_path, check_number, check_whole, describe_exception, truncate
+from warpvis.core.checks import as_path, check_whole, describe_exception, truncate
 from warpvis.errors import CameraError, FileFormatError
-from warpvis.sensors.lidars._angles import directions_at
+from warpvis.sensors.lidars._plain import check_positive, directions_at
 
 # Samples per second, and number of lasers, which fire in turn. Sources: HAP user manual, table 1.2.1 (samples of HAP);
 # livox_ros_driver2, src/comm/comm.h (lines of HAP and Mid-360); livox_ros_driver, lds.h (the rest). The sample rate of
@@ -80,9 +80,7 @@ class Livox:
             CameraError: If an argument is invalid.
         """
         index = check_whole(index, "index", minimum=0, error=CameraError)
-        rate = check_number(rate, "rate", error=CameraError)
-        if rate <= 0:
-            raise CameraError(f"rate must be more than 0 Hz, got {rate:g}")
+        rate = check_positive(rate, "rate", "Hz")
         if samples is None:
             samples = max(math.floor(self.samples_per_second / rate), 1)
         samples = check_whole(samples, "samples", error=CameraError)
@@ -142,7 +140,7 @@ def _read_npy(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         got = f"{loaded.dtype} of {loaded.shape}" if isinstance(loaded, np.ndarray) else "an archive"
         raise FileFormatError(f"{path}: must contain azimuth and elevation, floats of shape (samples, 2), got {got}")
     azimuth, elevation = loaded.astype(np.float64).T
-    return _check_angles(path, azimuth, elevation, math.pi / 2)
+    return _check_angles(path, azimuth, elevation)
 
 
 def _read_csv(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -164,12 +162,12 @@ def _read_csv(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         raise FileFormatError(f"{path}: must contain three numbers per line: {describe_exception(error)}") from None
     if numbers.ndim != 2 or not len(numbers) or numbers.shape[1] != 3:
         raise FileFormatError(f"{path}: must contain lines of three numbers, '{_HEADER}', got shape {numbers.shape}")
-    return _check_angles(path, np.radians(numbers[:, 1]), np.radians(90.0 - numbers[:, 2]), math.pi / 2)
+    return _check_angles(path, np.radians(numbers[:, 1]), np.radians(90.0 - numbers[:, 2]))
 
 
 def _check_angles(
-    path: Path, azimuth: NDArray[np.float64], elevation: NDArray[np.float64], max_elevation: float
+    path: Path, azimuth: NDArray[np.float64], elevation: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    if not len(azimuth) or not (np.isfinite(azimuth) & (np.abs(elevation) <= max_elevation + 1e-6)).all():
+    if not len(azimuth) or not (np.isfinite(azimuth) & (np.abs(elevation) <= math.pi / 2 + 1e-6)).all():
         raise FileFormatError(f"{path}: must contain finite angles, with elevations from -90 to 90 degrees")
     return azimuth, elevation

@@ -17,7 +17,7 @@ from warpvis.core.checks import as_path, check_choice, is_whole, truncate
 from warpvis.core.json_files import read_json
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
-from warpvis.sensors.lidars._angles import directions_at
+from warpvis.sensors.lidars._plain import directions_at
 
 MODES = ("512x10", "512x20", "1024x10", "1024x20", "2048x10", "4096x5")
 """Columns per revolution, and revolutions per second."""

@@ -13,10 +13,45 @@ from warpvis.cameras.rays import Rays
 from warpvis.core.arrays import as_point
 from warpvis.core.checks import as_items, check_angle, check_number, check_whole, degrees_hint
 from warpvis.errors import CameraError
-from warpvis.sensors.lidars._angles import check_increment, check_span, directions_at
 
 _MAX_RAYS = 2**26
 _TURN = 2.0 * math.pi
+
+
+def directions_at(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
+    """Return unit vectors of the sensor frame (x forward, y left, z up), shape ``(..., 3)``.
+
+    Args:
+        azimuth: Angles from x toward y, that is to the left [rad].
+        elevation: Angles above the horizontal plane [rad]. Both are broadcast against each other.
+    """
+    azimuth, elevation = np.broadcast_arrays(
+        np.asarray(azimuth, dtype=np.float64), np.asarray(elevation, dtype=np.float64)
+    )
+    horizontal = np.cos(elevation)
+    return np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), np.sin(elevation)], axis=-1)
+
+
+def check_positive(value: object, name: str, unit: str) -> float:
+    """Check that `value` is a finite number above 0, and return it."""
+    number = check_number(value, name, error=CameraError)
+    if number <= 0:
+        raise CameraError(f"{name} must be more than 0 {unit}, got {number:g}")
+    return number
+
+
+def _check_span(span: object, name: str, maximum: float = math.inf) -> tuple[float, float]:
+    """Check that `span` is two angles in ascending order [rad], and return them."""
+    ends = as_items(span, name, CameraError)
+    if len(ends) != 2:
+        raise CameraError(f"{name} must be two angles in radians, got {span!r}")
+    low, high = (
+        check_angle(end, f"{name}[{index}]", minimum=-maximum, maximum=maximum, error=CameraError)
+        for index, end in enumerate(ends)
+    )
+    if low > high:
+        raise CameraError(f"{name} must be two angles, the lower one first, got {low:g} and {high:g}")
+    return low, high
 
 
 def laser_scan(
@@ -49,7 +84,7 @@ def laser_scan(
         check_angle(angle, name, minimum=-_TURN - 1e-6, maximum=_TURN + 1e-6, error=CameraError)
         for angle, name in ((angle_min, "angle_min"), (angle_max, "angle_max"))
     )
-    step = check_increment(angle_increment, "angle_increment")
+    step = check_angle(angle_increment, "angle_increment", minimum=-_TURN, maximum=_TURN, error=CameraError)
     interval = check_number(time_increment, "time_increment", minimum=0.0, error=CameraError)
     azimuth = _steps(first, last, step, "angle_increment")
     directions = directions_at(azimuth, 0.0)
@@ -85,16 +120,13 @@ def even(
         CameraError: If an argument is invalid.
     """
     channels = check_whole(channels, "channels", error=CameraError)
-    lowest, highest = check_span(elevation, "elevation", math.pi / 2)
-    first, last = check_span(azimuth, "azimuth")
-    step = check_increment(increment, "increment")
-    if step <= 0:
-        raise CameraError(f"increment must be more than 0 radians, got {step:g}")
+    lowest, highest = _check_span(elevation, "elevation", math.pi / 2)
+    first, last = _check_span(azimuth, "azimuth")
     if channels == 1 and lowest != highest:
         raise CameraError(
             f"elevation must be two equal angles for a lidar with one channel, got {lowest:g} and {highest:g}"
         )
-    columns = _columns(first, last, step, channels)
+    columns = _columns(first, last, increment, channels)
     return _rotate_beams(np.linspace(highest, lowest, channels), columns, rate, near, far)
 
 
@@ -123,11 +155,8 @@ def bpearl(
     Raises:
         CameraError: If an argument is invalid.
     """
-    step = check_increment(increment, "increment")
-    if step <= 0:
-        raise CameraError(f"increment must be more than 0 radians, got {step:g}")
     elevation = np.radians(89.5 - 2.8125 * np.arange(32))
-    return _rotate_beams(elevation, _columns(-math.pi, math.pi, step, 32), rate, near, far)
+    return _rotate_beams(elevation, _columns(-math.pi, math.pi, increment, 32), rate, near, far)
 
 
 def grid(
@@ -153,9 +182,7 @@ def grid(
     Raises:
         CameraError: If an argument is invalid.
     """
-    step = check_number(resolution, "resolution", error=CameraError)
-    if step <= 0:
-        raise CameraError(f"resolution must be more than 0 m, got {step:g}")
+    step = check_positive(resolution, "resolution", "m")
     sides = as_items(size, "size", CameraError)
     if len(sides) != 2:
         raise CameraError(f"size must be a length and a width in meters, got {size!r}")
@@ -185,17 +212,18 @@ def _rotate_beams(
     shape = (len(elevation), len(azimuth))
     times = None
     if rate is not None:
-        rate = check_number(rate, "rate", error=CameraError)
-        if rate <= 0:
-            raise CameraError(f"rate must be more than 0 Hz, got {rate:g}")
+        rate = check_positive(rate, "rate", "Hz")
         times = np.broadcast_to(np.arange(shape[1]) / (shape[1] * rate), shape)
     rings = np.broadcast_to(np.arange(shape[0])[::-1, None], shape)
     directions = directions_at(azimuth, elevation[:, None])
     return Rays(directions, times=times, rings=rings, near=near, far=far, axes="ros_body")
 
 
-def _columns(first: float, last: float, step: float, channels: int) -> NDArray[np.float64]:
+def _columns(first: float, last: float, increment: object, channels: int) -> NDArray[np.float64]:
     """Return azimuths of columns [rad], without the last one if it is a full turn from the first."""
+    step = check_angle(increment, "increment", minimum=-_TURN, maximum=_TURN, error=CameraError)
+    if step <= 0:
+        raise CameraError(f"increment must be more than 0 radians, got {step:g}")
     if last - first > _TURN + 1e-9:
         raise CameraError(f"azimuth must be within one turn, got {last - first:g} radians{degrees_hint(last)}")
     if channels > _MAX_RAYS or (last - first) / step * channels > _MAX_RAYS:
