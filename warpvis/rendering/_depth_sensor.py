@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, cast
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from warpvis.cameras.pinhole import Camera
 from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.arrays import put_rows, take_rows
+from warpvis.core.threads import launch_images
 from warpvis.errors import ArrayError, CameraError
 from warpvis.scene.worlds import part_of
 
@@ -71,6 +72,28 @@ class Exposure:
         width, height = self.camera.width, self.camera.height
         range_ = {"near": self.camera.near, "far": self.camera.far}
         return Camera(width, height, 1.0, 1.0, width / 2, height / 2, **range_).device_struct()
+
+    def launch(
+        self,
+        kernel: wp.Kernel,
+        *inputs: object,
+        cameras: Sequence[object] = (),
+        shape: tuple[int, int, int] | None = None,
+        span: int = 1,
+    ) -> None:
+        """Launch a kernel over all pixels of ``(V, Y, X)``, by default those of `depth_out`, on the scene's device.
+
+        Its arguments are `cameras`, the window of `warpvis.core.threads.launch_images`, and `inputs`. Each of its
+        threads processes `span` pixels of a row.
+        """
+        launch_images(
+            kernel,
+            shape or self.depth_out.shape,
+            lambda window: [*cameras, window, *inputs],
+            device=self.scene.device,
+            threads=self.threads,
+            span=span,
+        )
 
     def cast_at(self, camera: Camera, poses: wp.array, points: wp.array) -> wp.array:
         """Cast through image points of another camera in the same worlds.

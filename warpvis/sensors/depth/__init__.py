@@ -4,28 +4,26 @@
 
 from __future__ import annotations
 
+from warpvis.sensors.depth._base import Reason as Reason
 from warpvis.sensors.depth._corruptions import Corruptions as Corruptions
 from warpvis.sensors.depth._fields import sensor_from_fields as sensor_from_fields, sensor_to_fields as sensor_to_fields
 from warpvis.sensors.depth._fit import StereoFit as StereoFit, WallReport as WallReport, fit as fit
 from warpvis.sensors.depth._kinect_noise import KhoshelhamNoise as KhoshelhamNoise, NguyenNoise as NguyenNoise
+from warpvis.sensors.depth._kinect_simulators import RedwoodNoise as RedwoodNoise, SimKinect as SimKinect
 from warpvis.sensors.depth._latency import Latency as Latency
-from warpvis.sensors.depth._names import SENSOR_NAMES as SENSOR_NAMES, sensor_by_name as sensor_by_name
 from warpvis.sensors.depth._profiles import (
+    SENSOR_NAMES as SENSOR_NAMES,
+    azure_kinect as azure_kinect,
     kinect_v1 as kinect_v1,
+    kinect_v2 as kinect_v2,
     oak_d as oak_d,
+    pmd_flexx2 as pmd_flexx2,
     realsense_d415 as realsense_d415,
     realsense_d435 as realsense_d435,
     realsense_d455 as realsense_d455,
+    sensor_by_name as sensor_by_name,
     structure as structure,
 )
 from warpvis.sensors.depth._randomized import Randomized as Randomized, randomized as randomized
-from warpvis.sensors.depth._reasons import Reason as Reason
-from warpvis.sensors.depth._redwood import RedwoodNoise as RedwoodNoise
-from warpvis.sensors.depth._simkinect import SimKinect as SimKinect
 from warpvis.sensors.depth._stereo import StereoDepth as StereoDepth
 from warpvis.sensors.depth._time_of_flight import TimeOfFlight as TimeOfFlight
-from warpvis.sensors.depth._time_of_flight_profiles import (
-    azure_kinect as azure_kinect,
-    kinect_v2 as kinect_v2,
-    pmd_flexx2 as pmd_flexx2,
-)

@@ -12,7 +12,7 @@ import warp as wp
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items, check_number, check_whole
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import WHOLE_ROW, launch_images
+from warpvis.core.threads import WHOLE_ROW
 from warpvis.errors import ArrayError
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
 from warpvis.scene import Scene
@@ -102,16 +102,9 @@ class Corruptions(DepthSensor):
             rectangles = exposure.scratch("rectangles", (views, model.max_count), wp.vec4i)
             placed = [camera, model, exposure.draws, rectangles]
             launch(place_rectangles, rectangles.shape, placed, exposure.scene.device)
-        inputs = [model, exposure.true_depth if self.of is None else None, rectangles, exposure.draws]
+        inputs = model, exposure.true_depth if self.of is None else None, rectangles, exposure.draws
         kernel, span = _kernel(exposure.scene.device)
-        launch_images(
-            kernel,
-            exposure.depth_out.shape,
-            lambda window: [camera, window, *inputs, exposure.depth_out, exposure.reasons_out],
-            device=exposure.scene.device,
-            threads=exposure.threads,
-            span=span,
-        )
+        exposure.launch(kernel, *inputs, exposure.depth_out, exposure.reasons_out, cameras=[camera], span=span)
 
 
 def _kernel(device: wp.Device) -> tuple[wp.Kernel, int]:

@@ -16,8 +16,13 @@ from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_items, check_number, check_whole, format_percent, pluralize
 from warpvis.errors import ArrayError
-from warpvis.sensors.depth._noise_spacing import correlation, expected_correlation, find_spacing
-from warpvis.sensors.depth._quantization import find_quantum, fit_spread
+from warpvis.sensors.depth._quantization import (
+    correlation,
+    expected_correlation,
+    find_quantum,
+    find_spacing,
+    fit_spread,
+)
 from warpvis.sensors.depth._stereo import StereoDepth, check_baseline
 from warpvis.sensors.depth._walls import Wall, measure_wall
 

@@ -11,9 +11,9 @@ from typing import ClassVar, Literal
 import warp as wp
 
 from warpvis.core.checks import check_angle, check_flag, check_number
-from warpvis.core.threads import WHOLE_ROW, launch_images
-from warpvis.errors import ArrayError
+from warpvis.core.threads import WHOLE_ROW
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
+from warpvis.sensors.depth._base import check_positive
 
 _STEEPEST = math.radians(89.9)
 
@@ -69,17 +69,10 @@ class NguyenNoise(DepthSensor):
         for name in self.__dataclass_fields__:
             setattr(model, name, getattr(self, name))
         model.seed = exposure.seed
-        camera = exposure.camera.device_struct()
-        inputs = [model, exposure.true_depth, exposure.normals, exposure.draws]
+        inputs = model, exposure.true_depth, exposure.normals, exposure.draws
         kernel, span = _nguyen_kernel(exposure.scene.device)
-        launch_images(
-            kernel,
-            exposure.depth_out.shape,
-            lambda window: [camera, exposure.poses, window, *inputs, exposure.depth_out, exposure.reasons_out],
-            device=exposure.scene.device,
-            threads=exposure.threads,
-            span=span,
-        )
+        cameras = exposure.camera.device_struct(), exposure.poses
+        exposure.launch(kernel, *inputs, exposure.depth_out, exposure.reasons_out, cameras=cameras, span=span)
 
 
 @dataclass(frozen=True)
@@ -103,8 +96,7 @@ class KhoshelhamNoise(DepthSensor):
     takes_lens: ClassVar[TakesLens] = "z"
 
     def __post_init__(self) -> None:
-        if check_number(self.step, "step", minimum=0.0) == 0.0:
-            raise ArrayError("step must be above 0 per meter")
+        check_positive(self.step, "step", "per meter")
         check_number(self.sigma, "sigma", minimum=0.0)
         check_flag(self.rounds, "rounds")
 
@@ -114,17 +106,9 @@ class KhoshelhamNoise(DepthSensor):
 
         model = KhoshelhamModel()
         model.step, model.sigma, model.rounds, model.seed = self.step, self.sigma, int(self.rounds), exposure.seed
-        camera = exposure.image_range
-        inputs = [model, exposure.true_depth, exposure.draws, exposure.depth_out, exposure.reasons_out]
+        inputs = model, exposure.true_depth, exposure.draws, exposure.depth_out, exposure.reasons_out
         kernel, span = _khoshelham_kernel(exposure.scene.device)
-        launch_images(
-            kernel,
-            exposure.depth_out.shape,
-            lambda window: [camera, window, *inputs],
-            device=exposure.scene.device,
-            threads=exposure.threads,
-            span=span,
-        )
+        exposure.launch(kernel, *inputs, cameras=[exposure.image_range], span=span)
 
 
 def _nguyen_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:

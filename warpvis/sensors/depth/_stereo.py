@@ -8,7 +8,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import warp as wp
@@ -16,15 +16,13 @@ import warp as wp
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import WHOLE_ROW, launch_images
+from warpvis.core.threads import WHOLE_ROW
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError
 from warpvis.kernels.constants import STREAM_DISPARITY
 from warpvis.rendering import Exposure
 from warpvis.scene import Scene
-from warpvis.sensors.depth._device import Device
-from warpvis.sensors.depth._fattening import fatten
-from warpvis.sensors.depth._normal_images import drawing_kernel
+from warpvis.sensors.depth._base import Device, check_positive, closest_first, draw_normal_image
 
 if TYPE_CHECKING:
     from warpvis.kernels.stereo import StereoModel, StereoViews
@@ -64,9 +62,7 @@ def check_baseline(baseline: object) -> None:
     Raises:
         ArrayError: If it is not a number above 0.
     """
-    length = check_number(baseline, "baseline", minimum=0.0)
-    if length == 0.0:
-        raise ArrayError("baseline must be above 0 m, the distance between a sensor's two eyes")
+    length = check_positive(baseline, "baseline", "m, the distance between a sensor's two eyes")
     if length >= _LONG_BASELINE:
         warn_user(
             f"baseline is {length:g} m, longer than that of any depth camera. If it is in millimeters, pass "
@@ -136,8 +132,8 @@ class StereoDepth(Device):
         super().__post_init__()
         check_baseline(self.baseline)
         check_choice(self.other_eye, "other_eye", ("right", "left"))
-        if self.focal_length is not None and check_number(self.focal_length, "focal_length", minimum=0.0) == 0.0:
-            raise ArrayError("focal_length must be above 0 px")
+        if self.focal_length is not None:
+            check_positive(self.focal_length, "focal_length", "px")
         if not is_number(self.max_disparity) or not self.max_disparity > 0:
             raise ArrayError(f"max_disparity must be a number of pixels above 0, got {self.max_disparity!r}")
         check_number(self.sigma, "sigma", minimum=0.0)
@@ -210,7 +206,7 @@ class StereoDepth(Device):
 
         if self.fattening:
             scale = self._scale(exposure.camera)
-            exposure = fatten(exposure, reach=self.fattening, scale=scale, step=self.edge_step)
+            exposure = _fatten(exposure, reach=self.fattening, scale=scale, step=self.edge_step)
         poses, device = exposure.poses, exposure.scene.device
         other_poses = exposure.scratch("other poses", poses.shape, wp.transform)
         eyes = wp.empty(len(poses), dtype=OtherEye, device=device)
@@ -220,32 +216,16 @@ class StereoDepth(Device):
         if self.shadow:
             inputs.other_depth = self._render_other_eye(exposure, inputs, eyes, other_poses)
         _, kernel, span = _kernels(device)
-        written = [exposure.depth_out, exposure.reasons_out]
-        launch_images(
-            kernel,
-            exposure.depth_out.shape,
-            lambda window: [eyes, window, model, inputs, *written],
-            device=device,
-            threads=exposure.threads,
-            span=span,
-        )
+        exposure.launch(kernel, model, inputs, exposure.depth_out, exposure.reasons_out, cameras=[eyes], span=span)
 
     def _render_other_eye(self, exposure: Exposure, inputs: StereoViews, eyes: wp.array, poses: wp.array) -> wp.array:
         """Return the depth seen by the other eye at the projection of the point of each pixel."""
-        shape, device = exposure.true_depth.shape, exposure.scene.device
         other = self._other_camera(exposure.camera, exposure.clip_near)
-        points = exposure.scratch("points", shape, wp.vec2)
-        kernel, _, span = _kernels(device)
+        points = exposure.scratch("points", exposure.true_depth.shape, wp.vec2)
+        kernel, _, span = _kernels(exposure.scene.device)
         lens, margin = other.device_struct(), other.cx - exposure.camera.cx
         min_depth = self._scale(exposure.camera) / self.max_disparity
-        launch_images(
-            kernel,
-            shape,
-            lambda window: [lens, eyes, window, inputs, margin, min_depth, points],
-            device=device,
-            threads=exposure.threads,
-            span=span,
-        )
+        exposure.launch(kernel, inputs, margin, min_depth, points, cameras=[lens, eyes], span=span)
         return exposure.cast_at(other, poses, points)
 
     def _model(self, exposure: Exposure) -> StereoModel:
@@ -289,12 +269,7 @@ class StereoDepth(Device):
         views, height, width = exposure.true_depth.shape
         device, spacing = exposure.scene.device, self.noise_spacing
         shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
-        inputs.nodes = nodes = exposure.scratch("nodes", shape, wp.float32)
-        kernel, span = drawing_kernel(device)
-        drawn: list[Any] = [exposure.draws, wp.uint32(exposure.seed), wp.uint32(STREAM_DISPARITY), nodes]
-        launch_images(
-            kernel, shape, lambda window: [window, *drawn], device=device, threads=exposure.threads, span=span
-        )
+        inputs.nodes = draw_normal_image(exposure, STREAM_DISPARITY, "nodes", shape)
         angles = np.arange(spacing) / spacing * (math.pi / 2)
         weights = np.stack([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
         column_weights = weights[np.arange(width) % spacing].T.copy()
@@ -327,3 +302,39 @@ def _slopes(camera: Camera, device: wp.Device) -> tuple[wp.array, wp.array]:
 def _check_at_most(value: int, name: str, maximum: int) -> None:
     if value > maximum:
         raise ArrayError(f"{name} must be at most {maximum} px, got {value}")
+
+
+def _fatten(exposure: Exposure, *, reach: int, scale: float, step: float) -> Exposure:
+    """Return the exposure with nearer surfaces spread over farther ones.
+
+    Args:
+        exposure: The exact images.
+        reach: Maximum distance of spreading [px].
+        scale: Focal length times baseline [px m].
+        step: Minimum difference of disparity between different surfaces [px].
+    """
+    from warpvis.kernels.fattening import FatteningModel, Surfaces, fatten_surfaces, find_nearest_in_rows
+
+    shape, device = exposure.true_depth.shape, exposure.scene.device
+    model, seen = FatteningModel(), Surfaces()
+    model.disparity_scale, model.step, model.reach = scale, step, reach
+    fattened: dict[str, wp.array] = {}
+    for name, image in (
+        ("depth", exposure.true_depth),
+        ("normals", exposure.normals),
+        ("segmentation", exposure.segmentation),
+    ):
+        if image is not None:
+            setattr(seen, name, image)
+            fattened[name] = exposure.scratch(f"fattened {name}", shape, image.dtype)
+    nearest = exposure.scratch("nearest of rows", shape, wp.float32)
+    offsets = wp.array(closest_first(reach), dtype=wp.vec2i, device=device)
+    exposure.launch(find_nearest_in_rows, model, exposure.true_depth, nearest)
+    outputs = (fattened.get(name) for name in ("depth", "normals", "segmentation"))
+    exposure.launch(fatten_surfaces, model, seen, nearest, offsets, *outputs)
+    return dataclasses.replace(
+        exposure,
+        true_depth=fattened["depth"],
+        normals=fattened.get("normals"),
+        segmentation=fattened.get("segmentation"),
+    )

@@ -17,10 +17,10 @@ import warp as wp
 from warpvis.core.arrays import empty
 from warpvis.core.checks import check_angle, check_flag, check_number, is_number
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import WHOLE_ROW, launch_images
+from warpvis.core.threads import WHOLE_ROW
 from warpvis.errors import ArrayError
 from warpvis.rendering import Exposure
-from warpvis.sensors.depth._device import Device
+from warpvis.sensors.depth._base import Device, check_positive
 
 if TYPE_CHECKING:
     from warpvis.kernels.time_of_flight import FlightModel, FlightViews
@@ -112,8 +112,7 @@ class TimeOfFlight(Device):
         for name in ("offset", "wiggle"):
             check_number(getattr(self, name), name)
         check_flag(self.mixing, "mixing")
-        if check_number(self.edge_step, "edge_step", minimum=0.0) == 0.0:
-            raise ArrayError("edge_step must be above 0 m")
+        check_positive(self.edge_step, "edge_step", "m")
         check_number(self.min_coherence, "min_coherence", minimum=0.0, maximum=1.0)
         min_signal = check_number(self.min_signal, "min_signal", minimum=0.0)
         _check_positive(self.max_signal, "max_signal")
@@ -144,9 +143,8 @@ class TimeOfFlight(Device):
         cameras = [exposure.camera.device_struct(), axes]
         if self.mixing:
             inputs.slots, inputs.mixes = self._mix(exposure, cameras, model, inputs)
-        written = [exposure.depth_out, exposure.reasons_out]
         _, kernel, span = _kernels(exposure.scene.device)
-        _launch(exposure, kernel, exposure.depth_out.shape, cameras, [model, inputs, *written], span)
+        exposure.launch(kernel, model, inputs, exposure.depth_out, exposure.reasons_out, cameras=cameras, span=span)
 
     def _model(self, exposure: Exposure) -> FlightModel:
         """Return the parameters as a struct for kernels."""
@@ -192,18 +190,19 @@ class TimeOfFlight(Device):
         points = exposure.scratch("sub-rays", (views, _TILE_PIXELS, part), wp.vec2)
         tiles = (views, part // _TILE_PIXELS, _TILE_PIXELS)
         for first in range(0, pixels.shape[1], part):
-            _launch(exposure, place_sub_rays, points.shape, [], [pixels, first, width, points])
+            exposure.launch(place_sub_rays, pixels, first, width, points, shape=points.shape)
             seen = exposure.cast_images_at(ideal, exposure.poses, points, ("depth", *self.needs))
-            images = [seen["depth"], seen["normals"], seen.get("segmentation"), inputs.reflectivity]
-            _launch(exposure, mix_sub_rays, tiles, cameras, [model, pixels, points, *images, first, mixes])
+            images = seen["depth"], seen["normals"], seen.get("segmentation"), inputs.reflectivity
+            arguments = model, pixels, points, *images, first, mixes
+            exposure.launch(mix_sub_rays, *arguments, cameras=cameras, shape=tiles)
         return slots, mixes
 
     def _find_edges(self, exposure: Exposure, cameras: list[Any]) -> wp.array:
         """Return an image that is not negative at edges, and -1 elsewhere."""
         slots = exposure.scratch("edges", exposure.true_depth.shape, wp.int32)
-        images = [exposure.true_depth, exposure.normals]
+        inputs = exposure.true_depth, exposure.normals, self.edge_step, slots
         kernel, _, span = _kernels(exposure.scene.device)
-        _launch(exposure, kernel, slots.shape, cameras, [*images, self.edge_step, slots], span)
+        exposure.launch(kernel, *inputs, cameras=cameras, span=span)
         return slots
 
 
@@ -217,25 +216,6 @@ def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
     from warpvis.kernels.time_of_flight import measure_time_of_flight
 
     return find_edges, measure_time_of_flight, 1
-
-
-def _launch(
-    exposure: Exposure,
-    kernel: wp.Kernel,
-    shape: tuple[int, int, int],
-    cameras: list[Any],
-    inputs: list[Any],
-    span: int = 1,
-) -> None:
-    """Launch a kernel with the arguments cameras, window and others, and `span` pixels per thread."""
-    launch_images(
-        kernel,
-        shape,
-        lambda window: [*cameras, window, *inputs],
-        device=exposure.scene.device,
-        threads=exposure.threads,
-        span=span,
-    )
 
 
 def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:

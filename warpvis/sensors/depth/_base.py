@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Parts that models of depth cameras share: reasons, the base class of devices, random images, pixels by distance."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field, fields
+from typing import Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.cameras.pinhole import Camera
+from warpvis.core.checks import check_number, is_number
+from warpvis.errors import ArrayError, CameraError
+from warpvis.kernels import constants
+from warpvis.rendering import DepthSensor, Exposure
+from warpvis.scene import Scene
+from warpvis.sensors._echoes import Reflectivity, reflectivities
+
+
+class Reason(enum.IntEnum):
+    """Why a pixel has no depth: the first condition that is true, in the order of the sensor model."""
+
+    VALID = constants.REASON_VALID
+    """The pixel has depth."""
+    EMPTY = constants.REASON_EMPTY
+    """The ray hits nothing; depth is +inf."""
+    RANGE = constants.REASON_RANGE
+    """The surface is out of range; depth is -inf or +inf. Depth is NaN for all reasons below."""
+    SHADOW = constants.REASON_SHADOW
+    """The other eye of the sensor, a projector or a second imager, does not see the surface."""
+    BAND = constants.REASON_BAND
+    """The surface is outside of the image of the other eye."""
+    EDGE = constants.REASON_EDGE
+    """Too many surrounding pixels have another depth, or the pixel sees several depths."""
+    GRAZING = constants.REASON_GRAZING
+    """Too little light is reflected because of the angle of incidence."""
+    DROPOUT = constants.REASON_DROPOUT
+    """The pixel was lost at random, or because the surface is dark or far."""
+    SATURATED = constants.REASON_SATURATED
+    """The reflected light saturates the pixel."""
+
+
+@dataclass(frozen=True)
+class Device(DepthSensor):
+    """A model of a real device that measures reflected light."""
+
+    reflectivity: Reflectivity = field(default=1.0, kw_only=True)
+    """Reflectivity from 0 (black) to 1: one value for all objects, a mapping from object names to values (1 for
+    others), or values in scene order."""
+    native_camera: Camera | None = field(default=None, kw_only=True)
+    """The camera of the device, returned by `camera`. Its range of depth also applies to any other camera."""
+
+    def __post_init__(self) -> None:
+        if self.native_camera is not None and not isinstance(self.native_camera, Camera):
+            raise CameraError(f"native_camera must be a warpvis.Camera, got {self.native_camera!r}")
+
+    @property
+    def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
+        """Exact images that are read to compute reflected light."""
+        plain = is_number(self.reflectivity) and self.reflectivity == 1.0
+        return ("normals",) if plain else ("normals", "segmentation")
+
+    def check(self, scene: Scene, camera: object) -> Camera:
+        """Return the camera with its range of depth limited to that of the device.
+
+        Raises:
+            WarpvisError: If the sensor cannot be used with the camera, or if the ranges do not overlap.
+        """
+        reflectivities(scene, self.reflectivity)
+        return super().check(scene, camera)
+
+    def reflectivity_of_objects(self, exposure: Exposure) -> wp.array:
+        """Return the reflectivity of each object of the scene, on its device, shape ``(objects,)``."""
+        values = reflectivities(exposure.scene, self.reflectivity)
+        return wp.array(values, dtype=wp.float32, device=exposure.scene.device)
+
+
+class ByValue:
+    """Mixin for dataclasses with array fields; the generated `__eq__` would need the truth value of an array."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        pairs = [(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)]  # type: ignore[arg-type]
+        return all(np.array_equal(*pair) if isinstance(pair[0], np.ndarray) else pair[0] == pair[1] for pair in pairs)
+
+    def __hash__(self) -> int:
+        values = [getattr(self, field.name) for field in fields(self)]  # type: ignore[arg-type]
+        return hash((type(self), *(value.shape if isinstance(value, np.ndarray) else value for value in values)))
+
+
+def closest_first(reach: int, max_squared: int | None = None) -> NDArray[np.int32]:
+    """Return offsets (column, row) to the pixels of a window by increasing distance, then by rows, shape ``(N, 2)``.
+
+    Args:
+        reach: Half the side of the window [px].
+        max_squared: Maximum squared distance [px^2]; unlimited by default.
+    """
+    offsets = np.arange(-reach, reach + 1, dtype=np.int32)
+    row, column = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
+    squared = row * row + column * column
+    order = np.argsort(squared, kind="stable")
+    if max_squared is not None:
+        order = order[squared[order] <= max_squared]
+    return np.stack([column, row], axis=-1)[order]
+
+
+def draw_normal_image(
+    exposure: Exposure, stream: int, name: str, shape: tuple[int, int, int] | None = None
+) -> wp.array:
+    """Draw normal random numbers of a stream into scratch memory called `name`: by default one for each pixel."""
+    normals = exposure.scratch(name, shape or exposure.true_depth.shape, wp.float32)
+    kernel, span = _drawing_kernel(exposure.scene.device)
+    drawn = exposure.draws, wp.uint32(exposure.seed), wp.uint32(stream), normals
+    exposure.launch(kernel, *drawn, shape=normals.shape, span=span)
+    return normals
+
+
+def _drawing_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
+    """Return the kernel that draws normal numbers on a device, and the number of pixels per thread."""
+    if device.is_cpu:
+        from warpvis.kernels.random_rows import PIXELS_AT_ONCE, draw_normal_rows
+
+        return draw_normal_rows, PIXELS_AT_ONCE
+    from warpvis.kernels.random_numbers import draw_normals
+
+    return draw_normals, 1
+
+
+def check_positive(value: object, name: str, unit: str = "") -> float:
+    """Check that `value` is a finite number above 0, and return it."""
+    if (number := check_number(value, name, minimum=0.0)) == 0.0:
+        raise ArrayError(f"{name} must be above 0{unit and f' {unit}'}")
+    return number

@@ -1,0 +1,221 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Kinect models of other simulators: of the Redwood dataset and Habitat, and simkinect."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy
+from warpvis.core.checks import as_path, check_number, describe_exception
+from warpvis.core.types import ArrayInput
+from warpvis.errors import ArrayError, FileFormatError
+from warpvis.kernels.constants import STREAM_ACROSS, STREAM_DISPARITY, STREAM_DOWN
+from warpvis.rendering import DepthSensor, Exposure
+from warpvis.sensors.depth._base import ByValue, check_positive, closest_first, draw_normal_image
+
+_TABLE = (80, 80, 5)
+# The distortion file: number of header lines, of numbers before the first cell, and of numbers per cell; offset of the
+# five factors in a cell; minimum count of samples: cells with fewer samples in all five bins have no factors.
+_HEADER_LINES, _LEADING_NUMBERS, _CELL_NUMBERS, _FACTORS, _MIN_SAMPLES = 5, 3, 23, 15, 8000
+_MAX_BYTES = 2**28
+
+# Side of a cell with one dot [px], as in the pattern of simkinect; number of cells after which the pattern repeats.
+_CELL, _CELLS = 3, 96
+# Half the side of the window plus the margin that simkinect skips at the end [px].
+_MIN_PATTERN = 10
+_PATTERN_KEY = 0x5EED
+_FILL_REACH = 3
+
+
+@dataclass(frozen=True, eq=False)
+class RedwoodNoise(ByValue, DepthSensor):
+    """The Kinect model of the simulator of the Redwood dataset and of Habitat's ``RedwoodDepthNoiseModel`` on a CPU.
+
+    S. Choi, Q.-Y. Zhou and V. Koltun, "Robust Reconstruction of Indoor Scenes", CVPR 2015, and its ``simdepth.py``,
+    after A. Teichman, S. Miller and S. Thrun, "Unsupervised Intrinsic Calibration of Depth Sensors via SLAM", RSS
+    2013. The position of each pixel is shifted by a normal error of 0.25 px, rounded, and then rounded to even rows and
+    columns: one of four pixels is read. Depth of 10 m or more is lost (RANGE). Depth is divided by a factor from the
+    table of 80x80 cells of the image, interpolated between 1, 3, 5, 7 and 9 m; it is lost where the factor is 0
+    (DROPOUT). Then a normal error of 1/36 px is added to 35.13 / depth, and the sum is rounded to 1/8 px. For images of
+    other sizes than 640x480, the table is stretched.
+
+    Habitat's code for GPUs differs: it rounds disparities to whole pixels, and clamps depth to 5 m.
+    """
+
+    distortion: str | os.PathLike[str] | ArrayInput = field(repr=False)
+    """The table: ``dist-model.txt`` of the Redwood dataset, an ``.npy`` file as in Habitat, or an array (80, 80, 5) of
+    factors by row, column and depth; 0 for missing factors."""
+    multiplier: float = 1.0
+    """Factor of the standard deviations of both errors, Habitat's ``noise_multiplier``."""
+
+    def __post_init__(self) -> None:
+        check_number(self.multiplier, "multiplier", minimum=0.0)
+        object.__setattr__(self, "distortion", _read_table(self.distortion))
+
+    @property
+    def bytes_per_pixel(self) -> int:
+        """Scratch memory per pixel [B]."""
+        return 12
+
+    def measure(self, exposure: Exposure) -> None:
+        """Write the depth and reasons of the sensor."""
+        from warpvis.kernels.redwood import RedwoodModel, measure_redwood
+
+        model, camera, device = RedwoodModel(), exposure.camera.device_struct(), exposure.scene.device
+        model.multiplier = self.multiplier
+        table = wp.array(self.distortion, dtype=wp.float32, device=device)
+        streams = {"across": STREAM_ACROSS, "down": STREAM_DOWN, "disparity": STREAM_DISPARITY}
+        normals = [draw_normal_image(exposure, stream, name) for name, stream in streams.items()]
+        inputs = model, table, exposure.true_depth, *normals, exposure.depth_out, exposure.reasons_out
+        exposure.launch(measure_redwood, *inputs, cameras=[camera])
+
+
+def _read_table(value: object) -> NDArray[np.float32]:
+    """Return the table from an array or a file.
+
+    Raises:
+        WarpvisError: If it is invalid.
+    """
+    if not isinstance(value, str | os.PathLike):
+        return _check_table(as_numpy(value, name="distortion"), ArrayError, "distortion")
+    path = as_path(value, "distortion")
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise FileFormatError(f"{path}: must be a table of 32,000 distortion factors, but is too large")
+        table = np.load(path, allow_pickle=False) if path.suffix.lower() == ".npy" else _read_text(path)
+    except FileFormatError:
+        raise
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or 'it is not an NPY file'}") from None
+    except Exception as error:  # NumPy may raise any exception
+        raise FileFormatError(f"{path}: is not a table of distortion factors: {describe_exception(error)}") from None
+    return _check_table(table, FileFormatError, f"{path}: the table")
+
+
+def _read_text(path: Path) -> NDArray[np.float64]:
+    """Read the text format of ``simdepth.py``: five header lines, then one number per line; % starts a comment."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # for empty files; the number of lines is checked below
+        numbers = np.loadtxt(path, comments="%", skiprows=_HEADER_LINES, ndmin=1)
+    cells = _TABLE[0] * _TABLE[1]
+    if numbers.ndim != 1 or len(numbers) < _LEADING_NUMBERS + _CELL_NUMBERS * (cells - 1) + _FACTORS + _TABLE[2]:
+        raise FileFormatError(
+            f"{path}: must have {_LEADING_NUMBERS + _CELL_NUMBERS * cells} numbers, one per line, got {numbers.shape}"
+        )
+    padded = np.zeros(_LEADING_NUMBERS + _CELL_NUMBERS * cells)
+    padded[: min(len(padded), len(numbers))] = numbers[: len(padded)]
+    rows = padded[_LEADING_NUMBERS:].reshape(*_TABLE[:2], _CELL_NUMBERS)
+    few = np.all(rows[..., : _TABLE[2]] < _MIN_SAMPLES, axis=-1, keepdims=True)
+    return np.where(few, 0.0, rows[..., _FACTORS : _FACTORS + _TABLE[2]])
+
+
+def _check_table(table: np.ndarray, error: type[ArrayError | FileFormatError], name: str) -> NDArray[np.float32]:
+    if table.dtype.kind not in "fiu" or table.size != np.prod(_TABLE) or table.shape[:1] != _TABLE[:1]:
+        raise error(f"{name} must have shape {_TABLE}, got {table.dtype} of shape {table.shape}")
+    if not np.isfinite(table).all() or (np.abs(table) > 1e6).any():
+        raise error(f"{name} must contain finite factors below 1e6")
+    return np.ascontiguousarray(table.reshape(_TABLE), dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class SimKinect(ByValue, DepthSensor):
+    """The Kinect model of Ankur Handa's simkinect (``add_noise.py``), computed from one exact image.
+
+    Depth is sampled bilinearly at each pixel plus a normal shift of `shift` px, with 0 for pixels without a surface,
+    and its disparity f b / z is rounded to 1/8 px. A dot of the projector's pattern is detected if more than 1 / 1.2 of
+    the brightness in its window of 9x9 pixels, including its own, belongs to dots with a disparity near the mean of the
+    window: at a distance of r px from the dot, the difference times 1.44 r^2 must be less than 0.1 px. A pixel gets the
+    depth of the nearest detected dot up to 3 px away, or none (EDGE); one to three rows and columns at the edge of the
+    image have none. Depth is then rounded to multiples of 1 / `units` m, and becomes
+    35130 / round(35130 / depth + `sigma` n + 0.5) of these. On average it is half a step nearer than the surface; the
+    paper uses floor, which has no such bias.
+
+    Sources: A. Handa, T. Whelan, J. McDonald and A. J. Davison, "A Benchmark for RGB-D Visual Odometry, 3D
+    Reconstruction and SLAM", ICRA 2014; J. T. Barron and J. Malik, "Intrinsic Scene Properties from a Single RGB-D
+    Image", CVPR 2013, for the steps; J. Bohg, J. Romero, A. Herzog and S. Schaal, "Robot Arm Pose Estimation through
+    Pixel-Wise Part Classification", ICRA 2014, for the dots. Interpolation is exact, whereas ``remap`` of OpenCV, used
+    by simkinect, may round positions to 1/32 px.
+    """
+
+    shift: float = 0.5
+    """Standard deviation of the sampling position along both axes [px]."""
+    baseline: float = 0.075
+    """Distance between projector and imager [m]."""
+    focal_length: float | None = None
+    """Focal length of disparities [px]; the camera's `fx` by default."""
+    units: float = 100.0
+    """Units of depth per meter. 1 / z has steps of `units` / 35130: with 200, steps of depth are twice as high."""
+    sigma: float = 1 / 6
+    """Standard deviation of disparities before the final rounding [steps]."""
+    pattern: ArrayInput | None = field(default=None, repr=False)
+    """Brightness of the projector's dots, ``(H, W)`` uint8, 0 without a dot, aligned with the upper left corner of the
+    image; no depth is measured outside of it. The default has one dot at a random position in each 3x3 pixels, as in
+    simkinect's ``kinect-pattern_3x3.png``, the same in all images."""
+
+    def __post_init__(self) -> None:
+        for name in ("shift", "sigma"):
+            check_number(getattr(self, name), name, minimum=0.0)
+        for name, unit in (("baseline", "m"), ("focal_length", "px"), ("units", "per meter")):
+            if name != "focal_length" or self.focal_length is not None:
+                check_positive(getattr(self, name), name, unit)
+        if self.pattern is not None:
+            object.__setattr__(self, "pattern", _check_pattern(self.pattern))
+
+    @property
+    def bytes_per_pixel(self) -> int:
+        """Scratch memory per pixel [B]."""
+        return 16
+
+    def measure(self, exposure: Exposure) -> None:
+        """Write the depth and reasons of the sensor."""
+        from warpvis.kernels.simkinect import SimKinectModel, detect_dots, fill_from_dots, shift_to_levels
+
+        lens, device, shape = exposure.camera, exposure.scene.device, exposure.true_depth.shape
+        model, camera = SimKinectModel(), lens.device_struct()
+        model.disparity_scale = (lens.fx if self.focal_length is None else self.focal_length) * self.baseline
+        model.shift, model.units, model.sigma = self.shift, self.units, self.sigma
+        pattern = make_pattern(lens.height, lens.width) if self.pattern is None else self.pattern
+        dots = wp.array(pattern, dtype=wp.uint8, device=device)
+        nearest = wp.array(closest_first(_FILL_REACH, _FILL_REACH**2), dtype=wp.vec2i, device=device)
+        levels, detected = (exposure.scratch(name, shape, wp.int32) for name in ("levels", "kept"))
+
+        across = draw_normal_image(exposure, STREAM_ACROSS, "across")
+        down = draw_normal_image(exposure, STREAM_DOWN, "down")
+        exposure.launch(shift_to_levels, model, exposure.true_depth, across, down, levels)
+        exposure.launch(detect_dots, dots, levels, detected)
+        noise = draw_normal_image(exposure, STREAM_DISPARITY, "across")
+        inputs = model, exposure.true_depth, detected, nearest, noise
+        exposure.launch(fill_from_dots, *inputs, exposure.depth_out, exposure.reasons_out, cameras=[camera])
+
+
+def make_pattern(height: int, width: int) -> NDArray[np.uint8]:
+    """Return a pattern with one dot of brightness 255 in each 3x3 pixels, ``(height, width)``, equal for all sizes."""
+    positions = (np.random.Philox(key=_PATTERN_KEY).random_raw(_CELLS * _CELLS) >> 32) * _CELL**2 >> 32
+    block = np.zeros((_CELLS, _CELL, _CELLS, _CELL), dtype=np.uint8)
+    row, column = np.divmod(positions.astype(np.int64).reshape(_CELLS, _CELLS), _CELL)
+    block[np.arange(_CELLS)[:, None], row, np.arange(_CELLS), column] = 255
+    side = _CELLS * _CELL
+    copies = -(-height // side), -(-width // side)
+    return np.ascontiguousarray(np.tile(block.reshape(side, side), copies)[:height, :width])
+
+
+def _check_pattern(value: object) -> NDArray[np.uint8]:
+    dots = as_numpy(value, name="pattern")
+    if dots.ndim != 2 or min(dots.shape) < _MIN_PATTERN or dots.dtype.kind not in "iub":
+        raise ArrayError(
+            f"pattern must be an image (H, W) of whole numbers with at least {_MIN_PATTERN}x{_MIN_PATTERN} pixels, "
+            f"got {dots.dtype} of shape {dots.shape}"
+        )
+    if dots.min() < 0 or dots.max() > 255:
+        raise ArrayError(f"pattern must be from 0 to 255, got {dots.min()} to {dots.max()}")
+    if not dots.any():
+        raise ArrayError("pattern must have dots, got 0 everywhere")
+    return np.ascontiguousarray(dots, dtype=np.uint8)
