@@ -50,9 +50,6 @@ def point_clouds(
         For each view, a structured array of shape ``(points,)``, or of the rays' shape if `organized`. Its fields, as
         far as available: ``x y z`` [m], ``intensity``, ``ring`` (uint16), ``time`` [s], ``range`` [m], ``incidence``,
         ``object`` (int32, index into the scene's objects), ``label`` (uint8); float32 unless noted.
-
-    Raises:
-        ArrayError: If an argument is invalid.
     """
     require_rays(rays)
     image = require_image(views, "depth")

@@ -99,10 +99,6 @@ def measure_incidence(
 
     Returns:
         Cosines, shape ``(V, *rays)``, float32; NaN where a ray hits nothing.
-
-    Raises:
-        ArrayError: If an array is invalid.
-        PoseError: If the poses are malformed.
     """
     from warpvis.kernels import echoes
 
@@ -166,7 +162,6 @@ def reflect(
         Intensities, shape ``(V, *rays)``, float32; 0 where a ray hits nothing.
 
     Raises:
-        ArrayError: If an array is invalid.
         SceneError: If the scene has no object with a name given in `reflectivity`.
     """
     from warpvis.kernels.echoes import reflect_rays

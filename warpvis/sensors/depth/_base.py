@@ -65,11 +65,7 @@ class Device(DepthSensor):
         return ("normals",) if plain else ("normals", "segmentation")
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera with its range of depth limited to that of the device.
-
-        Raises:
-            WarpvisError: If the sensor cannot be used with the camera, or if the ranges do not overlap.
-        """
+        """Return the camera with its range of depth limited to that of the device."""
         reflectivities(scene, self.reflectivity)
         return super().check(scene, camera)
 

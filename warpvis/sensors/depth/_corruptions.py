@@ -60,11 +60,7 @@ class Corruptions(DepthSensor):
             inner = getattr(inner, "of", None)
 
     def camera(self) -> Camera:
-        """Return the camera of the sensor whose depth is corrupted.
-
-        Raises:
-            CameraError: If there is no such sensor, or if it has no camera.
-        """
+        """Return the camera of the sensor whose depth is corrupted."""
         return super().camera() if self.of is None else self.of.camera()
 
     @property
@@ -78,11 +74,7 @@ class Corruptions(DepthSensor):
         return 0 if self.of is None else self.of.bytes_per_pixel
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera if it can be used with the sensor and the scene.
-
-        Raises:
-            WarpvisError: If it cannot be used.
-        """
+        """Return the camera if it can be used with the sensor and the scene."""
         return super().check(scene, camera) if self.of is None else self.of.check(scene, camera)
 
     def measure(self, exposure: Exposure) -> None:

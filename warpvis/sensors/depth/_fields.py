@@ -40,11 +40,7 @@ def sensor_to_fields(sensor: DepthSensor) -> dict[str, Json]:
 
 
 def sensor_from_fields(values: Mapping[str, Json]) -> DepthSensor | None:
-    """Create a sensor from fields of `sensor_to_fields`; return None if a model in them is not part of warpvis.
-
-    Raises:
-        CameraError: If the fields are invalid.
-    """
+    """Create a sensor from fields of `sensor_to_fields`; return None if a model in them is not part of warpvis."""
     model = values.get("model")
     if not isinstance(model, str):
         raise CameraError(f"model of a sensor must be the name of its class, got {truncate(repr(model))}")
@@ -96,11 +92,7 @@ def _pack(image: np.ndarray) -> Json:
 
 
 def _unpack(values: Mapping[str, Json]) -> np.ndarray:
-    """Return the array packed by `_pack`.
-
-    Raises:
-        ValueError: If the values are invalid.
-    """
+    """Return the array packed by `_pack`."""
     dtype, shape = np.dtype(values["dtype"]), values["shape"]  # type: ignore[arg-type]
     if (
         dtype.kind not in "iuf"

@@ -79,11 +79,7 @@ class RedwoodNoise(ByValue, DepthSensor):
 
 
 def _read_table(value: object) -> NDArray[np.float32]:
-    """Return the table from an array or a file.
-
-    Raises:
-        WarpvisError: If it is invalid.
-    """
+    """Return the table from an array or a file."""
     if not isinstance(value, str | os.PathLike):
         return _check_table(as_numpy(value, name="distortion"), ArrayError, "distortion")
     path = as_path(value, "distortion")

@@ -39,9 +39,6 @@ class Latency:
 
         Args:
             frames: Number of frames by which depth is delayed, from 0 to 1024, for all views or for each, ``(V,)``.
-
-        Raises:
-            ArrayError: If `frames` is invalid.
         """
         self._frames = _check_delays(frames)
         self._max_delay = int(self._frames.max(initial=0))
@@ -95,9 +92,6 @@ class Latency:
 
         Args:
             views: Indices of the views, ``(N,)``, or a mask, ``(V,)`` bool; all by default.
-
-        Raises:
-            ArrayError: If there are no such views.
         """
         if views is None:
             self._count[:] = 0

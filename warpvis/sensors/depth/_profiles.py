@@ -198,9 +198,6 @@ def azure_kinect(mode: str = "nfov") -> TimeOfFlight:
     Args:
         mode: ``"nfov"`` or ``"wfov"``, narrow and wide fields of view; ``"nfov_binned"`` and ``"wfov_binned"`` have
             half the width and height, and a longer range.
-
-    Raises:
-        ArrayError: If `mode` is unknown.
     """
     width, height, hfov, vfov, near, far = _AZURE_MODES[check_choice(mode, "mode", tuple(_AZURE_MODES))]
     white = _AZURE_SIGMA * math.sqrt(_AZURE_DARKEST) / far  # standard deviation at 1 m [m]

@@ -86,11 +86,7 @@ class Randomized(DepthSensor):
 
     @cached_property
     def _corners(self) -> list[DepthSensor]:
-        """The sensors for all combinations of limits.
-
-        Raises:
-            WarpvisError: If the parameters of one are invalid.
-        """
+        """The sensors for all combinations of limits."""
         return [self._with(values) for values in product(*self.ranges.values())]
 
     def _with(self, values: Iterable[float]) -> DepthSensor:
@@ -103,11 +99,7 @@ class Randomized(DepthSensor):
             raise ArrayError(f"ranges have {values_text}: {describe_exception(error)}") from None
 
     def camera(self) -> Camera:
-        """Return the camera of the sensor.
-
-        Raises:
-            CameraError: If the sensor has no camera.
-        """
+        """Return the camera of the sensor."""
         return self.of.camera()
 
     @property
@@ -125,11 +117,7 @@ class Randomized(DepthSensor):
         return copied + max(corner.bytes_per_pixel for corner in self._corners)
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera if it can be used with all sensors and the scene.
-
-        Raises:
-            WarpvisError: If it cannot be used with one of them.
-        """
+        """Return the camera if it can be used with all sensors and the scene."""
         pinholes = [corner.check(scene, camera) for corner in self._corners]
         return pinholes[0]
 
@@ -141,9 +129,6 @@ class Randomized(DepthSensor):
             view_index: Index of the view, as in `warpvis.Renderer.render`; for world w and camera c of C in a
                 `warpvis.mujoco.BatchRenderer` it is w C + c.
             frame: Number of the frame; only used with ``per="image"``.
-
-        Raises:
-            ArrayError: If an argument is not an unsigned 32-bit integer.
         """
         numbers = [[check_word(view_index, "view_index"), check_word(frame, "frame")]]
         values = self._draw(np.array(numbers, dtype=np.uint32), check_word(seed, "seed"))
@@ -192,9 +177,6 @@ def randomized(
         per: ``"view"``: the sensor of a view is the same in all frames; ``"image"``: it is different in each frame.
         kinds: Number of different sensors; by default, the sensor of each view is different.
         ranges: Minimum and maximum of parameters, by their names: ``baseline=(0.049, 0.051)``.
-
-    Raises:
-        ArrayError: If the sensor has no such parameter, or if a value is invalid.
     """
     return Randomized(sensor, ranges, per, kinds)
 

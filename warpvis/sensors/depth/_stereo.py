@@ -57,11 +57,7 @@ def _warn_of_focal_length(fx: float, native_fx: float) -> None:
 
 
 def check_baseline(baseline: object) -> None:
-    """Check the distance between the eyes of a depth camera [m]; warn if it is longer than that of any device.
-
-    Raises:
-        ArrayError: If it is not a number above 0.
-    """
+    """Check the distance between the eyes of a depth camera [m]; warn if it is longer than that of any device."""
     length = check_positive(baseline, "baseline", "m, the distance between a sensor's two eyes")
     if length >= _LONG_BASELINE:
         warn_user(
@@ -170,11 +166,7 @@ class StereoDepth(Device):
         return self.sigma > 0 and self.noise_spacing > 1
 
     def check(self, scene: Scene, camera: object) -> Camera:
-        """Return the camera if it can be used with the sensor and the scene.
-
-        Raises:
-            WarpvisError: If it cannot be used.
-        """
+        """Return the camera if it can be used with the sensor and the scene."""
         pinhole = super().check(scene, camera)
         if self.native_camera is not None:
             _warn_of_focal_length(pinhole.fx, self.native_camera.fx)

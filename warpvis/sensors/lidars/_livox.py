@@ -75,9 +75,6 @@ class Livox:
         Returns:
             Rays of shape ``(samples,)``, x forward, y left, z up, with times evenly spread over the frame. Rings are
             the laser numbers, Livox's ``line``.
-
-        Raises:
-            CameraError: If an argument is invalid.
         """
         index = check_whole(index, "index", minimum=0, error=CameraError)
         rate = check_positive(rate, "rate", "Hz")

@@ -118,11 +118,7 @@ def _is_model_name(name: str) -> bool:
 
 
 def _nominal(name: str) -> _Beams:
-    """Return the nominal beams of a model.
-
-    Raises:
-        CameraError: If the model is unknown.
-    """
+    """Return the nominal beams of a model."""
     model = re.sub(r"^OS-?(\d)-?", r"OS\1-", name.upper())
     if model not in _MODELS:
         raise CameraError(f"sensor must be {', '.join(_MODELS)} or the metadata of a sensor, a JSON file, got {name!r}")
@@ -147,11 +143,7 @@ def _default_lidar_to_sensor(height: float = _HEIGHT) -> NDArray[np.float64]:
 
 
 def _read(path: str | os.PathLike[str]) -> _Beams:
-    """Read metadata. Firmware before 2.4 writes all keys at the top level, later firmware in sections.
-
-    Raises:
-        FileFormatError: If the file is not metadata of an Ouster sensor.
-    """
+    """Read metadata. Firmware before 2.4 writes all keys at the top level, later firmware in sections."""
     path = as_path(path, "sensor")
     fields = read_json(path)
     if not isinstance(fields, dict):
@@ -252,11 +244,7 @@ def _read_window(value: Json, columns: Json, path: os.PathLike[str]) -> tuple[in
 
 
 def _window(beams: _Beams, width: int) -> NDArray[np.int64]:
-    """Return the measured columns. A window whose end is less than its start wraps around.
-
-    Raises:
-        CameraError: If the window refers to another number of columns.
-    """
+    """Return the measured columns. A window whose end is less than its start wraps around."""
     columns = np.arange(width)
     if beams.window in (None, (0, beams.columns - 1)):
         return columns

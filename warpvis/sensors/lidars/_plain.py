@@ -76,9 +76,6 @@ def laser_scan(
 
     Returns:
         Rays of shape ``(rays,)`` in the plane z = 0, with times; `warpvis.io.to_laserscan` creates the message.
-
-    Raises:
-        CameraError: If an argument is invalid.
     """
     first, last = (
         check_angle(angle, name, minimum=-_TURN - 1e-6, maximum=_TURN + 1e-6, error=CameraError)
@@ -115,9 +112,6 @@ def even(
 
     Returns:
         Rays of shape ``(channels, columns)``, the highest beam first; rings are counted from the lowest.
-
-    Raises:
-        CameraError: If an argument is invalid.
     """
     channels = check_whole(channels, "channels", error=CameraError)
     lowest, highest = _check_span(elevation, "elevation", math.pi / 2)
@@ -151,9 +145,6 @@ def bpearl(
 
     Returns:
         Rays of shape ``(32, columns)``, the highest beam first; rings are counted from the lowest.
-
-    Raises:
-        CameraError: If an argument is invalid.
     """
     elevation = np.radians(89.5 - 2.8125 * np.arange(32))
     return _rotate_beams(elevation, _columns(-math.pi, math.pi, increment, 32), rate, near, far)
@@ -178,9 +169,6 @@ def grid(
 
     Returns:
         Rays of shape ``(points along y, points along x)``, in the order of Isaac Lab's ``ordering="xy"``.
-
-    Raises:
-        CameraError: If an argument is invalid.
     """
     step = check_positive(resolution, "resolution", "m")
     sides = as_items(size, "size", CameraError)

@@ -121,7 +121,6 @@ def vlp16(
         along x, and the sensor rotates clockwise. Rings are counted from the lowest laser, as in the drivers.
 
     Raises:
-        CameraError: If an argument is invalid.
         FileFormatError: If the file is not the calibration of a sensor with 16 lasers.
     """
     lasers = _read_lasers(calibration, 16)
@@ -211,11 +210,7 @@ def _spin(
 
 
 def _read_lasers(calibration: str | os.PathLike[str] | None, count: int) -> _Lasers | None:
-    """Read the lasers from a YAML file of velodyne_pointcloud, with a key ``lasers``; return None without a file.
-
-    Raises:
-        FileFormatError: If the file has another format, or another number of lasers than `count`.
-    """
+    """Read the lasers from a YAML file of velodyne_pointcloud, with a key ``lasers``; return None without a file."""
     if calibration is None:
         return None
     path = as_path(calibration, "calibration")
