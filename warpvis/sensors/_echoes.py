@@ -73,9 +73,11 @@ def spread_beams(rays: Rays, divergence: float, count: int = 7) -> Rays:
     spread /= np.linalg.norm(spread, axis=-1, keepdims=True)
     *shape, last = center.shape[:-1]
     given = ((name, getattr(rays, name), axis) for name, axis in (("origins", -2), ("times", -1), ("rings", -1)))
-    repeated = {name: np.repeat(np.asarray(values), count, axis) for name, values, axis in given if values is not None}
-    options: dict[str, Any] = {name: getattr(rays, name) for name in ("near", "far", "kind", "axes")}
-    return Rays(spread.reshape(*shape, last * count, 3), **repeated, **options)
+    options: dict[str, Any] = {
+        name: np.repeat(np.asarray(values), count, axis) for name, values, axis in given if values is not None
+    }
+    options |= {name: getattr(rays, name) for name in ("near", "far", "kind", "axes")}
+    return Rays(spread.reshape(*shape, last * count, 3), **options)
 
 
 def measure_incidence(
