@@ -164,7 +164,7 @@ def check_repository(root: Path = ROOT) -> list[str]:
     """Return every fault of the repository."""
     faults: list[str] = []
     kernels = functions_found = 0
-    for path in sorted((root / "kernels").glob("*.py")):
+    for path in sorted((root / "kernels").rglob("*.py")):
         source = path.read_text(encoding="utf-8")
         faults += check_module(path.stem, source)
         kernels += len(list(functions(ast.parse(source), "wp.kernel")))

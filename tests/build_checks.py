@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpvis.kernels import bvh_cuda_ranges
+from warpvis.kernels.bvh import ranges_cuda
 
 import reference
 
@@ -45,11 +45,11 @@ class Level(SimpleNamespace):
     """A level of the tree, with named fields of its row of information."""
 
     row = property(lambda self: self.info[self.depth + 1])
-    first = property(lambda self: self.row[bvh_cuda_ranges.FIRST])
-    count = property(lambda self: self.row[bvh_cuda_ranges.COUNT])
-    large_count = property(lambda self: self.row[bvh_cuda_ranges.LARGE])
-    ranges = property(lambda self: self.row[bvh_cuda_ranges.RANGES])
-    next = property(lambda self: self.row[bvh_cuda_ranges.NEXT])
+    first = property(lambda self: self.row[ranges_cuda.FIRST])
+    count = property(lambda self: self.row[ranges_cuda.COUNT])
+    large_count = property(lambda self: self.row[ranges_cuda.LARGE])
+    ranges = property(lambda self: self.row[ranges_cuda.RANGES])
+    next = property(lambda self: self.row[ranges_cuda.NEXT])
 
 
 class Checks:
@@ -88,7 +88,7 @@ class Checks:
         tree = made.binary_out
         assert (tree.begin[0], tree.end[0], tree.child[0]) == reference.begin_tree(given.item_count)
         np.testing.assert_allclose(np.concatenate([tree.low[0], tree.high[0]]), self.box, rtol=1e-6)
-        np.testing.assert_array_equal(made.info_out[0, [bvh_cuda_ranges.NEXT, bvh_cuda_ranges.NEXT_COUNT]], [0, 1])
+        np.testing.assert_array_equal(made.info_out[0, [ranges_cuda.NEXT, ranges_cuda.NEXT_COUNT]], [0, 1])
 
     def mark_ranges(self, dim, given, made):
         *_, first, count = given.level.info[given.level.depth]

@@ -25,7 +25,8 @@ from native_build import cache_folder, find_compiler
 
 from warpvis import Camera, Scene
 from warpvis.cameras.ray_camera import RayCamera
-from warpvis.kernels import native_source, packets_cuda, point_packets_cuda, ray_packets_cuda
+from warpvis.kernels import native_source
+from warpvis.kernels.casting import packets_cuda, point_packets_cuda, ray_bundle_packets_cuda
 from warpvis.rendering import OUTPUTS, Renderer
 from warpvis.rendering._cuda_points import list_points, packet_count
 from warpvis.rendering._ray_packets import prepare_all
@@ -329,10 +330,10 @@ def _native_function(variant: Variant) -> Any:
     def read_marked(*names: str) -> str:
         return "\n".join(f'#line 1 "{HEADERS / name}"\n{plain(name)}' for name in names)
 
-    packets_cuda.read_native = ray_packets_cuda.read_native = point_packets_cuda.read_native = read_marked
+    packets_cuda.read_native = ray_bundle_packets_cuda.read_native = point_packets_cuda.read_native = read_marked
     try:
         if variant.ray_table:
-            return ray_packets_cuda.make_ray_packet_function(
+            return ray_bundle_packets_cuda.make_ray_packet_function(
                 variant.side,
                 variant.with_id,
                 variant.movable,
@@ -352,7 +353,7 @@ def _native_function(variant: Variant) -> Any:
         return packets_cuda.make_packet_function(*kind)
     finally:
         packets_cuda.read_native, packets_cuda.CAST, packets_cuda.CACHED_NUMBERS = plain, cast, cached
-        ray_packets_cuda.read_native = point_packets_cuda.read_native = plain
+        ray_bundle_packets_cuda.read_native = point_packets_cuda.read_native = plain
 
 
 def _is_array(kind: Any) -> bool:

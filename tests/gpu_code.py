@@ -17,7 +17,7 @@ for name, folder in zip(sys.argv[1::2], sys.argv[2::2]):
     wp.compile_aot_module(module, device=None, arch=90, module_dir=folder, use_ptx=True, strip_hash=True)
     print("compiled", name)
 """
-_SIMPLE = "warpvis.kernels.images"
+_SIMPLE = "warpvis.kernels.casting.images"
 
 
 def gpu_code(module: str, folder: Path) -> str:

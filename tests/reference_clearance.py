@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""References of the kernels of `warpvis.kernels.clearance`; see `reference`. `corners` have shape (T, 3, 3)."""
+"""References of `kernels.visibility.clearance`; see `reference`. `corners` have shape (T, 3, 3)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Float64 reference of ``kernels/coinciding.py``: every pixel against every triangle and solid of later objects."""
+"""Reference of ``kernels/mujoco/coinciding.py``: every pixel against every triangle and solid of later objects."""
 
 from __future__ import annotations
 

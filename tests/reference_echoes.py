@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Double-precision references of the kernels of `warpvis.kernels.echoes`."""
+"""Double-precision references of the kernels of `warpvis.kernels.sensors.echoes`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Double-precision references of the kernels of `warpvis.kernels.fattening`: every pixel scans its whole window."""
+"""Double-precision references of `kernels.sensors.fattening`: every pixel scans its whole window."""
 
 from __future__ import annotations
 

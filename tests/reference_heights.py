@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reference of the kernel of `warpvis.kernels.heights`, without iteration: the union of all shadows."""
+"""Reference of the kernel of `warpvis.kernels.visibility.heights`, without iteration: the union of all shadows."""
 
 from __future__ import annotations
 

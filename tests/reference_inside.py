@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reference of the kernel of `warpvis.kernels.inside`; see `reference`."""
+"""Reference of the kernel of `warpvis.kernels.visibility.clearance`; see `reference`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reference of the kernel of `warpvis.kernels.latency`: stores the images of all frames."""
+"""Reference of the kernel of `warpvis.kernels.sensors.latency`: stores the images of all frames."""
 
 from __future__ import annotations
 

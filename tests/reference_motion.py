@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""References of the kernels of `warpvis.kernels.motions`, `moving_rays` and `moving_objects`, by matrix powers.
+"""References of the kernels of `warpvis.kernels.casting.motions`, `moving_rays` and `moving_objects`, by matrix powers.
 
 They use no quaternion interpolation and no trigonometric formulas: rotations are orthogonal matrices, and exponentials
 are power series.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""References of the kernels of `warpvis.kernels.orthographic`: each pixel casts its ray from its own camera."""
+"""References of the kernels of `warpvis.kernels.casting.orthographic`: each pixel casts its ray from its own camera."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""References of the kernels of `warpvis.kernels.point_order`; see `reference`."""
+"""References of the kernels of `warpvis.kernels.casting.point_order`; see `reference`."""
 
 from __future__ import annotations
 

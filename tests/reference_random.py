@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""References of `warpvis.kernels.random_numbers`: Philox in integers, normals by SciPy in double precision."""
+"""References of `warpvis.kernels.sensors.random_numbers`: Philox in integers, normals by SciPy in double precision."""
 
 from __future__ import annotations
 

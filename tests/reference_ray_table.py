@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reference of the kernel of `warpvis.kernels.ray_table`, by the brute force of `reference`."""
+"""Reference of the kernel of `warpvis.kernels.casting.ray_bundles`, by the brute force of `reference`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Double-precision reference of the kernel of `warpvis.kernels.redwood`, and files in the data set's format."""
+"""Double-precision reference of the kernel of `warpvis.kernels.sensors.redwood`, and files in the data set's format."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Double-precision references of base and lit colors: `warpvis.kernels.shading` without lookup tables."""
+"""Double-precision references of base and lit colors: `warpvis.kernels.shading.base_colors` without lookup tables."""
 
 import numpy as np
 

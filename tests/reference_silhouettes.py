@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Float64 NumPy references of ``kernels/silhouettes.py``: BOP's definition of visibility, implemented literally."""
+"""References of ``kernels/visibility/silhouettes.py``: BOP's definition of visibility, implemented literally."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Double-precision references of the kernels of `warpvis.kernels.simkinect`; dots are processed in sequence.
+"""Double-precision references of the kernels of `warpvis.kernels.sensors.simkinect`; dots are processed in sequence.
 
 They also return where single precision may give another result.
 """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Double-precision references of the kernels of `warpvis.kernels.stereo`."""
+"""Double-precision references of the kernels of `warpvis.kernels.sensors.stereo`."""
 
 from __future__ import annotations
 

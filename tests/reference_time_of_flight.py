@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Double-precision references of the kernels of `warpvis.kernels.sub_rays` and `warpvis.kernels.time_of_flight`."""
+"""Double-precision references of `kernels.sensors.sub_rays` and `kernels.sensors.time_of_flight`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""References of the kernels of `warpvis.kernels.voxels`. A grid is its min corner, cell size and shape."""
+"""References of the kernels of `warpvis.kernels.maps.voxels`. A grid is its min corner, cell size and shape."""
 
 from __future__ import annotations
 

@@ -151,11 +151,11 @@ def test_invalid_levels_and_lanes_raise():
 
 def test_tree_of_100_million_triangles_can_be_collapsed():
     """Scratch arrays exceed the maximum length of an array axis; memory that is not written is never committed."""
-    from warpvis.kernels import bvh
+    from warpvis.kernels.bvh import build
     from warpvis.kernels.constants import SPLIT_WORDS
 
     splits = np.zeros(100_000_000 * SPLIT_WORDS, dtype=np.int32)  # zeros: all items form one leaf
-    made = builder._collapse(bvh.collapse_tree, wp.array(splits, device="cpu", copy=False), 32, evenly=False)
+    made = builder._collapse(build.collapse_tree, wp.array(splits, device="cpu", copy=False), 32, evenly=False)
     assert made[2:] == (1, 1, 1)
     np.testing.assert_array_equal(made.leaf_ranges.numpy()[0], [0, 100_000_000])
 
@@ -179,22 +179,22 @@ def test_too_many_triangles_raise(monkeypatch):
 
 def split_natively(given: Input, max_splits: int, lanes: int):
     """Return the items before splitting, their boxes in the new order, and the splits."""
-    from warpvis.kernels import bvh
+    from warpvis.kernels.bvh import build
     from warpvis.kernels.constants import ITEM_WORDS, SPLIT_WORDS
 
     count = len(given.faces)
     vertices, faces = wp.array(given.vertices.ravel(), device="cpu"), wp.array(given.faces.ravel(), device="cpu")
-    # bvh.py requires alignment to 32 bytes.
+    # build.py requires alignment to 32 bytes.
     memory = np.zeros(count * ITEM_WORDS + 16, dtype=np.float32)
     start = -memory.ctypes.data % 64 // 4
     items = wp.array(memory[start : start + count * ITEM_WORDS], copy=False, device="cpu")
     splits = wp.zeros(count * SPLIT_WORDS, dtype=wp.int32, device="cpu")
-    wp.launch(bvh.load_items, dim=count, inputs=[vertices, faces, 0, items], device="cpu")
+    wp.launch(build.load_items, dim=count, inputs=[vertices, faces, 0, items], device="cpu")
     loaded = items.numpy().reshape(-1, ITEM_WORDS).copy()
     nowhere = wp.zeros(0, device="cpu")
     parts = aligned_empty((16,), wp.float32)
     inputs = [lanes, 0, count, 0, 0, max_splits, nowhere, -1, 0, items, splits, parts]
-    wp.launch(bvh.split_range, dim=1, inputs=inputs, device="cpu")
+    wp.launch(build.split_range, dim=1, inputs=inputs, device="cpu")
     rows = items.numpy().reshape(-1, ITEM_WORDS)
     return loaded, np.concatenate([rows[:, :3], -rows[:, 4:7]], axis=1), splits.numpy().reshape(-1, SPLIT_WORDS)
 

@@ -15,8 +15,8 @@ import warp as wp
 from build_checks import Checks
 
 from warpvis.errors import SceneError
-from warpvis.kernels import bvh_cuda_ranges
-from warpvis.kernels.bvh_cuda_nodes import join_children
+from warpvis.kernels.bvh import ranges_cuda
+from warpvis.kernels.bvh.nodes_cuda import join_children
 from warpvis.scene.acceleration import bvh_cuda, joined_trees
 
 import reference
@@ -95,7 +95,7 @@ def test_host_reads_level_counts_rarely(monkeypatch):
     tree = build(given)
     assert tree.depth == 4
     assert len(asked) <= 6
-    assert max(asked) <= bvh_cuda_ranges.MAX_DEPTH + 2
+    assert max(asked) <= ranges_cuda.MAX_DEPTH + 2
 
 
 def test_too_many_triangles_raise():

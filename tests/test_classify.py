@@ -175,7 +175,7 @@ def test_rows_of_any_width_match_the_reference(width, up, device):
 
 def test_cpu_row_kernels_match_cuda_pixel_kernels(depth):
     """CUDA kernels run on the CPU return the same labels, and the same points up to rounding."""
-    from warpvis.kernels import classify as kernels
+    from warpvis.kernels.maps import classify as kernels
     from warpvis.kernels.pinhole import Window
 
     ground = kernels.Ground()

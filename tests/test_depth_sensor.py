@@ -14,8 +14,8 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.core.threads import launch_images
-from warpvis.kernels import random_numbers
 from warpvis.kernels.pinhole import Window
+from warpvis.kernels.sensors import random_numbers
 from warpvis.rendering import DepthSensor
 from warpvis.sensors import Reason
 

@@ -13,8 +13,8 @@ from gpu_code import gpu_code
 from scipy import ndimage
 
 import warpvis as wv
-from warpvis.kernels.fattening import FatteningModel, find_nearest_in_rows
 from warpvis.kernels.pinhole import Window
+from warpvis.kernels.sensors.fattening import FatteningModel, find_nearest_in_rows
 from warpvis.sensors import Reason, StereoDepth
 
 from support.stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, images, make_scene, wall_scene
@@ -130,6 +130,6 @@ def test_invalid_parameters_raise():
 
 @pytest.mark.slow
 def test_gpu_code_has_no_fused_operations(tmp_path):
-    body = gpu_code("warpvis.kernels.fattening", tmp_path)
+    body = gpu_code("warpvis.kernels.sensors.fattening", tmp_path)
     assert re.search(r"\bdiv\.rn\.f32", body)
     assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", body)

@@ -7,7 +7,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.kernels.packets_cuda import FoundObjects, sort_into_tiles
+from warpvis.kernels.casting.packets_cuda import FoundObjects, sort_into_tiles
 from warpvis.rendering._found_objects import find_objects
 from warpvis.scene.worlds import parse_worlds
 

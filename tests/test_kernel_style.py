@@ -118,7 +118,7 @@ def test_long_headers_functions_and_lines_are_found():
 
 
 def kernel_names():
-    for path in sorted((ROOT / "kernels").glob("*.py")):
+    for path in sorted((ROOT / "kernels").rglob("*.py")):
         for node in check_kernels.functions(ast.parse(path.read_text()), "wp.kernel"):
             yield node.name
 

@@ -99,7 +99,7 @@ def test_pose_formats_are_equivalent():
 
 @pytest.mark.parametrize("twist", [False, True])
 def test_segments_match_reference(twist, device):
-    from warpvis.kernels.motions import Leg, begin_legs
+    from warpvis.kernels.casting.motions import Leg, begin_legs
 
     rows = np.float32(random_rows(4, 3, 2))
     rows[1, 0] = rows[2, 0]  # a segment without motion

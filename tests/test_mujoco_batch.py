@@ -12,7 +12,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.kernels import mujoco as kernels
+from warpvis.kernels.mujoco import arrays as kernels
 from warpvis.mujoco import BatchRenderer, BatchViews, Kinematics, Renderer, WorldPoses
 
 import reference

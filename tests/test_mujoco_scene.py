@@ -19,7 +19,7 @@ from mujoco_models import SHAPES, shapes_model
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
-from warpvis.kernels import mujoco as kernels
+from warpvis.kernels.mujoco import arrays as kernels
 from warpvis.mujoco import (
     MujocoScene,
     WorldPoses,

@@ -14,7 +14,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
-from warpvis.kernels import mujoco as kernels
+from warpvis.kernels.mujoco import arrays as kernels
 from warpvis.mujoco import BatchRenderer, WorldPoses, camera_poses, geom_poses, scene_from_mujoco
 
 import reference

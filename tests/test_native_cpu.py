@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from native_build import ROOT, SCENES, build, cache_folder, run_check
 
-from warpvis.kernels.packets import HEADERS
+from warpvis.kernels.casting.packets import HEADERS
 
 pytestmark = [pytest.mark.clang, pytest.mark.slow]
 

@@ -280,7 +280,7 @@ def test_invalid_scene_and_camera_are_rejected():
 
 
 def test_spread_poses_matches_reference():
-    from warpvis.kernels.silhouettes import spread_poses
+    from warpvis.kernels.visibility.silhouettes import spread_poses
 
     rows, columns = np.random.default_rng(0).normal(size=(2, 3, 7)).astype(np.float32), np.array([2, -1, 0, 0])
     at_rest = np.random.default_rng(1).normal(size=(1, 4, 7)).astype(np.float32)

@@ -9,7 +9,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import Visibility, scenes
-from warpvis.kernels.points import camera_frames
+from warpvis.kernels.visibility.points import camera_frames
 from warpvis.scene import solids
 
 import reference

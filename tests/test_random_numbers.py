@@ -14,8 +14,9 @@ from gpu_code import gpu_code
 from scipy import stats
 
 from warpvis.core.threads import launch_images
-from warpvis.kernels import native_source, random_numbers, random_rows
+from warpvis.kernels import native_source
 from warpvis.kernels.pinhole import Window
+from warpvis.kernels.sensors import random_numbers, random_rows
 
 ROOT = Path(__file__).parent.parent
 SHAPE = (3, 37, 54)
@@ -232,7 +233,7 @@ def test_numbers_are_independent_of_batch_and_image_size(device):
 def test_random_number_modules_disable_fp_fusion():
     """Products and sums fused on only one device would differ."""
     users = []
-    for path in (ROOT / "kernels").glob("*.py"):
+    for path in (ROOT / "kernels").rglob("*.py"):
         text = path.read_text(encoding="utf-8")
         if "random_numbers" not in text and "shared/random.h" not in text:
             continue
@@ -246,6 +247,6 @@ def test_random_number_modules_disable_fp_fusion():
 @pytest.mark.slow
 def test_gpu_code_has_no_fused_multiply_add(tmp_path):
     """The PTX code of NVRTC contains no fused multiply-add instruction."""
-    text = gpu_code("warpvis.kernels.random_numbers", tmp_path)
+    text = gpu_code("warpvis.kernels.sensors.random_numbers", tmp_path)
     assert len(re.findall(r"\bmul\.(?:rn\.)?f32", text)) > 10
     assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", text)

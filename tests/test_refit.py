@@ -303,7 +303,7 @@ def test_invalid_gpu_vertices_raise(cuda):
 @pytest.mark.parametrize("lanes", [16, 32])
 def test_kernels_match_references(lanes, parts):
     """Also with leaves in parts, one thread each; trees for CUDA have 32 lanes."""
-    from warpvis.kernels.refit import refit_leaves, refit_nodes
+    from warpvis.kernels.bvh.refit import refit_leaves, refit_nodes
     from warpvis.scene.acceleration.refit import _slots
 
     faces, vertices = BALL.faces.astype(np.int32), wobble(4)

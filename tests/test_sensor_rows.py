@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.kernels import corruptions, kinect_noise, sub_rays, time_of_flight
+from warpvis.kernels.sensors import corruptions, kinect_noise, sub_rays, time_of_flight
 from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, TimeOfFlight
 from warpvis.sensors.depth import _corruptions, _kinect_noise, _time_of_flight
 

@@ -143,7 +143,7 @@ def test_part_of_slices_scales():
 
 
 def test_scale_kernel_matches_reference(device):
-    from warpvis.kernels.sizes import scale_sizes
+    from warpvis.kernels.casting.worlds import scale_sizes
 
     rng = np.random.default_rng(7)
     made, scales = rng.uniform(0.1, 2, (5, 4)).astype(np.float32), rng.uniform(0.1, 2, (2, 5, 3)).astype(np.float32)

@@ -14,7 +14,7 @@ from gpu_code import gpu_code
 from reference_stereo import StereoSight
 
 import warpvis as wv
-from warpvis.kernels import stereo
+from warpvis.kernels.sensors import stereo
 from warpvis.sensors import Reason, StereoDepth
 
 from support.stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, box, images, make_scene, wall_scene
@@ -278,7 +278,7 @@ def test_incompatible_camera_or_scene_raises():
 @pytest.mark.slow
 def test_gpu_code_has_no_fused_multiply_add(tmp_path):
     """The PTX code of NVRTC contains no fused multiply-add and no approximate instruction."""
-    text = gpu_code("warpvis.kernels.stereo", tmp_path)
+    text = gpu_code("warpvis.kernels.sensors.stereo", tmp_path)
     assert len(re.findall(r"\bmul\.(?:rn\.)?f32", text)) > 10
     assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", text)
 

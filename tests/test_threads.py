@@ -18,7 +18,7 @@ import warpvis as wv
 from warpvis import scenes
 from warpvis.core import threads as core_threads
 from warpvis.core.threads import Crew, core_count, run_each
-from warpvis.kernels.classify import back_project
+from warpvis.kernels.maps.classify import back_project
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_forked_child_renders():
 
 POOL = """
 import threading
-from warpvis.kernels.classify import back_project
+from warpvis.kernels.maps.classify import back_project
 from warpvis.core.threads import run_each
 
 def count_pool():

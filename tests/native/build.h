@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tree construction as in kernels/bvh.py. Included once for each number of lanes, after the headers of the tree.
+// Tree construction as in kernels/bvh/build.py. Included once for each number of lanes, after the headers of the tree.
 
 // Whether the stored areas of the parts' boxes are exact, for a range's split and all splits below it.
 inline bool has_exact_areas(const Exact<v8>& items, const Exact<Split>& splits, int split, int begin, int end) {

@@ -30,7 +30,7 @@ struct Worlds {
     }
 };
 
-// The arrays of BvhScene in kernels/packets.py.
+// The arrays of BvhScene in kernels/casting/packets.py.
 struct SceneBvh {
     Exact<float> leaves, nodes;
     Exact<int> owners, children;
@@ -96,7 +96,7 @@ struct Layout {
 Statuses judge_points(const SceneBvh& clusters, const Worlds& worlds, const Lens& lens, const Shares& shares,
                       const Layout& layout, const Exact<float>& places);
 
-// Counters of objects, as in kernels/silhouettes.py: visible, image, silhouette, too near, too far, and boxes.
+// Counters of objects, as in kernels/visibility/silhouettes.py: visible, image, silhouette, too near, too far, and boxes.
 enum { COUNTERS = 13, VISIBLE = 0, IMAGE, SILHOUETTE, TOO_NEAR, TOO_FAR, VISIBLE_BOX, SILHOUETTE_BOX = 9 };
 
 struct Counts {

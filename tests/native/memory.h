@@ -42,7 +42,7 @@ struct Exact {
     const T& operator[](size_t i) const { return data[i]; }
 };
 
-// A tree of one mesh, as built by warpvis.scene with kernels/bvh.py.
+// A tree of one mesh, as built by warpvis.scene with kernels/bvh/build.py.
 struct BuiltTree {
     int lanes = 0, nodes = 0, leaves = 0, levels = 0;
     Exact<float> leaf_rows, node_rows;

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from warpvis.core.poses import Convention
-    from warpvis.kernels.rays import RayRange
+    from warpvis.kernels.casting.rays import RayRange
 
 DepthKind = Literal["z", "range"]
 """Definition of depth: along the axis of the camera, or along the ray."""
@@ -63,7 +63,7 @@ class AnyCamera(ABC):
         Args:
             clip_near: Whether surfaces nearer than `near` are transparent, instead of occluding what is behind them.
         """
-        from warpvis.kernels.rays import RayRange
+        from warpvis.kernels.casting.rays import RayRange
 
         struct = RayRange()
         struct.near, struct.far, struct.is_planar = self.near, self.far, self.kind == "z"

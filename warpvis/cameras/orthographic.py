@@ -85,7 +85,7 @@ class OrthographicCamera(AnyCamera):
         return cls(width, height, scale, scale, width / 2, height / 2, near, far)
 
     def device_struct(self, *, clip_near: bool = False) -> PinholeCamera:
-        """Return the camera in the format of `warpvis.kernels.orthographic`.
+        """Return the camera in the format of `warpvis.kernels.casting.orthographic`.
 
         Args:
             clip_near: Whether surfaces nearer than `near` are cut away instead of occluding.

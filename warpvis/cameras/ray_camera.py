@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from warpvis.kernels.rays import RayRange
+    from warpvis.kernels.casting.rays import RayRange
 
 MAX_RAYS = 2**26
 """Maximum number of rays of a camera; they take 1.6 GB."""
@@ -89,7 +89,7 @@ class RayCamera(AnyCamera):
         return {name: value for name, value in self.__dict__.items() if name != "_prepared"}
 
     def device_struct(self, *, clip_near: bool = False) -> RayRange:
-        """Return the range of the camera as a struct for `warpvis.kernels.ray_table`; see `ray_range`."""
+        """Return the range of the camera as a struct for `warpvis.kernels.casting.ray_bundles`; see `ray_range`."""
         return self.ray_range(clip_near=clip_near)
 
 

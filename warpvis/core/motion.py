@@ -330,7 +330,7 @@ def _velocities(value: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[
 
 
 def _interpolate(a: NDArray[np.float64], b: NDArray[np.float64], fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Interpolate between rows; the host version of `warpvis.kernels.motions.between`."""
+    """Interpolate between rows; the host version of `warpvis.kernels.casting.motions.between`."""
     p, q = a[:, 3:], b[:, 3:]
     q = np.where((p * q).sum(axis=1, keepdims=True) < 0, -q, q)
     angle = 2 * np.arctan2(*(np.linalg.norm(side, axis=1, keepdims=True) for side in (q - p, q + p)))
@@ -342,7 +342,7 @@ def _interpolate(a: NDArray[np.float64], b: NDArray[np.float64], fraction: NDArr
 def _along_screw(
     row: NDArray[np.float64], linear: NDArray[np.float64], angular: NDArray[np.float64], times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return rows of a screw motion; the host version of `warpvis.kernels.motions.along_screw`."""
+    """Return rows of a screw motion; the host version of `warpvis.kernels.casting.motions.along_screw`."""
     rotation_vector, along = times[:, None] * angular, times[:, None] * linear
     angle = np.linalg.norm(rotation_vector, axis=1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -24,7 +24,7 @@ from warpvis.rendering import launch_back_project, launch_classify, launch_label
 from warpvis.scene import Scene, require_scene
 
 if TYPE_CHECKING:
-    from warpvis.kernels.classify import Spheres
+    from warpvis.kernels.maps.classify import Spheres
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def classify(
     Raises:
         WarpvisError: If a shape, dtype, device or value is invalid.
     """
-    from warpvis.kernels import classify as kernels
+    from warpvis.kernels.maps import classify as kernels
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device, max_range)
@@ -219,7 +219,7 @@ def _read_images(
 
 def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> tuple[Spheres, int]:
     """Return spheres as a kernel argument, and their number."""
-    from warpvis.kernels.classify import Spheres
+    from warpvis.kernels.maps.classify import Spheres
 
     if isinstance(spheres, Sequence) and all(isinstance(item, Sphere) for item in spheres):
         balls = [ball for ball in spheres if isinstance(ball, Sphere)]

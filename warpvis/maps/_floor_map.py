@@ -133,7 +133,7 @@ def map_numbers(
     threads: int | None = None,
 ) -> FloorMap:
     """Compute `floor_map` of Warp arrays."""
-    from warpvis.kernels import floor_map as kernels
+    from warpvis.kernels.maps import floor_map as kernels
 
     device = points.device
     low, high = _check_bounds(bounds, up)

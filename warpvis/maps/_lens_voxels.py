@@ -19,8 +19,8 @@ from warpvis.maps._voxel_map import VoxelMap
 from warpvis.rendering import ray_table
 
 if TYPE_CHECKING:
+    from warpvis.kernels.maps.voxels import VoxelGrid
     from warpvis.kernels.pinhole import Window
-    from warpvis.kernels.voxels import VoxelGrid
 
 # Number of points projected per batch; each needs 200 bytes of temporary memory.
 _AT_ONCE = 1 << 19
@@ -46,11 +46,11 @@ def add_lens_views(
         labels: Labels of the same shape, or None if all surfaces are obstacles.
         camera: The camera of all views.
         poses: Poses of the views, on the device.
-        frames: The same poses from `warpvis.kernels.points.camera_frames`.
+        frames: The same poses from `warpvis.kernels.visibility.points.camera_frames`.
         marks: Zeros, one per voxel.
         threads: Number of CPU threads.
     """
-    from warpvis.kernels import lens_voxels as kernels
+    from warpvis.kernels.maps import lens_voxels as kernels
 
     device, lens = target.states.device, camera.device_struct()
     table = ray_table(camera, device)

@@ -77,8 +77,8 @@ def legend_of(labels: Iterable[int], names: LabelNames) -> dict[int, tuple[str, 
 
 
 def ground_bits(labels: Iterable[int]) -> object:
-    """Return the ground labels as a bit mask for kernels, a `warpvis.kernels.labels.GroundLabels`."""
-    from warpvis.kernels.labels import GroundLabels
+    """Return the ground labels as a bit mask for kernels, a `warpvis.kernels.maps.labels.GroundLabels`."""
+    from warpvis.kernels.maps.labels import GroundLabels
 
     words = [0] * (LABEL_COUNT // 32)
     for label in labels:

@@ -110,7 +110,7 @@ class VoxelMap:
         Raises:
             ArrayError: If `robots` is malformed.
         """
-        from warpvis.kernels import voxels as kernels
+        from warpvis.kernels.maps import voxels as kernels
 
         device, up_axis = self.states.device, check_up(self.up)
         column_axis, row_axis = (0, 1) if self.up == "z" else (2, 0)
@@ -142,7 +142,7 @@ class VoxelMap:
             ArrayError: If the maps differ in grid, device or ground labels.
             SceneError: If the maps use the same name for different classes.
         """
-        from warpvis.kernels import voxels as kernels
+        from warpvis.kernels.maps import voxels as kernels
 
         device = self.states.device
         check_same_grid(other, "the other map", self.origin, self.states.shape, self.cell_size, self.up, device)

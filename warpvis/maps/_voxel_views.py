@@ -217,8 +217,8 @@ def _add_views(
     threads: int | None,
 ) -> None:
     """Add views to a map on the same device."""
-    from warpvis.kernels import voxels as kernels
-    from warpvis.kernels.points import camera_frames
+    from warpvis.kernels.maps import voxels as kernels
+    from warpvis.kernels.visibility.points import camera_frames
 
     device, size = target.states.device, target.states.shape
     frames = [wp.empty(len(poses), dtype=dtype, device=device) for dtype in (wp.vec3d, wp.mat33d)]

@@ -334,7 +334,7 @@ class BatchRenderer:
 
     def _hide(self, colors: Sequence[wp.array], rows: NDArray[np.int32], views: int) -> wp.array:
         """Flag the objects that are hidden in each view."""
-        from warpvis.kernels.mujoco import hidden_objects
+        from warpvis.kernels.mujoco.arrays import hidden_objects
 
         device = self.scene.device
         hidden = wp.empty((views, len(self.scene)), dtype=wp.uint8, device=device)
@@ -380,7 +380,7 @@ class BatchRenderer:
 
     def _look_up(self, views: Views, of_shapes: NDArray[np.integer], out: wp.array | None) -> wp.array:
         """Make images of a number that is given for every geom and site."""
-        from warpvis.kernels.mujoco import geoms_of_objects
+        from warpvis.kernels.mujoco.arrays import geoms_of_objects
 
         if not isinstance(views, Views) or views.segmentation is None:
             raise ArrayError(

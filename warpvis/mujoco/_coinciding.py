@@ -16,7 +16,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.scene import SceneObject
 from warpvis.scene.solids import Solid, SolidKind
 
-# Every pair found here is tested again for every pixel (`warpvis.kernels.coinciding`): no coinciding pair may be
+# Every pair found here is tested again for every pixel (`warpvis.kernels.mujoco.coinciding`): no coinciding pair may be
 # missed, and false positives do no harm.
 
 _CLOSENESS = 1e-5

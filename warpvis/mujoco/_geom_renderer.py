@@ -28,8 +28,8 @@ from warpvis.scene import Scene, SceneObject
 from warpvis.scene.worlds import parse_worlds, pose_columns
 
 if TYPE_CHECKING:
-    from warpvis.kernels.coinciding import Coinciding
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
+    from warpvis.kernels.mujoco.coinciding import Coinciding
 
 _DEPTH, _LABELS, _SEGMENTATION, _FACES = 0, 3, 4, 5  # in the order of the casters' images
 _BOX_MARGIN = 2e-5  # relative: boxes are computed from poses and corners in single precision
@@ -83,7 +83,7 @@ class _OnDevice:
     """Pairs of objects on a scene's device, and the memory that they refer to."""
 
     def __init__(self, objects: tuple[SceneObject, ...], pairs: Pairs, scene: Scene) -> None:
-        from warpvis.kernels.coinciding import Coinciding
+        from warpvis.kernels.mujoco.coinciding import Coinciding
 
         device = scene.device
         self._surfaces = {index: _mesh(objects[index], faces, device) for index, faces in pairs.faces.items()}
@@ -116,7 +116,7 @@ class _OnDevice:
 
 def _ways(objects: Sequence[SceneObject], pairs: Pairs, columns: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return how a kernel tests for the later object of each pair."""
-    from warpvis.kernels.coinciding import ALWAYS, ON_MESH, ON_SOLID, WHERE_TOGETHER
+    from warpvis.kernels.mujoco.coinciding import ALWAYS, ON_MESH, ON_SOLID, WHERE_TOGETHER
 
     is_solid = np.array([objects[index].solid is not None for index in pairs.later], dtype=bool)
     ways = np.where(is_solid, int(ON_SOLID), int(ON_MESH))
@@ -169,7 +169,7 @@ class GeomRenderer(Renderer):
         view_index: np.ndarray | None = None,
         out: Views | None = None,
     ) -> Views:
-        """Render as `render` does, with sizes as in `warpvis.kernels.worlds.Worlds`."""
+        """Render as `render` does, with sizes as in `warpvis.kernels.casting.worlds.Worlds`."""
         poses = self._caster.parse_poses(camera_to_world, "opencv")
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
         if object_sizes is not None:
@@ -252,10 +252,10 @@ class _LaterWins:
 
     def _kernel(self) -> wp.Kernel:
         if isinstance(self._camera, OrthographicCamera):
-            from warpvis.kernels.orthographic import show_later_from_plane
+            from warpvis.kernels.casting.orthographic import show_later_from_plane
 
             return show_later_from_plane
-        from warpvis.kernels.coinciding import show_later
+        from warpvis.kernels.mujoco.coinciding import show_later
 
         return show_later
 

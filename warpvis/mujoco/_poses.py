@@ -151,7 +151,7 @@ def object_transforms(
 
     Callers may cache the results of `movable_ids` and `object_places`, and pass them as `geoms` and `out`.
     """
-    from warpvis.kernels import mujoco as kernels
+    from warpvis.kernels.mujoco import arrays as kernels
 
     device = scene.scene.device
     geoms, sites = movable_ids(scene) if geoms is None else geoms
@@ -198,7 +198,7 @@ def camera_transforms(
     out: wp.array | None = None,
 ) -> wp.array:
     """Compute the poses of `camera_poses` for the given worlds or all, ``(cameras, W)`` `wp.transform` on `device`."""
-    from warpvis.kernels import mujoco as kernels
+    from warpvis.kernels.mujoco import arrays as kernels
 
     position, rotation = read_frames(source, "cam", model.ncam, device)
     worlds = _all_of(position.shape[0], device) if worlds is None else worlds
@@ -232,7 +232,7 @@ def viewer_transforms(
 
     The cameras are the result of `viewer_arrays`; `tracking` states whether one of them tracks a body.
     """
-    from warpvis.kernels import mujoco as kernels
+    from warpvis.kernels.mujoco import arrays as kernels
 
     device = out.device
     com = _read(source, "subtree_com", model.nbody, device) if tracking else None

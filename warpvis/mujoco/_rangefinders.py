@@ -94,7 +94,7 @@ class Rangefinders:
 
     def _read_rays(self) -> None:
         """Copy the model's rays to the device."""
-        from warpvis.kernels.rangefinders import SensorRays
+        from warpvis.kernels.mujoco.rangefinders import SensorRays
 
         self._ray_watch = [Watched(getattr(self.model, name)) for name in _RAY_FIELDS]
         self._rays = _sensor_rays(self.model, np.unique(self.sensors))
@@ -142,7 +142,7 @@ class Rangefinders:
             ArrayError: If the poses are not of the model or were never computed, or `out` does not fit.
             SceneError: If the model now has numbers that are not finite, or a signed distance field that a ray may hit.
         """
-        from warpvis.kernels.rangefinders import read_rangefinders
+        from warpvis.kernels.mujoco.rangefinders import read_rangefinders
 
         self._follow_model()
         source, single = self._read_poses(poses)
@@ -194,7 +194,7 @@ class Rangefinders:
 
 
 def _sensor_rays(model: mujoco.MjModel, sensors: NDArray[np.integer]) -> dict[str, NDArray]:
-    """List the rays of the given sensors as fields of `warpvis.kernels.rangefinders.SensorRays`."""
+    """List the rays of the given sensors as fields of `warpvis.kernels.mujoco.rangefinders.SensorRays`."""
     parts, column = [], 0
     for sensor in sensors.tolist():
         frame, fields = int(model.sensor_objid[sensor]), int(model.sensor_intprm[sensor][0])
@@ -261,8 +261,8 @@ def _refuse_distance_fields(model: mujoco.MjModel, bodies: NDArray[np.int32]) ->
 
 
 def _ray_geoms(model: mujoco.MjModel, device: wp.Device, meshes: dict[_MeshKey, _Mesh | None]) -> Any:
-    """Return geoms that rays can hit as `warpvis.kernels.rangefinders.RayGeoms`; add their meshes to `meshes`."""
-    from warpvis.kernels.rangefinders import RayGeoms
+    """Return geoms that rays can hit as `kernels.mujoco.rangefinders.RayGeoms`; add their meshes to `meshes`."""
+    from warpvis.kernels.mujoco.rangefinders import RayGeoms
 
     chosen, sizes, trees, bounds = list[int](), list[list[float]](), list[int](), list[float]()
     # Trees last: their traversal stops at the nearest hit so far.

@@ -168,7 +168,7 @@ class Stage:
 
     def _get_ready(self) -> None:
         """Allocate the arrays and the launch of updates for the current objects."""
-        from warpvis.kernels.mujoco import geom_transforms
+        from warpvis.kernels.mujoco.arrays import geom_transforms
 
         geoms, objects = np.array(list(self._built), dtype=np.int32), self.scene.objects[: len(self._built)]
         self.coinciding.follow(geoms)

@@ -247,7 +247,7 @@ class ResizableGeoms:
         return np.flatnonzero(np.isin(self._scene.geom_ids, self._geoms))
 
     def sizes(self, models: WorldModels, rows: NDArray[np.int32]) -> wp.array | None:
-        """Return the sizes of all movable objects in some worlds, for `warpvis.kernels.worlds.Worlds`.
+        """Return the sizes of all movable objects in some worlds, for `warpvis.kernels.casting.worlds.Worlds`.
 
         Args:
             models: The arrays that differ between worlds.

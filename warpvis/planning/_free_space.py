@@ -59,7 +59,7 @@ def clearance(
     Raises:
         WarpvisError: If an argument is invalid.
     """
-    from warpvis.kernels.clearance import nearest_surface
+    from warpvis.kernels.visibility.clearance import nearest_surface
 
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     max_distance = check_length(max_distance, "max_distance", infinite=True)
@@ -117,7 +117,7 @@ def standing_room(
     Raises:
         WarpvisError: If an argument is invalid.
     """
-    from warpvis.kernels.clearance import find_free_poses
+    from warpvis.kernels.visibility.clearance import find_free_poses
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")

@@ -68,7 +68,7 @@ def minimum_height(
     Raises:
         WarpvisError: If an argument is invalid.
     """
-    from warpvis.kernels.heights import climb
+    from warpvis.kernels.visibility.heights import climb
 
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_choice(raises, "raises", ("target", "eye"))
@@ -89,8 +89,8 @@ def minimum_height(
 
 
 def _build_blockers(corners: NDArray[np.float32], up: int, device: wp.Device) -> tuple[wp.array, wp.Bvh]:
-    """Build a `warpvis.kernels.heights.Blockers` and the tree that it refers to, with boxes enlarged for rounding."""
-    from warpvis.kernels.heights import Blockers
+    """Build a `kernels.visibility.heights.Blockers` and the tree of it, with boxes enlarged for rounding."""
+    from warpvis.kernels.visibility.heights import Blockers
 
     corners = corners[..., [(up + 1) % 3, (up + 2) % 3, up]]  # the kernel's third axis is up
     margin = np.float32(_ROUNDING * (1 + np.abs(corners).max()))

@@ -45,7 +45,7 @@ def inside_solids(
     Raises:
         WarpvisError: If an argument is invalid.
     """
-    from warpvis.kernels.inside import find_inside
+    from warpvis.kernels.visibility.clearance import find_inside
 
     vertices, excluded = one_world(scene, object_poses, exclude)
     device = scene.device

@@ -15,7 +15,7 @@ from warpvis.rendering.casters import RayTableCaster, as_rows
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
 
 
 def render_along(

@@ -24,10 +24,10 @@ from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
-    from warpvis.kernels.packets import BvhScene, PacketJob
-    from warpvis.kernels.remap_packets import RemapJob
-    from warpvis.kernels.table_packets import TableJob
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.packets import BvhScene, PacketJob
+    from warpvis.kernels.casting.ray_bundle_packets import TableJob
+    from warpvis.kernels.casting.remap_packets import RemapJob
+    from warpvis.kernels.casting.worlds import Worlds
 
 # A strip's number of rows is a thread's share of the remaining rows, divided by this.
 _SHARES_PER_THREAD = 2
@@ -64,7 +64,7 @@ class Workspace:
         workers: int,
     ) -> None:
         """Pack a launch for calls like `job` on `workers` threads; `call` is the kernel's call struct and its type."""
-        from warpvis.kernels.images import Images
+        from warpvis.kernels.casting.images import Images
 
         self.counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
         job.counter = wp.array(self.counter, dtype=wp.int32, device="cpu", copy=False)
@@ -204,12 +204,12 @@ class CpuPacketsCaster:
 
     @staticmethod
     def _make_workspace(scene: BvhScene, job: PacketJob, workers: int) -> Workspace:
-        from warpvis.kernels.packets import PacketCall, cast_packets
+        from warpvis.kernels.casting.packets import PacketCall, cast_packets
 
         return Workspace(scene, cast_packets, (PacketCall(), PacketCall), job, min(workers, job.views * job.strips))
 
     def _make_job(self, views: int, points: int, workers: int) -> PacketJob:
-        from warpvis.kernels.packets import PacketJob
+        from warpvis.kernels.casting.packets import PacketJob
 
         camera, job = self._camera, PacketJob()
         job.views, job.height, job.width = views, camera.height, camera.width

@@ -18,9 +18,9 @@ from warpvis.rendering._ray_origins import PreparedRayOrigins, prepare_ray_origi
 from warpvis.rendering._views import wants_faces
 
 if TYPE_CHECKING:
-    from warpvis.kernels.packets import BvhScene
-    from warpvis.kernels.table_packets import TableJob
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.packets import BvhScene
+    from warpvis.kernels.casting.ray_bundle_packets import TableJob
+    from warpvis.kernels.casting.worlds import Worlds
 
 
 class CpuRayOriginsCaster(CpuTablePacketsCaster):
@@ -58,7 +58,7 @@ class CpuRayOriginsCaster(CpuTablePacketsCaster):
         return self._prepared_origins.rays
 
     def _make_workspace(self, scene: BvhScene, views: int, workers: int) -> Workspace:
-        from warpvis.kernels.ray_origin_packets import RayOriginCall, cast_ray_origin_packets
+        from warpvis.kernels.casting.ray_origin_packets import RayOriginCall, cast_ray_origin_packets
 
         call = RayOriginCall()
         call.rays, call.origins = self._rays.struct, self._prepared_origins.struct

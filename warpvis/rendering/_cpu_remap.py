@@ -19,8 +19,8 @@ from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
-    from warpvis.kernels.packets import BvhScene
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.packets import BvhScene
+    from warpvis.kernels.casting.worlds import Worlds
 
 # Pixels of the trees' images are finer than the camera's by this factor, since bounds in the trees are whole pixels.
 _FINENESS, _MAX_FOCAL = 32.0, 2.0**15
@@ -61,7 +61,7 @@ class CpuRemapCaster(CpuPacketsCaster):
         self._free_maps.give_back(kind, workspace)
 
     def _make_map_workspace(self, scene: BvhScene, shape: tuple[int, int, int], workers: int) -> Workspace:
-        from warpvis.kernels.remap_packets import RemapCall, RemapJob, cast_remapped_packets
+        from warpvis.kernels.casting.remap_packets import RemapCall, RemapJob, cast_remapped_packets
 
         job = RemapJob()
         job.views, job.rows, job.columns = shape

@@ -24,9 +24,9 @@ from warpvis.rendering.casters import RayTableCaster
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
-    from warpvis.kernels.packets import BvhScene
-    from warpvis.kernels.table_packets import TableJob
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.packets import BvhScene
+    from warpvis.kernels.casting.ray_bundle_packets import TableJob
+    from warpvis.kernels.casting.worlds import Worlds
 
 
 class CpuTablePacketsCaster:
@@ -85,14 +85,14 @@ class CpuTablePacketsCaster:
         return camera.prepared("packets", lambda: prepare_rays(camera.rays.reshape(camera.height, camera.width, 3)))
 
     def _make_workspace(self, scene: BvhScene, views: int, workers: int) -> Workspace:
-        from warpvis.kernels.table_packets import TableCall, cast_table_packets
+        from warpvis.kernels.casting.ray_bundle_packets import TableCall, cast_table_packets
 
         call = TableCall()
         call.rays = self._rays.struct
         return Workspace(scene, cast_table_packets, (call, TableCall), self._make_job(views), workers)
 
     def _make_job(self, views: int) -> TableJob:
-        from warpvis.kernels.table_packets import TableJob
+        from warpvis.kernels.casting.ray_bundle_packets import TableJob
 
         camera, job = self._camera, TableJob()
         job.views, job.height, job.width = views, camera.height, camera.width

@@ -20,10 +20,10 @@ from warpvis.rendering._views import wants_faces, wants_ids
 from warpvis.rendering.casters import CastPoses, RaysCaster
 
 if TYPE_CHECKING:
-    from warpvis.kernels.packets import BvhScene
-    from warpvis.kernels.packets_cuda import FoundObjects
+    from warpvis.kernels.casting.packets import BvhScene
+    from warpvis.kernels.casting.packets_cuda import FoundObjects
+    from warpvis.kernels.casting.worlds import Worlds
     from warpvis.kernels.pinhole import PinholeCamera
-    from warpvis.kernels.worlds import Worlds
 
 # By whether the scene has movable objects, which every packet tests: pairs of a packet height and the number of packets
 # per multiprocessor from which it is faster than the next smaller height; and the minimum height.
@@ -44,9 +44,9 @@ class _PackedLaunch:
 
     def __init__(self, kind: _Kind, camera: PinholeCamera, packets: tuple[int, int], cull: bool, device: wp.Device):
         """Pack a launch; `packets` is the number of rows and columns of packets."""
-        from warpvis.kernels.packets import BvhScene
-        from warpvis.kernels.packets_cuda import FoundObjects
-        from warpvis.kernels.worlds import Worlds
+        from warpvis.kernels.casting.packets import BvhScene
+        from warpvis.kernels.casting.packets_cuda import FoundObjects
+        from warpvis.kernels.casting.worlds import Worlds
 
         views = kind[-1]
         self._images = ImageSlots()
@@ -132,7 +132,7 @@ class CudaPacketsCaster(RaysCaster):
         packed.run(scene, poses, worlds, found, images)
 
     def _pack(self, kind: _Kind) -> _PackedLaunch:
-        from warpvis.kernels.packets_cuda import packet_width
+        from warpvis.kernels.casting.packets_cuda import packet_width
 
         side, camera = kind[0], self._camera
         lens = camera.device_struct(clip_near=self._clip_near)
@@ -142,7 +142,7 @@ class CudaPacketsCaster(RaysCaster):
 
 @cache
 def _kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool) -> wp.Kernel:
-    from warpvis.kernels.packets_cuda import make_packet_kernel
+    from warpvis.kernels.casting.packets_cuda import make_packet_kernel
 
     return make_packet_kernel(side, with_id, movable, clip, resized)
 
@@ -169,7 +169,7 @@ def packet_side(
         large_packets: Number of packets per multiprocessor from which packets of 32x32 are fastest.
         moving: Whether the scene has movable objects, which packets must test.
     """
-    from warpvis.kernels.packets_cuda import packet_width
+    from warpvis.kernels.casting.packets_cuda import packet_width
 
     sides, min_side = _MIN_PACKETS[moving]
     for side, packets_per_processor in ((32, large_packets), *sides):

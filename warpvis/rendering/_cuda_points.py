@@ -19,9 +19,9 @@ from warpvis.rendering.casters import images_struct
 from warpvis.scene.worlds import part_of
 
 if TYPE_CHECKING:
-    from warpvis.kernels.packets import BvhScene
-    from warpvis.kernels.point_order import PointLists
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.packets import BvhScene
+    from warpvis.kernels.casting.point_order import PointLists
+    from warpvis.kernels.casting.worlds import Worlds
 
 # With fewer points per view, single rays are faster. The limit is independent of the number of views, so that the
 # last digits of a view's results are too.
@@ -128,7 +128,7 @@ def list_points(pixels: wp.array, camera: Camera) -> PointLists:
     Returns:
         The point lists that packets read, on the same device.
     """
-    from warpvis.kernels.point_order import OUTSIDE_CELLS, PointLists, count_points, sort_points
+    from warpvis.kernels.casting.point_order import OUTSIDE_CELLS, PointLists, count_points, sort_points
 
     (views, rows, columns), device = pixels.shape, pixels.device
     count = rows * columns
@@ -157,7 +157,7 @@ def _cell_bits(count: int) -> int:
 
 
 def _threads(views: int, count: int) -> tuple[int, int]:
-    from warpvis.kernels.point_order import POINTS_PER_THREAD
+    from warpvis.kernels.casting.point_order import POINTS_PER_THREAD
 
     return views, -(-count // POINTS_PER_THREAD)
 
@@ -167,7 +167,7 @@ def _measure(pixels: wp.array, columns: int, camera: Camera) -> wp.array:
 
     Points are sorted where the sum is positive.
     """
-    from warpvis.kernels.point_order import BLOCK_COLUMNS, BLOCK_ROWS, measure_blocks
+    from warpvis.kernels.casting.point_order import BLOCK_COLUMNS, BLOCK_ROWS, measure_blocks
 
     (views, count), device = pixels.shape, pixels.device
     if not columns:
@@ -183,6 +183,6 @@ def _measure(pixels: wp.array, columns: int, camera: Camera) -> wp.array:
 
 @cache
 def _kernel(points: int, with_id: bool, movable: bool, clip: bool, resized: bool) -> wp.Kernel:
-    from warpvis.kernels.point_packets_cuda import make_point_packet_kernel
+    from warpvis.kernels.casting.point_packets_cuda import make_point_packet_kernel
 
     return make_point_packet_kernel(points, with_id, movable, clip, resized)

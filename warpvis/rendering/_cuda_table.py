@@ -19,7 +19,7 @@ from warpvis.rendering._views import wants_faces, wants_ids
 from warpvis.rendering.casters import CastPoses, RayTableCaster, as_images, images_struct
 
 if TYPE_CHECKING:
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
 
 
 MAX_EYE_OFFSET = 2.0
@@ -76,6 +76,6 @@ class CudaTablePacketsCaster(RayTableCaster):
 
 @cache
 def _kernel(side: int, with_id: bool, movable: bool, resized: bool, points: int, origins: bool) -> wp.Kernel:
-    from warpvis.kernels.ray_packets_cuda import make_ray_packet_kernel
+    from warpvis.kernels.casting.ray_bundle_packets_cuda import make_ray_packet_kernel
 
     return make_ray_packet_kernel(side, with_id, movable, resized, points, origins)

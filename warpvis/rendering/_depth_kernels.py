@@ -27,10 +27,13 @@ def launch_back_project(
 ) -> None:
     """Write the world points of a camera's depth images."""
     if depth.device.is_cpu:
-        from warpvis.kernels.depth_rows import back_project_ray_rows as rays_kernel, back_project_rows as pinhole_kernel
+        from warpvis.kernels.maps.depth_rows import (
+            back_project_ray_rows as rays_kernel,
+            back_project_rows as pinhole_kernel,
+        )
     else:
-        from warpvis.kernels.classify import back_project as pinhole_kernel
-        from warpvis.kernels.ray_points import back_project_rays as rays_kernel
+        from warpvis.kernels.maps.classify import back_project as pinhole_kernel
+        from warpvis.kernels.maps.ray_points import back_project_rays as rays_kernel
     _launch_camera((pinhole_kernel, rays_kernel), camera, poses, depth, [points], threads, _MIN_PIXELS)
 
 
@@ -42,12 +45,15 @@ def launch_classify(
     threads: int | None,
     sphere_count: int,
 ) -> None:
-    """Write the labels of depth images; `arguments` are the last ones of `warpvis.kernels.classify.classify_depth`."""
+    """Write the labels of depth images; `arguments` are the last ones of `kernels.maps.classify.classify_depth`."""
     if depth.device.is_cpu:
-        from warpvis.kernels.depth_rows import classify_depth_rows as pinhole_kernel, classify_ray_rows as rays_kernel
+        from warpvis.kernels.maps.depth_rows import (
+            classify_depth_rows as pinhole_kernel,
+            classify_ray_rows as rays_kernel,
+        )
     else:
-        from warpvis.kernels.classify import classify_depth as pinhole_kernel
-        from warpvis.kernels.ray_points import classify_rays as rays_kernel
+        from warpvis.kernels.maps.classify import classify_depth as pinhole_kernel
+        from warpvis.kernels.maps.ray_points import classify_rays as rays_kernel
     _launch_camera(
         (pinhole_kernel, rays_kernel), camera, poses, depth, arguments, threads, _MIN_PIXELS // (1 + sphere_count)
     )
@@ -58,9 +64,9 @@ def launch_label_objects(
 ) -> None:
     """Write the labels of the objects that are visible at pixels."""
     if depth.device.is_cpu:
-        from warpvis.kernels.depth_rows import label_objects_rows as kernel
+        from warpvis.kernels.maps.depth_rows import label_objects_rows as kernel
     else:
-        from warpvis.kernels.classify import label_objects as kernel
+        from warpvis.kernels.maps.classify import label_objects as kernel
 
     def arguments(window: Window) -> KernelArguments:
         return [object_labels, window, depth, objects, reach, labels]

@@ -21,8 +21,8 @@ from warpvis.errors import ArrayError, CameraError
 from warpvis.scene.worlds import part_of
 
 if TYPE_CHECKING:
+    from warpvis.kernels.casting.worlds import Worlds
     from warpvis.kernels.pinhole import PinholeCamera
-    from warpvis.kernels.worlds import Worlds
     from warpvis.scene import Scene
 
 TakesLens: TypeAlias = Literal["no", "z", "any"]
@@ -215,7 +215,7 @@ class DepthSensor(ABC):
 
         Depth must be within the camera's range or, as in REP 117, +inf where there is no surface or it is too far, and
         -inf where it is too near; NaN where it was lost for another reason. Random numbers must come from
-        `warpvis.kernels.random_numbers`, and results must not depend on how views are split into calls.
+        `warpvis.kernels.sensors.random_numbers`, and results must not depend on how views are split into calls.
         """
 
 

@@ -14,9 +14,9 @@ from warpvis.kernels.constants import CUDA_LANES
 
 if TYPE_CHECKING:
     from warpvis.cameras.base import AnyCamera
-    from warpvis.kernels.packets import BvhScene
-    from warpvis.kernels.packets_cuda import FoundObjects
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.packets import BvhScene
+    from warpvis.kernels.casting.packets_cuda import FoundObjects
+    from warpvis.kernels.casting.worlds import Worlds
 
 MANY_OBJECTS = 256
 """Number of movable objects from which they are sorted into tiles; with fewer, each packet tests all of them."""
@@ -44,7 +44,7 @@ def find_objects(
     Returns:
         The objects of each tile; without arrays, as from `nothing_found`, if they would take too much memory.
     """
-    from warpvis.kernels.packets_cuda import MAX_TILES, TILE_BITS, FoundObjects, sort_into_tiles
+    from warpvis.kernels.casting.packets_cuda import MAX_TILES, TILE_BITS, FoundObjects, sort_into_tiles
 
     count, views = scene.drawn_count, len(poses)
     if views * count > _MAX_PAIRS or max(camera.width, camera.height) > _MAX_SIDE:
@@ -70,13 +70,13 @@ def find_objects(
 @cache
 def nothing_found() -> FoundObjects:
     """Return an empty struct, which makes packets test all objects."""
-    from warpvis.kernels.packets_cuda import FoundObjects
+    from warpvis.kernels.casting.packets_cuda import FoundObjects
 
     return FoundObjects()
 
 
 @cache
 def _kernel(resized: bool) -> wp.Kernel:
-    from warpvis.kernels.packets_cuda import make_find_kernel
+    from warpvis.kernels.casting.packets_cuda import make_find_kernel
 
     return make_find_kernel(resized)

@@ -28,8 +28,8 @@ from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_moving_poses, parse_worlds
 
 if TYPE_CHECKING:
-    from warpvis.kernels.motions import Motion as MotionStruct
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.motions import Motion as MotionStruct
+    from warpvis.kernels.casting.worlds import Worlds
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,8 @@ class MovingCaster:
 
     def cast(self, poses: MovingPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels, segmentation and faces of all views; skip images that are None."""
-        from warpvis.kernels.moving_objects import cast_at_moving_objects
-        from warpvis.kernels.moving_rays import cast_moving_rays
+        from warpvis.kernels.casting.moving_objects import cast_at_moving_objects
+        from warpvis.kernels.casting.moving_rays import cast_moving_rays
 
         outputs = images_struct(as_images(images))
         triangles, camera = (
@@ -201,7 +201,7 @@ def parse_sensor(
 def _parse_poses_of_rays(
     shape: tuple[int, ...], motion: Motion, parse: Callable[[PoseLike], wp.array]
 ) -> tuple[MotionStruct, int]:
-    from warpvis.kernels.motions import Motion as MotionStruct
+    from warpvis.kernels.casting.motions import Motion as MotionStruct
 
     rows = instants_of(motion)
     assert isinstance(rows, np.ndarray)
@@ -237,7 +237,7 @@ def _struct_of(
         motion: Motion with the times or the twist of the poses; None if they are constant.
         rotate: Function that rotates velocities into the frame of the poses.
     """
-    from warpvis.kernels.motions import Leg, Motion as MotionStruct, begin_legs
+    from warpvis.kernels.casting.motions import Leg, Motion as MotionStruct, begin_legs
 
     struct, device = MotionStruct(), poses.device
     twist = None if motion is None else motion.twist
@@ -255,7 +255,7 @@ def _struct_of(
 
 def _sliced(struct: MotionStruct, part: slice) -> MotionStruct:
     """Return the motion of a slice of the views, or of their worlds; values shared by all views are kept."""
-    from warpvis.kernels.motions import Motion as MotionStruct
+    from warpvis.kernels.casting.motions import Motion as MotionStruct
 
     sliced = MotionStruct()
     sliced.is_screw = struct.is_screw

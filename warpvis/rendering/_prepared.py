@@ -59,7 +59,7 @@ class ImageSlots:
 
     def __init__(self) -> None:
         """Create the struct without images."""
-        from warpvis.kernels.images import Images
+        from warpvis.kernels.casting.images import Images
 
         self.struct = Images()
         self._slots = [getattr(memory_of(self.struct), name) for name in CAST_OUTPUTS]

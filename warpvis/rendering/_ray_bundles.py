@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from warpvis.kernels.constants import BLOCK_SIDE, CPU_LANES, NOWHERE, TILE_SIDE
 
 if TYPE_CHECKING:
-    from warpvis.kernels.table_packets import RayBundles
+    from warpvis.kernels.casting.ray_bundle_packets import RayBundles
 
 _LANES = CPU_LANES
 _GROUP = _LANES * _LANES
@@ -84,7 +84,7 @@ class PreparedRays:
 
 def prepare_rays(rays: NDArray[np.float64]) -> PreparedRays:
     """Prepare rays of depth 1 in the camera frame, shape (H, W, 3); NaN for pixels without a ray."""
-    from warpvis.kernels.table_packets import RayBundles
+    from warpvis.kernels.casting.ray_bundle_packets import RayBundles
 
     split = split_rays(rays)
     tiles, columns, bundles = _sort(split)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.kernels.ray_packets_cuda import EYE_WORDS
+from warpvis.kernels.casting.ray_bundle_packets_cuda import EYE_WORDS
 from warpvis.rendering._ray_images import PacketImages
 
 # Regularization weight that draws an eye to the mean of its rays' origins; for parallel rays, the nearest point is not

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.kernels.casting.ray_bundle_packets_cuda import FRAME_WORDS
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.kernels.ray_packets_cuda import FRAME_WORDS
 
 POINTS_SIDE = 32
 """Pixels of an image of points, along each axis."""

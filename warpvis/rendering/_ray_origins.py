@@ -19,8 +19,8 @@ from warpvis.rendering._ray_bundles import PreparedRays, component, prepare_rays
 
 if TYPE_CHECKING:
     from warpvis.cameras.ray_camera import RayCamera
-    from warpvis.kernels.ray_origin_packets import RayOrigins
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.ray_origin_packets import RayOrigins
+    from warpvis.kernels.casting.worlds import Worlds
     from warpvis.scene import Scene
 
 MAX_ORIGIN_EXTENT = 0.1
@@ -60,7 +60,7 @@ def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
 
 def prepare_ray_origins(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> PreparedRayOrigins:
     """Prepare rays of the camera frame, shape (H, W, 3), as `prepare_rays` does, and their origins, shape (H, W, 3)."""
-    from warpvis.kernels.ray_origin_packets import RayOrigins
+    from warpvis.kernels.casting.ray_origin_packets import RayOrigins
 
     prepared = prepare_rays(rays)
     bundle_arrays, ray_origins = prepared.struct, origins.reshape(-1, 3)

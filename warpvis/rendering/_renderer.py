@@ -46,7 +46,7 @@ from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
 if TYPE_CHECKING:
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
 
 _Numbers = NDArray[np.int64] | None
 
@@ -352,7 +352,7 @@ class Renderer:
         """Replace invalid depths according to `fill`, if depth was requested and `fill` is not ``"inf"``."""
         if self._fill is None or "depth" not in self.outputs or depth is None:
             return
-        from warpvis.kernels.images import fill_depth
+        from warpvis.kernels.casting.images import fill_depth
 
         depth = depth if depth.ndim == 3 else as_rows(depth)
         empty, too_near = self._fill

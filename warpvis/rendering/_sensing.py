@@ -26,7 +26,7 @@ from warpvis.rendering._prepared import FreeList
 from warpvis.rendering._views import ALL_OUTPUTS, OUTPUTS
 
 if TYPE_CHECKING:
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
     from warpvis.scene import Scene
 
 _MAX_WORD = 2**32 - 1

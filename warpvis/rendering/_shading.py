@@ -22,8 +22,8 @@ from warpvis.rendering._views import CAST_OUTPUTS, COLOR_OUTPUTS, OUTPUTS
 from warpvis.rendering.casters import CastPoses, as_images
 
 if TYPE_CHECKING:
-    from warpvis.kernels.shading import Footprint
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
+    from warpvis.kernels.shading.base_colors import Footprint
     from warpvis.scene import Scene
 
 _NEEDED = ("points", "segmentation", "faces")
@@ -80,7 +80,7 @@ class ShadingCaster:
     def _launch(
         self, poses: wp.array, worlds: Worlds, by_name: dict[str, wp.array | None], image: wp.array, *, lit: bool
     ) -> None:
-        from warpvis.kernels import lighting, shading
+        from warpvis.kernels.shading import base_colors, lighting
 
         scene = self._scene
         names = (*_NEEDED, "normals") if lit else _NEEDED
@@ -89,7 +89,7 @@ class ShadingCaster:
         scene_data = [scene.device_materials(scene.background), *([scene.device_lights(scene.lights)] if lit else [])]
         footprint = self._footprint()
         launch_images(
-            lighting.shade_lit_colors if lit else shading.shade_base_colors,
+            lighting.shade_lit_colors if lit else base_colors.shade_base_colors,
             colors.shape,
             lambda window: [*scene_data, footprint, poses, window, worlds, *seen, colors],
             device=scene.device,
@@ -98,17 +98,17 @@ class ShadingCaster:
 
     def _footprint(self) -> Footprint:
         """Return the size of a pixel."""
-        from warpvis.kernels import shading
+        from warpvis.kernels.shading import base_colors
 
-        footprint, camera = shading.Footprint(), self._camera
+        footprint, camera = base_colors.Footprint(), self._camera
         if isinstance(camera, Camera):
-            footprint.kind, size = shading.FOOTPRINT_PINHOLE, (1 / camera.fx, 1 / camera.fy)
+            footprint.kind, size = base_colors.FOOTPRINT_PINHOLE, (1 / camera.fx, 1 / camera.fy)
         elif isinstance(camera, OrthographicCamera):
-            footprint.kind, size = shading.FOOTPRINT_PARALLEL, (1 / camera.fx, 1 / camera.fy)
+            footprint.kind, size = base_colors.FOOTPRINT_PARALLEL, (1 / camera.fx, 1 / camera.fy)
         else:
             assert isinstance(camera, RayCamera)
             angle = camera.prepared("pixel angle", lambda: pixel_angle(camera))
-            footprint.kind, size = shading.FOOTPRINT_CONE, (angle, angle)
+            footprint.kind, size = base_colors.FOOTPRINT_CONE, (angle, angle)
         footprint.size = wp.vec2(*size)
         return footprint
 

@@ -23,8 +23,8 @@ from warpvis.rendering._views import wants_faces
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
-    from warpvis.kernels.images import Images
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.images import Images
+    from warpvis.kernels.casting.worlds import Worlds
 
 
 CastPoses: TypeAlias = wp.array | np.ndarray
@@ -86,13 +86,13 @@ class RaysCaster:
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
-        from warpvis.kernels.rays import cast_rays
+        from warpvis.kernels.casting.rays import cast_rays
 
         self._launch(cast_rays, (len(poses), self._camera.height, self._camera.width), poses, [worlds], images)
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, vec2 of shape ``(V, 1, N)``, which is also the images' shape."""
-        from warpvis.kernels.rays import cast_rays_at
+        from warpvis.kernels.casting.rays import cast_rays_at
 
         self._launch(cast_rays_at, pixels.shape, poses, [worlds, pixels], images)
 
@@ -138,14 +138,14 @@ class OrthographicCaster(RaysCaster):
 
     def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
         """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
-        from warpvis.kernels.orthographic import cast_parallel_rays
+        from warpvis.kernels.casting.orthographic import cast_parallel_rays
 
         shape = (len(poses), self._camera.height, self._camera.width)
         self._launch(cast_parallel_rays, shape, poses, [worlds, None], images)
 
     def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Cast through image points, vec2 of shape ``(V, 1, N)``, which is also the images' shape."""
-        from warpvis.kernels.orthographic import cast_parallel_rays
+        from warpvis.kernels.casting.orthographic import cast_parallel_rays
 
         self._launch(cast_parallel_rays, pixels.shape, poses, [worlds, pixels], images)
 
@@ -184,7 +184,7 @@ class RayTableCaster(RaysCaster):
         origins: wp.array | None,
         images: list[wp.array | None],
     ) -> None:
-        from warpvis.kernels.ray_table import cast_ray_table
+        from warpvis.kernels.casting.ray_bundles import cast_ray_table
 
         shape = (len(poses), *rays.shape[1:])
         self._launch(cast_ray_table, shape, poses, [worlds, rays, origins], images)
@@ -221,8 +221,8 @@ def as_images(images: Sequence[wp.array | None]) -> list[wp.array | None]:
 
 
 def images_struct(images: Sequence[wp.array | None]) -> Images:
-    """Make a `warpvis.kernels.images.Images` from images in the order of its names; None is left out."""
-    from warpvis.kernels.images import NAMES, Images
+    """Make a `warpvis.kernels.casting.images.Images` from images in the order of its names; None is left out."""
+    from warpvis.kernels.casting.images import NAMES, Images
 
     struct = Images()
     for name, image in zip(NAMES, images, strict=False):  # the struct has no field for colors

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Device materials of a scene: the tables that `kernels.shading` reads."""
+"""Device materials of a scene: the tables that `kernels.shading.base_colors` reads."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from warpvis.scene.lights import Background, Falloff, Light
 from warpvis.scene.materials import Appearance, Filter, Material, Projection, Texture, Wrap
 
 if TYPE_CHECKING:
-    from warpvis.kernels.lighting import Lights
-    from warpvis.kernels.shading import DeviceMaterials
+    from warpvis.kernels.shading.base_colors import DeviceMaterials
+    from warpvis.kernels.shading.lighting import Lights
 
 _PLAIN = Appearance()
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _SIDES = 6  # faces of a cube map
 _ENDLESS = 3e38  # about the largest single-precision number [m]
 _LIGHT_KINDS = ("ambient", "directional", "point", "spot", "headlight")
-"""In the order of `kernels.lighting`."""
+"""In the order of `kernels.shading.lighting`."""
 
 
 def pack_materials(
@@ -73,8 +73,8 @@ class _Packing:
 
     def struct(self) -> DeviceMaterials:
         """Return the tables on the device."""
-        from warpvis.kernels.shading import DeviceMaterial, DeviceMaterials
-        from warpvis.kernels.textures import DeviceTexture
+        from warpvis.kernels.shading.base_colors import DeviceMaterial, DeviceMaterials
+        from warpvis.kernels.shading.textures import DeviceTexture
 
         scene_materials, device = DeviceMaterials(), self._device
         scene_materials.object_material = wp.array(self._first, dtype=wp.int32, device=device)
@@ -142,7 +142,7 @@ class _Packing:
         return self._known[key]
 
     def _material(self, material: Material, item: SceneObject, objects: Sequence[SceneObject]) -> int:
-        from warpvis.kernels.shading import DeviceMaterial
+        from warpvis.kernels.shading.base_colors import DeviceMaterial
 
         scale = _cube_scale(material, item, objects)
         key = (id(material), scale)
@@ -161,7 +161,7 @@ class _Packing:
         return self._known[key]
 
     def _texture(self, texture: Texture, is_cube: bool) -> int:
-        from warpvis.kernels.textures import DeviceTexture
+        from warpvis.kernels.shading.textures import DeviceTexture
 
         key = ("texture", id(texture), is_cube)
         if key not in self._known:
@@ -262,7 +262,7 @@ def _cube_scale(material: Material, item: SceneObject, objects: Sequence[SceneOb
 
 def pack_lights(lights: Sequence[Light], device: wp.Device) -> Lights:
     """Copy lights to a device. If one of them has linear colors, all are summed in linear space."""
-    from warpvis.kernels.lighting import DeviceLight, Lights
+    from warpvis.kernels.shading.lighting import DeviceLight, Lights
 
     packed, is_linear = Lights(), any(light.color_space == "linear" for light in lights)
     rows = []

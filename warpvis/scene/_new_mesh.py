@@ -103,7 +103,7 @@ def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None,
 def build_mesh_tree(item: SceneObject, closed: bool, device: wp.Device) -> Bvh:
     """Build the tree of an object's new mesh, on the device if its mesh is on the device."""
     if isinstance(item, MeshOnDevice):
-        from warpvis.kernels.packets_cuda import LEVELS
+        from warpvis.kernels.casting.packets_cuda import LEVELS
 
         mesh: DeviceMesh = item.__dict__["mesh"]
         return build_device_bvh(mesh._replace(closed=_flag(closed, device)), max_levels=LEVELS)
@@ -145,7 +145,7 @@ def _on_device(vertices: ArrayInput, faces: ArrayInput, name: str, device: wp.De
 
 def _check_values(vertices: wp.array, faces: wp.array, name: str) -> None:
     """Raise a `SceneError` if a corner is not finite or too far away, or a face index is out of range."""
-    from warpvis.kernels.bvh_cuda_items import check_mesh as find_bad
+    from warpvis.kernels.bvh.items_cuda import check_mesh as find_bad
 
     count, limits = len(vertices), np.iinfo(np.int32)
     found = wp.array([0, limits.max, limits.max, limits.min], dtype=wp.int32, device=vertices.device)

@@ -19,8 +19,8 @@ from warpvis.scene.acceleration.geometry import SceneBvh, Triangles, build_scene
 from warpvis.scene.acceleration.traversal_plan import plan_traversal
 
 if TYPE_CHECKING:
-    from warpvis.kernels.lighting import Lights
-    from warpvis.kernels.shading import DeviceMaterials
+    from warpvis.kernels.shading.base_colors import DeviceMaterials
+    from warpvis.kernels.shading.lighting import Lights
     from warpvis.scene.acceleration.tree_cache import TreeCache
     from warpvis.scene.lights import Background, Light
 

@@ -21,7 +21,7 @@ from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, 
 from warpvis.errors import ArrayError, PoseError
 
 if TYPE_CHECKING:
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
     from warpvis.scene._scene import Scene
 
 
@@ -37,7 +37,7 @@ def parse_worlds(
     exclude: Excluded,
     object_scales: ObjectScales = None,
 ) -> Worlds:
-    """Convert arguments of `Renderer.render` to a `warpvis.kernels.worlds.Worlds`.
+    """Convert arguments of `Renderer.render` to a `warpvis.kernels.casting.worlds.Worlds`.
 
     The result has no arrays if no object is movable and no argument is given.
 
@@ -51,7 +51,7 @@ def parse_worlds(
     nothing_said = object_poses is None and world_index is None and exclude is None and object_scales is None
     if nothing_said and not scene.movable:
         return _still_world()
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
 
     worlds = Worlds()
     scales = None if object_scales is None else _parse_object_scales(scene, object_scales)
@@ -84,7 +84,7 @@ def _is_empty(exclude: object) -> bool:
 @cache
 def _still_world() -> Worlds:
     """Return worlds without movable and excluded objects."""
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
 
     return Worlds()
 
@@ -105,7 +105,7 @@ def parse_moving_poses(scene: Scene, motion: Motion) -> wp.array:
 
 def part_of(worlds: Worlds, views: slice | NDArray[np.integer]) -> Worlds:
     """Return the worlds of a subset of the views."""
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
 
     part = Worlds()
     part.object_poses, part.world, part.excluded = worlds.object_poses, worlds.world, worlds.excluded
@@ -157,7 +157,7 @@ def _parse_object_scales(scene: Scene, scales: ArrayInput) -> wp.array:
 
 def _sizes(scene: Scene, scales: wp.array, worlds: int) -> wp.array:
     """Return `Worlds.object_sizes` from scale factors of one or all worlds."""
-    from warpvis.kernels.sizes import scale_sizes
+    from warpvis.kernels.casting.worlds import scale_sizes
 
     if scales.shape[0] not in (1, worlds):
         raise ArrayError(f"object_scales have {scales.shape[0]} worlds, but object_poses have {worlds}")

@@ -102,7 +102,7 @@ def measure_incidence(
     Returns:
         Cosines, shape ``(V, *rays)``, float32; NaN where a ray hits nothing.
     """
-    from warpvis.kernels import echoes
+    from warpvis.kernels.sensors import echoes
 
     require_rays(rays)
     normals = require_image(views, "normals")
@@ -125,7 +125,7 @@ def measure_incidence(
 def _measure_moving_incidence(
     normals: wp.array, rays: Rays, motion: Motion, convention: Convention | None, out: wp.array | None
 ) -> wp.array:
-    from warpvis.kernels.moving_rays import measure_moving_incidence
+    from warpvis.kernels.casting.moving_rays import measure_moving_incidence
 
     device = normals.device
     sensor, views = parse_sensor(rays, motion, convention, device)
@@ -166,7 +166,7 @@ def reflect(
     Raises:
         SceneError: If the scene has no object with a name given in `reflectivity`.
     """
-    from warpvis.kernels.echoes import reflect_rays
+    from warpvis.kernels.sensors.echoes import reflect_rays
 
     require_scene(scene)
     depth, segmentation = require_image(views, "depth"), require_image(views, "segmentation")
@@ -212,7 +212,7 @@ def gather_returns(
     Returns:
         Ranges and intensities, shape ``(V, 1, H, W)``, or ``(V, 1, N)`` for a list; two returns for ``"dual"``.
     """
-    from warpvis.kernels import echoes
+    from warpvis.kernels.sensors import echoes
 
     keep = check_choice(keep, "keep", ("strongest", "last", "dual"))  # type: ignore[assignment]
     count = check_whole(count, "count")

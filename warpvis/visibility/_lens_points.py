@@ -20,7 +20,7 @@ from warpvis.scene import Scene
 from warpvis.scene.worlds import part_of
 
 if TYPE_CHECKING:
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
 
 # Maximum number of points per batch: projected points take 200 bytes each.
 _MAX_BATCH = 1 << 20
@@ -45,7 +45,7 @@ class ProjectedPoints:
         return np.isfinite(self.pixels[..., 0])
 
     def judge(self, camera: LensedCamera, surface: NDArray[np.floating], tolerance: float) -> NDArray[np.uint8]:
-        """Return the `Visibility` of points given surface depths, as `warpvis.kernels.points.judge` does."""
+        """Return the `Visibility` of points given surface depths, as `warpvis.kernels.visibility.points.judge` does."""
         with np.errstate(invalid="ignore"):
             behind = (self.depth - surface) * np.linalg.norm(self.rays, axis=-1) > tolerance
         status = np.where(behind, Visibility.OCCLUDED, Visibility.VISIBLE)

@@ -179,7 +179,7 @@ def see_objects(
 ) -> ObjectVisibility:
     """Implement `object_visibility` without warnings about unusual arguments."""
     from warpvis.kernels.constants import SILHOUETTE_COUNTERS
-    from warpvis.kernels.silhouettes import judge_silhouettes
+    from warpvis.kernels.visibility.silhouettes import judge_silhouettes
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")

@@ -29,8 +29,8 @@ from warpvis.scene import Scene
 from warpvis.scene.acceleration.geometry import SceneBvh
 
 if TYPE_CHECKING:
-    from warpvis.kernels.point_packets import PointJob
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.casting.worlds import Worlds
+    from warpvis.kernels.visibility.point_packets import PointJob
 
 # Maximum number of points of a view per batch, which bounds the memory.
 _MAX_POINTS = 1 << 20
@@ -95,7 +95,7 @@ def judge_by_packets(
         occluders: Output object indices, ``(V, N)`` int32, or None.
         threads: CPU threads to use.
     """
-    from warpvis.kernels.point_packets import judge_points_packets
+    from warpvis.kernels.visibility.point_packets import judge_points_packets
 
     if not status.size:
         return
@@ -166,7 +166,7 @@ def _take(clusters: SceneBvh, layout: _Layout) -> _Workspace:
 
 
 def _make(layout: _Layout) -> _Workspace:
-    from warpvis.kernels.point_packets import PointJob
+    from warpvis.kernels.visibility.point_packets import PointJob
 
     job, counter = PointJob(), np.zeros(JOB_COUNTERS, dtype=np.int32)
     job.scale, job.batch, job.strip_tiles = layout.scale, layout.batch, layout.strip_tiles

@@ -140,7 +140,7 @@ def point_visibility_from_depth(
     Raises:
         WarpvisError: If an argument is invalid.
     """
-    from warpvis.kernels.points import judge_points_measured
+    from warpvis.kernels.visibility.points import judge_points_measured
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     tolerance = check_length(tolerance, "tolerance")
@@ -167,7 +167,7 @@ def point_visibility_from_depth(
 
 def _project(camera: Camera, poses: wp.array, points: ArrayInput, threads: int | None) -> tuple[wp.array, wp.array]:
     """Project points; return their image positions, vec2 of shape ``(V, N)``, and depths, shape ``(V, N)``."""
-    from warpvis.kernels.points import camera_frames, project_points
+    from warpvis.kernels.visibility.points import camera_frames, project_points
 
     device = poses.device
     places = as_points(points, "points", "N", device)
@@ -202,7 +202,7 @@ def _judge(
     threads: int | None,
 ) -> None:
     """Write the visibility of projected points from images rendered at their positions."""
-    from warpvis.kernels.points import judge_points
+    from warpvis.kernels.visibility.points import judge_points
 
     lens, inputs = camera.device_struct(), [pixels, depth, seen.depth, seen.segmentation, tolerance, status, hidden_by]
     launch_points(

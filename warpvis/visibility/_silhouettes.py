@@ -23,10 +23,10 @@ from warpvis.scene import Scene
 from warpvis.scene.worlds import pose_columns
 
 if TYPE_CHECKING:
-    from warpvis.kernels.lens_silhouettes import CanvasRays
+    from warpvis.kernels.casting.worlds import Worlds
     from warpvis.kernels.pinhole import Window
-    from warpvis.kernels.silhouettes import Comparison
-    from warpvis.kernels.worlds import Worlds
+    from warpvis.kernels.visibility.lens_silhouettes import CanvasRays
+    from warpvis.kernels.visibility.silhouettes import Comparison
 
 
 # On a GPU: number of threads that fill it, and limits of the threads per silhouette, whose maximum suits a large one.
@@ -61,7 +61,7 @@ class SilhouetteCounter:
             caster: Caster of silhouettes; single rays are always used on CUDA and through a lens.
             threads: CPU threads.
         """
-        from warpvis.kernels.silhouettes import Canvas, Chosen
+        from warpvis.kernels.visibility.silhouettes import Canvas, Chosen
 
         device = scene.device
         self._device, self._camera, self._threads, self._delta = device, camera, threads, delta
@@ -89,8 +89,8 @@ class SilhouetteCounter:
         hidden_by: wp.array,
         masks: wp.array | None,
     ) -> None:
-        """Add the pixels of views to the counters; see `warpvis.kernels.silhouettes.measure_silhouettes`."""
-        from warpvis.kernels.silhouettes import Comparison
+        """Add the pixels of views to the counters; see `warpvis.kernels.visibility.silhouettes.measure_silhouettes`."""
+        from warpvis.kernels.visibility.silhouettes import Comparison
 
         compared = Comparison()
         compared.segmentation, compared.depth, compared.delta = seen.segmentation, seen.depth, self._delta
@@ -103,8 +103,8 @@ class SilhouetteCounter:
 
     def _spread(self, worlds: Worlds) -> Worlds:
         """Return the same worlds with a pose for every object."""
-        from warpvis.kernels.silhouettes import spread_poses
-        from warpvis.kernels.worlds import Worlds
+        from warpvis.kernels.casting.worlds import Worlds
+        from warpvis.kernels.visibility.silhouettes import spread_poses
 
         poses = worlds.object_poses
         posed = poses is not None and poses.shape[1] > 0
@@ -124,8 +124,8 @@ class SilhouetteCounter:
     def _count_by_rays(
         self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
     ) -> None:
-        from warpvis.kernels.lens_silhouettes import measure_silhouettes_rays
-        from warpvis.kernels.silhouettes import measure_silhouettes
+        from warpvis.kernels.visibility.lens_silhouettes import measure_silhouettes_rays
+        from warpvis.kernels.visibility.silhouettes import measure_silhouettes
 
         triangles = self._isolated.triangles()
         kernel = measure_silhouettes if self._lens is None else measure_silhouettes_rays
@@ -152,7 +152,7 @@ class SilhouetteCounter:
     def _count_by_packets(
         self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
     ) -> None:
-        from warpvis.kernels.silhouette_packets import SilhouetteJob, measure_silhouettes_packets
+        from warpvis.kernels.visibility.silhouette_packets import SilhouetteJob, measure_silhouettes_packets
 
         workers = min(self._threads, len(poses) * len(self._chosen.index))
         counter, job = np.zeros(JOB_COUNTERS, dtype=np.int32), SilhouetteJob()
@@ -168,7 +168,7 @@ class SilhouetteCounter:
 
 def _canvas_rays(camera: LensedCamera, canvas: tuple[int, int, int, int], device: wp.Device) -> CanvasRays:
     """Return the rays of a lens through all pixels of a canvas, on a device."""
-    from warpvis.kernels.lens_silhouettes import CanvasRays
+    from warpvis.kernels.visibility.lens_silhouettes import CanvasRays
 
     struct = CanvasRays()
     struct.width, struct.height, struct.near, struct.far = camera.width, camera.height, camera.near, camera.far

@@ -130,7 +130,7 @@ struct Leaves {
 
     // Index of the corner opposite to the longest side, which is stored first. Casters compute a triangle's normal from
     // the two sides that meet there, and its rounding error is proportional to the product of their lengths: the two
-    // long sides of a sliver would give it an error larger than its area. kernels/corners.py chooses the same corner:
+    // long sides of a sliver would give it an error larger than its area. kernels/bvh/refit.py chooses the same corner:
     // L1 distances have no products, which a compiler may round in different ways.
     static inline int first_corner(const float* vertices, const int* corners) {
         float opposite[3];

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Builder of the BVH: leaves of LANES triangles, nodes of LANES children. kernels/bvh.py defines LANES, 16 or 32,
+// Builder of the BVH: leaves of LANES triangles, nodes of LANES children. kernels/bvh/build.py defines LANES, 16 or 32,
 // before this text.
 //
 // Warp pastes this text into the body of a function, without the standard library: hence local structs of static
-// functions, and constants as enums. kernels/bvh.py holds the kernels that call them, in this order: Items::load and
+// functions, and constants as enums. The kernels of kernels/bvh/build.py call them in this order: Items::load and
 // Splitter::split_all here, Collapser::collapse in bvh_collapse.h, Leaves::fill and Nodes::fit in bvh_bounds.h.
 
 typedef float v4 __attribute__((ext_vector_type(4)));

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The corruptions of kernels/corruptions.py applied to rows of pixels.
+// The corruptions of kernels/sensors/corruptions.py applied to rows of pixels.
 
 struct Corruption {
     float added, multiplied, dropout;

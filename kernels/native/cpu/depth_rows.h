@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of depth images to world points and labels, 16 pixels at a time: see kernels/classify.py and
-// kernels/ray_points.py.
+// Rows of depth images to world points and labels, 16 pixels at a time: see kernels/maps/classify.py and
+// kernels/maps/ray_points.py.
 
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 

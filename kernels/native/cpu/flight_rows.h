@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The model of kernels/time_of_flight.py and the edge detection of kernels/sub_rays.py, applied to rows of pixels.
+// The model of kernels/sensors/time_of_flight.py and the edge detection of kernels/sensors/sub_rays.py, applied to rows
+// of pixels.
 
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
@@ -12,7 +13,7 @@ struct Wide {
     static inline Doubles root(Doubles a) { return __builtin_elementwise_sqrt(a); }
     static inline Doubles floor(Doubles a) { return __builtin_elementwise_floor(a); }
 
-    // sin(2 pi turns), as `sine` of kernels/time_of_flight.py.
+    // sin(2 pi turns), as `sine` of kernels/sensors/time_of_flight.py.
     static inline Doubles sine(Doubles turns) {
         const Doubles fraction = turns - floor(turns + 0.5);
         const Doubles t = fraction > 0.25 ? 0.5 - fraction : (fraction < -0.25 ? -0.5 - fraction : fraction);
@@ -152,7 +153,7 @@ struct Flight {
     }
 };
 
-// Pixels adjacent to another surface, as `is_edge` of kernels/sub_rays.py.
+// Pixels adjacent to another surface, as `is_edge` of kernels/sensors/sub_rays.py.
 struct FlightEdges {
     const FlightRow& row;
     float edge_step;

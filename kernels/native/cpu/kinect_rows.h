@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The models of kernels/kinect_noise.py applied to rows of pixels.
+// The models of kernels/sensors/kinect_noise.py applied to rows of pixels.
 
 struct Khoshelham {
     float step, sigma;
@@ -41,7 +41,7 @@ struct NguyenView {
     static inline Doubles wide(Floats a) { return __builtin_convertvector(a, Doubles); }
     static inline Floats narrow(Doubles a) { return __builtin_convertvector(a, Floats); }
 
-    // Angles between normals and the optical axis, as `angle_of` of kernels/noise.py.
+    // Angles between normals and the optical axis, as `angle_of` of kernels/sensors/noise.py.
     inline Floats angle(const Floats* normal) const {
         const Doubles along =
             wide(normal[0]) * forward[0] + wide(normal[1]) * forward[1] + wide(normal[2]) * forward[2];

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Common parts of the models of depth noise in kernels/noise.py, for rows of pixels, 16 at a time.
+// Common parts of the models of depth noise in kernels/sensors/noise.py, for rows of pixels, 16 at a time.
 
 // A row of a view's image.
 struct NoiseRow {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Visible fractions of objects: each object is rasterized in isolation, on the part of the canvas that its box may
-// cover, and compared block by block with an image of all objects. kernels/silhouettes.py does the same by ray casting.
+// cover, and compared block by block with an image of all objects. kernels/visibility/silhouettes.py does so with rays.
 
 struct SilhouetteJob {
     int count;  // of chosen objects

@@ -66,7 +66,7 @@ struct Movables {
 };
 
 // Objects with separate frames that a view may see, found before its packets are rendered and sorted into tiles of the
-// image, so that no packet examines all objects. The Python counterpart is `FoundObjects` of kernels/packets_cuda.py.
+// image, so that no packet examines all objects. Python: `FoundObjects` of kernels/casting/packets_cuda.py.
 struct FoundObjects {
     enum { TILE = 1 << TILE_BITS };
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Output images of all views, [view][y][x]; null if not requested. The Python counterpart is in kernels/images.py.
+// Output images of all views, [view][y][x]; null if not requested. Python: kernels/casting/images.py.
 struct Images {
     float* depth;
     float* points;  // xyz in the world
@@ -15,4 +15,4 @@ struct Images {
     // Whether the z-buffer must store the triangle of a pixel, not only its object.
     inline bool of_triangles() const { return normals || faces; }
 };
-static_assert(sizeof(Images) == 8 * sizeof(void*), "kernels/images.py fills the members in this order");
+static_assert(sizeof(Images) == 8 * sizeof(void*), "kernels/casting/images.py fills the members in this order");

@@ -4,7 +4,7 @@
 // The model of shared/stereo.h applied to rows of pixels, as many at a time as Real holds.
 
 // Images of all views, [view][y][x]; null if the model does not use them. The Python counterpart is StereoViews of
-// kernels/stereo.py.
+// kernels/sensors/stereo.py.
 struct StereoImages {
     int height, width;
     const float* depth;  // of the first surface

@@ -113,12 +113,12 @@ def build_bvh(
         ArrayError: If `lanes` is not 16 or 32.
         SceneError: If a tree of `max_levels` levels cannot hold the triangles.
     """
-    from warpvis.kernels import bvh
+    from warpvis.kernels.bvh import build
 
     count = len(faces)
     check_size(count, lanes, max_levels)
     threads = check_threads(threads) if count > 2 * _MIN_RANGE else 1
-    load_module(bvh.load_items)
+    load_module(build.load_items)
     scene = [
         _wrap(np.ascontiguousarray(vertices, dtype=np.float32).ravel()),
         _wrap(np.ascontiguousarray(faces, dtype=np.int32).ravel()),
@@ -127,7 +127,7 @@ def build_bvh(
     ]
 
     items = aligned_empty((count * ITEM_WORDS,), wp.float32)
-    _launch_parts(bvh.load_items, count, lambda first: [*scene[:2], first, items], threads)
+    _launch_parts(build.load_items, count, lambda first: [*scene[:2], first, items], threads)
     children, leaf_ranges, node_count, leaf_count, depth = _arrange(items, lanes, max_levels, threads)
     check_leaves(leaf_count, lanes)
 
@@ -135,13 +135,13 @@ def build_bvh(
     triangles, owners = (aligned_empty((leaf_count * lanes,), wp.int32) for _ in range(2))
     bounds = aligned_empty((leaf_count * NODE_ROWS,), wp.float32)
     _launch_parts(
-        bvh.fill_leaves,
+        build.fill_leaves,
         leaf_count,
         lambda first: [*scene, lanes, items, leaf_ranges, first, leaves, triangles, owners, bounds],
         threads,
     )
     nodes = aligned_empty((node_count * NODE_ROWS * lanes,), wp.float32)
-    _launch(bvh.fit_nodes, [lanes, children, bounds, node_count, nodes])
+    _launch(build.fit_nodes, [lanes, children, bounds, node_count, nodes])
     return Bvh(leaves, triangles, owners, nodes, children, lanes, depth, leaf_count, node_count, count)
 
 
@@ -172,15 +172,15 @@ def check_leaves(leaf_count: int, lanes: int) -> None:
 
 def _arrange(items: wp.array, lanes: int, max_levels: int | None, threads: int) -> _Nodes:
     """Sort the items into leaves, and build the nodes above them."""
-    from warpvis.kernels import bvh
+    from warpvis.kernels.bvh import build
 
     count = items.size // ITEM_WORDS
     splits = aligned_empty((count * SPLIT_WORDS,), wp.int32)
-    _split(bvh.split_range, items, splits, lanes, 0, threads)
-    nodes = _collapse(bvh.collapse_tree, splits, lanes, evenly=False)
+    _split(build.split_range, items, splits, lanes, 0, threads)
+    nodes = _collapse(build.collapse_tree, splits, lanes, evenly=False)
     if max_levels is not None and nodes.depth > max_levels:
-        _split(bvh.split_range, items, splits, lanes, _shallow_root(count, lanes, max_levels), threads)
-        nodes = _collapse(bvh.collapse_tree, splits, lanes, evenly=True)
+        _split(build.split_range, items, splits, lanes, _shallow_root(count, lanes, max_levels), threads)
+        nodes = _collapse(build.collapse_tree, splits, lanes, evenly=True)
     return nodes
 
 

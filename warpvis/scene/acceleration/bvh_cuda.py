@@ -13,11 +13,16 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
-from warpvis.kernels import bvh_cuda, bvh_cuda_items as item_kernels, bvh_cuda_nodes as node_kernels, bvh_cuda_ranges
+from warpvis.kernels.bvh import (
+    build_cuda,
+    items_cuda as item_kernels,
+    nodes_cuda as node_kernels,
+    ranges_cuda,
+)
 from warpvis.kernels.constants import CUDA_LANES, LEAF_ROWS, NODE_ROWS
 from warpvis.scene.acceleration.bvh import Bvh, check_leaves, check_size
 
-_BINS = 3 * bvh_cuda_ranges.BINS  # of a range
+_BINS = 3 * ranges_cuda.BINS  # of a range
 # Threads that reduce the box around all items: few contend for it. Minimum number of items per thread that fills bins,
 # and maximum number of parts: enough threads to occupy a GPU, few atomic collisions.
 _BOUNDING_THREADS = 1 << 14
@@ -116,13 +121,13 @@ class _Splitter:
         # Leaves are usually at least three quarters full; otherwise the buffer grows later.
         self._binary = self._new_binary(self._count // 8 + 64)
         # The maximum number of ranges that are not leaves, and of those that are large.
-        ranges, large = (self._count // (leaf_size + 1) + 1 for leaf_size in (CUDA_LANES, bvh_cuda_ranges.SMALL))
+        ranges, large = (self._count // (leaf_size + 1) + 1 for leaf_size in (CUDA_LANES, ranges_cuda.SMALL))
         self._flags, self._sums = (self._integers((2, 2 * ranges)) for _ in range(2))
         self._flat = self._flags.flatten(), self._sums.flatten()
         self._level = self._new_level(ranges)
         self._max_ranges = large, ranges
         bins = _BINS * large
-        self._bins = self._integers((bins, bvh_cuda_ranges.BIN_WORDS)), self._integers(bins)
+        self._bins = self._integers((bins, ranges_cuda.BIN_WORDS)), self._integers(bins)
         self._rows: list[list[int]] = []
         launch(item_kernels.begin_tree, 1, [box, self._count, self._level.info, self._binary], self._device)
         self._record()
@@ -137,8 +142,8 @@ class _Splitter:
 
     def _load(self, mesh: DeviceMesh) -> wp.array:
         """Fill the first item array, and return the box around the items' centers."""
-        words = self._integers((1, bvh_cuda_ranges.BIN_WORDS))
-        words.fill_(bvh_cuda_ranges.NOTHING)
+        words = self._integers((1, ranges_cuda.BIN_WORDS))
+        words.fill_(ranges_cuda.NOTHING)
         threads = min(self._count, _BOUNDING_THREADS)
         launch(item_kernels.load_items, self._count, [mesh.vertices, mesh.faces, self._items[0]], self._device)
         launch(item_kernels.bound_centers, threads, [self._items[0], threads, words], self._device)
@@ -149,7 +154,7 @@ class _Splitter:
 
         They read `Level.depth` when launched. Setting the number of threads takes as long as a launch.
         """
-        kernels, level, binary, bins = bvh_cuda, self._level, self._binary, self._bins
+        kernels, level, binary, bins = build_cuda, self._level, self._binary, self._bins
 
         def record(kernel: wp.Kernel, dim: int | tuple[int, int], *inputs: Any) -> Any:
             return launch(kernel, dim, list(inputs), self._device, record_cmd=True)
@@ -162,7 +167,7 @@ class _Splitter:
         self._part_large = record(kernels.part_bins, (2, large), *bins, level, binary)
         self._fill, self._sort, self._place, self._side, self._move, self._part = ([] for _ in range(6))
         length = max(_MIN_PART, -(-self._count // _MAX_PARTS))
-        parts = -(-self._count // length), bvh_cuda_ranges.BINS
+        parts = -(-self._count // length), ranges_cuda.BINS
         moving = self._lefts, self._before, self._order
         for items, moved in (self._items, self._items[::-1]):
             state = items, binary, level
@@ -224,20 +229,20 @@ class _Splitter:
         return wp.empty(shape, dtype=wp.int32, device=self._device)
 
     def _new_level(self, ranges: int) -> Any:
-        level = bvh_cuda_ranges.Level()
-        level.info = self._integers((bvh_cuda_ranges.MAX_DEPTH + 2, bvh_cuda_ranges.INFO_WORDS))
+        level = ranges_cuda.Level()
+        level.info = self._integers((ranges_cuda.MAX_DEPTH + 2, ranges_cuda.INFO_WORDS))
         level.nodes, level.axis, level.bin, level.left_count = (self._integers(ranges) for _ in range(4))
         level.best = wp.empty(ranges, dtype=wp.int64, device=self._device)
         return level
 
     def _new_items(self) -> Any:
-        items = bvh_cuda_ranges.Items()
+        items = ranges_cuda.Items()
         items.low, items.high = (wp.empty(self._count, dtype=wp.vec3, device=self._device) for _ in range(2))
         items.triangle, items.node = (self._integers(self._count) for _ in range(2))
         return items
 
     def _new_binary(self, nodes: int) -> Any:
-        binary = bvh_cuda_ranges.Binary()
+        binary = ranges_cuda.Binary()
         binary.begin, binary.end, binary.child = (self._integers(nodes) for _ in range(3))
         binary.area = wp.empty(nodes, dtype=wp.float32, device=self._device)
         binary.low, binary.high = (wp.empty(nodes, dtype=wp.vec3, device=self._device) for _ in range(2))
@@ -289,7 +294,7 @@ def _find_costs(binary: Any, levels: list[tuple[int, int]], *, evenly: bool) -> 
 def _new_opened(max_nodes: int, device: wp.Device) -> Any:
     """Allocate buffers for levels of at most `max_nodes` nodes; the first level is the root."""
     opened = node_kernels.Opened()
-    info = np.zeros((bvh_cuda_ranges.MAX_DEPTH + 2, node_kernels.OPENED_WORDS), dtype=np.int32)
+    info = np.zeros((ranges_cuda.MAX_DEPTH + 2, node_kernels.OPENED_WORDS), dtype=np.int32)
     info[0, node_kernels.NODES] = 1
     opened.info = wp.array(info, dtype=wp.int32, device=device)
     opened.nodes = wp.zeros((2, max_nodes), dtype=wp.int32, device=device)

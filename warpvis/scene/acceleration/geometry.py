@@ -27,8 +27,8 @@ from warpvis.scene.acceleration.traversal_plan import (
 )
 
 if TYPE_CHECKING:
-    from warpvis.kernels.packets import BvhScene
-    from warpvis.kernels.triangle_scene import TriangleScene
+    from warpvis.kernels.casting.packets import BvhScene
+    from warpvis.kernels.casting.triangle_scene import TriangleScene
     from warpvis.scene._object import SceneObject
     from warpvis.scene.acceleration.bvh import Bvh
     from warpvis.scene.acceleration.refit import BvhRefit
@@ -82,8 +82,7 @@ class SceneBvh:
 
 def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triangles:
     """Build Warp's meshes, each with a tree."""
-    from warpvis.kernels.instance_steps import InstanceStep
-    from warpvis.kernels.triangle_scene import TriangleScene
+    from warpvis.kernels.casting.triangle_scene import InstanceStep, TriangleScene
 
     plan = plan_traversal(objects, device)
     count = len(plan.movable) + len(plan.instances)
@@ -140,7 +139,7 @@ def build_scene_bvh(
         cache: Cached trees of an earlier build: valid ones are reused, and replaced by those of this build.
         faces: Whether to store the face index in the object's mesh for each triangle.
     """
-    from warpvis.kernels.packets import BvhScene
+    from warpvis.kernels.casting.packets import BvhScene
     from warpvis.scene.acceleration.tree_cache import TreeCache
 
     cache = TreeCache(keep=False) if cache is None else cache

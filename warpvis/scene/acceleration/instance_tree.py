@@ -21,7 +21,7 @@ def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np
         boxes: Minimum and maximum corner of each instance's box [m], shape ``(n, 2, 3)``.
         poses: Their poses, shape ``(n, 7)``.
     """
-    from warpvis.kernels.instance_steps import InstanceStep
+    from warpvis.kernels.casting.triangle_scene import InstanceStep
 
     corners = np.arange(2 * len(boxes), dtype=np.int32).reshape(-1, 2)
     tree = build_bvh(  # each triangle is a diagonal of a box

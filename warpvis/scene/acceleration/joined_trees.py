@@ -16,7 +16,7 @@ from warpvis.core.kernel_cache import launch
 from warpvis.scene.acceleration.bvh import check_leaves
 
 if TYPE_CHECKING:
-    from warpvis.kernels.packets import BvhScene
+    from warpvis.kernels.casting.packets import BvhScene
     from warpvis.scene.acceleration.bvh import Bvh
 
 
@@ -69,7 +69,7 @@ def first_leaves(trees: Sequence[Bvh]) -> NDArray[np.int64]:
 def move_children(children: wp.array, node: int, leaf: int) -> None:
     """Offset a tree's children for joined arrays in which its nodes begin at `node` and its leaves at `leaf`."""
     if not children.device.is_cpu:
-        from warpvis.kernels.bvh_cuda_nodes import join_children
+        from warpvis.kernels.bvh.nodes_cuda import join_children
 
         launch(join_children, len(children), [node, leaf, children], children.device)
         return
@@ -80,7 +80,7 @@ def move_children(children: wp.array, node: int, leaf: int) -> None:
 def _join_on_device(
     struct: BvhScene, trees: Sequence[Bvh], closed: Sequence[NDArray[np.bool_]], device: wp.Device, *, share: bool
 ) -> None:
-    from warpvis.kernels.bvh_cuda_nodes import mark_owners
+    from warpvis.kernels.bvh.nodes_cuda import mark_owners
 
     for name in ("leaves", "owners", "nodes", "children"):
         parts = [getattr(tree, name) for tree in trees]

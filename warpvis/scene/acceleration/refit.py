@@ -121,7 +121,7 @@ class BvhRefit:
         box: wp.array,
     ) -> None:
         """Record the launches of a refit."""
-        from warpvis.kernels import refit
+        from warpvis.kernels.bvh import refit
 
         device, lanes = points.device, tree.lanes
         leaf_slots, node_slots, levels = _slots(tree.children.numpy().reshape(-1, lanes), tree.leaf_count)

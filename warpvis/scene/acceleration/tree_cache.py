@@ -83,7 +83,7 @@ def build_tree(
     device: wp.Device,
 ) -> Bvh:
     """Build a tree on the CPU, or on its GPU if it has many triangles."""
-    from warpvis.kernels.packets_cuda import LEVELS
+    from warpvis.kernels.casting.packets_cuda import LEVELS
 
     if lanes == CUDA_LANES and builds_on(device, len(faces)):
         return build_device_bvh(DeviceMesh.of(vertices, faces, owner, closed, device), max_levels=LEVELS)

@@ -119,10 +119,10 @@ def draw_normal_image(
 def _drawing_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
     """Return the kernel that draws normal numbers on a device, and the number of pixels per thread."""
     if device.is_cpu:
-        from warpvis.kernels.random_rows import PIXELS_AT_ONCE, draw_normal_rows
+        from warpvis.kernels.sensors.random_rows import PIXELS_AT_ONCE, draw_normal_rows
 
         return draw_normal_rows, PIXELS_AT_ONCE
-    from warpvis.kernels.random_numbers import draw_normals
+    from warpvis.kernels.sensors.random_numbers import draw_normals
 
     return draw_normals, 1
 

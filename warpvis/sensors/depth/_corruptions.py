@@ -79,7 +79,7 @@ class Corruptions(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.corruptions import CorruptionModel, place_rectangles
+        from warpvis.kernels.sensors.corruptions import CorruptionModel, place_rectangles
 
         if self.of is not None:
             self.of.measure(exposure)
@@ -102,10 +102,10 @@ class Corruptions(DepthSensor):
 def _kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
     """Return the kernel for a device, and the number of pixels per thread."""
     if device.is_cpu:
-        from warpvis.kernels.noise_rows import corrupt_depth_rows
+        from warpvis.kernels.sensors.noise_rows import corrupt_depth_rows
 
         return corrupt_depth_rows, WHOLE_ROW
-    from warpvis.kernels.corruptions import corrupt_depth
+    from warpvis.kernels.sensors.corruptions import corrupt_depth
 
     return corrupt_depth, 1
 

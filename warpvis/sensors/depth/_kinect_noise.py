@@ -63,7 +63,7 @@ class NguyenNoise(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.kinect_noise import NguyenModel
+        from warpvis.kernels.sensors.kinect_noise import NguyenModel
 
         model = NguyenModel()
         for name in self.__dataclass_fields__:
@@ -102,7 +102,7 @@ class KhoshelhamNoise(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.kinect_noise import KhoshelhamModel
+        from warpvis.kernels.sensors.kinect_noise import KhoshelhamModel
 
         model = KhoshelhamModel()
         model.step, model.sigma, model.rounds, model.seed = self.step, self.sigma, int(self.rounds), exposure.seed
@@ -114,10 +114,10 @@ class KhoshelhamNoise(DepthSensor):
 def _nguyen_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
     """Return the kernel for a device, and the number of pixels per thread."""
     if device.is_cpu:
-        from warpvis.kernels.noise_rows import measure_nguyen_rows
+        from warpvis.kernels.sensors.noise_rows import measure_nguyen_rows
 
         return measure_nguyen_rows, WHOLE_ROW
-    from warpvis.kernels.kinect_noise import measure_nguyen
+    from warpvis.kernels.sensors.kinect_noise import measure_nguyen
 
     return measure_nguyen, 1
 
@@ -125,9 +125,9 @@ def _nguyen_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
 def _khoshelham_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
     """Return the kernel for a device, and the number of pixels per thread."""
     if device.is_cpu:
-        from warpvis.kernels.noise_rows import measure_khoshelham_rows
+        from warpvis.kernels.sensors.noise_rows import measure_khoshelham_rows
 
         return measure_khoshelham_rows, WHOLE_ROW
-    from warpvis.kernels.kinect_noise import measure_khoshelham
+    from warpvis.kernels.sensors.kinect_noise import measure_khoshelham
 
     return measure_khoshelham, 1

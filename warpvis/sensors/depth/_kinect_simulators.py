@@ -67,7 +67,7 @@ class RedwoodNoise(ByValue, DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.redwood import RedwoodModel, measure_redwood
+        from warpvis.kernels.sensors.redwood import RedwoodModel, measure_redwood
 
         model, camera, device = RedwoodModel(), exposure.camera.device_struct(), exposure.scene.device
         model.multiplier = self.multiplier
@@ -172,7 +172,7 @@ class SimKinect(ByValue, DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.simkinect import SimKinectModel, detect_dots, fill_from_dots, shift_to_levels
+        from warpvis.kernels.sensors.simkinect import SimKinectModel, detect_dots, fill_from_dots, shift_to_levels
 
         lens, device, shape = exposure.camera, exposure.scene.device, exposure.true_depth.shape
         model, camera = SimKinectModel(), lens.device_struct()

@@ -66,7 +66,7 @@ class Latency:
         Raises:
             ArrayError: If there is no depth, if shape or device of the views have changed, or if `frame` is invalid.
         """
-        from warpvis.kernels.latency import SensorImages, delay_images
+        from warpvis.kernels.sensors.latency import SensorImages, delay_images
 
         if not isinstance(views, Views):
             raise ArrayError(f"views must be warpvis.Views, got {type(views).__name__}")

@@ -148,7 +148,7 @@ class Randomized(DepthSensor):
 
     def _uniforms(self, keys: NDArray[np.uint32], seed: int, names: list[str]) -> NDArray[np.float32]:
         """Draw a number between 0 and 1 for each view and name, independent of all other draws."""
-        from warpvis.kernels.random_numbers import draw_uniforms
+        from warpvis.kernels.sensors.random_numbers import draw_uniforms
 
         host, model = wp.get_device("cpu"), type(self.of).__name__
         draws = wp.array(keys, dtype=wp.vec2ui, device=host)

@@ -25,7 +25,7 @@ from warpvis.scene import Scene
 from warpvis.sensors.depth._base import Device, check_positive, closest_first, draw_normal_image
 
 if TYPE_CHECKING:
-    from warpvis.kernels.stereo import StereoModel, StereoViews
+    from warpvis.kernels.sensors.stereo import StereoModel, StereoViews
 
 Side = Literal["right", "left"]
 
@@ -194,7 +194,7 @@ class StereoDepth(Device):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.stereo import OtherEye, place_other_eyes
+        from warpvis.kernels.sensors.stereo import OtherEye, place_other_eyes
 
         if self.fattening:
             scale = self._scale(exposure.camera)
@@ -222,7 +222,7 @@ class StereoDepth(Device):
 
     def _model(self, exposure: Exposure) -> StereoModel:
         """Return the parameters as a struct for kernels."""
-        from warpvis.kernels.stereo import StereoModel
+        from warpvis.kernels.sensors.stereo import StereoModel
 
         camera, model = exposure.camera, StereoModel()
         model.disparity_scale = self._scale(camera)
@@ -242,7 +242,7 @@ class StereoDepth(Device):
 
     def _views(self, exposure: Exposure) -> StereoViews:
         """Return the input images as a struct for kernels, without the depth seen by the other eye."""
-        from warpvis.kernels.stereo import StereoViews
+        from warpvis.kernels.sensors.stereo import StereoViews
 
         inputs = StereoViews()
         inputs.true_depth, inputs.draws = exposure.true_depth, exposure.draws
@@ -276,10 +276,10 @@ class StereoDepth(Device):
 def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
     """Return the kernel that projects to the other eye, the kernel of the model, and the pixels per thread."""
     if device.is_cpu:
-        from warpvis.kernels.stereo_rows import measure_stereo_rows, place_rows_in_other_eyes
+        from warpvis.kernels.sensors.stereo_rows import measure_stereo_rows, place_rows_in_other_eyes
 
         return place_rows_in_other_eyes, measure_stereo_rows, WHOLE_ROW
-    from warpvis.kernels.stereo import measure_stereo, place_in_other_eyes
+    from warpvis.kernels.sensors.stereo import measure_stereo, place_in_other_eyes
 
     return place_in_other_eyes, measure_stereo, 1
 
@@ -305,7 +305,7 @@ def _fatten(exposure: Exposure, *, reach: int, scale: float, step: float) -> Exp
         scale: Focal length times baseline [px m].
         step: Minimum difference of disparity between different surfaces [px].
     """
-    from warpvis.kernels.fattening import FatteningModel, Surfaces, fatten_surfaces, find_nearest_in_rows
+    from warpvis.kernels.sensors.fattening import FatteningModel, Surfaces, fatten_surfaces, find_nearest_in_rows
 
     shape, device = exposure.true_depth.shape, exposure.scene.device
     model, seen = FatteningModel(), Surfaces()

@@ -23,7 +23,7 @@ from warpvis.rendering import Exposure
 from warpvis.sensors.depth._base import Device, check_positive
 
 if TYPE_CHECKING:
-    from warpvis.kernels.time_of_flight import FlightModel, FlightViews
+    from warpvis.kernels.sensors.time_of_flight import FlightModel, FlightViews
 
 SPEED_OF_LIGHT = 299792458.0
 """Speed of light in vacuum [m/s]."""
@@ -135,7 +135,7 @@ class TimeOfFlight(Device):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.sub_rays import find_axes
+        from warpvis.kernels.sensors.sub_rays import find_axes
 
         model, inputs = self._model(exposure), self._views(exposure)
         axes = exposure.scratch("axes", exposure.poses.shape, wp.mat33)
@@ -148,7 +148,7 @@ class TimeOfFlight(Device):
 
     def _model(self, exposure: Exposure) -> FlightModel:
         """Return the parameters as a struct for kernels."""
-        from warpvis.kernels.time_of_flight import FlightModel
+        from warpvis.kernels.sensors.time_of_flight import FlightModel
 
         camera, model, frequencies = exposure.camera, FlightModel(), self._integers
         model.frequencies = len(frequencies)
@@ -166,7 +166,7 @@ class TimeOfFlight(Device):
 
     def _views(self, exposure: Exposure) -> FlightViews:
         """Return the input images as a struct for kernels, without the results of sub-rays."""
-        from warpvis.kernels.time_of_flight import FlightViews
+        from warpvis.kernels.sensors.time_of_flight import FlightViews
 
         inputs = FlightViews()
         inputs.true_depth, inputs.normals, inputs.draws = exposure.true_depth, exposure.normals, exposure.draws
@@ -179,8 +179,8 @@ class TimeOfFlight(Device):
         self, exposure: Exposure, cameras: list[Any], model: FlightModel, inputs: FlightViews
     ) -> tuple[wp.array, wp.array]:
         """Return the slots of pixels at edges, -1 elsewhere, and the mixed signals of their sub-rays by slot."""
-        from warpvis.kernels.sub_rays import place_sub_rays
-        from warpvis.kernels.time_of_flight import mix_sub_rays
+        from warpvis.kernels.sensors.sub_rays import place_sub_rays
+        from warpvis.kernels.sensors.time_of_flight import mix_sub_rays
 
         views, _, width = exposure.true_depth.shape
         slots = self._find_edges(exposure, cameras)
@@ -209,11 +209,11 @@ class TimeOfFlight(Device):
 def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
     """Return the kernel that finds edges, the kernel of the model, and the number of pixels per thread."""
     if device.is_cpu:
-        from warpvis.kernels.time_of_flight_rows import find_edges_rows, measure_time_of_flight_rows
+        from warpvis.kernels.sensors.time_of_flight_rows import find_edges_rows, measure_time_of_flight_rows
 
         return find_edges_rows, measure_time_of_flight_rows, WHOLE_ROW
-    from warpvis.kernels.sub_rays import find_edges
-    from warpvis.kernels.time_of_flight import measure_time_of_flight
+    from warpvis.kernels.sensors.sub_rays import find_edges
+    from warpvis.kernels.sensors.time_of_flight import measure_time_of_flight
 
     return find_edges, measure_time_of_flight, 1
 
@@ -242,7 +242,7 @@ def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
 
 def _number_edges(slots: wp.array, size: int) -> wp.array:
     """Enumerate the pixels at edges in each view in place; return the pixel of each number, -1 if unused."""
-    from warpvis.kernels.sub_rays import flag_edges, number_edges
+    from warpvis.kernels.sensors.sub_rays import flag_edges, number_edges
 
     device = slots.device
     pixels = wp.full((len(slots), size), -1, dtype=wp.int32, device=device)

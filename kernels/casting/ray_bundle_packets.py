@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ray bundles, as in `kernels.casting.ray_bundles`, by packets on CPU cores; see ``native/cpu/table.h``."""
+
+import warp as wp
+
+from warpvis.kernels.casting.images import NATIVE_IMAGES, Images
+from warpvis.kernels.casting.packets import CALL, HEADERS, SCENE, BvhScene
+from warpvis.kernels.casting.worlds import Worlds
+from warpvis.kernels.native_source import read_native
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+
+@wp.struct
+class RayBundles:
+    """Ray bundles as a tree; names are those of ``native/cpu/ray_tree.h``, and of ``Bundle`` in ``table.h``.
+
+    Rows have 16 numbers: bounds of a bundle's groups, a group's tiles and a tile's packets, and a packet's rays.
+    """
+
+    bundle: wp.array2d[wp.int32]
+    group_bounds: wp.array[float]
+    tile_bounds: wp.array[float]
+    packet_bounds: wp.array[float]
+    u: wp.array[float]
+    v: wp.array[float]
+    rest_u: wp.array[float]
+    rest_v: wp.array[float]
+    row_u: wp.array[float]
+    row_v: wp.array[float]
+    scale: wp.array[float]  # None if all are 1
+    place: wp.array[wp.int32]
+    run: wp.array[wp.int32]
+    corner: wp.array[wp.int32]
+    fit: wp.array2d[float]  # (tiles, words of a ``RayFit``)
+    without_ray: wp.array[wp.int32]  # pixels that have no ray
+    focal: wp.float64
+    max_groups: int
+
+
+@wp.struct
+class TableJob:
+    """Images to render, in units of bundles. Counters are a `JobCounter` of ``native/shared`` and start at 0."""
+
+    views: int
+    height: int
+    width: int
+    near: float
+    far: float
+    clip_inv_z: float
+    clip_reach: float
+    cull_backfaces: int
+    bundle_far: wp.array[float]
+    counter: wp.array[wp.int32]
+    scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
+    scratch_bytes: wp.array[wp.int64]
+
+
+@wp.struct
+class TableCall:
+    """The arguments of a launch; see `kernels.casting.packets.PacketCall`."""
+
+    scene: BvhScene
+    job: TableJob
+    rays: RayBundles
+    poses: wp.array[wp.transform]
+    worlds: Worlds
+
+
+_CAST = """
+const auto& rays = calls.data->rays;
+const RayTree tree = {rays.group_bounds.data, rays.tile_bounds.data, rays.packet_bounds.data, rays.u.data, rays.v.data,
+                      rays.rest_u.data, rays.rest_v.data, rays.row_u.data, rays.row_v.data, rays.scale.data,
+                      rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.clip_inv_z};
+const TableJob shape = {job.views, job.height, job.width, rays.bundle.shape[0], (const Bundle*)rays.bundle.data,
+                        job.bundle_far.data, rays.focal, job.near, job.far, job.clip_inv_z, job.clip_reach,
+                        job.cull_backfaces != 0, (const float*)poses.data, tree, rays.without_ray.data,
+                        rays.without_ray.shape[0], rays.max_groups};
+if (!job.scratch.data) {
+    Arena measured = Arena::at(nullptr);
+    TableMemory::carve(measured, shape, scene.drawn_count, scene.levels);
+    job.scratch_bytes.data[0] = measured.used;
+    return;
+}
+const int worker = Workers::enter(job.counter.data);
+Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
+const TableMemory memory = TableMemory::carve(arena, shape, scene.drawn_count, scene.levels);
+TablePackets::run(drawn, shape, out, memory, job.counter.data);
+"""
+
+TABLE_HEADERS = tuple("cpu/table_rays.h" if name == "cpu/plain_rays.h" else name for name in HEADERS)
+
+
+@wp.func_native(read_native(*TABLE_HEADERS, "cpu/table.h") + CALL + SCENE + NATIVE_IMAGES + _CAST)
+def cast_bundles(
+    calls: wp.array[TableCall],
+    images_out: wp.array[Images],
+): ...
+
+
+@wp.kernel
+def cast_table_packets(
+    # In:
+    calls: wp.array[TableCall],
+    # Out:
+    images_out: wp.array[Images],
+):
+    """Write the requested images (None is skipped) of one call; each array contains one element.
+
+    Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
+    units of work.
+    """
+    _ = wp.tid()
+    cast_bundles(calls, images_out)

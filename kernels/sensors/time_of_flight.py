@@ -1,0 +1,293 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Time-of-flight depth from the phase of modulated light: the return of each pixel, and the measured range.
+
+Phases are in cycles, computed in double precision by polynomials, so that all devices agree.
+"""
+
+import warp as wp
+
+from warpvis.kernels.constants import (
+    REASON_DROPOUT,
+    REASON_EDGE,
+    REASON_EMPTY,
+    REASON_GRAZING,
+    REASON_RANGE,
+    REASON_SATURATED,
+    REASON_VALID,
+    STREAM_RANGE,
+)
+from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray, pixel_ray
+from warpvis.kernels.sensors.random_numbers import random_word, to_normal
+from warpvis.kernels.sensors.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, sub_ray_corner
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+
+NOISE_STREAM = wp.constant(wp.uint32(STREAM_RANGE))
+WIGGLES = wp.constant(wp.float64(4.0))  # periods of the wiggling error per phase cycle: the number of phase samples
+
+
+@wp.struct
+class FlightModel:
+    """Parameters of a sensor. The unit of light is the return of a white surface at 1 m at normal incidence."""
+
+    frequencies: int  # number of modulation frequencies
+    turns: wp.vec3d  # phase cycles per meter of range, in descending order; 0 for unused frequencies
+    unambiguous: wp.float64  # range at which all phases repeat [m]
+    laps: int  # cycles of the first frequency in the unambiguous range
+    noise_scale: float  # standard deviation of the range if light and amplitude are 1, without background [m]
+    background: float
+    min_signal: float
+    max_signal: float
+    min_coherence: float
+    offset: wp.float64  # [m]
+    wiggle: wp.float64  # [m]
+    wiggle_turns: wp.float64  # phase of the wiggling error at range 0 [cycles]
+    near: float
+    far: float
+    seed: wp.uint32
+
+
+@wp.struct
+class FlightViews:
+    """Inputs of all views; None if the model does not use them."""
+
+    true_depth: wp.array3d[float]
+    normals: wp.array3d[wp.vec3]
+    segmentation: wp.array3d[wp.int32]
+    reflectivity: wp.array[float]  # of objects
+    draws: wp.array[wp.vec2ui]
+    slots: wp.array3d[wp.int32]  # number of an edge pixel with sub-rays, -1 for other pixels; None without sub-rays
+    mixes: wp.array2d[wp.vec4]  # the output of `mix_sub_rays`
+
+
+@wp.func
+def sine(turns: wp.float64) -> wp.float64:
+    """Return sin(2 pi turns) by a polynomial with an error below 1e-13."""
+    half = wp.float64(0.5)
+    t = turns - wp.floor(turns + half)
+    if t > wp.float64(0.25):
+        t = half - t
+    elif t < wp.float64(-0.25):
+        t = -half - t
+    s = t * t
+    total = s * wp.float64(3.66586854013351) - wp.float64(15.081485384046008)
+    total = total * s + wp.float64(42.058134991709764)
+    total = total * s - wp.float64(76.7058475461348)
+    total = total * s + wp.float64(81.6052491490158)
+    total = total * s - wp.float64(41.34170223990335)
+    total = total * s + wp.float64(6.283185307179269)
+    return total * t
+
+
+@wp.func
+def cosine(turns: wp.float64) -> wp.float64:
+    return sine(turns + wp.float64(0.25))
+
+
+@wp.func
+def angle(x: wp.float64, y: wp.float64) -> wp.float64:
+    """Return the angle of a phasor in [0, 1) [cycles] by a polynomial with an error below 2e-12."""
+    zero = wp.float64(0.0)
+    small, large = wp.min(wp.abs(x), wp.abs(y)), wp.max(wp.abs(x), wp.abs(y))
+    if large == zero:
+        return zero
+    t = small / large
+    s = t * t
+    total = s * wp.float64(6.846281285625003e-05) - wp.float64(0.0005190813772065897)
+    total = total * s + wp.float64(0.0018465664310945834)
+    total = total * s - wp.float64(0.004181249885153829)
+    total = total * s + wp.float64(0.006987357495699451)
+    total = total * s - wp.float64(0.009610647637873044)
+    total = total * s + wp.float64(0.011940171744691598)
+    total = total * s - wp.float64(0.014405332246503474)
+    total = total * s + wp.float64(0.017675200770167324)
+    total = total * s - wp.float64(0.022735701388264275)
+    total = total * s + wp.float64(0.031830957350162684)
+    total = total * s - wp.float64(0.05305164715890183)
+    total = total * s + wp.float64(0.1591549430903502)
+    turns = total * t
+    if wp.abs(y) > wp.abs(x):
+        turns = wp.float64(0.25) - turns
+    if x < zero:
+        turns = wp.float64(0.5) - turns
+    if y < zero:
+        turns = wp.float64(1.0) - turns
+    return wp.where(turns < wp.float64(1.0), turns, zero)
+
+
+@wp.func
+def light_of(
+    ray: wp.vec3d, axes: wp.mat33, depth: float, normal: wp.vec3, segmentation: int, shares: wp.array[float]
+) -> wp.vec3d:
+    """Return a ray's range [m], returned light, and returned light if incidence were normal."""
+    length = wp.sqrt(wp.dot(ray, ray))
+    far = wp.float64(depth) * length
+    share = wp.float64(1.0)
+    if shares and segmentation >= 0:
+        share = wp.float64(shares[segmentation])
+    straight = share / (far * far)
+    incidence = wp.float64(wp.abs(wp.dot(normal, axes * wp.vec3(ray)))) / length
+    return wp.vec3d(far, straight * incidence, straight)
+
+
+@wp.func
+def unwrap(model: FlightModel, phases: wp.vec3d) -> wp.float64:
+    """Return the range that fits the phases of all frequencies best, and the phase of the first one exactly."""
+    best, min_error = wp.float64(0.0), wp.float64(wp.inf)
+    for lap in range(model.laps):
+        found = (phases[0] + wp.float64(lap)) / model.turns[0]
+        error = wp.float64(0.0)
+        for k in range(1, model.frequencies):
+            difference = phases[k] - model.turns[k] * found
+            difference = difference - wp.floor(difference + wp.float64(0.5))
+            error += difference * difference
+        if error < min_error:
+            best, min_error = found, error
+    return best
+
+
+@wp.kernel
+def mix_sub_rays(
+    # Cameras:
+    camera: PinholeCamera,
+    axes: wp.array[wp.mat33],
+    window: Window,
+    # In:
+    model: FlightModel,
+    pixels: wp.array2d[wp.int32],
+    points: wp.array3d[wp.vec2],
+    depth: wp.array3d[float],
+    normals: wp.array3d[wp.vec3],
+    segmentation: wp.array3d[wp.int32],
+    reflectivity: wp.array[float],
+    first: int,
+    # Out:
+    mixes_out: wp.array2d[wp.vec4],
+):
+    """Write the sum of each edge pixel's phasors: range [m], amplitude, total light, amplitude at normal incidence.
+
+    The range is +inf without returned light, and NaN if coherence is too low because the light is of several ranges.
+    Nothing is written for pixel -1.
+    """
+    view, tile, index = wp.tid()
+    view += window.first_view
+    tile += window.first_row
+    number = first + tile * TILE_PIXELS + index
+    if pixels[view, number] < 0:
+        return
+    corner = sub_ray_corner(tile, index)
+    all_light, all_straight = wp.float64(0.0), wp.float64(0.0)
+    real, imaginary = wp.vec3d(), wp.vec3d()
+    for k in range(SUB_RAYS):
+        i, j = corner[0] + k % SIDE, corner[1] + k / SIDE
+        if depth[view, j, i] < wp.inf:
+            hit = int(-1)
+            if segmentation:
+                hit = segmentation[view, j, i]
+            ray = image_ray(camera, points[view, j, i])
+            light = light_of(ray, axes[view], depth[view, j, i], normals[view, j, i], hit, reflectivity)
+            turns = light[0] * model.turns
+            real += light[1] * wp.vec3d(cosine(turns[0]), cosine(turns[1]), cosine(turns[2]))
+            imaginary += light[1] * wp.vec3d(sine(turns[0]), sine(turns[1]), sine(turns[2]))
+            all_light += light[1]
+            all_straight += light[2]
+    mix = wp.vec4(wp.inf, 0.0, 0.0, 0.0)
+    if all_light > wp.float64(0.0):
+        phases = wp.vec3d()
+        coherence_of_all = wp.float64(1.0)
+        for k in range(model.frequencies):
+            phases[k] = angle(real[k], imaginary[k])
+            coherence_of_all = wp.min(
+                coherence_of_all, wp.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k]) / all_light
+            )
+        coherence = wp.sqrt(real[0] * real[0] + imaginary[0] * imaginary[0]) / all_light
+        found = float(unwrap(model, phases))
+        if coherence_of_all < wp.float64(model.min_coherence):
+            found = wp.nan
+        part = wp.float64(1.0 / float(SUB_RAYS))
+        mix = wp.vec4(
+            found, float(part * coherence * all_light), float(part * all_light), float(part * coherence * all_straight)
+        )
+    mixes_out[view, number] = mix
+
+
+@wp.func
+def judge_light(model: FlightModel, found: wp.vec4) -> int:
+    """Return the reason why returned light yields no range, or `REASON_VALID`."""
+    if found[0] == wp.inf:
+        return REASON_EMPTY
+    if wp.isnan(found[0]):
+        return REASON_EDGE
+    if found[2] > model.max_signal:
+        return REASON_SATURATED
+    if not (found[1] > 0.0 and found[1] >= model.min_signal):
+        return wp.where(found[3] > 0.0 and found[3] >= model.min_signal, REASON_GRAZING, REASON_DROPOUT)
+    return REASON_VALID
+
+
+@wp.func
+def measured_error(model: FlightModel, found: wp.vec4, far: wp.float64, noise: float) -> wp.float64:
+    """Return the error of a range [m]: offset, wiggling and noise, minus whole unambiguous ranges on overflow."""
+    error = model.offset + model.wiggle * sine(WIGGLES * (far * model.turns[0]) + model.wiggle_turns)
+    if model.noise_scale > 0.0:
+        deviation = model.noise_scale * wp.sqrt(found[2] + model.background) / found[1]
+        error += wp.float64(deviation * noise)
+    return error - wp.floor((far + error) / model.unambiguous) * model.unambiguous
+
+
+@wp.kernel
+def measure_time_of_flight(
+    # Cameras:
+    camera: PinholeCamera,
+    axes: wp.array[wp.mat33],
+    window: Window,
+    # In:
+    model: FlightModel,
+    views: FlightViews,
+    # Out:
+    depth_out: wp.array3d[float],
+    reasons_out: wp.array3d[wp.uint8],
+):
+    """Write the measured depth of every pixel, and the reason for missing depth; reasons may be None."""
+    view, y, x = wp.tid()
+    view += window.first_view
+    y += window.first_row
+
+    ray = pixel_ray(camera, y, x)
+    length = wp.sqrt(wp.dot(ray, ray))
+    depth, slot = wp.float64(views.true_depth[view, y, x]), int(-1)
+    if views.slots:
+        slot = views.slots[view, y, x]
+    found = wp.vec4(wp.inf, 0.0, 0.0, 0.0)
+    if slot >= 0:
+        found = views.mixes[view, slot]
+        depth = wp.float64(found[0]) / length
+    elif views.true_depth[view, y, x] < wp.inf:
+        hit = int(-1)
+        if views.segmentation:
+            hit = views.segmentation[view, y, x]
+        light = light_of(
+            ray, axes[view], views.true_depth[view, y, x], views.normals[view, y, x], hit, views.reflectivity
+        )
+        found = wp.vec4(float(light[0]), float(light[1]), float(light[1]), float(light[2]))
+
+    reason = judge_light(model, found)
+    measured = float(wp.nan)
+    if reason == REASON_EMPTY:
+        measured = wp.inf
+    elif reason == REASON_VALID:
+        noise = float(0.0)
+        if model.noise_scale > 0.0:
+            number = views.draws[view]
+            noise = to_normal(random_word(model.seed, NOISE_STREAM, number[0], number[1], y, x))
+        measured = float(depth + measured_error(model, found, depth * length, noise) / length)
+        if wp.isnan(measured):  # the noise overflowed
+            reason = REASON_DROPOUT
+        elif measured < model.near:
+            measured, reason = -wp.inf, REASON_RANGE
+        elif measured > model.far:
+            measured, reason = wp.inf, REASON_RANGE
+    depth_out[view, y, x] = measured
+    if reasons_out:
+        reasons_out[view, y, x] = wp.uint8(reason)
