@@ -63,15 +63,9 @@ def shard_record(shard: int) -> str:
 
 
 def commit(store: Store, name: str, frames: int, files: ShardFiles, units: list[str], *, empty: int = 0) -> Record:
-    """Move files to their places in a dataset and then, when they are on the disk, write their record.
+    """Move `files` to their places in a dataset and then, when they are on the disk, write their record.
 
-    Args:
-        store: The dataset.
-        name: Path of the record.
-        frames: Number of frames that the record covers.
-        files: The files that were written.
-        units: Files and folders that together contain all of `files`.
-        empty: Number of the frames that see nothing.
+    `units` are files and folders that together contain all of `files`; `empty` of the `frames` see nothing.
     """
     sums = files.sums()
     outside = [file for file in sums if not any(file == unit or file.startswith(f"{unit}/") for unit in units)]
@@ -231,8 +225,7 @@ class Dataset:
         """Return the shards that are not complete, and add the others to the counts."""
         missing = []
         for shard in range(self._plan.shard_count):
-            part = self._plan.shard_slice(shard)
-            record = read_whole(self._store, shard_record(shard), part.stop - part.start)
+            record = read_whole(self._store, shard_record(shard), self._plan.shard_length(shard))
             if record is None:
                 missing.append(shard)
             else:

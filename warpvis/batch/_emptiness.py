@@ -45,11 +45,8 @@ _POSES_AT_ONCE = 1 << 20
 def count_empty(images: Mapping[str, np.ndarray], object_labels: Collection[int] = ()) -> int:
     """Count frames that see nothing within the camera's range.
 
-    If visibility is the only output, count frames that see none of the chosen objects.
-
-    Args:
-        images: Arrays of n frames by name, as returned by `warpvis.batch.FrameRenderer`.
-        object_labels: Labels of the scene's objects; if one is EMPTY, the image of labels is not used.
+    If visibility is the only output, count frames that see none of the chosen objects. If one of the scene's
+    `object_labels` is EMPTY, the image of labels is not used.
     """
     for name, shows in _SHOWS.items():
         if name in images and not (name == "labels" and Label.EMPTY in object_labels):
@@ -64,12 +61,6 @@ def describe_empty(empty: int, frames: int, plan: Plan, scene: Scene) -> str:
     """Return a message with the number of empty frames; an empty string if no frame is empty.
 
     If all frames are empty, the message compares the sizes of the scene and of the camera's range.
-
-    Args:
-        empty: Number of empty frames.
-        frames: Number of frames.
-        plan: The plan of the job.
-        scene: The scene of the job.
     """
     if not empty:
         return ""

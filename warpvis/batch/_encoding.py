@@ -63,10 +63,7 @@ class Target:
 
 
 class Encoder:
-    """Encodes images of shards, and writes them with their records; several threads may write different shards.
-
-    It is a context manager that ends its threads on exit.
-    """
+    """Encodes images of shards, and writes them with their records; several threads may write different shards."""
 
     def __init__(self, target: Target, threads: int) -> None:
         """Start `threads` encoding threads."""
@@ -76,26 +73,17 @@ class Encoder:
         self.layout = find_format(target.format)(target.plan)
         self.layout.encoders = self._crew
 
-    def __enter__(self) -> Encoder:
-        """Return this encoder."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
+    def close(self) -> None:
         """Finish pending work, and end the threads."""
-        self._crew.__exit__(*error)
+        self._crew.__exit__()
 
     def write(self, shard: int, images: Images) -> Record:
-        """Write a shard and then its record.
-
-        Args:
-            shard: Number of the shard.
-            images: Arrays of its frames, by name.
-        """
-        part = self._plan.shard_slice(shard)
+        """Write a shard and then its record."""
         with self._store.new_files() as files:
             units = self.layout.write_shard(shard, images, files)
             empty = count_empty(images, self._plan.object_labels)
-            return commit(self._store, shard_record(shard), part.stop - part.start, files, units, empty=empty)
+            frames = self._plan.shard_length(shard)
+            return commit(self._store, shard_record(shard), frames, files, units, empty=empty)
 
 
 def can_start() -> bool:
@@ -114,10 +102,7 @@ def shards_at_once(threads: int) -> int:
 
 
 class EncodingProcesses:
-    """Processes that encode images of shards, and write them with their records.
-
-    It is a context manager that ends the processes on exit.
-    """
+    """Processes that encode images of shards, and write them with their records."""
 
     def __init__(self, target: Target, count: int) -> None:
         """Start `count` processes without waiting; `ready` waits for them."""
@@ -163,11 +148,7 @@ class EncodingProcesses:
                 self._slots.put(slot)
             self._started = True
 
-    def __enter__(self) -> EncodingProcesses:
-        """Return this object."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
+    def close(self) -> None:
         """End the processes."""
         os.close(self._life)
         for process in self._processes:
@@ -246,11 +227,7 @@ def mapped_arrays(memory: mmap.mmap, places: list[Place]) -> Iterator[tuple[str,
 
 
 def _share(target: Target) -> tuple[int, list[int], bytes]:
-    """Copy the arrays of a target, mainly poses, to shared memory, and pickle the rest.
-
-    Returns:
-        The file descriptor of the memory, the sizes of the arrays in order, and the pickled rest.
-    """
+    """Copy the arrays of a target, mainly poses, to shared memory; return it, their sizes, and the pickled rest."""
     arrays: list[pickle.PickleBuffer] = []
     data = pickle.dumps(target, protocol=5, buffer_callback=arrays.append)
     raw = [array.raw() for array in arrays]

@@ -80,6 +80,10 @@ class Plan:
         first = shard * self.shard_frames
         return slice(first, min(first + self.shard_frames, len(self.frames)))
 
+    def shard_length(self, shard: int) -> int:
+        """Return the number of frames of a shard."""
+        return min(self.shard_frames, len(self.frames) - shard * self.shard_frames)
+
 
 def frame_arrays(frames: Frames) -> dict[str, np.ndarray]:
     """Return the arrays of frames that are not None, by name."""

@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from importlib import metadata
-from typing import TYPE_CHECKING, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from warpvis.errors import FileFormatError, SceneError
 from warpvis.sensors import sensor_to_fields
 
 if TYPE_CHECKING:
-    from warpvis.batch._job import Options, Plan
+    from warpvis.batch._job import Plan
     from warpvis.batch.formats._base import Format
     from warpvis.batch.storage._stores import Store
     from warpvis.cameras import CalibratedCamera
@@ -45,77 +45,24 @@ _NOT_COMPARED = {
 }
 
 
-class ObjectDescription(TypedDict):
-    """The description of an object in a manifest."""
-
-    label: str | int
-    """The name of a `Label`, or the number of a class without one."""
-    vertices: int
-    faces: int
-    movable: bool
-    sha256: str
-
-
-class SceneDescription(TypedDict):
-    """The description of a scene in a manifest."""
-
-    up: str
-    sha256: str
-    label_names: dict[str, str]
-    """Names of classes, by their numbers."""
-    objects: dict[str, ObjectDescription]
-
-
-class ManifestScene(SceneDescription):
-    """The description of a scene in a manifest, with the file that it was read from."""
-
-    file: str | None
-
-
-class ManifestPoses(TypedDict):
-    """The description of the frames in a manifest."""
-
-    source: Mapping[str, Json]
-    sha256: str
-
-
-class Manifest(TypedDict):
-    """The input of a dataset."""
-
-    warpvis_dataset: int
-    """Version of the manifest's layout."""
-    format: str
-    options: Options
-    outputs: list[str]
-    frames: int
-    shard_frames: int
-    camera: dict[str, Json]
-    scene: ManifestScene
-    objects: list[str]
-    """Names of the objects whose visibility is computed."""
-    exclude: list[str]
-    poses: ManifestPoses
-    seed: Json
-    """Seed of the poses."""
-    sensor: dict[str, Json] | None
-    """The model of a depth camera; None for exact depth."""
-    sensor_seed: int | None
-    device: str
-    caster: str
-    versions: dict[str, str]
+Manifest = dict[str, Json]
+"""The input of a dataset; None stands for exact depth as the sensor, and for an infinite far of the camera."""
 
 
 class Contents(NamedTuple):
-    """The contents of a complete dataset."""
+    """The layout of a dataset, from its manifest."""
 
     format: str
-    """Name of its format."""
     frames: int
-    """Its frames."""
     shard_frames: int
     """Frames of each shard except the last."""
     poses_sha256: str
     """Hash of its poses, from `frames_hash`."""
+
+    @property
+    def shard_count(self) -> int:
+        """Number of shards."""
+        return -(-self.frames // self.shard_frames)
 
 
 def make_manifest(
@@ -123,13 +70,7 @@ def make_manifest(
 ) -> Manifest:
     """Make a job's manifest; it depends only on the job's arguments, so it is the same in every call.
 
-    Args:
-        plan: The plan.
-        scene: The scene.
-        layout: The format.
-        device: ``"cpu"`` or ``"cuda"``; images of the two agree, but not bit for bit.
-        source: Name of the file that the scene was read from.
-        caster: As for `Renderer`.
+    `device` is ``"cpu"`` or ``"cuda"``, whose images agree, but not bit for bit; `source` is the scene's file.
     """
     frames = plan.frames
     packages = ["warp-lang", "numpy", *(layout.library or "").split()]
@@ -190,24 +131,24 @@ def same_meshes(scene: Scene) -> tuple[int, ...]:
     return tuple(result)
 
 
-def describe_scene(scene: Scene) -> SceneDescription:
+def describe_scene(scene: Scene) -> dict[str, Json]:
     """Return the label, size and hash of every object of a scene, and one hash of the whole scene.
 
     Hashes are the same on every device and in every process.
     """
-    objects: dict[str, ObjectDescription] = {
+    hashes = [object_hash(item) for item in scene.objects]
+    objects: dict[str, Json] = {
         item.name: {
             "label": item.label.name if isinstance(item.label, Label) else item.label,
             "vertices": len(item.vertices),
             "faces": len(item.faces),
             "movable": item.movable,
-            "sha256": object_hash(item),
+            "sha256": digest,
         }
-        for item in scene.objects
+        for item, digest in zip(scene.objects, hashes, strict=True)
     }
-    scene_hash = hash_values(scene.up, *(item["sha256"] for item in objects.values()))
     names = {str(number): name for number, name in scene.label_names.items()}
-    return {"up": scene.up, "sha256": scene_hash, "label_names": names, "objects": objects}
+    return {"up": scene.up, "sha256": hash_values(scene.up, *hashes), "label_names": names, "objects": objects}
 
 
 def describe_camera(camera: CalibratedCamera) -> dict[str, Json]:
@@ -236,7 +177,7 @@ def manifest_text(manifest: Manifest) -> str:
     return json.dumps(manifest, indent=1, allow_nan=False) + "\n"
 
 
-def parse_manifest(data: bytes | None) -> Mapping[str, Json] | None:
+def parse_manifest(data: bytes | None) -> Manifest | None:
     """Parse the contents of a manifest's file; return None if it is not a manifest."""
     try:
         content = json.loads(data or b"")
@@ -245,7 +186,23 @@ def parse_manifest(data: bytes | None) -> Mapping[str, Json] | None:
     return content if isinstance(content, dict) and "warpvis_dataset" in content else None
 
 
-def no_dataset(store: Store) -> FileFormatError:
+def read_manifest(store: Store) -> tuple[Manifest, Contents]:
+    """Read the manifest of a dataset, and the layout that it defines."""
+    manifest = parse_manifest(store.read(MANIFEST))
+    if manifest is None:
+        raise _no_dataset(store)
+    match manifest:
+        case {
+            "format": str(format),
+            "frames": int(frames),
+            "shard_frames": int(shard_frames),
+            "poses": {"sha256": str(poses_sha256)},
+        } if frames > 0 and shard_frames > 0:
+            return manifest, Contents(format, frames, shard_frames, poses_sha256)
+    raise FileFormatError(f"{store.name}: is not a dataset: its {MANIFEST} does not define the contents")
+
+
+def _no_dataset(store: Store) -> FileFormatError:
     """Return the error for a folder without a manifest: it does not exist, is empty, or holds something else."""
     entries = store.entries()
     if not entries:
@@ -255,26 +212,8 @@ def no_dataset(store: Store) -> FileFormatError:
     return FileFormatError(f"{store.name}: is not a dataset: it has no {MANIFEST} of warpvis{hint}")
 
 
-def read_contents(manifest: Mapping[str, Json]) -> Contents | None:
-    """Return the contents of the dataset that a manifest describes; None if it does not define them."""
-    match manifest:
-        case {
-            "format": str(format),
-            "frames": int(frames),
-            "shard_frames": int(shard_frames),
-            "poses": {"sha256": str(poses_sha256)},
-        } if frames > 0 and shard_frames > 0:
-            return Contents(format, frames, shard_frames, poses_sha256)
-    return None
-
-
 def read_label_names(name: str, manifest: Mapping[str, Json]) -> LabelNames:
-    """Return the names of a dataset's classes; only the names of `Label` if the manifest defines none.
-
-    Args:
-        name: Name of the dataset for messages.
-        manifest: The manifest.
-    """
+    """Return the names of a dataset's classes; only the names of `Label` if the manifest defines none."""
     scene = manifest.get("scene")
     names = scene.get("label_names", {}) if isinstance(scene, dict) else {}
     if isinstance(names, dict) and all(isinstance(key, str) and key.isascii() and key.isdigit() for key in names):

@@ -200,7 +200,7 @@ def render_batch(
             run(job, missing, done)
         dataset.finish(scene)
         seconds = time.perf_counter() - start
-    rendered = sum(plan.shard_slice(shard).stop - plan.shard_slice(shard).start for shard in missing)
+    rendered = sum(map(plan.shard_length, missing))
     empty = dataset.empty_frames
     if empty:
         warnings.warn(describe_empty(empty, len(plan.frames), plan, scene), stacklevel=2)
@@ -313,19 +313,13 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
 
 
 def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: CalibratedCamera, *, masks: int) -> int:
-    """Return the number of frames per shard: the given one, or as many as fit into the default size of a shard.
-
-    `masks` is the number of masks per frame, which count toward the size.
-    """
+    """Return the given number of frames per shard, or as many as fit with `masks` masks into the default size."""
     if shard_frames is None:
         import warp as wp
 
         pixel = masks + sum(wp.types.type_size_in_bytes(IMAGES[name]) for name in outputs if name in IMAGES)
         return max(1, min(_MAX_SHARD_FRAMES, _SHARD_BYTES // max(1, pixel * camera.width * camera.height)))
-    is_integer = isinstance(shard_frames, int | np.integer) and not isinstance(shard_frames, bool)
-    if not is_integer or shard_frames < 1:
-        raise ArrayError(f"shard_frames must be a whole number from 1 up, got {shard_frames!r}")
-    return int(shard_frames)
+    return check_whole(shard_frames, "shard_frames")
 
 
 class _Progress:
@@ -338,7 +332,7 @@ class _Progress:
         self._bar: tqdm | None = None
 
     def __enter__(self) -> _Progress:
-        frames = sum(self._frames(shard) for shard in self._missing)
+        frames = sum(map(self._plan.shard_length, self._missing))
         complete = len(self._plan.frames) - frames
         if not self._hidden:
             from tqdm import tqdm
@@ -349,7 +343,7 @@ class _Progress:
     def __call__(self, shard: int, record: Record) -> None:
         self._dataset.add(shard, record)
         if self._bar is not None:
-            self._bar.update(self._frames(shard))
+            self._bar.update(self._plan.shard_length(shard))
         seen, empty = self._dataset.frames, self._dataset.empty_frames
         if shard == self._warning_shard and empty == seen:
             if self._bar is not None:
@@ -359,7 +353,3 @@ class _Progress:
     def __exit__(self, *error: object) -> None:
         if self._bar is not None:
             self._bar.close()
-
-    def _frames(self, shard: int) -> int:
-        part = self._plan.shard_slice(shard)
-        return part.stop - part.start

@@ -22,15 +22,7 @@ from warpvis.batch._dataset import (
     shard_record,
 )
 from warpvis.batch._job import FRAME_ARRAYS, shard_name
-from warpvis.batch._manifest import (
-    MANIFEST,
-    Contents,
-    frames_hash,
-    no_dataset,
-    parse_manifest,
-    read_contents,
-    read_label_names,
-)
+from warpvis.batch._manifest import MANIFEST, Contents, frames_hash, read_label_names, read_manifest
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.checks import check_flag, pluralize
 from warpvis.core.threads import core_count
@@ -88,7 +80,7 @@ def verify(out: str | os.PathLike[str], *, repair: bool = False) -> VerifyReport
     try:
         if not repair:
             return _verify(store)
-        _read_manifest(store)
+        _read_layout(store)
         with store.locked():
             report = _verify(store)
             for record in report.damaged:
@@ -99,21 +91,15 @@ def verify(out: str | os.PathLike[str], *, repair: bool = False) -> VerifyReport
         raise FileFormatError(f"{store.name}: cannot be {action}: {error.strerror or error}") from None
 
 
-def _read_manifest(store: Store) -> Contents:
-    manifest = parse_manifest(store.read(MANIFEST))
-    if manifest is None:
-        raise no_dataset(store)
-    contents = read_contents(manifest)
-    if contents is None:
-        raise FileFormatError(f"{store.name}: is not a dataset: its {MANIFEST} does not define the contents")
+def _read_layout(store: Store) -> Contents:
+    manifest, contents = read_manifest(store)
     read_label_names(store.name, manifest)
     return contents
 
 
 def _verify(store: Store) -> VerifyReport:
-    contents = _read_manifest(store)
-    frames, shard_frames = contents.frames, contents.shard_frames
-    shards = -(-frames // shard_frames)
+    contents = _read_layout(store)
+    frames, shard_frames, shards = contents.frames, contents.shard_frames, contents.shard_count
     problems = list(_check_poses(store, contents.poses_sha256, frames))
     recorded = _recorded_shards(store, shards)
     expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in recorded}

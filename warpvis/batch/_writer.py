@@ -62,13 +62,7 @@ class ShardWriter:
     """
 
     def __init__(self, job: Job, *, device: DeviceLike, threads: int | None = None) -> None:
-        """Build the renderer and start the encoders.
-
-        Args:
-            job: The job.
-            device: Device to render on.
-            threads: CPU threads that render, and as many that encode; all cores of this process by default.
-        """
+        """Build the renderer; start `threads` that render and as many that encode, by default all cores."""
         plan = job.plan
         self._plan = plan
         threads = check_threads(threads)
@@ -111,15 +105,13 @@ class ShardWriter:
     def __exit__(self, *error: object) -> None:
         """End the encoding processes and threads."""
         if self._processes is not None:
-            self._processes.__exit__(*error)
-        self._encoder.__exit__(*error)
+            self._processes.close()
+        self._encoder.close()
 
     def run(self, shards: Iterable[int], done: Done) -> None:
         """Render and write shards; after an error, shards that were already rendered are still written.
 
-        Args:
-            shards: Numbers of the shards.
-            done: Called on the writer threads, by one thread at a time.
+        `done` is called on the writer threads, by one thread at a time.
         """
         if self._processes is not None:
             self._processes.ready()

@@ -27,14 +27,9 @@ _POLL_INTERVAL = 0.2
 
 
 def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[str], threads: int | None) -> None:
-    """Render and write shards on devices of this machine.
+    """Render and write shards on devices of this machine; several devices get a process each, which share `threads`.
 
-    Args:
-        job: The job.
-        shards: Numbers of the shards.
-        done: Called with every complete shard, by one thread at a time.
-        devices: A single device is used in this process; each of several devices gets a separate process.
-        threads: CPU threads that render, and as many that encode; they are divided among the processes.
+    `done` is called with every complete shard, by one thread at a time.
     """
     if len(devices) == 1:
         with ShardWriter(job, device=devices[0], threads=threads) as writer:

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from functools import partial
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypedDict
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 import warp as wp
@@ -44,21 +44,6 @@ _MAX_RESTARTS = 10
 
 _PRINTING_THREADS = ("ray_listen_error_messages", "ray_print_logs")
 _COLOR = re.compile(r"\x1b\[[0-9;]*m")
-
-
-class _Row(TypedDict):
-    """The result of an actor for a shard."""
-
-    shard: int
-    error: Exception | None
-
-
-class _Share(NamedTuple):
-    """The number of workers, and the resources of each."""
-
-    workers: int
-    cpus: int
-    gpus: int
 
 
 class _WithoutRay:
@@ -91,14 +76,7 @@ class ShardActor:
     """A worker, which builds the scene once, and then renders and writes the shards that it receives."""
 
     def __init__(self, job: Job | ray.ObjectRef[Job], device: str, threads: int, starts: ActorHandle) -> None:
-        """Prepare to render.
-
-        Args:
-            job: A `Job`, or a reference to one in Ray's object store.
-            device: ``"cpu"``, or ``"cuda"`` for the GPU that Ray assigned to this worker.
-            threads: CPU threads.
-            starts: The `Starts` actor shared by all workers.
-        """
+        """Prepare to render on ``"cpu"``, or ``"cuda"`` for the GPU that Ray assigned to this worker."""
         import ray
 
         self._writer: ShardWriter | None = None
@@ -126,25 +104,18 @@ class ShardActor:
         return {"shard": np.array(shards), "error": np.array([error] * len(shards), dtype=object)}
 
     def _record(self, shard: int) -> Record | None:
-        part = self._job.plan.shard_slice(shard)
-        return read_whole(self._store, shard_record(shard), part.stop - part.start)
+        return read_whole(self._store, shard_record(shard), self._job.plan.shard_length(shard))
 
 
 @contextmanager
 def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterator[Run]:
-    """Start the engine on a Ray cluster, as a context manager. Ray restarts lost workers and repeats their shards.
-
-    Args:
-        gpu: Whether each worker has a GPU.
-        workers: Number of workers; by default one for each GPU or core of the cluster.
-        address: Address of the cluster; see `ray.init`.
-    """
+    """Start the engine on a Ray cluster, as a context manager. Ray restarts lost workers and repeats their shards."""
     printed = redirect_stdout(_WithoutRay(sys.stdout)), redirect_stderr(_WithoutRay(sys.stderr))
     with printed[0], printed[1], _cluster(address) as ray:
         yield partial(_run, ray, _share(ray.cluster_resources(), gpu=gpu, workers=workers))
 
 
-def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: Done) -> None:
+def _run(ray: ModuleType, share: tuple[int, int, int], job: Job, shards: Sequence[int], done: Done) -> None:
     """Render and write shards."""
     if not shards:
         return
@@ -154,8 +125,7 @@ def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: 
             if row["error"] is not None:
                 raise row["error"]
             shard = int(row["shard"])
-            part = job.plan.shard_slice(shard)
-            record = read_whole(store, shard_record(shard), part.stop - part.start)
+            record = read_whole(store, shard_record(shard), job.plan.shard_length(shard))
             if record is None:
                 raise WorkerLostError(f"shard {shard} was written by a worker but is not visible to this process")
             done(shard, record)
@@ -164,8 +134,8 @@ def _run(ray: ModuleType, share: _Share, job: Job, shards: Sequence[int], done: 
         raise WorkerLostError(f"Ray gave up ({type(error).__name__}: {reason})") from None
 
 
-def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) -> Iterator[_Row]:
-    """Pass shards to actors, and yield their results as they arrive."""
+def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: tuple[int, int, int]) -> Iterator[dict[str, Any]]:
+    """Pass shards to actors, and yield the number and the error of each as they arrive."""
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
     workers, cpus, gpus = share
@@ -191,8 +161,8 @@ def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: _Share) ->
     return results.iter_rows()
 
 
-def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) -> _Share:
-    """Divide a cluster among workers."""
+def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) -> tuple[int, int, int]:
+    """Divide a cluster among workers; return their number, and the CPUs and GPUs of each."""
     cpus, gpus = int(resources.get("CPU", 0)), int(resources.get("GPU", 0))
     limit = min(cpus, gpus) if gpu else cpus
     count = limit if workers is None else workers
@@ -200,7 +170,7 @@ def _share(resources: Mapping[str, float], *, gpu: bool, workers: int | None) ->
         raise ArrayError(
             f"workers must be from 1 to {limit}, the cluster's {'GPUs' if gpu else 'cores'}, got {workers}"
         )
-    return _Share(int(count), cpus // int(count), 1 if gpu else 0)
+    return int(count), cpus // int(count), 1 if gpu else 0
 
 
 @contextmanager

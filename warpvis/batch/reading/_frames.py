@@ -106,47 +106,31 @@ class FrameDataset:
         """Read the manifest and the poses of a dataset."""
         self._store = store
         self._outputs = None if outputs is None else tuple(outputs)
-        self._job = read_job(store)
-        frames = _read_poses(store, self._job)
-        self._reader = _make_reader(store, self._job, frames)
-        self._specs = _choose(self._reader.specs, self._outputs, self._job)
+        job = self._job = read_job(store)
+        frames = _read_poses(store, job)
+        self._reader = _make_reader(store, job, frames)
+        self._specs = _choose(self._reader.specs, self._outputs, job)
+        self.camera: CalibratedCamera = job.camera
+        """The camera of all frames; a `warpvis.cameras.LensCamera` if it has a lens."""
+        self.format = job.contents.format
+        """Name of the dataset's format."""
+        self.outputs = tuple(self._specs)
+        """Names of the arrays that are read from the files of a frame."""
+        self.object_names = job.object_names
+        """Names of the objects of the scene; values of ``segmentation`` are indices into them."""
+        self.object_labels = job.object_labels
+        """Labels of the objects of the scene."""
+        self.label_names: LabelNames = job.label_names
+        """Names of the classes, by number; ``label_names.number("road")`` is the value of its pixels in ``labels``."""
+        self.visibility_objects = job.visibility_objects
+        """Names of the objects of ``visible_fraction`` and the other arrays of visibility, in their order."""
         self.complete = store.size(INDEX_RECORD) is not None
         """Whether all frames exist; an interrupted job has written only some of them."""
-        shards = range(self._job.shard_count) if self.complete else _recorded_shards(store, self._job)
-        self.frame_numbers = _frames_of(self._job, shards)
+        shards = range(job.contents.shard_count) if self.complete else _recorded_shards(store, job)
+        self.frame_numbers = _frames_of(job, shards)
         """The number of each frame in its job, shape ``(V,)``: 0, 1, 2, ... if the dataset is complete."""
         self.frames = _select_frames(frames, self.frame_numbers, complete=self.complete)
         """Poses, times and worlds of the frames."""
-
-    @property
-    def camera(self) -> CalibratedCamera:
-        """The camera of all frames; a `warpvis.cameras.LensCamera` if it has a lens."""
-        return self._job.camera
-
-    @property
-    def format(self) -> str:
-        """Name of the dataset's format."""
-        return self._job.format
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the arrays that are read from the files of a frame."""
-        return tuple(self._specs)
-
-    @property
-    def object_names(self) -> tuple[str, ...]:
-        """Names of the objects of the scene; values of ``segmentation`` are indices into them."""
-        return self._job.object_names
-
-    @property
-    def object_labels(self) -> tuple[int, ...]:
-        """Labels of the objects of the scene."""
-        return self._job.object_labels
-
-    @property
-    def label_names(self) -> LabelNames:
-        """Names of the classes, by number; ``label_names.number("road")`` is the value of its pixels in ``labels``."""
-        return self._job.label_names
 
     @property
     def sensor(self) -> DepthSensor | None:
@@ -163,11 +147,6 @@ class FrameDataset:
             raise FileFormatError(
                 f"{self._job.name}: {MANIFEST} has an invalid sensor: {describe_exception(error)}"
             ) from None
-
-    @property
-    def visibility_objects(self) -> tuple[str, ...]:
-        """Names of the objects of ``visible_fraction`` and the other arrays of visibility, in their order."""
-        return self._job.visibility_objects
 
     def __len__(self) -> int:
         return len(self.frame_numbers)
@@ -235,7 +214,7 @@ class FrameDataset:
             ) from None
 
     def _read_into(self, name: str, row: int, out: NDArray) -> None:
-        shard, offset = divmod(int(self.frame_numbers[row]), self._job.shard_frames)
+        shard, offset = divmod(int(self.frame_numbers[row]), self._job.contents.shard_frames)
         self._reader.read_into(name, shard, offset, out)
 
     def _row(self, index: object) -> int:
@@ -289,7 +268,7 @@ class FrameDataset:
         self.__init__(**state)  # type: ignore[misc]
 
     def __repr__(self) -> str:
-        state = "" if self.complete else f" of {self._job.frames}, unfinished"
+        state = "" if self.complete else f" of {self._job.contents.frames}, unfinished"
         frames = pluralize(len(self), "frame")
         return f"<FrameDataset {self._store.name}: {frames}{state}, {self.format}: {', '.join(self.outputs)}>"
 
@@ -320,12 +299,12 @@ def open_dataset(path: str | os.PathLike[str], *, outputs: Iterable[str] | None 
 
 def _make_reader(store: Store, job: Job, frames: Frames) -> ShardReader:
     files = Files(store)
-    if job.format == "colmap":
+    if job.contents.format == "colmap":
         return ColmapReader(files, job, poses_to_matrices(frames.camera_to_world)[:, :3, :3])
-    if job.format not in _READERS:
-        reason = ": its files are point clouds without pixels" if job.format == "ply" else ""
-        raise FileFormatError(f"{job.name}: format {job.format!r} cannot be read{reason}")
-    return _READERS[job.format](files, job)
+    if job.contents.format not in _READERS:
+        reason = ": its files are point clouds without pixels" if job.contents.format == "ply" else ""
+        raise FileFormatError(f"{job.name}: format {job.contents.format!r} cannot be read{reason}")
+    return _READERS[job.contents.format](files, job)
 
 
 def _choose(specs: Mapping[str, FrameSpec], outputs: Sequence[str] | None, job: Job) -> dict[str, FrameSpec]:
@@ -347,9 +326,9 @@ def _read_poses(store: Store, job: Job) -> Frames:
         frames = Frames.from_poses(poses, timestamps=times, camera=job.camera, **worlds)
     except Exception as error:  # NumPy and zipfile may raise any exception for a damaged file
         raise FileFormatError(f"{store.name}: {POSES} is missing or damaged: {describe_exception(error)}") from None
-    if len(frames) != job.frames:
+    if len(frames) != job.contents.frames:
         raise FileFormatError(
-            f"{store.name}: {POSES} must have poses of {pluralize(job.frames, 'frame')}, got {len(frames)}"
+            f"{store.name}: {POSES} must have poses of {pluralize(job.contents.frames, 'frame')}, got {len(frames)}"
         )
     return frames
 
@@ -357,11 +336,11 @@ def _read_poses(store: Store, job: Job) -> Frames:
 def _recorded_shards(store: Store, job: Job) -> list[int]:
     """Return the shards that are complete, that is have a record."""
     names = set(store.names(RECORDS_FOLDER))
-    return [shard for shard in range(job.shard_count) if f"{shard_name(shard)}.json" in names]
+    return [shard for shard in range(job.contents.shard_count) if f"{shard_name(shard)}.json" in names]
 
 
 def _frames_of(job: Job, shards: Sequence[int]) -> NDArray[np.int64]:
-    parts = [np.arange(job.shard_length(shard)) + shard * job.shard_frames for shard in shards]
+    parts = [np.arange(job.shard_length(shard)) + shard * job.contents.shard_frames for shard in shards]
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpvis.batch._manifest import MANIFEST, no_dataset, parse_manifest, read_contents, read_label_names
+from warpvis.batch._manifest import MANIFEST, Contents, read_label_names, read_manifest
 from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
 from warpvis.cameras import CalibratedCamera, lens_camera_from_fields
@@ -34,11 +34,9 @@ class Job:
 
     name: str
     """Name of the dataset in messages."""
-    format: str
+    contents: Contents
     options: Mapping[str, Json]
     outputs: tuple[str, ...]
-    frames: int
-    shard_frames: int
     camera: CalibratedCamera
     object_names: tuple[str, ...]
     object_labels: tuple[int, ...]
@@ -48,14 +46,9 @@ class Job:
     sensor: Json = None
     """The depth-camera model in the manifest; None for exact depth."""
 
-    @property
-    def shard_count(self) -> int:
-        """Number of shards."""
-        return -(-self.frames // self.shard_frames)
-
     def shard_length(self, shard: int) -> int:
         """Return the number of frames of a shard."""
-        return min(self.shard_frames, self.frames - shard * self.shard_frames)
+        return min(self.contents.shard_frames, self.contents.frames - shard * self.contents.shard_frames)
 
     def specs(self) -> dict[str, FrameSpec]:
         """Return dtypes and shapes of the arrays of a frame for all outputs of the job."""
@@ -84,33 +77,27 @@ class Job:
 
 def read_job(store: Store) -> Job:
     """Read a dataset's manifest."""
-    manifest = parse_manifest(store.read(MANIFEST))
-    if manifest is None:
-        raise no_dataset(store)
-    contents = read_contents(manifest)
-    if contents is not None:
-        match manifest:
-            case {
-                "options": dict(options),
-                "outputs": list(outputs),
-                "objects": list(chosen),
-                "camera": dict(camera),
-                "scene": {"objects": dict(objects)},
-            } if all(isinstance(name, str) for name in (*outputs, *chosen)):
-                return Job(
-                    name=store.name,
-                    format=contents.format,
-                    options=options,
-                    outputs=tuple(outputs),
-                    frames=contents.frames,
-                    shard_frames=contents.shard_frames,
-                    camera=_read_camera(store.name, camera),
-                    object_names=tuple(objects),
-                    object_labels=_read_labels(store.name, objects),
-                    label_names=read_label_names(store.name, manifest),
-                    visibility_objects=tuple(chosen),
-                    sensor=manifest.get("sensor"),
-                )
+    manifest, contents = read_manifest(store)
+    match manifest:
+        case {
+            "options": dict(options),
+            "outputs": list(outputs),
+            "objects": list(chosen),
+            "camera": dict(camera),
+            "scene": {"objects": dict(objects)},
+        } if all(isinstance(name, str) for name in (*outputs, *chosen)):
+            return Job(
+                name=store.name,
+                contents=contents,
+                options=options,
+                outputs=tuple(outputs),
+                camera=_read_camera(store.name, camera),
+                object_names=tuple(objects),
+                object_labels=_read_labels(store.name, objects),
+                label_names=read_label_names(store.name, manifest),
+                visibility_objects=tuple(chosen),
+                sensor=manifest.get("sensor"),
+            )
     raise FileFormatError(f"{store.name}: is not a dataset: its {MANIFEST} does not define the contents")
 
 

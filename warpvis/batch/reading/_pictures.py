@@ -155,7 +155,7 @@ class ColmapReader(ShardReader):
             out[...] = values[0]
             out[values[0] == 0] = np.inf
             return
-        rotation = self._rotations[shard * self._job.shard_frames + row].astype(np.float32)
+        rotation = self._rotations[shard * self._job.contents.shard_frames + row].astype(np.float32)
         out[...] = values.transpose(1, 2, 0) @ rotation.T
         out[(values == 0).all(axis=0)] = np.nan
 

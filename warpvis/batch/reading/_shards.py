@@ -190,7 +190,7 @@ class ZarrReader(ShardReader):
 
     def _table(self, data: NDArray[np.uint8]) -> NDArray[np.uint64]:
         """Return the index of chunks: offset and length of each."""
-        count = self._job.shard_frames
+        count = self._job.contents.shard_frames
         table = data[len(data) - 16 * count - 4 : -4]
         return table.copy().view("<u8") if len(table) == 16 * count else np.zeros(2 * count, dtype=np.uint64)
 
