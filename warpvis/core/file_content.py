@@ -1,11 +1,14 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Detect content that may be in a file of any name: git-lfs pointers, web pages, images."""
+"""Detect content that may be in a file of any name (git-lfs pointers, web pages, images), and name files in errors."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 
+from warpvis.core.checks import describe_exception
 from warpvis.errors import FileFormatError
 
 _GIT_LFS = b"version https://git-lfs.github.com/spec/"
@@ -42,6 +45,28 @@ def require_content(source: Path | bytes, expected: str, *, name: object = None,
     image = next((kind for magic, kind in _IMAGES.items() if images and head.startswith(magic)), None)
     if image is not None:
         raise FileFormatError(f"{name}: is {image}, not {expected}")
+
+
+@contextlib.contextmanager
+def reading(path: object, kind: str) -> Iterator[None]:
+    """Raise a FileFormatError that names the file for any exception of its reader, since damaged files raise any."""
+    try:
+        yield
+    except FileFormatError:
+        raise
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
+    except Exception as error:
+        raise FileFormatError(f"{path}: cannot be read as {kind}: {describe_exception(error)}") from None
+
+
+@contextlib.contextmanager
+def writing(path: object) -> Iterator[None]:
+    """Raise a FileFormatError that names the file if it cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def is_file(path: Path) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_path, check_number, describe_exception
-from warpvis.core.file_content import require_content
+from warpvis.core.file_content import require_content, writing
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._files import read_array
@@ -154,10 +154,8 @@ def save_depth_png(depth: ArrayLike, path: str | os.PathLike[str]) -> None:
         raise ArrayError(f"depth must have shape (H, W), got {image.shape}")
     millimeters = depth_to_units(image, 1000)
     warn_of_lost(image, millimeters, 1000)
-    try:
+    with writing(path):
         as_path(path).write_bytes(encode_png(millimeters))
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[np.float32]:

@@ -6,14 +6,15 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-from warpvis.core.checks import describe_exception, truncate
+from warpvis.core.checks import truncate
+from warpvis.core.file_content import reading
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io._archives import check_unpacked
@@ -47,10 +48,8 @@ def read_archive(path: Path, selected: Sequence[str], needed: str) -> dict[str, 
         packed = [info for info in members if info.compress_type != zipfile.ZIP_STORED]
         size = sum(info.file_size for info in packed if info.filename.removesuffix(".npy") in selected)
         check_unpacked(path, size, "write it with numpy.savez, without compression")
-        try:
+        with reading(path, "NPZ"):
             arrays = {name: loaded[name] for name in selected if name in names}
-        except Exception as error:  # damaged archives may raise any exception
-            raise FileFormatError(f"{path}: cannot be read as NPZ: {describe_exception(error)}") from None
     other = [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]
     if other:
         raise FileFormatError(f"{path}: cannot be read as NPZ: {other[0]} is not an array")
@@ -60,14 +59,13 @@ def read_archive(path: Path, selected: Sequence[str], needed: str) -> dict[str, 
 
 
 def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
-    try:
-        return np.load(path, allow_pickle=False)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
-    except Exception as error:  # damaged archives may raise any exception
-        pickled = str(error).startswith("This file contains pickled")  # NumPy's message for any unknown file type
-        reason = "it contains no NumPy arrays" if pickled else describe_exception(error)
-        raise FileFormatError(f"{path}: cannot be read as {kind}: {reason}") from None
+    with reading(path, kind):
+        try:
+            return np.load(path, allow_pickle=False)
+        except ValueError as error:
+            if str(error).startswith("This file contains pickled"):  # NumPy's message for any unknown file type
+                raise ValueError("it contains no NumPy arrays") from None
+            raise
 
 
 def as_numbers(value: Json, shape: tuple[int, ...], location: str) -> NDArray[np.float64]:
@@ -112,6 +110,13 @@ def _leaves(value: Json, shape: tuple[int, ...]) -> list[Json] | None:
             return None
         items = [element for each in lists for element in each]
     return items
+
+
+def read_rows(path: Path, line: str) -> Iterator[tuple[str, str]]:
+    """Yield location and content of the lines of a text file, except empty ones and those that begin with ``#``."""
+    for number, content in enumerate(read_lines(path, line), start=1):
+        if content.strip() and not content.lstrip().startswith("#"):
+            yield f"{path}:{number}", content
 
 
 def read_lines(path: Path, line: str) -> list[str]:

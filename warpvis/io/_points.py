@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, as_path, check_choice, check_text, check_whole, describe_exception, truncate
-from warpvis.core.file_content import require_content
+from warpvis.core.file_content import reading, require_content, writing
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._cloud_messages import check_cloud
-from warpvis.io._files import read_array, read_lines
+from warpvis.io._files import read_array, read_rows
 from warpvis.io._ply import straighten_ply
 
 _LINE = "x y z"
@@ -64,15 +64,11 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
 
 
 def _read_text(path: Path) -> NDArray[np.float64]:
-    lines = read_lines(path, _LINE)
     rows: list[list[float]] = []
-    for number, line in enumerate(lines, start=1):
+    for place, line in read_rows(path, _LINE):
         words = line.replace(",", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
-        if not rows and [word.lower() for word in words] == ["x", "y", "z"]:
-            continue
-        rows.append(_parse_words(words, f"{path}:{number}"))
+        if words and (rows or [word.lower() for word in words] != ["x", "y", "z"]):
+            rows.append(_parse_words(words, place))
     return np.array(rows).reshape(-1, 3)
 
 
@@ -98,11 +94,9 @@ def _read_npy(path: Path) -> NDArray[np.float64]:
 def _read_ply(path: Path) -> NDArray[np.float64]:
     import trimesh
 
-    try:
+    with reading(path, "PLY"):
         loaded = trimesh.load(io.BytesIO(straighten_ply(path.read_bytes())), file_type="ply", process=False)
         return np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
-    except Exception as error:  # trimesh's readers may raise any exception
-        raise FileFormatError(f"{path}: cannot be read as PLY: {describe_exception(error)}") from None
 
 
 def save_cloud(path: str | os.PathLike[str], cloud: NDArray[np.void]) -> None:
@@ -123,10 +117,8 @@ def save_cloud(path: str | os.PathLike[str], cloud: NDArray[np.void]) -> None:
     path = as_path(path)
     write = _writer(path.suffix.lower(), "path")
     cloud = check_cloud(cloud)
-    try:
+    with writing(path):
         write(path, cloud)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def save_clouds(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, as_path, check_flag
-from warpvis.core.file_content import require_content
+from warpvis.core.file_content import require_content, writing
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError, SceneError
@@ -74,11 +74,8 @@ def export_scene(
         chunks = gltf_chunks(objects, extras, up)
     except ValueError as error:
         raise FileFormatError(f"{path}: {error}") from None
-    try:
-        with path.open("wb") as file:
-            file.writelines(chunks)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror}") from None
+    with writing(path), path.open("wb") as file:
+        file.writelines(chunks)
 
 
 class _Buffer:

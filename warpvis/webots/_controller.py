@@ -18,7 +18,7 @@ from warpvis.core.poses import QuaternionOrder, poses_to_matrices, poses_to_open
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, PoseError
 from warpvis.maps import FloorMap, Sphere, back_project, classify, floor_map
-from warpvis.webots._nodes import Version, rotation_matrix
+from warpvis.webots._nodes import Version, rigid_matrix, rotation_matrix
 from warpvis.webots._ranges import UNBIASED, as_version
 
 _NO_IMAGE = "the range finder has no image: enable() it and step the simulation first"
@@ -120,15 +120,14 @@ class DepthEye:
             near: The device's field `near` [m], which determines the bias.
 
         Raises:
-            WarpvisError: If an argument is invalid, or `robot` finds no node of the range finder.
+            PoseError: If `robot` finds no node of the range finder.
         """
         self._version = as_version(version)
         offset, axis_angle = as_numpy(translation, name="translation"), as_numpy(rotation, name="rotation")
         is_finite = np.isfinite(offset).all() and np.isfinite(axis_angle).all()
         if offset.shape != (3,) or axis_angle.shape != (4,) or not is_finite:
             raise PoseError("translation and rotation must be three and four finite numbers, as in the device's fields")
-        self._mount = np.eye(4)
-        self._mount[:3, :3], self._mount[:3, 3] = rotation_matrix(axis_angle.astype(np.float64)), offset
+        self._mount = rigid_matrix(rotation_matrix(axis_angle.astype(np.float64)), offset)
         self._near = check_length(near, "near")
         asked = ("getWidth", "getHeight", "getFov", "getMinRange", "getMaxRange", "getRangeImage")
         missing = [name for name in asked if not callable(getattr(range_finder, name, None))]
@@ -187,7 +186,7 @@ class DepthEye:
             if len(rows) != 1:
                 raise PoseError(f"node_pose must be one pose, got {len(rows)}")
             matrix = poses_to_matrices(rows[0])
-        return poses_to_opencv(matrix @ self._mount, "ros_body" if self._version.z_up else "opengl", name="the pose")[0]
+        return poses_to_opencv(matrix @ self._mount, self._version.axes, name="the pose")[0]
 
     def points(self, node_pose: ArrayLike | None = None, *, quaternion: QuaternionOrder = "xyzw") -> wp.array:
         """Compute the measured points in the world [m], shape ``(1, H, W)`` vec3; NaN where nothing was measured."""
@@ -211,9 +210,6 @@ class DepthEye:
 
         Returns:
             `Label` values, shape ``(1, H, W)`` uint8.
-
-        Raises:
-            WarpvisError: If an argument is invalid.
         """
         return classify(self.depth(), self.camera, self.pose(node_pose, quaternion=quaternion), up=up, **options)
 
@@ -236,9 +232,6 @@ class DepthEye:
             up: The world's vertical axis.
             quaternion: As for `pose`.
             **options: Options of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
-
-        Raises:
-            WarpvisError: If an argument is invalid.
         """
         depth, pose = self.depth(), self.pose(node_pose, quaternion=quaternion)  # read once: the simulation advances
         labels = classify(depth, self.camera, pose, up=up, **options)
@@ -274,10 +267,7 @@ class DepthEye:
     def _ask_node(self) -> NDArray[np.float64]:
         if self._node is None:
             raise PoseError("node_pose must be given, or the DepthEye needs a node: DepthEye(range_finder, node=...)")
-        matrix = np.eye(4)
-        matrix[:3, 3] = np.asarray(self._node.getPosition(), dtype=np.float64)
-        matrix[:3, :3] = np.asarray(self._node.getOrientation(), dtype=np.float64).reshape(3, 3)
-        return matrix
+        return rigid_matrix(self._node.getOrientation(), self._node.getPosition())
 
 
 def _node_of(robot: SupervisorRobot, device: RangeFinder) -> SupervisorNode:

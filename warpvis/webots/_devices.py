@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,8 +15,7 @@ from numpy.typing import NDArray
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import poses_to_opencv
 from warpvis.errors import SceneError
-from warpvis.webots._nodes import Node, Version
-from warpvis.webots.shapes._geometry import correction
+from warpvis.webots._nodes import Node, Version, replaced
 
 Kind = Literal["range-finder", "camera", "kinect"]
 Projection = Literal["planar", "cylindrical", "spherical"]
@@ -107,28 +105,9 @@ class Device:
         reach = f"{self.min_range:g} to {self.max_range:g} m"
         return f"{self.kind}, {self.width}x{self.height}, fov {self.fov:g}, {self.projection}, {reach}"
 
-    def at_origin_of(self, proto: str) -> Device:
-        """Return a copy with the note that the device is in a slot of a PROTO whose file is missing."""
-        return dataclasses.replace(self, notes=(*self.notes, origin_note(self.name, proto)))
 
-
-def origin_note(name: str, proto: str) -> str:
-    """Return the note that a device is in a slot of a PROTO whose file is missing."""
-    return f"{name!r} is assumed to be at the origin of {proto}, whose slots are unknown without its file"
-
-
-def read_device(
-    node: Node, rotation: NDArray[np.float64], offset: NDArray[np.float64], robot: str, protos: Sequence[str] = ()
-) -> Device | None:
-    """Read a device node; return None for any other node.
-
-    Args:
-        node: Any node.
-        rotation: Node-to-world rotation, shape ``(3, 3)``.
-        offset: Origin of the node in the world [m], shape ``(3,)``.
-        robot: Name of its robot.
-        protos: Types of the PROTOs that contain it.
-    """
+def read_device(node: Node, place: NDArray[np.float64], robot: str, protos: Sequence[str] = ()) -> Device | None:
+    """Read a device node; return None for any other node; arguments as for `read_lidar`, and the PROTOs around it."""
     if node.type not in ("RangeFinder", "Camera"):
         return None
     # Up to V8.4, a Camera with this type was a range finder.
@@ -140,17 +119,9 @@ def read_device(
     noise, resolution = node.number("noise", 0.0), node.number("resolution", -1.0)
     if node.type == "Camera" and measures:
         noise, resolution = node.number("rangeNoise", noise), node.number("rangeResolution", resolution)
-    if resolution <= 0 and resolution != -1:
-        notes.append(correction(node, "resolution", resolution, -1))
-        resolution = -1.0
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, offset
-    default = "range-finder" if node.type == "RangeFinder" else "camera"
-    kind: Kind = "camera"
-    if measures:
-        kind = "kinect" if "Kinect" in protos else "range-finder"
+    kind: Kind = "camera" if not measures else "kinect" if "Kinect" in protos else "range-finder"
     return Device(
-        name=node.text("name", default),
+        name=node.text("name", "range-finder" if node.type == "RangeFinder" else "camera"),
         robot=robot,
         kind=kind,
         width=width,
@@ -161,9 +132,9 @@ def read_device(
         max_range=max_range,
         projection=projection,
         noise=noise,
-        resolution=resolution,
+        resolution=check_resolution(node, resolution, notes),
         lens=_lens(node.node("lens")),
-        pose=poses_to_opencv(matrix, "ros_body" if node.version.z_up else "opengl")[0],
+        pose=poses_to_opencv(place, node.version.axes)[0],
         version=node.version,
         recognition=None if measures else node.node("recognition"),
         notes=tuple(notes),
@@ -172,19 +143,19 @@ def read_device(
 
 def _size(node: Node, name: str, notes: list[str]) -> int:
     size = node.integer(name, 64)
-    if size < 1:
-        notes.append(correction(node, name, size, 1))
-        return 1
-    return size
+    return replaced(node, name, size, 1, notes) if size < 1 else size
 
 
 def _projection(node: Node, notes: list[str]) -> Projection:
     projection = node.text("projection", "cylindrical" if node.flag("spherical", False) else "planar")
-    for known in PROJECTIONS:
-        if projection == known:
-            return known
-    notes.append(correction(node, "projection", projection, "planar"))
-    return "planar"
+    known = next((known for known in PROJECTIONS if known == projection), None)
+    return known or replaced(node, "projection", projection, "planar", notes)
+
+
+def check_resolution(node: Node, resolution: float, notes: list[str]) -> float:
+    """Replace an invalid resolution [m] by -1, none."""
+    is_valid = resolution > 0 or resolution == -1
+    return resolution if is_valid else replaced(node, "resolution", resolution, -1.0, notes)
 
 
 def read_field_of_view(node: Node, projection: Projection, notes: list[str], default: float = DEFAULT_FOV) -> float:
@@ -194,36 +165,28 @@ def read_field_of_view(node: Node, projection: Projection, notes: list[str], def
         fixed = DEFAULT_FOV
     elif projection != "planar" and fov > 2 * math.pi + 1e-4:
         fixed = 2 * math.pi
-    if fixed is None:
-        return fov
-    notes.append(correction(node, "fieldOfView", fov, fixed))
-    return fixed
+    return fov if fixed is None else replaced(node, "fieldOfView", fov, fixed, notes)
 
 
 def read_ranges(node: Node, measures: bool, notes: list[str]) -> tuple[float, float, float]:
     """Read `near`, minimum and maximum range [m], corrected in the order of Webots' checks (``WbRangeFinder.cpp``)."""
     near = node.number("near", 0.01)
     if near <= 0:
-        notes.append(correction(node, "near", near, 0.01))
-        near = 0.01
+        near = replaced(node, "near", near, 0.01, notes)
     if not measures:
         far = node.number("far", 0.0)
         if 0 < far <= near:
-            notes.append(correction(node, "far", far, near + 1))
-            far = near + 1
+            far = replaced(node, "far", far, near + 1, notes)
         return near, near, far if far > 0 else math.inf
     # Range finders that are a type of Camera measured from `near` on.
     lower = node.number("minRange", near if node.type == "Camera" else 0.01)
     if lower <= 0:
-        notes.append(correction(node, "minRange", lower, near))
-        lower = near
+        lower = replaced(node, "minRange", lower, near, notes)
     if near > lower:
-        notes.append(correction(node, "near", near, lower))
-        near = lower
+        near = replaced(node, "near", near, lower, notes)
     upper = node.number("maxRange", 1.0)
     if upper <= lower:
-        notes.append(correction(node, "maxRange", upper, lower + 1))
-        upper = lower + 1
+        upper = replaced(node, "maxRange", upper, lower + 1, notes)
     return near, lower, upper
 
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,12 +15,11 @@ from numpy.typing import NDArray
 from warpvis.cameras import Rays
 from warpvis.cameras.ray_camera import MAX_RAYS
 from warpvis.core.arrays import as_numpy
-from warpvis.core.poses import Convention, convert_axes
+from warpvis.core.poses import convert_axes
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
-from warpvis.webots._devices import origin_note, read_field_of_view, read_ranges
-from warpvis.webots._nodes import Node, Version
-from warpvis.webots.shapes._geometry import correction
+from warpvis.webots._devices import check_resolution, read_field_of_view, read_ranges
+from warpvis.webots._nodes import Node, Version, correction, replaced
 
 # From this release on, images of rotating lidars begin behind them, and points of fixed lidars use the correct azimuths
 # of their columns (Webots' pull requests 6324 and 6417).
@@ -95,10 +93,6 @@ class Lidar:
         reach = f"{self.min_range:g} to {self.max_range:g} m"
         image = f"{self.layers}x{self.columns}, fov {around:g} x {self.vertical_fov:g}"
         return f"{kind}, {image}, {self.projection}, {reach}"
-
-    def at_origin_of(self, proto: str) -> Lidar:
-        """Return a copy with the note that the lidar is in a slot of a PROTO whose file is missing."""
-        return dataclasses.replace(self, notes=(*self.notes, origin_note(self.name, proto)))
 
     def points(self, ranges: ArrayInput) -> NDArray[np.float32]:
         """Compute Webots' point cloud of a range image, in the device frame.
@@ -192,13 +186,12 @@ def _directions(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) ->
     return np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
 
 
-def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.float64], robot: str) -> Lidar | None:
+def read_lidar(node: Node, place: NDArray[np.float64], robot: str) -> Lidar | None:
     """Read a lidar node; return None for any other node.
 
     Args:
         node: Any node.
-        rotation: Node-to-world rotation, shape ``(3, 3)``.
-        offset: Origin of the node in the world [m], shape ``(3,)``.
+        place: Node to world without scale, shape ``(4, 4)``.
         robot: Name of its robot.
     """
     if node.type != "Lidar":
@@ -207,18 +200,12 @@ def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.flo
     projection = _projection(node, notes)
     fov = read_field_of_view(node, projection, notes, 1.5708)
     near, min_range, max_range = read_ranges(node, True, notes)
-    resolution = node.number("resolution", -1.0)
-    if resolution <= 0 and resolution != -1:
-        notes.append(correction(node, "resolution", resolution, -1))
-        resolution = -1.0
+    resolution = check_resolution(node, node.number("resolution", -1.0), notes)
     kind = node.text("type", "fixed")
     if kind.lower() not in ("fixed", "rotating"):
         notes.append(correction(node, "type", kind, "fixed"))
     rotates = kind.lower() == "rotating"
     layers, columns, vertical = _image(node, fov, rotates, notes)
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, offset
-    axes: Convention = "ros_body" if node.version.z_up else "opengl"
     return Lidar(
         name=node.text("name", "lidar"),
         robot=robot,
@@ -235,7 +222,7 @@ def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.flo
         noise=node.number("noise", 0.0),
         resolution=resolution,
         frequency=_frequency(node, notes),
-        pose=convert_axes(matrix, axes, "ros_body")[0],
+        pose=convert_axes(place, node.version.axes, "ros_body")[0],
         version=node.version,
         notes=tuple(notes),
     )
@@ -244,8 +231,7 @@ def read_lidar(node: Node, rotation: NDArray[np.float64], offset: NDArray[np.flo
 def _projection(node: Node, notes: list[str]) -> Literal["planar", "cylindrical"]:
     projection = node.text("projection", "cylindrical")
     if projection not in ("planar", "cylindrical"):
-        notes.append(correction(node, "projection", projection, "planar"))
-        return "planar"
+        return replaced(node, "projection", projection, "planar", notes)
     # The older field `spherical` overrides the newer one.
     return "planar" if projection == "planar" or not node.flag("spherical", True) else "cylindrical"
 
@@ -255,33 +241,27 @@ def _image(node: Node, fov: float, rotates: bool, notes: list[str]) -> tuple[int
     layers, columns = node.integer("numberOfLayers", 4), node.integer("horizontalResolution", 512)
     vertical = node.number("verticalFieldOfView", 0.2)
     if columns < 1:
-        notes.append(correction(node, "horizontalResolution", columns, 1))
-        columns = 1
-    original, counted = vertical, max(layers, 1)
+        columns = replaced(node, "horizontalResolution", columns, 1, notes)
     if vertical <= 0 or vertical > math.pi:
-        vertical = 0.1 if vertical <= 0 else math.pi
-        notes.append(correction(node, "verticalFieldOfView", original, vertical))
+        fixed = 0.1 if vertical <= 0 else math.pi
+        vertical = replaced(node, "verticalFieldOfView", vertical, fixed, notes)
     if layers < 1:
-        notes.append(correction(node, "numberOfLayers", layers, 1))
+        layers = replaced(node, "numberOfLayers", layers, 1, notes)
     width = image_width(columns, fov, rotates)
-    if max(vertical * width / fov, counted * 2 * math.pi / vertical) > MAX_RAYS:
+    if max(vertical * width / fov, layers * 2 * math.pi / vertical) > MAX_RAYS:
         node.refuse("fieldOfView", f"angles [rad] for an image of at most {MAX_RAYS} rows", f"{fov:g}")
     # Every layer needs a separate row.
-    if image_height(counted, fov, vertical, width) < counted:
-        needed = math.ceil(counted * fov / vertical)
+    if image_height(layers, fov, vertical, width) < layers:
+        needed = math.ceil(layers * fov / vertical)
         needed = int(needed * (2 * math.pi / fov)) if rotates else needed
-        notes.append(correction(node, "horizontalResolution", columns, needed))
-        columns = needed
-    return counted, columns, vertical
+        columns = replaced(node, "horizontalResolution", columns, needed, notes)
+    return layers, columns, vertical
 
 
 def _frequency(node: Node, notes: list[str]) -> float:
     """Read the rotation frequency [Hz], clipped to its limits."""
     lower, upper = node.number("minFrequency", 1.0), node.number("maxFrequency", 25.0)
     lower = lower if lower > 0 else 0.01
-    upper = max(upper, lower)
     frequency = node.number("defaultFrequency", 10.0)
-    clipped = min(max(frequency, lower), upper)
-    if clipped != frequency:
-        notes.append(correction(node, "defaultFrequency", frequency, clipped))
-    return clipped
+    clipped = min(max(frequency, lower), max(upper, lower))
+    return frequency if clipped == frequency else replaced(node, "defaultFrequency", frequency, clipped, notes)

@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import NamedTuple, NoReturn, TypeAlias, TypeVar
+from typing import Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.checks import check_text, pluralize
 from warpvis.errors import FileFormatError
@@ -62,6 +62,11 @@ class Version:
         """Whether geometry is upright along z and devices look along x (since R2022a) rather than along y and -z."""
         return self >= _Z_UP
 
+    @property
+    def axes(self) -> Literal["ros_body", "opengl"]:
+        """Axes of devices in this version, as a convention of poses."""
+        return "ros_body" if self.z_up else "opengl"
+
     def __str__(self) -> str:
         if self.year >= 1000:
             return f"R{self.year}{chr(ord('a') + self.number - 1)}"
@@ -71,6 +76,7 @@ class Version:
 _Z_UP = Version(2022, 1)
 
 _Literal = TypeVar("_Literal")
+_Replacement = TypeVar("_Replacement", bound=float | str | NDArray[np.float64])
 
 
 @dataclass(eq=False)
@@ -213,6 +219,22 @@ def described(value: Value | float | str | bool) -> str:
     return "a list" if isinstance(value, list) else shown(value) if isinstance(value, str) else f"{value:g}"
 
 
+def correction(node: Node, field: str, original: ArrayLike, replacement: ArrayLike) -> str:
+    """Return the note that a field's value was replaced, as in Webots."""
+    before, after = (_numbers_shown(value) for value in (original, replacement))
+    return f"{node.file}:{node.line}: {field} {before} of {node.type} is replaced by {after}"
+
+
+def _numbers_shown(value: ArrayLike) -> str:
+    return " ".join(f"{item:g}" if isinstance(item, float | int) else f"{item}" for item in np.ravel(value).tolist())
+
+
+def replaced(node: Node, field: str, original: ArrayLike, replacement: _Replacement, notes: list[str]) -> _Replacement:
+    """Note that a field's value was replaced, and return the replacement."""
+    notes.append(correction(node, field, original, replacement))
+    return replacement
+
+
 class Transform(NamedTuple):
     """An affine transform to the world: ``p_world = offset + linear p``."""
 
@@ -223,11 +245,22 @@ class Transform(NamedTuple):
     offset: NDArray[np.float64]
     """Origin in the world [m], shape ``(3,)``."""
 
+    def rigid(self) -> NDArray[np.float64]:
+        """Return the rotation and the origin as a matrix, shape ``(4, 4)``."""
+        return rigid_matrix(self.rotation, self.offset)
+
     def within(self, node: Node, scale: NDArray[np.float64]) -> Transform:
         """Compute the transform of a child node: ``p_parent = T + R (S p_child)``."""
         rotation = rotation_matrix(node.vector("rotation", (0.0, 0.0, 1.0, 0.0)))
         offset = self.offset + self.linear @ node.vector("translation", (0.0, 0.0, 0.0))
         return Transform(self.linear @ (rotation * scale), self.rotation @ rotation, offset)
+
+
+def rigid_matrix(rotation: ArrayLike, offset: ArrayLike) -> NDArray[np.float64]:
+    """Join a rotation, 9 numbers, and an offset [m] to a matrix, shape ``(4, 4)``."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = np.asarray(rotation, dtype=np.float64).reshape(3, 3), offset
+    return matrix
 
 
 def rotation_matrix(rotation: NDArray[np.float64]) -> NDArray[np.float64]:

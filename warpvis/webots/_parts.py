@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -20,8 +19,8 @@ from warpvis.scene import Part
 from warpvis.webots._detection import Extent
 from warpvis.webots._grammar import World
 from warpvis.webots._materials import Find, Surface, join_appearances
-from warpvis.webots._nodes import Node, Transform, Value, Version, new_node
-from warpvis.webots.shapes._geometry import GEOMETRIES, correction
+from warpvis.webots._nodes import Node, Transform, Value, Version, new_node, replaced
+from warpvis.webots.shapes._geometry import GEOMETRIES
 from warpvis.webots.shapes._polygons import Triangles, join
 
 GROUND_HEIGHT = 0.1
@@ -32,7 +31,6 @@ _SCALAR_GRAVITY = Version(2020, 2)
 _NEGATIVE_SCALES = Version(2022, 2)
 
 ROBOTS = {"Robot", "Supervisor", "DifferentialWheels", "CustomRobot"}
-HUMANS = ("*human*", "*person*", "*pedestrian*")
 
 DEVICES = {
     *("Accelerometer", "Altimeter", "Camera", "Compass", "Connector", "Display", "DistanceSensor", "Emitter", "GPS"),
@@ -65,14 +63,16 @@ MAX_LOOKED_AT = 10_000
 """Maximum number of nodes of an instance that are searched for missing parts."""
 
 
-def corrected_scale(node: Node) -> tuple[NDArray[np.float64], str]:
-    """Read a node's scale, with values that are invalid in Webots replaced by 1, and a note of the correction."""
+def corrected_scale(node: Node, notes: list[str]) -> NDArray[np.float64]:
+    """Read a node's scale, with values that are invalid in Webots replaced by 1 and noted."""
     scale = node.vector("scale", (1.0, 1.0, 1.0))
     wrong = scale == 0 if node.version >= _NEGATIVE_SCALES else scale <= 0
-    if not wrong.any():
-        return scale, ""
-    fixed = np.where(wrong, 1.0, scale)
-    return fixed, correction(node, "scale", scale, fixed)
+    return replaced(node, "scale", scale, np.where(wrong, 1.0, scale), notes) if wrong.any() else scale
+
+
+def is_human(name: str) -> bool:
+    """Return whether a Solid's name is that of a person."""
+    return any(word in name.lower() for word in ("human", "person", "pedestrian"))
 
 
 @dataclass(eq=False)
@@ -92,7 +92,7 @@ class Solid:
     def label(self) -> Label:
         """Choose the label by the rules of `warpvis.webots.load_webots`."""
         name = self.preferred_name.lower()
-        if self.human or any(fnmatch.fnmatchcase(name, pattern) for pattern in HUMANS):
+        if self.human or is_human(name):
             return Label.HUMAN
         if self.robots:
             return Label.ROBOT
@@ -159,25 +159,19 @@ def is_level(vertices: NDArray[np.float64], faces: NDArray[np.int32], up: int) -
     return bool((np.cross(b - a, c - a)[:, up] > 0).any())
 
 
-def vertical_axis(world: World) -> tuple[Literal["z", "y"], list[str]]:
-    """Find the vertical axis from WorldInfo's `coordinateSystem` ("ENU": z) or `gravity`, a vector in old releases.
-
-    Returns:
-        The axis, and notes of corrected fields.
-    """
-    notes = []
+def vertical_axis(world: World, notes: list[str]) -> Literal["z", "y"]:
+    """Find the vertical axis from WorldInfo's `coordinateSystem` ("ENU": z) or `gravity`, a vector in old releases."""
     info = next((node for node in world.nodes if node.type == "WorldInfo"), None)
     system, gravity = "", np.zeros(0)
     if info is not None:
         system, gravity = info.text("coordinateSystem", ""), info.numbers("gravity")
     if info is not None and system not in ("", "ENU", "NUE", "EUN"):
-        notes.append(correction(info, "coordinateSystem", system, "ENU"))
-        system = "ENU"
+        system = replaced(info, "coordinateSystem", system, "ENU", notes)
     if system:
-        return ("z" if system == "ENU" else "y"), notes
+        return "z" if system == "ENU" else "y"
     if len(gravity) == 3 and gravity.any():
-        return ("z" if abs(gravity[2]) > abs(gravity[1]) else "y"), notes
-    return ("z" if world.version >= _SCALAR_GRAVITY else "y"), notes
+        return "z" if abs(gravity[2]) > abs(gravity[1]) else "y"
+    return "z" if world.version >= _SCALAR_GRAVITY else "y"
 
 
 def names_of(names: Mapping[Solid, list[str]], solids: Iterable[Solid]) -> tuple[str, ...]:

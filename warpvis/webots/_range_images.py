@@ -7,7 +7,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,12 @@ from warpvis.errors import IntrinsicsWarning, SceneError
 from warpvis.rendering import Renderer, render_wide
 from warpvis.scene import Scene
 from warpvis.webots import _ranges as ranges
-from warpvis.webots._devices import Device
+from warpvis.webots._devices import Device, Projection
 from warpvis.webots._lidars import Lidar
 from warpvis.webots._nodes import Version
 from warpvis.webots._world import WebotsWorld
+
+_Item = TypeVar("_Item")
 
 
 def require_world(world: object) -> WebotsWorld:
@@ -37,11 +40,7 @@ def find_device(world: WebotsWorld, name: str) -> Device:
     Raises:
         SceneError: If the world has no such device.
     """
-    require_world(world)
-    if not isinstance(name, str) or name not in world.devices:
-        known = ", ".join(map(repr, world.devices)) or "none"
-        raise SceneError(f"the world has no device {name!r}; it has {known}")
-    return world.devices[name]
+    return _find(require_world(world).devices, "device", name)
 
 
 def render_range(
@@ -77,7 +76,7 @@ def render_range(
         FileFormatError: If `webots_version` is not a version.
     """
     device = find_device(world, device_name)
-    exclude = list(world.robots.get(device.robot, ())) if check_flag(exclude_body, "exclude_body") else []
+    exclude = _body(world, device, exclude_body)
     if webots_version is None:
         if device.bends:
             warnings.warn(
@@ -91,26 +90,14 @@ def render_range(
         raise SceneError(
             f"{device_name!r} is a camera, which has no ranges in Webots: omit webots_version for exact depth"
         )
-    version = world.version if str(webots_version) == "header" else Version.parse(webots_version)
-    pixels = None
+    version = _release(world, webots_version)
+    pixels = outside = None
     if device.bends and device.lens is not None:
         lens = device.lens
         pixels = ranges.distort_pixels(device.width, device.height, lens.center, lens.radial, lens.tangential)
-    values = ranges.range_values(
-        _drawn_depth(world.scene, device, exclude, threads, pixels)[None],
-        near=device.near,
-        min_range=device.min_range,
-        max_range=device.max_range,
-        version=version,
-        projection=device.projection,
-        near_bias=device.projection == "planar" and version < ranges.UNBIASED,
-    )
-    if pixels is not None:  # pixels that look outside of the undistorted image
-        size = (device.width, device.height)
-        values[0, ~((pixels >= 0) & (pixels < size)).all(axis=2)] = 0
-    if seed is not None:
-        values = ranges.add_noise(values, device.noise, device.max_range, version, seed)
-    return ranges.quantize(values, device.resolution)[0]
+        outside = ~((pixels >= 0) & (pixels < (device.width, device.height))).all(axis=2)
+    depth = _drawn_depth(world.scene, device, exclude, threads, pixels)[None]
+    return _measured(depth, device, version, device.projection, seed, outside)
 
 
 def _depth(
@@ -203,11 +190,7 @@ def find_lidar(world: WebotsWorld, name: str) -> Lidar:
     Raises:
         SceneError: If the world has no such lidar.
     """
-    require_world(world)
-    if not isinstance(name, str) or name not in world.lidars:
-        known = ", ".join(map(repr, world.lidars)) or "none"
-        raise SceneError(f"the world has no lidar {name!r}; it has {known}")
-    return world.lidars[name]
+    return _find(require_world(world).lidars, "lidar", name)
 
 
 def render_lidar(
@@ -246,30 +229,55 @@ def render_lidar(
         FileFormatError: If `webots_version` is not a version.
     """
     lidar = find_lidar(world, lidar_name)
-    exclude = (list(world.robots.get(lidar.robot, ())) if check_flag(exclude_body, "exclude_body") else []) or None
+    exclude = _body(world, lidar, exclude_body) or None
     if webots_version is None:
         seen = Renderer(world.scene, lidar.rays, outputs=("depth",), cull_backfaces=True, threads=threads)
         return seen.render(lidar.pose, exclude=exclude).depth.numpy()[0]
-    version = world.version if str(webots_version) == "header" else Version.parse(webots_version)
+    version = _release(world, webots_version)
     drawn = Renderer(
-        world.scene,
-        lidar.drawn_rays,
-        outputs=("depth",),
-        cull_backfaces=True,
-        near_plane="clip",
-        threads=threads,
+        world.scene, lidar.drawn_rays, outputs=("depth",), cull_backfaces=True, near_plane="clip", threads=threads
     )
     lengths = drawn.render(lidar.pose, exclude=exclude).depth.numpy()
-    planar = lidar.projection == "planar" and not lidar.rotates
+    if lidar.projection == "planar" and not lidar.rotates:
+        return _measured((lengths * lidar.cosines()).astype(np.float32), lidar, version, "planar", seed)
+    return _measured(lengths, lidar, version, "cylindrical", seed)
+
+
+def _find(known: Mapping[str, _Item], kind: str, name: str) -> _Item:
+    if not isinstance(name, str) or name not in known:
+        raise SceneError(f"the world has no {kind} {name!r}; it has {', '.join(map(repr, known)) or 'none'}")
+    return known[name]
+
+
+def _body(world: WebotsWorld, item: Device | Lidar, exclude_body: bool) -> list[str]:
+    """List the objects of an item's robot, if they are to be hidden."""
+    return list(world.robots.get(item.robot, ())) if check_flag(exclude_body, "exclude_body") else []
+
+
+def _release(world: WebotsWorld, name: str) -> Version:
+    return world.version if str(name) == "header" else Version.parse(name)
+
+
+def _measured(
+    depth: NDArray[np.float32],
+    item: Device | Lidar,
+    version: Version,
+    projection: Projection,
+    seed: int | None,
+    outside: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float32]:
+    """Convert exact ranges to those of a Webots release; pixels that look outside of an undistorted image are 0."""
     values = ranges.range_values(
-        (lengths * lidar.cosines()).astype(np.float32) if planar else lengths,
-        near=lidar.near,
-        min_range=lidar.min_range,
-        max_range=lidar.max_range,
+        depth,
+        near=item.near,
+        min_range=item.min_range,
+        max_range=item.max_range,
         version=version,
-        projection="planar" if planar else "cylindrical",
-        near_bias=planar and version < ranges.UNBIASED,
+        projection=projection,
+        near_bias=projection == "planar" and version < ranges.UNBIASED,
     )
+    if outside is not None:
+        values[0, outside] = 0
     if seed is not None:
-        values = ranges.add_noise(values, lidar.noise, lidar.max_range, version, seed)
-    return ranges.quantize(values, lidar.resolution)[0]
+        values = ranges.add_noise(values, item.noise, item.max_range, version, seed)
+    return ranges.quantize(values, item.resolution)[0]

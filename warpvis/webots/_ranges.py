@@ -71,7 +71,6 @@ def range_values(
         Values as received by Webots' controllers [m], shape ``(V, H, W)``.
 
     Raises:
-        ArrayError: If an argument is invalid.
         FileFormatError: If `version` is a text that is not a release.
     """
     release = as_version(version)
@@ -116,7 +115,6 @@ def add_noise(
         Noisy values [m], of the shape of `values`; +inf is unchanged. If `noise` is 0, all values are.
 
     Raises:
-        ArrayError: If an argument is invalid.
         FileFormatError: If `version` is a text that is not a release.
     """
     release = as_version(version)
@@ -181,9 +179,6 @@ def distort_pixels(
     Returns:
         Coordinates ``(x, y)`` [px] for `Renderer.render_at`, shape ``(height, width, 2)``; NaN where the formula is
         undefined. For coordinates outside the image, Webots writes 0.
-
-    Raises:
-        ArrayError: If an argument is invalid.
     """
     for name, value in (("width", width), ("height", height)):
         if not is_whole(value) or not 1 <= value < 2**31:

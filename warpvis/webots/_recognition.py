@@ -23,9 +23,8 @@ from warpvis.scene import Scene
 from warpvis.visibility import object_visibility
 from warpvis.webots._detection import Bounds, Box, Extent, Frustum, is_hidden, triangles_of
 from warpvis.webots._devices import Device
-from warpvis.webots._nodes import Node
+from warpvis.webots._nodes import Node, replaced
 from warpvis.webots._range_images import find_device
-from warpvis.webots.shapes._geometry import correction
 from warpvis.webots.shapes._polygons import join
 
 if TYPE_CHECKING:
@@ -211,16 +210,16 @@ def _limits(node: Node) -> tuple[float, int, int]:
         occlusion = node.integer("occlusionAccuracy", 1) if node.flag("occlusion", True) else 0
     else:
         occlusion = node.integer("occlusion", 1)
-    notes = []
+    notes: list[str] = []
     if reach <= 0:
-        notes.append(correction(node, "maxRange", reach, 100))
+        reach = replaced(node, "maxRange", reach, 100.0, notes)
     if max_objects < 1 and max_objects != -1:
-        notes.append(correction(node, "maxObjects", max_objects, -1))
+        max_objects = replaced(node, "maxObjects", max_objects, -1, notes)
     if occlusion not in (0, 1, 2):
-        notes.append(correction(node, "occlusion", occlusion, 1))
+        occlusion = replaced(node, "occlusion", occlusion, 1, notes)
     for note in notes:
         warnings.warn(note, stacklevel=3)
-    return reach if reach > 0 else 100.0, max(max_objects, -1) or -1, occlusion if occlusion in (0, 1, 2) else 1
+    return reach, max_objects, occlusion
 
 
 def _camera(device: Device, near: float, far: float) -> Camera | WideCamera:

@@ -6,14 +6,13 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import fnmatch
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
 from warpvis.core.checks import pluralize
@@ -28,7 +27,6 @@ from warpvis.webots._lights import LIGHTS, read_background, read_lights
 from warpvis.webots._materials import Surface, shape_appearance
 from warpvis.webots._nodes import Node, Transform, Value
 from warpvis.webots._parts import (
-    HUMANS,
     JOINTS,
     LINES,
     PARTS,
@@ -41,6 +39,7 @@ from warpvis.webots._parts import (
     Step,
     corrected_scale,
     expand_joint,
+    is_human,
     is_level,
     missing_parts,
     parts_of,
@@ -81,9 +80,9 @@ class Reader:
         self.bounds: dict[str, Extent] = {}  # Solids with recognitionColors
         self.lights: list[Light] = []
         self.background: Background | None = None
-        self.skipped: dict[str, int] = {}
-        self.below: dict[str, int] = {}  # number of nodes in the fields of skipped nodes
-        self.stand_ins: dict[str, int] = {}
+        self.skipped: Counter[str] = Counter()
+        self.below: Counter[str] = Counter()  # number of nodes in the fields of skipped nodes
+        self.stand_ins: Counter[str] = Counter()
         self.reasons: dict[str, str] = {}
         self.refused: list[str] = []
         self.notes: list[str] = []
@@ -95,8 +94,7 @@ class Reader:
         self._triangles = 0
         self._taken = {kind: Names() for kind in ("recognized", "devices", "lidars", "robots")}
         with self._leaving_out():
-            self.up, notes = vertical_axis(world)
-            self.notes += notes
+            self.up = vertical_axis(world, self.notes)
 
     def walk(self) -> None:
         """Visit all nodes, in the order of the file."""
@@ -142,12 +140,16 @@ class Reader:
         if node.type in SOLIDS:
             step = self._enter_solid(step)
         elif node.type in TRANSFORMS or node.type in PARTS:
-            transform = step.transform.within(node, self._scale(node)) if node.type in TRANSFORMS else step.transform
+            transform = (
+                step.transform.within(node, corrected_scale(node, self.notes))
+                if node.type in TRANSFORMS
+                else step.transform
+            )
             step = dataclasses.replace(step, transform=transform, called=node.name or step.called)
         else:
             return self._expand(step)
         if node.type == "Track" and node.nodes("animatedGeometry"):
-            self._skip("Track.animatedGeometry")
+            self.skipped["Track.animatedGeometry"] += 1
         return [dataclasses.replace(step, node=part, instances=()) for part in parts_of(node)]
 
     def _expand(self, step: Step) -> Iterable[Step]:
@@ -163,10 +165,11 @@ class Reader:
             return [dataclasses.replace(step, node=body, human=human, within=within, instances=instances)]
         substitute = None if self._strict else stand_in(node)
         if substitute is None:
-            self._skip(node.type, node.size - 1)
+            self.skipped[node.type] += 1
+            self.below[node.type] += node.size - 1
             self._lines.append((step.depth, f"{node.type}: skipped", None))
         else:
-            self._stand_in(node.type)
+            self.stand_ins[node.type] += 1
             self._lines.append((step.depth, f"{node.type}: a stand-in", None))
         shown = step
         if substitute is not None:
@@ -227,30 +230,30 @@ class Reader:
         if body is not None and body.type in GEOMETRIES:
             return body
         substitute = None if self._strict else stand_in_geometry(node)
-        if substitute is None:
-            self._skip(node.type)
-        else:
-            self._stand_in(node.type)
+        (self.skipped if substitute is None else self.stand_ins)[node.type] += 1
         return substitute
 
     def _enter_solid(self, step: Step) -> Step:
         """Collect a Solid, and return the step that its parts continue from."""
         node, name = step.node, self._solid_name(step)
         is_part = step.is_part
-        transform = step.transform.within(node, self._scale(node))
+        transform = step.transform.within(node, corrected_scale(node, self.notes))
         if not is_part:
             step = self._begin_solid(step, name)
         step = self._begin_extent(step, transform)
         robot = step.robots[-1] if step.robots else ""
         found: Device | Lidar | None = None
         with self._leaving_out():
-            found = read_device(node, transform.rotation, transform.offset, robot, step.within)
-            found = found or read_lidar(node, transform.rotation, transform.offset, robot)
+            found = read_device(node, transform.rigid(), robot, step.within) or read_lidar(
+                node, transform.rigid(), robot
+            )
         line = f"{step.instances[0].type if step.instances else node.type} {name!r}"
         line += f" (DEF {node.name})" if node.name else ""
         if found is not None:
             if step.origin:
-                found = found.at_origin_of(step.origin)
+                note = f"{found.name!r} is assumed to be at the origin of {step.origin}, "
+                note += "whose slots are unknown without its file"
+                found = dataclasses.replace(found, notes=(*found.notes, note))
             if isinstance(found, Lidar):
                 self.lidars[self._taken["lidars"].take(found.name)] = found
             else:
@@ -264,7 +267,7 @@ class Reader:
     def _begin_solid(self, step: Step, name: str) -> Step:
         """Begin an object, and register it with its robots and recognizable Solid."""
         node = step.node
-        human = step.human or any(fnmatch.fnmatchcase(name.lower(), pattern) for pattern in HUMANS)
+        human = step.human or is_human(name)
         robots, recognized = step.robots, step.recognized
         if node.type in ROBOTS:
             robots = (*robots, self._add_robot(name))
@@ -339,7 +342,7 @@ class Reader:
                     mesh = tessellate(fixed, resolve=self.find_mesh)
                     self.notes += notes
             except MissingMeshError:
-                self._skip(f"{geometry.type} {' '.join(geometry.texts('url'))}".strip())
+                self.skipped[f"{geometry.type} {' '.join(geometry.texts('url'))}".strip()] += 1
             known = self._meshes[id(geometry)] = (geometry, mesh)
         return known[1]
 
@@ -363,22 +366,10 @@ class Reader:
         self.robots[name] = []
         return name
 
-    def _scale(self, node: Node) -> NDArray[np.float64]:
-        scale, note = corrected_scale(node)
-        self.notes += [note] if note else []
-        return scale
-
     def corrections(self) -> tuple[str, ...]:
         """List the corrections of invalid fields, the same that Webots makes."""
         found: list[Device | Lidar] = [*self.devices.values(), *self.lidars.values()]
         return tuple(dict.fromkeys([note for item in found for note in item.notes] + self.notes))
-
-    def _skip(self, kind: str, below: int = 0) -> None:
-        self.skipped[kind] = self.skipped.get(kind, 0) + 1
-        self.below[kind] = self.below.get(kind, 0) + below
-
-    def _stand_in(self, kind: str) -> None:
-        self.stand_ins[kind] = self.stand_ins.get(kind, 0) + 1
 
     def describe(self, names: Mapping[Solid, list[str]]) -> str:
         """Format the tree of collected nodes, one per line, indented by depth."""

@@ -14,7 +14,8 @@ import numpy as np
 
 from warpvis.cameras import CalibratedCamera
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.checks import describe_exception, truncate
+from warpvis.core.checks import truncate
+from warpvis.core.file_content import reading
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.io._archives import check_mcap
@@ -82,7 +83,7 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise FileFormatError(f"{path}: is a folder without metadata.yaml, so it is not a ROS 2 bag; give a pose file")
     name, _, child = (topic or "").partition(":")
-    try:
+    with reading(path, "a ROS 2 bag"):
         check_mcap(path)
         store = get_typestore(Stores.LATEST)
         with Reader(path) as reader:
@@ -98,12 +99,6 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
             infos = [item for item in reader.connections if item.msgtype == _CAMERA_INFO]
             cameras = [next(reader.messages([item]), None) for item in infos]
             found: list[Any] = [store.deserialize_cdr(first[2], _CAMERA_INFO) for first in cameras if first is not None]
-    except FileFormatError:
-        raise
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
-    except Exception as error:  # damaged bags may raise any exception
-        raise FileFormatError(f"{path}: cannot be read as a ROS 2 bag: {describe_exception(error)}") from None
     return _as_poses(
         path,
         name,

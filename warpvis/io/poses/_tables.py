@@ -18,11 +18,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_path, describe_exception, pluralize, truncate
+from warpvis.core.checks import as_path, pluralize, truncate
+from warpvis.core.file_content import reading
 from warpvis.core.poses import LENGTH_TOLERANCE
 from warpvis.errors import FileFormatError
 from warpvis.io._archives import check_unpacked
-from warpvis.io._files import read_lines, shorten
+from warpvis.io._files import read_lines, read_rows, shorten
 from warpvis.io.poses._file_poses import FilePoses
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def read_parquet(path: Path) -> FilePoses:
         raise FileFormatError(
             f"{path}: Parquet files are read with pyarrow, which is missing: pip install 'warpvis[dataset]'"
         ) from None
-    try:
+    with reading(path, "Parquet"):
         with parquet.ParquetFile(path) as file:
             names = file.schema_arrow.names
             columns = _find_columns(names, str(path))
@@ -90,12 +91,6 @@ def read_parquet(path: Path) -> FilePoses:
             table = file.read(columns=[names[index] for index in columns.values()])
         values = {name: table.column(table.column_names.index(names[index])) for name, index in columns.items()}
         arrays = [_as_floats(value, f"{path}: column {name}") for name, value in values.items()]
-    except FileFormatError:
-        raise
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or describe_exception(error)}") from None
-    except Exception as error:  # damaged files may raise any exception
-        raise FileFormatError(f"{path}: cannot be read as Parquet: {describe_exception(error)}") from None
     return _as_poses(np.stack(arrays, axis=1), list(columns), lambda index: f"{path}: row {index}")
 
 
@@ -157,12 +152,7 @@ def read_poses(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArr
         FileFormatError: If the file is missing or contains no poses, or a line is malformed; the message names it.
     """
     path = as_path(path)
-    lines = read_lines(path, _LINE)
-    rows = [
-        _parse_line(line, f"{path}:{number}")
-        for number, line in enumerate(lines, start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+    rows = [_parse_line(line, place) for place, line in read_rows(path, _LINE)]
     if not rows:
         raise FileFormatError(f"{path}: holds no lines '{_LINE}'")
     table = np.array(rows)

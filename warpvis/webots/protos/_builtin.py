@@ -13,18 +13,14 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.webots._nodes import Node, Value, Version, new_node
+from warpvis.webots._nodes import Node, Version, new_node
+from warpvis.webots.protos._known import Vector, box_at, in_axes, numbers, shape_at, solid_of
 from warpvis.webots.shapes._geometry import revolve, turned
 from warpvis.webots.shapes._polygons import positive, positives, refuse, whole
-
-Vector: TypeAlias = Sequence[float] | NDArray[np.float64]
-
-_COPIED_FIELDS = ("translation", "rotation", "recognitionColors")
 
 
 def expand(node: Node) -> Node | None:
@@ -40,18 +36,16 @@ def expand(node: Node) -> Node | None:
     if node.type not in _EXPANDERS:
         return None
     make, name = _EXPANDERS[node.type]
-    fields: dict[str, Value] = {field: node.fields[field] for field in _COPIED_FIELDS if field in node.fields}
-    if "translation" not in fields and node.type in _LIFTED:
+    solid = solid_of(node, make(node), name)
+    if "translation" not in solid.fields and node.type in _LIFTED:
         since, height = _LIFTED[node.type]
-        fields["translation"] = _list(_space(node, 0, 0, height if node.version >= since else 0.0))
-    fields["name"] = [node.text("name", name)]
-    fields["children"] = list(make(node))
-    return new_node(node, "Solid", fields, node.name)
+        solid.fields["translation"] = numbers(in_axes(node, (0, 0, height if node.version >= since else 0.0), "z"))
+    return solid
 
 
 def _floor(node: Node, field: str = "size", default: tuple[float, float] = (10, 10)) -> Iterable[Node]:
     """Build one level rectangle that faces up, regardless of texture sizes and subdivisions."""
-    yield _shape(node, "Plane", {"size": _list(positives(node, field, default))})
+    yield shape_at(node, new_node(node, "Plane", {"size": numbers(positives(node, field, default))}))
 
 
 def _rectangle_arena(node: Node) -> Iterable[Node]:
@@ -62,8 +56,8 @@ def _rectangle_arena(node: Node) -> Iterable[Node]:
     longer = x + 2 * thickness
     for sign in (-1, 1):
         wall_x, wall_y = sign * (x + thickness) / 2, sign * (y + thickness) / 2
-        yield _box(node, _level(node, thickness, y, height), _level(node, wall_x, 0, height / 2))
-        yield _box(node, _level(node, longer, thickness, height), _level(node, 0, wall_y, height / 2))
+        yield box_at(node, _level(node, thickness, y, height), _level(node, wall_x, 0, height / 2))
+        yield box_at(node, _level(node, longer, thickness, height), _level(node, 0, wall_y, height / 2))
 
 
 def _circle_arena(node: Node) -> Iterable[Node]:
@@ -89,13 +83,13 @@ def _wall(node: Node) -> Iterable[Node]:
 
 def _solid_box(node: Node) -> Iterable[Node]:
     """Build a box centered on its origin, of size x y z in both conventions."""
-    yield _box(node, positives(_with_default_size(node), "size", (2, 2, 2)), (0, 0, 0))
+    yield box_at(node, positives(_with_default_size(node), "size", (2, 2, 2)))
 
 
 def _wooden_box(node: Node) -> Iterable[Node]:
     """Build a box centered on its origin, with sides of 0.01 to 3 m."""
     size = positives(node, "size", (0.6, 0.6, 0.6))
-    yield _box(node, [_changed(node, "size", side, 0.01, 3) for side in size], (0, 0, 0))
+    yield box_at(node, [_changed(node, "size", side, 0.01, 3) for side in size])
 
 
 def _cardboard_box(node: Node) -> Iterable[Node]:
@@ -110,7 +104,7 @@ def _cardboard_box(node: Node) -> Iterable[Node]:
         size = np.full(3, 0.6)
     size = np.array([_changed(node, "size", side, 0.01, 2.5) for side in size])
     if node.version < Version(2023, 1):
-        yield _box(node, 0.9966 * size, (0, 0, 0))
+        yield box_at(node, 0.9966 * size)
         return
     thin, angle = 0.0005, node.number("lidAngle", 0.0)
     x, _, z = size / 2
@@ -121,10 +115,12 @@ def _cardboard_box(node: Node) -> Iterable[Node]:
             place = np.zeros(3)
             place[axis] = side * (size[axis] - thin) / 2
             if (axis, side) != (2, 1):
-                yield _box(node, panel, place)
-    lid = _shape(node, "Box", {"size": _list([size[0] - 0.0001, size[1] - 0.0001, thin])})
+                yield box_at(node, panel, place)
+    lid = box_at(node, [size[0] - 0.0001, size[1] - 0.0001, thin])
     hinge = [x * (np.cos(angle) - 1), 0, z - thin / 2 + x * np.sin(angle)]
-    yield new_node(node, "Pose", {"translation": _list(hinge), "rotation": _list([0, 1, 0, -angle]), "children": [lid]})
+    yield new_node(
+        node, "Pose", {"translation": numbers(hinge), "rotation": numbers([0, 1, 0, -angle]), "children": [lid]}
+    )
 
 
 def _table(node: Node) -> Iterable[Node]:
@@ -241,14 +237,11 @@ def _cabinet(node: Node) -> Iterable[Node]:
             size = (*(inner + high - low), 0.995 * (depth - outer - inner))
             yield _part(node, size, (*(place + offset), (depth + outer - inner) / 2 + offset))
         else:
-            yield from _front(node, 0.995 * (high - low), place, depth, inner)
+            yield _part(
+                node, (*(0.995 * (high - low)), inner), (*place, depth - inner / 2)
+            )  # a closed door, or a front
             if item[1] == "Drawer":
                 yield from _drawer(node, 0.995 * (high - low), place, depth, 0.995 * (depth - outer), inner)
-
-
-def _front(node: Node, size: Vector, place: Vector, depth: float, thick: float) -> Iterable[Node]:
-    """Build a closed door or the front of a drawer."""
-    yield _part(node, (*size, thick), (*place, depth - thick / 2))
 
 
 def _drawer(node: Node, size: Vector, place: Vector, depth: float, deep: float, thick: float) -> Iterable[Node]:
@@ -314,11 +307,6 @@ def _check(node: Node, right: bool, expected: str, got: str) -> None:
         refuse(node, expected, got)
 
 
-def _space(node: Node, along: float, across: float, up: float) -> tuple[float, float, float]:
-    """Convert lengths along, across and up to a vector x y z."""
-    return (across, along, up) if node.version.z_up else (along, up, across)
-
-
 def _level(node: Node, first: float, second: float, up: float) -> tuple[float, float, float]:
     """Convert lengths along x, the other level axis and up to a vector x y z, in both conventions."""
     return (first, second, up) if node.version.z_up else (first, up, second)
@@ -326,15 +314,7 @@ def _level(node: Node, first: float, second: float, up: float) -> tuple[float, f
 
 def _part(node: Node, size: Vector, place: Vector) -> Node:
     """Build a box from its size and center, both along, up, across."""
-    return _box(node, *(_space(node, along, across, up) for along, up, across in (size, place)))
-
-
-def _box(node: Node, size: Vector, place: Vector) -> Node:
-    """Build a box from its size and center, both x y z."""
-    shape = _shape(node, "Box", {"size": _list(size)})
-    if not np.any(place):
-        return shape
-    return new_node(node, "Pose", {"translation": _list(place), "children": [shape]})
+    return box_at(node, *(in_axes(node, (across, along, up), "z") for along, up, across in (size, place)))
 
 
 def _face_set(node: Node, profile: Sequence[tuple[float, float]], corners: int, revolutions: float) -> Node:
@@ -345,17 +325,10 @@ def _face_set(node: Node, profile: Sequence[tuple[float, float]], corners: int, 
     c, s = np.cos(2 * np.pi * revolutions), np.sin(2 * np.pi * revolutions)
     vertices = np.stack([c * x - s * y, s * x + c * y, z], axis=1)
     points = vertices if node.version.z_up else turned(vertices)
-    coord = new_node(node, "Coordinate", {"point": _list(points.ravel())})
+    coord = new_node(node, "Coordinate", {"point": numbers(points.ravel())})
     index = np.concatenate([faces, np.full((len(faces), 1), -1)], axis=1)
-    return _shape(node, "IndexedFaceSet", {"coord": coord, "coordIndex": _list(index.ravel())})
-
-
-def _shape(node: Node, geometry: str, fields: dict[str, Value]) -> Node:
-    return new_node(node, "Shape", {"geometry": new_node(node, geometry, fields)})
-
-
-def _list(numbers: Vector | NDArray) -> list[float | str | bool | Node]:
-    return [float(number) for number in numbers]
+    faces = new_node(node, "IndexedFaceSet", {"coord": coord, "coordIndex": numbers(index.ravel())})
+    return shape_at(node, faces)
 
 
 _EXPANDERS: dict[str, tuple[Callable[[Node], Iterable[Node]], str]] = {

@@ -8,12 +8,18 @@ too coarse, the sizes in the files' descriptions. Axes are those since R2022a: x
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from warpvis.webots._nodes import Node, Value, new_node
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.webots._nodes import Node, new_node
 
 _Sides: TypeAlias = tuple[float, float, float]
+Vector: TypeAlias = Sequence[float] | NDArray[np.float64]
+Ahead: TypeAlias = Literal["x", "-x", "-z", "z"]
 Piece: TypeAlias = tuple[_Sides, _Sides]
 """A box: size and center [m]."""
 
@@ -24,7 +30,7 @@ class Known:
 
     pieces: tuple[Piece, ...]
     """Its boxes."""
-    ahead: Literal["x", "-x", "-z", "z"] = "x"
+    ahead: Ahead = "x"
     """The axis before R2022a (y up) that corresponds to x; it differs between PROTOs."""
     name: str = ""
     """Its default name, if it differs from its type in words."""
@@ -186,34 +192,45 @@ KNOWN: dict[str, Known] = {
 def known_shapes(node: Node, known: Known) -> list[Node]:
     """Build the boxes of an instance, in the axes of its version."""
     lift = 0.0 if node.version.z_up else known.old_lift
-    return [
-        box_at(node, sides(node, size, known), place_in(node, (x, y, z - lift), known))
+    boxes = [
+        (in_axes(node, size, known.ahead), in_axes(node, (x, y, z - lift), known.ahead))
         for size, (x, y, z) in known.pieces
     ]
+    return [box_at(node, [*map(abs, size)], place) for size, place in boxes]
 
 
-def sides(node: Node, size: _Sides, known: Known) -> _Sides:
-    """Convert a size to the axes of a node's version."""
-    return tuple(map(abs, place_in(node, size, known)))  # type: ignore[return-value]
-
-
-def place_in(node: Node, place: _Sides, known: Known) -> _Sides:
-    """Convert a position to the axes of a node's version."""
-    if node.version.z_up:
-        return place
+def in_axes(node: Node, place: Vector, ahead: Ahead) -> _Sides:
+    """Convert a position or size to the axes of a node's version; `ahead` is the axis before R2022a for x."""
     x, y, z = place
-    return {"x": (x, z, -y), "-x": (-x, z, y), "-z": (-y, z, -x), "z": (y, z, x)}[known.ahead]
+    if node.version.z_up:
+        return x, y, z
+    return {"x": (x, z, -y), "-x": (-x, z, y), "-z": (-y, z, -x), "z": (y, z, x)}[ahead]
 
 
-def box_at(node: Node, size: tuple[float, ...], place: tuple[float, ...]) -> Node:
+def numbers(values: Iterable[float]) -> list[float | str | bool | Node]:
+    """Convert numbers to the value of a field."""
+    return [float(value) for value in values]
+
+
+def solid_of(
+    node: Node,
+    children: Iterable[Node],
+    default_name: str = "",
+    copied: Sequence[str] = ("translation", "rotation", "recognitionColors"),
+) -> Node:
+    """Build a Solid in place of an instance, with its name and the fields in `copied`."""
+    fields = {field: node.fields[field] for field in copied if field in node.fields}
+    if default_name or "name" in node.fields:
+        fields["name"] = [node.text("name", default_name)]
+    return new_node(node, "Solid", {**fields, "children": [*children]}, node.name)
+
+
+def box_at(node: Node, size: Vector, place: Vector = (0.0, 0.0, 0.0)) -> Node:
     """Build a Shape of a Box centered on a position."""
-    return shape_at(node, new_node(node, "Box", {"size": [*size]}), place)
+    return shape_at(node, new_node(node, "Box", {"size": numbers(size)}), place)
 
 
-def shape_at(node: Node, geometry: Node, place: tuple[float, ...]) -> Node:
+def shape_at(node: Node, geometry: Node, place: Vector = (0.0, 0.0, 0.0)) -> Node:
     """Build a Shape of a geometry centered on a position."""
     shape = new_node(node, "Shape", {"geometry": geometry})
-    if not any(place):
-        return shape
-    fields: dict[str, Value] = {"translation": [*place], "children": [shape]}
-    return new_node(node, "Pose", fields)
+    return new_node(node, "Pose", {"translation": numbers(place), "children": [shape]}) if any(place) else shape

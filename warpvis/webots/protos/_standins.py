@@ -15,7 +15,7 @@ import numpy as np
 
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, Version, new_node
-from warpvis.webots.protos._known import KNOWN, box_at, known_shapes, shape_at
+from warpvis.webots.protos._known import KNOWN, box_at, in_axes, known_shapes, numbers, shape_at, solid_of
 
 # Capsules of a pedestrian with hanging arms: end points (across, along, up) relative to the origin, radius [m].
 _LIMBS = (
@@ -53,8 +53,9 @@ def stand_in(node: Node) -> Node | None:
         return _pedestrian(node)
     if node.type in KNOWN:
         known = KNOWN[node.type]
-        furniture = _solid(node, known_shapes(node, known))
-        furniture.fields.setdefault("name", [known.name or _default_name(node.type)])
+        # Webots' furniture is named by its type in words: "office chair" for OfficeChair.
+        default_name = known.name or re.sub(r"(?<!^)(?=[A-Z])", " ", node.type).lower()
+        furniture = solid_of(node, known_shapes(node, known), default_name)
         if node.version.z_up:
             furniture.fields.setdefault("translation", [*known.translation])
         return furniture
@@ -67,8 +68,8 @@ def stand_in(node: Node) -> Node | None:
     place = tuple(size[up] / 2 * (lifted and axis == up) for axis in range(3))
     lengths: dict[str, Value] = {name: node.fields[name] for name in ("radius", "height") if name in node.fields}
     if len(lengths) < 2 or len(node.numbers("size")) == 3:
-        return _solid(node, [box_at(node, size, place)])
-    return _solid(node, [shape_at(node, new_node(node, "Cylinder", lengths), place)])
+        return solid_of(node, [box_at(node, size, place)])
+    return solid_of(node, [shape_at(node, new_node(node, "Cylinder", lengths), place)])
 
 
 def stand_in_geometry(node: Node) -> Node | None:
@@ -77,17 +78,12 @@ def stand_in_geometry(node: Node) -> Node | None:
     return None if size is None else new_node(node, "Box", {"size": [*size]}, node.name)
 
 
-def _default_name(proto: str) -> str:
-    """Return the default name of Webots' furniture, its type in words: "office chair" for OfficeChair."""
-    return re.sub(r"(?<!^)(?=[A-Z])", " ", proto).lower()
-
-
 def _size_of(node: Node) -> tuple[float, ...] | None:
     """Read the size of an instance from its fields [m]; return None if it has no valid size."""
     try:
         if node.type == "WoodenPalletStack":
             up = 2 if node.version.z_up else 1
-            pallet = node.vector("palletSize", _axes(node, 1.2, 0.8, 0.14))
+            pallet = node.vector("palletSize", in_axes(node, (1.2, 0.8, 0.14), "z"))
             pallet[up] *= node.integer("palletNumber", 8)
             return tuple(pallet.tolist()) if (pallet > 0).all() else None
         size = node.numbers("size")
@@ -96,43 +92,31 @@ def _size_of(node: Node) -> tuple[float, ...] | None:
         return None
     if len(size) == 3 and (size > 0).all():
         return tuple(map(float, size))
-    return _axes(node, 2 * radius, 2 * radius, height) if radius > 0 and height > 0 else None
+    return in_axes(node, (2 * radius, 2 * radius, height), "z") if radius > 0 and height > 0 else None
 
 
 def _pedestrian(node: Node) -> Node:
     shapes = []
     for first, second, radius in _LIMBS:
-        one, other = (np.array(_axes(node, *end)) for end in (first, second))
+        one, other = (np.array(in_axes(node, end, "z")) for end in (first, second))
         along = one - other
         height = float(np.linalg.norm(along))
-        upright = np.array(_axes(node, 0.0, 0.0, 1.0))
+        upright = np.array(in_axes(node, (0.0, 0.0, 1.0), "z"))
         axis, angle = np.cross(upright, along / height), float(np.arccos(np.clip(along @ upright / height, -1, 1)))
         if not axis.any():
             axis = np.array([1.0, 0.0, 0.0])
         capsule = new_node(node, "Capsule", {"radius": [radius], "height": [height]})
         fields: dict[str, Value] = {
-            "translation": [*map(float, (one + other) / 2)],
-            "rotation": [*map(float, axis), angle],
-            "children": [new_node(node, "Shape", {"geometry": capsule})],
+            "translation": numbers((one + other) / 2),
+            "rotation": numbers((*axis, angle)),
+            "children": [shape_at(node, capsule)],
         }
         shapes.append(new_node(node, "Pose", fields))
-    body = _solid(node, shapes)
-    body.fields.setdefault("translation", [*_axes(node, 0.0, 0.0, _STANDING)])
-    body.fields["name"] = [node.text("name", "pedestrian")]
+    body = solid_of(node, shapes, "pedestrian")
+    body.fields.setdefault("translation", [*in_axes(node, (0.0, 0.0, _STANDING), "z")])
     colors = [node.vector("shirtColor", (0.25, 0.55, 0.2)), node.vector("pantsColor", (0.24, 0.25, 0.5))]
     body.fields["recognitionColors"] = [*np.concatenate(colors).tolist()]
     return body
-
-
-def _solid(node: Node, children: list[Node]) -> Node:
-    copied = ("translation", "rotation", "recognitionColors", "name")
-    fields = {field: node.fields[field] for field in copied if field in node.fields}
-    return new_node(node, "Solid", {**fields, "children": [*children]}, node.name)
-
-
-def _axes(node: Node, across: float, along: float, up: float) -> tuple[float, float, float]:
-    """Convert lengths to the axes of the node's version: x, y and z, or before R2022a z, x and y."""
-    return (across, along, up) if node.version.z_up else (along, up, across)
 
 
 def expand_depth_camera(node: Node) -> Node | None:
@@ -172,12 +156,11 @@ def _kinect(node: Node) -> Node:
         "noise": [node.number("rangeNoise", 0.0)],
     }
     head["children"] = [
-        _box(node, _KINECT_SIZE),
+        box_at(node, _KINECT_SIZE),
         new_node(node, "Camera", {**camera, "translation": [*right], "name": [f"{name} color"]}),
         new_node(node, "RangeFinder", {**camera, **ranges, "translation": [*left]}),
     ]
-    fields: dict[str, Value] = {"name": [node.text("name", "Kinect")], "children": [new_node(node, "Pose", head)]}
-    return new_node(node, "Solid", {**_placed(node), **fields}, node.name)
+    return solid_of(node, [new_node(node, "Pose", head)], "Kinect", ("translation", "rotation"))
 
 
 def _astra(node: Node) -> Node:
@@ -191,27 +174,12 @@ def _astra(node: Node) -> Node:
         "maxRange": [_ASTRA_RANGE[1]],
         "noise": [node.number("rangeNoise", 0.0)],
     }
-    parts: list[float | str | bool | Node] = []
+    parts: list[Node] = []
     for size, place in (((0.04, 0.165, 0.029), (-0.001, 0.0, 0.007)), ((0.061, 0.06, 0.014), (-0.016, 0.0, -0.02))):
-        position = _camera_axes(node, place[0] + forward, place[1], place[2] + up)
-        box = _box(node, [abs(side) for side in _camera_axes(node, *size)])
-        parts.append(new_node(node, "Pose", {"translation": [*position], "children": [box]}))
+        position = in_axes(node, (place[0] + forward, place[1], place[2] + up), "-z")
+        parts.append(box_at(node, [*map(abs, in_axes(node, size, "-z"))], position))
     color: dict[str, Value] = {"name": [f"{name} rgb"]}
     for kind, offset, more in (("Camera", 0.011, color), ("RangeFinder", 0.037, ranges)):
-        position = _camera_axes(node, 0.02 + forward, offset, 0.007 + up)
+        position = in_axes(node, (0.02 + forward, offset, 0.007 + up), "-z")
         parts.append(new_node(node, kind, {**camera, **more, "translation": [*position]}))
-    fields: dict[str, Value] = {"name": [name], "children": parts}
-    return new_node(node, "Solid", {**_placed(node), **fields}, node.name)
-
-
-def _placed(node: Node) -> dict[str, Value]:
-    return {name: node.fields[name] for name in ("translation", "rotation") if name in node.fields}
-
-
-def _camera_axes(node: Node, forward: float, left: float, up: float) -> tuple[float, float, float]:
-    """Order lengths along the axes of the node's version: x forward and z up, or x to the right and y up."""
-    return (forward, left, up) if node.version.z_up else (-left, up, -forward)
-
-
-def _box(node: Node, size: list[float] | tuple[float, float, float]) -> Node:
-    return new_node(node, "Shape", {"geometry": new_node(node, "Box", {"size": [*size]})})
+    return solid_of(node, parts, "Astra", ("translation", "rotation"))

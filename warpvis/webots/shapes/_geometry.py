@@ -25,7 +25,7 @@ from warpvis.core.file_content import require_content
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.scene.collada import frame_of, without_skins
-from warpvis.webots._nodes import Node, Value, Version
+from warpvis.webots._nodes import Node, Value, Version, correction
 from warpvis.webots._urls import with_slashes
 from warpvis.webots.shapes._polygons import (
     Triangles,
@@ -327,16 +327,6 @@ def reset_fields(node: Node) -> tuple[Node, list[str]]:
                 f"{node.file}:{node.line}: {dropped} faces of {node.type} have invalid indices and are skipped"
             )
     return (dataclasses.replace(node, fields={**node.fields, **fixes}) if fixes else node), notes
-
-
-def correction(node: Node, field: str, original: ArrayLike, replacement: ArrayLike) -> str:
-    """Return a note that a field's value was replaced."""
-    before, after = (_shown(value) for value in (original, replacement))
-    return f"{node.file}:{node.line}: {field} {before} of {node.type} is replaced by {after}"
-
-
-def _shown(value: ArrayLike) -> str:
-    return " ".join(f"{item:g}" if isinstance(item, float | int) else f"{item}" for item in np.ravel(value).tolist())
 
 
 def _wrong_numbers(node: Node) -> Iterator[tuple[str, ArrayLike, tuple[float, ...]]]:
