@@ -60,9 +60,7 @@ def check_unpacked(path: Path, size: int, fix: str = "unpack it first") -> None:
 def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
     """Return the files of an archive by name, in order; a compressed file is named without its suffix.
 
-    Args:
-        path: The archive; its suffix determines the kind.
-        zipped: Content of a ZIP file with any name.
+    The suffix of `path` determines the kind; `zipped` is the content of a ZIP file with any name.
     """
     found: dict[str, bytes] = {}
     size = 0
@@ -109,11 +107,7 @@ def _members(path: Path, zipped: bytes | None) -> Iterator[tuple[str, _Stream, i
 
 
 def check_mcap(bag: Path) -> None:
-    """Reject MCAP files of a bag in which a record is longer than the file, or a chunk unpacks to more than 1 GiB.
-
-    Args:
-        bag: A file, or a folder of files; files with other suffixes are skipped.
-    """
+    """Reject MCAP files of a bag with a record longer than the file, or a chunk that unpacks to more than 1 GiB."""
     for path in sorted(bag.glob("*.mcap")) if bag.is_dir() else [bag]:
         if path.suffix.lower() == ".mcap" and path.is_file():
             _check_mcap_file(path)

@@ -78,12 +78,7 @@ def warn_of_lost(depth: NDArray[np.floating], units: NDArray[np.uint16], scale: 
 
 
 def units_to_depth(units: NDArray[np.integer], unit: float) -> NDArray[np.float32]:
-    """Return depth [m] from whole units; NaN where they are 0, or 65535 in a 16-bit array.
-
-    Args:
-        units: Depth in units, any shape.
-        unit: Length of a unit [m].
-    """
+    """Return depth [m] from whole units of a length [m]; NaN where they are 0, or 65535 in a 16-bit array."""
     depth = (units * float(unit)).astype(np.float32)
     depth[missing_units(units)] = np.nan
     return depth

@@ -32,13 +32,7 @@ def read_array(path: Path) -> NDArray[np.generic]:
 
 
 def read_archive(path: Path, selected: Sequence[str], needed: str) -> dict[str, NDArray[np.generic]]:
-    """Read selected arrays of a ``.npz`` file.
-
-    Args:
-        path: The file.
-        selected: Names of the arrays; others are not read.
-        needed: Name of the required array.
-    """
+    """Read the arrays `selected` of a ``.npz`` file, of which `needed` is required; others are not read."""
     loaded = _load_numpy(path, "NPZ")
     if not isinstance(loaded, NpzFile):
         raise FileFormatError(f"{path}: cannot be read as NPZ: it is one array")
@@ -69,13 +63,7 @@ def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
 
 
 def as_numbers(value: Json, shape: tuple[int, ...], location: str) -> NDArray[np.float64]:
-    """Convert a JSON value to an array of finite numbers.
-
-    Args:
-        value: Nested lists of numbers; Booleans are not numbers.
-        shape: Expected shape.
-        location: Beginning of the message: the location of the value, and its name.
-    """
+    """Convert a JSON value to an array of finite numbers; `location` begins the message: its location, and its name."""
     leaves = _leaves(value, shape)
     if leaves is not None and all(type(leaf) is float or type(leaf) is int for leaf in leaves):
         try:

@@ -55,11 +55,8 @@ _LIGHT_KINDS = ("directional", "point", "spot")
 def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
     """Read the meshes of a file's default scene, in depth-first order of its nodes.
 
-    Args:
-        name: Name of the file, for warnings.
-        file: Its bytes, ``.gltf`` or ``.glb``.
-        find: Reads the buffers that it references.
-        locate: Finds the images that it references.
+    `name` is for warnings; `find` reads the buffers that the file references, `locate` finds the images. Malformed
+    files may raise any exception.
     """
     data = GltfData(file, find)
     unread = [name for name in data.names("extensionsRequired") if name not in _READ and not _HARMLESS.match(name)]
@@ -240,10 +237,7 @@ def _faces(corners: NDArray[np.integer], mode: int) -> NDArray[np.integer]:
 def gltf_light(root: Any, node: dict[str, Any], placement: NDArray[np.float64]) -> Light | None:
     """Read the light of a node, which shines along its -z; scale does not affect it. None for nodes without a light.
 
-    Args:
-        root: The file's ``extensions``.
-        node: The node.
-        placement: Matrix from the node to the file's frame, ``(4, 4)``.
+    `root` is the file's ``extensions``, and `placement` the matrix from the node to the file's frame.
     """
     packed = (node.get("extensions") or {}).get(_LIGHTS)
     if packed is None:

@@ -37,12 +37,7 @@ class GltfData:
     """The JSON of a glTF file, and its buffers."""
 
     def __init__(self, file: bytes, find: Find) -> None:
-        """Parse the JSON of a file; its first bytes tell ``.gltf`` and ``.glb`` apart.
-
-        Args:
-            file: Its bytes.
-            find: Reads its buffers.
-        """
+        """Parse the JSON of a file, ``.gltf`` or ``.glb`` by its first bytes; `find` reads its buffers."""
         self._find = find
         self._chunk: bytes | None = None
         text = file

@@ -165,12 +165,7 @@ class Shape:
     ) -> Iterator[FileMesh]:
         """Yield the mesh at placements: with poses that share it, or in the file's frame where it cannot be decomposed.
 
-        Args:
-            names: One name per placement.
-            placements: From the mesh to the file's frame, shape ``(n, 4, 4)``.
-            parts: These, decomposed.
-            extras: Metadata of all of them.
-            movable: Whether movable objects share it, too.
+        `parts` are the placements, decomposed; if `movable`, movable objects share the mesh, too.
         """
         sizes = _sizes(parts.factors)
         for name, matrix, size, factors, row, fits in zip(names, placements, sizes, *parts, strict=True):
@@ -195,14 +190,7 @@ def _sizes(factors: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 def morphed(data: GltfData, vertices: NDArray[np.float64], targets: Json, weights: Json) -> NDArray[np.float64]:
-    """Apply the morph targets (3.7.2.2) that have a nonzero weight.
-
-    Args:
-        data: The file.
-        vertices: Shape ``(n, 3)``.
-        targets: Targets of the primitive.
-        weights: Weights of the node, or else of the mesh; None if neither has any.
-    """
+    """Apply the morph targets (3.7.2.2) that have a nonzero weight; None if node and mesh have no weights."""
     if not (isinstance(targets, list) and isinstance(weights, list)):
         return vertices
     for target, weight in zip(targets, weights, strict=False):
@@ -219,15 +207,9 @@ def morphed(data: GltfData, vertices: NDArray[np.float64], targets: Json, weight
 def skinned(
     vertices: NDArray[np.float64], attributes: dict[str, Any], rows: Rows, joints: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Apply the skin (3.7.3.3) to vertices; the result is in the file's frame.
+    """Apply the skin (3.7.3.3), with the result of `joint_matrices`, to vertices; the result is in the file's frame.
 
-    Vertices whose weights are all 0 do not move.
-
-    Args:
-        vertices: Shape ``(n, 3)``.
-        attributes: Attributes of the primitive: ``JOINTS_0``, ``WEIGHTS_0``, ``JOINTS_1``, ...
-        rows: Reads one of them.
-        joints: Result of `joint_matrices`.
+    Vertices whose weights are all 0 do not move. `rows` reads an attribute: ``JOINTS_0``, ``WEIGHTS_0``, ...
     """
     transforms, total = np.zeros((len(vertices), 4, 4)), np.zeros(len(vertices))
     for number in range(_MAX_SETS):

@@ -365,11 +365,7 @@ def _unique(names: Sequence[str]) -> list[str]:
 
 
 def unit_and_names(files: dict[str, bytes]) -> tuple[float, list[str]]:
-    """Read the unit of a 3MF file [m], and the names of its parts, in order.
-
-    Args:
-        files: The files in the 3MF archive.
-    """
+    """Read the unit of a 3MF file [m], and the names of its parts, in order, from the files in its archive."""
     models = [files[name] for name in sorted(files) if name.lower().endswith(".model")]
     found: dict[str, None] = {}
     unit = b"millimeter"

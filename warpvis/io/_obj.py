@@ -152,13 +152,7 @@ class ObjMaterials:
     """The materials of an OBJ file, and those of its faces."""
 
     def __init__(self, name: str, text: bytes, locate: Locate) -> None:
-        """Read the MTL files, and collect the runs of faces with the same object and material.
-
-        Args:
-            name: Name of the file, for messages.
-            text: Result of `straighten_obj`.
-            locate: Finds MTL files and images.
-        """
+        """Read the MTL files of a text from `straighten_obj`, and collect runs of faces of one object and material."""
         self._name, self._locate = name, locate
         self._statements: dict[str, dict[str, str]] = {}
         self._known: dict[str, Material] = {}
@@ -171,12 +165,9 @@ class ObjMaterials:
         self._collect_runs(text)
 
     def appearance(self, mesh: str, base_appearance: LazyAppearance | None, faces: int) -> LazyAppearance | None:
-        """Return the deferred appearance of an object.
+        """Return the deferred appearance of an object; `mesh` is empty for faces before any name.
 
-        Args:
-            mesh: Its name in the file; empty for faces before any name.
-            base_appearance: Texture coordinates and vertex colors, as read by trimesh.
-            faces: Its number of triangles.
+        Texture coordinates and vertex colors are those of `base_appearance`, read by trimesh.
         """
         runs = self._runs.pop(mesh, None)  # used once; frees the text of the file
         if not runs:

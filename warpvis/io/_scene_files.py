@@ -108,16 +108,7 @@ class _Buffer:
 
 
 def gltf_chunks(objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis) -> list[bytes]:
-    """Write objects as a binary glTF file.
-
-    Args:
-        objects: The objects.
-        extras: ``extras`` of the objects' nodes.
-        up: The objects' vertical axis; that of the file is y.
-
-    Returns:
-        Parts of the file, in order.
-    """
+    """Write objects, with `extras` for their nodes, as the parts of a binary glTF file, whose vertical axis is y."""
     upright = Y_UP_TO_Z_UP.T if up == "z" else np.eye(4)
     buffer, meshes, nodes = _Buffer(), list[dict[str, Any]](), list[dict[str, Any]]()
     known: dict[tuple[int, int], int] = {}
@@ -146,10 +137,7 @@ def gltf_chunks(objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis
 
 
 def _frame_vertices(item: SceneObject) -> NDArray[np.float32] | None:
-    """Return the vertices of an object in its own frame, where they may be shared; None for those in the world's frame.
-
-    Deforming objects are exported with their current vertices in the world's frame.
-    """
+    """Return an object's vertices in its own frame; None if deforming or static, with vertices in the world's frame."""
     if item.shared_mesh is not None:
         return item.shared_mesh.rounded
     return item.mesh_vertices if item.pose is not None and item.points is None else None

@@ -334,10 +334,7 @@ def _slopes(device: Device) -> NDArray[np.float64]:
 
 
 def _corner(device: Device) -> tuple[float, float, float]:
-    """Compute the upper left corner of the frustum as Webots does.
-
-    For wide images too, Webots uses the formulas of a planar projection.
-    """
+    """Compute the upper left corner of the frustum as Webots does: for wide images, too, by planar formulas."""
     half = device.fov / 2
     if device.projection == "planar":
         return (1.0, *_slopes(device).tolist())
@@ -358,12 +355,10 @@ def _merge(one: Box, other: Box) -> Box:
 
 
 def is_hidden(lengths: NDArray[np.float64], hits: NDArray[np.float64], size: NDArray[np.float64]) -> bool:
-    """Return whether all rays to a Solid end before it, by more than half of its size.
+    """Return whether all rays, to a Solid's origin or its box's corners, end before it by more than half of its size.
 
-    Args:
-        lengths: Lengths of the rays [m], shape ``(n,)``: one to the Solid's origin, or one to each corner of its box.
-        hits: Distance to the first obstacle along each ray [m], inf for none.
-        size: Size of the Solid's box [m]. Ray `i` is compared with the length along axis ``i // 2``, as in Webots.
+    Lengths of the rays and distances to their first obstacles [m] have shape ``(n,)``. Ray `i` is compared with the
+    length along axis ``i // 2`` of the box, as in Webots.
     """
     before = np.where(hits < lengths, lengths - hits, 0.0)
     axis = np.minimum(np.arange(len(lengths)) // 2, 2)  # for rays 6 and 7 of 8, Webots reads past the vector

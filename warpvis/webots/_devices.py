@@ -107,7 +107,7 @@ class Device:
 
 
 def read_device(node: Node, place: NDArray[np.float64], robot: str, protos: Sequence[str] = ()) -> Device | None:
-    """Read a device node; return None for any other node; arguments as for `read_lidar`, and the PROTOs around it."""
+    """Read a device node within the given PROTOs, as `read_lidar` does; return None for any other node."""
     if node.type not in ("RangeFinder", "Camera"):
         return None
     # Up to V8.4, a Camera with this type was a range finder.

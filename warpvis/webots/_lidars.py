@@ -187,13 +187,7 @@ def _directions(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) ->
 
 
 def read_lidar(node: Node, place: NDArray[np.float64], robot: str) -> Lidar | None:
-    """Read a lidar node; return None for any other node.
-
-    Args:
-        node: Any node.
-        place: Node to world without scale, shape ``(4, 4)``.
-        robot: Name of its robot.
-    """
+    """Read a lidar node, whose pose is a matrix without scale; return None for any other node."""
     if node.type != "Lidar":
         return None
     notes: list[str] = []

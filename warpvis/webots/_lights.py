@@ -39,8 +39,7 @@ _NO_ATTENUATION = (1.0, 0.0, 0.0)
 def read_lights(node: Node, transform: Transform) -> list[Light]:
     """Read a light and its ambient light; return an empty list if it is off or cannot be read.
 
-    Directions of directional lights are in the world frame, regardless of parent nodes; other lights are in the frame
-    of their node.
+    Directional lights are in the world frame, regardless of parent nodes; others in the frame of their node.
     """
     try:
         return _lights(node, transform) if node.flag("on", True) else []

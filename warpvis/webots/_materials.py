@@ -68,12 +68,7 @@ class Surface(NamedTuple):
 
 
 def join_appearances(surfaces: Sequence[Surface], find: Find) -> LazyAppearance | None:
-    """Return the lazily loaded appearance of an object that consists of several shapes; None if no shape has any.
-
-    Args:
-        surfaces: The shapes, in the order of the object's triangles.
-        find: Finds the files of their images.
-    """
+    """Return the deferred appearance of an object of shapes, in the order of its triangles; None if it has none."""
     return LazyAppearance(partial(_joined, surfaces, find)) if any(item.appearance for item in surfaces) else None
 
 
@@ -135,10 +130,7 @@ def _texture(node: Node | None, find: Find) -> Texture | None:
 
 
 def _transformed(uv: NDArray[np.float32], change: Node) -> NDArray[np.float32]:
-    """Apply a TextureTransform to texture coordinates (src/wren/TextureTransform.cpp).
-
-    Webots translates them, then rotates and scales them about the center; v increases from the image's lower edge.
-    """
+    """Apply a TextureTransform: translate, then rotate and scale about the center (src/wren/TextureTransform.cpp)."""
     center, move = change.vector("center", (0.0, 0.0)), change.vector("translation", (0.0, 0.0))
     angle, scale = change.number("rotation", 0.0), change.vector("scale", (1.0, 1.0))
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -188,16 +180,9 @@ def _unit(value: float) -> float:
 def texture_coordinates(
     node: Node, vertices: Points, faces: NDArray[np.integer], *, mirrored: bool = False
 ) -> NDArray[np.float32] | None:
-    """Compute texture coordinates of the corners of a geometry node's triangles.
+    """Compute texture coordinates of the corners of a node's triangles, shape ``(m, 3, 2)``; None if it has none.
 
-    Args:
-        node: The node.
-        vertices: Vertices from `tessellate`.
-        faces: Faces from `tessellate`.
-        mirrored: Whether to reverse the corners of every triangle, for a mirroring transform.
-
-    Returns:
-        Coordinates, shape ``(m, 3, 2)``, or None if the node has none.
+    `mirrored` reverses the corners of every triangle, for a mirroring transform.
     """
     found: NDArray[np.float64] | None = None
     if node.type == "IndexedFaceSet":

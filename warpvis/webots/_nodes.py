@@ -175,14 +175,7 @@ Value: TypeAlias = Node | list[float | str | bool | Node] | None
 
 
 def new_node(like: Node, kind: str, fields: dict[str, Value], name: str | None = None) -> Node:
-    """Create a node with the version, file and line of another.
-
-    Args:
-        like: The node that it replaces or is part of.
-        kind: Its type.
-        fields: Its fields.
-        name: Its DEF name.
-    """
+    """Create a node of a type, with fields and a DEF name, in place of or within another, whose version it gets."""
     values = [value if isinstance(value, list) else [value] for value in fields.values()]
     parts = [item for items in values for item in items if isinstance(item, Node)]
     size, height = 1 + sum(part.size for part in parts), 1 + max((part.height for part in parts), default=0)

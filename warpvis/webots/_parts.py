@@ -269,12 +269,7 @@ def expand_joint(node: Node) -> Node | None:
 def missing_parts(
     body: Node, expand: Callable[[Node], Node | None], find_mesh: Callable[[str, Node], Path | None]
 ) -> tuple[list[str], int, bool]:
-    """Find PROTOs and meshes that an instance of a PROTO shows and whose files are missing.
-
-    Args:
-        body: The expanded instance.
-        expand: Expands an instance of a PROTO; returns None for one without a file.
-        find_mesh: Finds the file of a node's URL.
+    """Find PROTOs and meshes that an expanded instance of a PROTO shows and whose files are missing.
 
     Returns:
         The missing PROTOs and meshes; the number of other shapes; and whether there are cameras, range finders or

@@ -54,13 +54,7 @@ class Places:
     """Folder of Webots' cache."""
 
     def find(self, url: str, file: str, protos: Iterable[str] = ()) -> Found | None:
-        """Find the local file of a URL; return None if it is not found.
-
-        Args:
-            url: The URL.
-            file: Name of the file of its node, a `Found.name`.
-            protos: Names of the files of the PROTOs whose bodies the node comes from, outermost first.
-        """
+        """Find the local file of a URL in `file`, in the bodies of `protos`, outermost first; None if there is none."""
         url = with_slashes(url)
         if not is_web(url) and not is_web(file):
             places = self._in_project(url, Path(file), [Path(proto) for proto in protos if not is_web(proto)])
@@ -114,10 +108,7 @@ def installed() -> list[Path]:
 
 
 def webots_cache() -> Path | None:
-    """Return the folder of Webots' download cache (R2022b and later), or None if it does not exist.
-
-    Its location on each system is in Webots' user guide, chapter "Installation Procedure".
-    """
+    """Return the folder of Webots' download cache (user guide, "Installation Procedure"); None if there is none."""
     if sys.platform == "darwin":
         base = Path("~/Library/Caches")
     elif os.name == "nt":

@@ -24,14 +24,11 @@ from warpvis.webots.shapes._polygons import positive, positives, refuse, whole
 
 
 def expand(node: Node) -> Node | None:
-    """Expand an instance of a PROTO in `BUILTIN` to a Solid; return None for other types.
+    """Expand an instance of a PROTO in `BUILTIN` to a Solid with its shapes; return None for other types.
 
     In this module, *along* is the length of a wall or the width of a door, table or cabinet, *across* its thickness or
     depth, and *up* its height. Their axes are y, x and z since R2022a, and x, z and y before, so that the order in a
     field like ``size`` is across, along, up, or along, up, across.
-
-    Returns:
-        A node of type Solid with the instance's DEF name, translation, rotation and name, and its shapes as children.
     """
     if node.type not in _EXPANDERS:
         return None

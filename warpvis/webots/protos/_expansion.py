@@ -88,14 +88,7 @@ class ProtoFile:
     template_fields: frozenset[str]
 
     def values(self, instance: Node, protos: tuple[str, ...]) -> dict[str, Value]:
-        """Return the values of the fields of an instance, or their defaults.
-
-        Fields that are not in the interface are ignored, as in Webots.
-
-        Args:
-            instance: A node of this type.
-            protos: `Node.protos` of the nodes in defaults.
-        """
+        """Return an instance's values of the fields, or their defaults; as in Webots, other fields are ignored."""
         return {
             name: _checked(field, name, instance) if name in instance.fields else self.default(name, protos)
             for name, field in self.fields.items()
@@ -108,12 +101,7 @@ class ProtoFile:
 
 
 def read_proto(path: Path, source: str | None = None) -> ProtoFile:
-    """Read a PROTO file.
-
-    Args:
-        path: The file.
-        source: Its URL, if it is a copy in Webots' cache, whose file name is a hash.
-    """
+    """Read a PROTO file; `source` is its URL, if it is a copy in Webots' cache, whose file name is a hash."""
     text = read_text(path)
     source = str(path) if source is None else source
     version = read_version(text, source)
@@ -234,13 +222,10 @@ class Protos:
         self._engine.close()
 
     def expand(self, node: Node) -> Node | None:
-        """Expand a PROTO instance.
+        """Expand a PROTO instance, cached; return None for a built-in type and for a PROTO without a file.
 
         The result has the instance's DEF name and the version of the PROTO's file. If the root of the PROTO's body is
         an instance too, it is expanded recursively; if its file is not found, it is returned unexpanded.
-
-        Returns:
-            The expanded node, cached by instance; None for a built-in type and for a PROTO without a file.
         """
         if node.type in BUILTIN_NODES:
             return None

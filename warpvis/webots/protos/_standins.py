@@ -120,18 +120,13 @@ def _pedestrian(node: Node) -> Node:
 
 
 def expand_depth_camera(node: Node) -> Node | None:
-    """Build the Solid that such a PROTO expands to, without the meshes of its body.
+    """Build the Solid that such a PROTO expands to, without the meshes of its body; return None for other types.
 
     Kinect: a head of 0.28 m x 0.038 m x 0.064 m, the bounding box of its mesh, 0.05 m above a foot that is not drawn,
     with the range finder ``"<cameraName> range"`` and the camera ``"<cameraName> color"``. Up to R2021b they are
     12.7 mm to the left and to the right of the center; since R2022a both are 12.7 mm in front of it. In all releases,
-    the head of a Kinect with ``foot FALSE`` looks along -z of the Kinect's axes, with y up.
-
-    Astra: two boxes, the bounding object of its mesh, with the range finder ``"<name> depth"`` and the camera
-    ``"<name> rgb"`` in front of them.
-
-    Returns:
-        A Solid, or None for other types.
+    the head of a Kinect with ``foot FALSE`` looks along -z of the Kinect's axes, with y up. Astra: two boxes, the
+    bounding object of its mesh, with the range finder ``"<name> depth"`` and the camera ``"<name> rgb"`` in front.
     """
     if node.type == "Kinect":
         return _kinect(node)

@@ -44,9 +44,8 @@ class TemplateEngine:
     def run(self, job: dict[str, Json]) -> dict[str, str]:
         """Run a job of `_template_process`; return its answer.
 
-        Returns:
-            A dictionary with one of the keys ``"text"``, ``"odd"``, ``"error"`` (with ``"kind"``), ``"late"`` after a
-            timeout, or ``"ended"`` with another reason for the end of the process.
+        That is a dictionary with one of the keys ``"text"``, ``"odd"``, ``"error"`` (with ``"kind"``), ``"late"`` after
+        a timeout, or ``"ended"`` with another reason for the end of the process.
         """
         with self._lock:
             if self._remaining_seconds <= 0:

@@ -56,18 +56,9 @@ def language_of(head: str, body: str) -> Language | None:
 def render(
     body: str, language: Language, variables: Mapping[str, Json], file: str, first_line: int, engine: TemplateEngine
 ) -> str:
-    """Run a template, and return the resulting text.
+    """Run a template with global variables of JSON types, where None is undefined, and return the resulting text.
 
-    Args:
-        body: The template.
-        language: Its language.
-        variables: Global variables, of JSON types; None is undefined.
-        file: Name of its file.
-        first_line: Line of the body in the file.
-        engine: The process that runs it.
-
-    Returns:
-        Text with the line breaks of the template, so that line numbers agree up to the first loop.
+    Its line breaks are those of the template, so that line numbers agree up to the first loop.
     """
     pieces = _split(body, *_MARKS[language], file, first_line)
     program, lines = _program(pieces, language)
@@ -101,13 +92,9 @@ def render(
 def script_value(value: Value, field_type: str, place: str, describe: Describe = lambda node: None) -> Json:
     """Convert a field's value for templates; floats are rounded to six digits, as by Webots.
 
-    Args:
-        value: The value.
-        field_type: Type of the field, like ``SFVec3f``.
-        place: File and line, for messages.
-        describe: Returns type, value and default of each field of a PROTO instance. For other nodes, templates get the
-            fields in the file, whose types are unknown: one value is a scalar, two to four numbers are a vector or
-            rotation, and more are a list.
+    `describe` returns type, value and default of each field of a PROTO instance. For other nodes, templates get the
+    fields in the file, whose types are unknown: one value is a scalar, two to four numbers are a vector or rotation,
+    and more are a list.
     """
     return _Script(place, describe).value(value, field_type)
 

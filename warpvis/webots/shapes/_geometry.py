@@ -68,15 +68,11 @@ class MissingMeshError(FileFormatError):
 
 
 def tessellate(node: Node, *, resolve: Resolve | None = None) -> Triangles | None:
-    """Tessellate a geometry node in the node's frame.
+    """Tessellate a geometry node of a type in `GEOMETRIES` in its frame; return None if there are no triangles.
 
     Args:
-        node: A node of one of the types in `GEOMETRIES`. Its version determines which axis is upright.
+        node: The node. Its version determines which axis is upright.
         resolve: Finds the files of Mesh and CadShape; by default `find_beside`.
-
-    Returns:
-        Vertices [m], shape ``(n, 3)`` float64, without unused ones, and faces, shape ``(m, 3)`` int32; None if there
-        are no triangles.
     """
     if node.type in _FILES:
         return _mesh_file(node, resolve or find_beside)
@@ -99,12 +95,9 @@ def turned(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 def revolve(profile: Sequence[tuple[float, float]], shown: Sequence[bool], segments: int) -> Triangles | None:
     """Build a surface of revolution about z, whose normals point outward where the profile descends.
 
-    Vertex `k` of a ring is at ``(r sin a, r cos a)`` with ``a = 2 pi k / segments``.
-
-    Args:
-        profile: Pairs of radius and height. A radius of zero is one vertex, and equal pairs share a ring.
-        shown: For each two consecutive pairs, whether there are triangles between them.
-        segments: Number of vertices of a ring.
+    The profile consists of pairs of radius and height, and `shown` whether there are triangles between two of them. A
+    radius of zero is one vertex, and equal pairs share a ring. Vertex `k` of a ring is at ``(r sin a, r cos a)`` with
+    ``a = 2 pi k / segments``.
     """
     angles = 2 * np.pi * np.arange(segments) / segments
     rings: dict[tuple[float, float], NDArray[np.int64]] = {}
@@ -309,11 +302,7 @@ GEOMETRIES: frozenset[str] = frozenset({*_UPRIGHT, *_LISTED, *_FILES})
 
 
 def reset_fields(node: Node) -> tuple[Node, list[str]]:
-    """Replace values that are invalid in Webots, as Webots does.
-
-    Returns:
-        The same node if all values are valid, else a copy; and a note with file and line for every replaced field.
-    """
+    """Replace values that are invalid in Webots in a copy, as Webots does, with a note for every replaced field."""
     fixes: dict[str, Value] = {}
     notes = []
     for field, original, replacement in _wrong_numbers(node):

@@ -88,8 +88,7 @@ def join(parts: Sequence[tuple[Points, NDArray[np.integer]]]) -> tuple[Points, N
 def indexed_face_set(node: Node) -> Triangles | None:
     """Tessellate an IndexedFaceSet, in whose ``coordIndex`` polygons end at -1 or at the end of the list.
 
-    Polygons may be concave regardless of ``convex``, since Webots triangulates all of them. Like in Webots, polygons of
-    fewer than three corners are skipped.
+    As in Webots, polygons may be concave regardless of ``convex``, and those of fewer than three corners are skipped.
     """
     coordinate = node.node("coord")
     if coordinate is None:
@@ -137,14 +136,9 @@ def elevation_grid(node: Node) -> Triangles | None:
 def triangulate(node: Node, points: Points, groups: list[Indices], names: Indices | None = None) -> Indices:
     """Triangulate polygons, preserving their winding, shape ``(m, 3)``.
 
-    A self-intersecting polygon is triangulated as far as possible; Webots' tessellator skips it. Triangles with a
-    repeated point are removed.
-
-    Args:
-        node: Their node, for messages.
-        points: Points, shape ``(n, 3)``.
-        groups: Polygons grouped by number of corners, shape ``(k, corners)`` each.
-        names: Index of the point of each row of `points`, if rows are corners. By default rows are distinct points.
+    Polygons are grouped by number of corners, shape ``(k, corners)``. If rows of `points` are corners, `names` has the
+    index of each one's point. A self-intersecting polygon is triangulated as far as possible; Webots' tessellator skips
+    it. Triangles with a repeated point are removed.
     """
     parts = [np.empty((0, 3), dtype=np.int64)]
     for polygons in groups:
