@@ -52,19 +52,12 @@ _NOT_FINITE = {"nan", "inf", "infinity"}
 
 @dataclass
 class World:
-    """The content of a world file.
-
-    Attributes:
-        path: The file.
-        version: Version in its header.
-        externprotos: URLs of its EXTERNPROTO lines.
-        nodes: Its top-level nodes.
-    """
+    """The content of a world file."""
 
     path: Path
-    version: Version
-    externprotos: list[str] = field(default_factory=list)
-    nodes: list[Node] = field(default_factory=list)
+    version: Version  # in its header
+    externprotos: list[str] = field(default_factory=list)  # URLs
+    nodes: list[Node] = field(default_factory=list)  # at the top level
 
     @property
     def size(self) -> int:

@@ -272,9 +272,9 @@ def _indexed(node: Node) -> NDArray[np.float64] | None:
     index, numbers = (row if len(row) and row[-1] == -1 else np.append(row, -1) for row in (index, numbers))
     inside = index >= 0
     if len(numbers) != len(index) or not ((numbers >= 0) == inside).all():
-        raise FileFormatError(f"{node.file}:{node.line}: texCoordIndex must have the same polygons as coordIndex")
+        raise FileFormatError(f"{node.place}: texCoordIndex must have the same polygons as coordIndex")
     if inside.any() and numbers.max() >= len(rows):
-        raise FileFormatError(f"{node.file}:{node.line}: texCoordIndex must index the points of texCoord")
+        raise FileFormatError(f"{node.place}: texCoordIndex must index the points of texCoord")
     # Corners instead of points, since each corner has its own coordinates.
     corners = np.where(inside, np.cumsum(inside) - 1, -1)
     faces = triangulate(node, points[index[inside]], split_polygons(corners), index[inside])

@@ -107,7 +107,12 @@ class Node:
     height: int = 1
 
     def __repr__(self) -> str:
-        return f"<{self.type} at {self.file}:{self.line}>"
+        return f"<{self.type} at {self.place}>"
+
+    @property
+    def place(self) -> str:
+        """File and line, for messages."""
+        return f"{self.file}:{self.line}"
 
     def number(self, field: str, default: float) -> float:
         """Read a number."""
@@ -168,10 +173,15 @@ class Node:
 
     def refuse(self, field: str, expected: str, got: str) -> NoReturn:
         """Raise a FileFormatError with the expected and the actual value of a field."""
-        raise FileFormatError(f"{self.file}:{self.line}: expected {expected} in {field!r} of {self.type}, got {got}")
+        fail(self, f"{expected} in {field!r} of {self.type}", got)
 
 
 Value: TypeAlias = Node | list[float | str | bool | Node] | None
+
+
+def fail(node: Node, expected: str, got: object) -> NoReturn:
+    """Raise a FileFormatError that names the file and line of a node."""
+    raise FileFormatError(f"{node.place}: expected {expected}, got {got}")
 
 
 def new_node(like: Node, kind: str, fields: dict[str, Value], name: str | None = None) -> Node:
@@ -215,7 +225,7 @@ def described(value: Value | float | str | bool) -> str:
 def correction(node: Node, field: str, original: ArrayLike, replacement: ArrayLike) -> str:
     """Return the note that a field's value was replaced, as in Webots."""
     before, after = (_numbers_shown(value) for value in (original, replacement))
-    return f"{node.file}:{node.line}: {field} {before} of {node.type} is replaced by {after}"
+    return f"{node.place}: {field} {before} of {node.type} is replaced by {after}"
 
 
 def _numbers_shown(value: ArrayLike) -> str:

@@ -320,10 +320,10 @@ class Reader:
         vertices, faces = mesh
         self._triangles += len(faces)
         if self._triangles > MAX_TRIANGLES:
-            raise _TooMuchError(f"{node.file}:{node.line}: expected at most {MAX_TRIANGLES} triangles, got more")
+            raise _TooMuchError(f"{node.place}: expected at most {MAX_TRIANGLES} triangles, got more")
         placed = vertices @ step.transform.linear.T + step.transform.offset
         if not (np.abs(placed) <= FARTHEST).all():
-            raise FileFormatError(f"{node.file}:{node.line}: expected {node.type} within {FARTHEST:g} m of the origin")
+            raise FileFormatError(f"{node.place}: expected {node.type} within {FARTHEST:g} m of the origin")
         faces = keep_winding(faces, step.transform.linear)
         owner.parts.append((placed, faces))
         owner.surfaces.append(Surface(shape_appearance(node), geometry, mesh, mirrored=faces is not mesh[1]))

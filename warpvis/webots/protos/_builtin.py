@@ -278,7 +278,7 @@ def _with_default_size(node: Node) -> Node:
 
 
 def _warn(node: Node, original: str, replacement: str) -> None:
-    message = f"{node.file}:{node.line}: instead of {original} of {node.type}, Webots uses {replacement}"
+    message = f"{node.place}: instead of {original} of {node.type}, Webots uses {replacement}"
     warnings.warn(message, stacklevel=2)
 
 

@@ -17,13 +17,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import NoReturn
 
 from warpvis.core.checks import pluralize
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.webots._grammar import Parser, World, read_text, read_version
-from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version, described
+from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version, described, fail
 from warpvis.webots._urls import Found, Places, is_file, is_web, with_slashes
 from warpvis.webots.protos._template_engine import TemplateEngine
 from warpvis.webots.protos._templates import Language, language_of, render, script_value
@@ -43,60 +42,41 @@ _LITERALS: dict[str, tuple[type, str]] = {"Bool": (bool, "TRUE or FALSE"), "Stri
 
 @dataclass(frozen=True)
 class ProtoField:
-    """A field of a PROTO's interface.
+    """A field of a PROTO's interface."""
 
-    Attributes:
-        type: Type, like ``SFVec3f``.
-        default: Text of the default. It is parsed for every instance, since it may contain PROTOs.
-        line: Line of that text.
-        allowed: Allowed values; empty if unrestricted. Nodes are not checked, since they may have types derived from
-            the allowed ones.
-    """
-
-    type: str
-    default: str
-    line: int
-    allowed: tuple[float | str | bool, ...] = ()
+    name: str
+    type: str  # like SFVec3f
+    default: str  # text, which is parsed for every instance, since it may contain PROTOs
+    line: int  # of that text
+    allowed: tuple[
+        float | str | bool, ...
+    ] = ()  # empty if unrestricted; nodes may have types derived from allowed ones
 
 
 @dataclass(frozen=True, eq=False)
 class ProtoFile:
-    """A PROTO file.
-
-    Attributes:
-        path: The file.
-        source: Name in messages and base of relative URLs: its path, or the URL of a copy in Webots' cache.
-        version: Version in its header, which applies to the body regardless of the world's version.
-        externprotos: URLs of its EXTERNPROTO lines.
-        name: Name of the PROTO.
-        fields: Its interface.
-        body: Text from the opening brace of the body to the end of the file.
-        body_line: Line at which that text begins.
-        language: Language of the body's template; None if the body is not a template.
-        template_fields: Names of the fields that the template reads.
-    """
+    """A PROTO file."""
 
     path: Path
-    source: str
-    version: Version
-    externprotos: list[str]
+    source: str  # in messages, and the base of relative URLs: its path, or the URL of a copy in Webots' cache
+    version: Version  # in its header, applies to the body regardless of the world's version
+    externprotos: list[str]  # URLs
     name: str
     fields: dict[str, ProtoField]
-    body: str
-    body_line: int
-    language: Language | None
-    template_fields: frozenset[str]
+    body: str  # text from the opening brace of the body to the end of the file
+    body_line: int  # at which that text begins
+    language: Language | None  # of the body's template; None if the body is not a template
+    template_fields: frozenset[str]  # that the template reads
 
     def values(self, instance: Node, protos: tuple[str, ...]) -> dict[str, Value]:
         """Return an instance's values of the fields, or their defaults; as in Webots, other fields are ignored."""
         return {
-            name: _checked(field, name, instance) if name in instance.fields else self.default(name, protos)
+            name: _checked(field, instance) if name in instance.fields else self.default(field, protos)
             for name, field in self.fields.items()
         }
 
-    def default(self, name: str, protos: tuple[str, ...] = ()) -> Value:
+    def default(self, field: ProtoField, protos: tuple[str, ...] = ()) -> Value:
         """Parse the default of a field."""
-        field = self.fields[name]
         return Parser(field.default, self.source, self.version, first_line=field.line, protos=protos).value()
 
 
@@ -116,22 +96,21 @@ def read_proto(path: Path, source: str | None = None) -> ProtoFile:
     parser.take("[", f"'[' after PROTO {name}")
     fields: dict[str, ProtoField] = {}
     while parser.kind != "]":
-        field_name, field = _read_field(parser, source, version)
-        fields[field_name] = field
+        field = _read_field(parser, source, version)
+        fields[field.name] = field
     parser.advance()
     start, line = parser.start + 1, parser.line()
     if parser.kind != "{":
         parser.fail("'{' and the body of the PROTO")
     head, body = parser.text[: start - 1], parser.text[start:]
     read = set(re.findall(r"\bfields\s*\.\s*(\w+)", body))
-    used = (
-        fields if re.search(r"\bfields\b\s*[^\s.]", body) else read & set(fields)
-    )  # all fields, if not accessed by name
+    # All fields, if not accessed by name.
+    used = fields if re.search(r"\bfields\b\s*[^\s.]", body) else read & set(fields)
     language = language_of(head, body)
     return ProtoFile(path, source, version, externprotos, name, fields, body, line, language, frozenset(used))
 
 
-def _read_field(parser: Parser, file: str, version: Version) -> tuple[str, ProtoField]:
+def _read_field(parser: Parser, file: str, version: Version) -> ProtoField:
     if parser.token not in _KINDS:
         parser.fail("a field or ']'")
     parser.advance()
@@ -149,22 +128,20 @@ def _read_field(parser: Parser, file: str, version: Version) -> tuple[str, Proto
     name = parser.take("word", f"the name of a field of type {field_type}")
     start, line = parser.start, parser.line()
     value = parser.value(f"a default of {name!r}")
-    field = ProtoField(field_type, parser.text[start : parser.start], line, tuple(allowed))
-    _checked(field, name, Node("PROTO", {name: value}, None, file, line, version))
-    return name, field
+    field = ProtoField(name, field_type, parser.text[start : parser.start], line, tuple(allowed))
+    _checked(field, Node("PROTO", {name: value}, None, file, line, version))
+    return field
 
 
-def _checked(field: ProtoField, name: str, instance: Node) -> Value:
+def _checked(field: ProtoField, instance: Node) -> Value:
     """Return an instance's value of a field after checking its type and the allowed values."""
-    value = instance.fields[name]
+    name, value, expected = field.name, instance.fields[field.name], f"a value of type {field.type}"
     kind, single = field.type[2:], field.type.startswith("SF")
     if kind == "Node":
-        if not single:
-            return [*instance.nodes(name)]
-        return instance.node(name)
+        return instance.node(name) if single else [*instance.nodes(name)]
     literal, words = _LITERALS.get(kind, (float, "numbers"))
     if not isinstance(value, list):
-        _refuse(instance, name, field, described(value))
+        instance.refuse(name, expected, described(value))
     for item in value:
         if type(item) is not literal:
             instance.refuse(name, words, described(item))
@@ -172,17 +149,13 @@ def _checked(field: ProtoField, name: str, instance: Node) -> Value:
             instance.refuse(name, "whole numbers", described(item))
     width = _WIDTHS[kind]
     if len(value) != width if single else len(value) % width:
-        _refuse(instance, name, field, pluralize(len(value), "value"))
+        instance.refuse(name, expected, pluralize(len(value), "value"))
     allowed = [field.allowed[i : i + width] for i in range(0, len(field.allowed), width)]
     for i in range(0, len(value) if allowed else 0, width):
         if tuple(value[i : i + width]) not in allowed:
             choices = ", ".join(" ".join(map(described, choice)) for choice in allowed)
             instance.refuse(name, f"one of {choices}", " ".join(map(described, value[i : i + width])))
     return value
-
-
-def _refuse(instance: Node, name: str, field: ProtoField, got: str) -> NoReturn:
-    instance.refuse(name, f"a value of type {field.type}", got)
 
 
 class Protos:
@@ -192,17 +165,12 @@ class Protos:
     ``webots://projects/...`` and the same path on GitHub are resolved below the folders of the search path; the folder
     of the file that uses it; ``protos`` folders of the world's project; all folders below the search path; and Webots'
     cache, by the URL in an EXTERNPROTO line.
-
-    Args:
-        world: The world.
-        search_path: Webots' installation folder, or other folders with PROTO files below them.
-        cache: Folder of Webots' cache.
     """
 
     def __init__(
         self, world: World, search_path: Sequence[str | os.PathLike[str]] = (), cache: Path | None = None
     ) -> None:
-        """Initialize for a world; see the class."""
+        """Search the folders of `search_path`, Webots' installation or others, and `cache`, that of Webots' cache."""
         self._world = world
         self.places = Places(world.path, world.version, [Path(folder) for folder in search_path], cache)
         for folder in self.places.search_path:
@@ -248,16 +216,12 @@ class Protos:
         protos = (*node.protos, path)
         if path in node.protos:
             cycle = " -> ".join(Path(file).stem for file in protos[node.protos.index(path) :])
-            raise FileFormatError(f"{node.file}:{node.line}: expected PROTOs that do not use themselves, got {cycle}")
+            fail(node, "PROTOs that do not use themselves", cycle)
         if len(protos) > MAX_PROTOS_NESTED:
-            raise FileFormatError(
-                f"{node.file}:{node.line}: expected at most {MAX_PROTOS_NESTED} PROTOs within PROTOs, got more"
-            )
+            fail(node, f"at most {MAX_PROTOS_NESTED} PROTOs within PROTOs", "more")
         self._instances += 1
         if self._instances > MAX_INSTANCES:
-            raise FileFormatError(
-                f"{node.file}:{node.line}: expected at most {MAX_INSTANCES} instances of PROTOs in a world, got more"
-            )
+            fail(node, f"at most {MAX_INSTANCES} instances of PROTOs in a world", "more")
         values = proto.values(node, protos)
         body = self._render(proto, values, node) if proto.language else proto.body
         parser = Parser(body, path, proto.version, first_line=proto.body_line, protos=protos, interface=values)
@@ -268,9 +232,7 @@ class Protos:
         (root,) = nodes
         self._nodes += root.size
         if self._nodes > MAX_PROTO_NODES:
-            raise FileFormatError(
-                f"{node.file}:{node.line}: expected PROTOs of at most {MAX_PROTO_NODES} nodes in total, got more"
-            )
+            fail(node, f"PROTOs of at most {MAX_PROTO_NODES} nodes in total", "more")
         root.name = node.name
         return root
 
@@ -279,9 +241,9 @@ class Protos:
         fields: dict[str, Json] = {}
         for name, field in proto.fields.items():
             if name in proto.template_fields:
-                default, default_place = proto.default(name), f"{proto.source}:{field.line}"
+                default, default_place = proto.default(field), f"{proto.source}:{field.line}"
                 fields[name] = {
-                    "value": script_value(values[name], field.type, f"{node.file}:{node.line}", self._describe),
+                    "value": script_value(values[name], field.type, node.place, self._describe),
                     "defaultValue": script_value(default, field.type, default_place, self._describe),
                 }
         context = self._context(proto)
@@ -307,7 +269,7 @@ class Protos:
         if proto is None:
             return None
         values = proto.values(node, node.protos)
-        defaults = {name: proto.default(name) for name in proto.fields if name in node.fields}
+        defaults = {name: proto.default(field) for name, field in proto.fields.items() if name in node.fields}
         return {
             name: (field.type, values[name], defaults.get(name, values[name])) for name, field in proto.fields.items()
         }

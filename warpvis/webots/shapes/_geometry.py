@@ -221,12 +221,12 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
         return None
     path = resolve(urls[0], node)
     if path is None or not path.is_file():
-        raise MissingMeshError(f"{node.file}:{node.line}: the file {urls[0]!r} of {node.type} is missing")
+        raise MissingMeshError(f"{node.place}: the file {urls[0]!r} of {node.type} is missing")
     suffix = PurePosixPath(with_slashes(urls[0])).suffix.lower()  # from the URL, as cached files have no suffix
     try:
         parts = _read(path, suffix, path.stat().st_mtime_ns)
     except FileFormatError as error:
-        raise type(error)(f"{node.file}:{node.line}: {error}") from None
+        raise type(error)(f"{node.place}: {error}") from None
     collada, converts_up_axis = suffix == ".dae", node.version >= Version(2022, 2)
     part_name = node.text("name", "") if node.type == "Mesh" and (collada or not converts_up_axis) else ""
     chosen = [part for name, part in parts if part_name in ("", name)]
@@ -312,9 +312,7 @@ def reset_fields(node: Node) -> tuple[Node, list[str]]:
         valid, dropped = _polygons_in_range(node)
         if dropped:
             fixes["coordIndex"] = [*valid]
-            notes.append(
-                f"{node.file}:{node.line}: {dropped} faces of {node.type} have invalid indices and are skipped"
-            )
+            notes.append(f"{node.place}: {dropped} faces of {node.type} have invalid indices and are skipped")
     return (dataclasses.replace(node, fields={**node.fields, **fixes}) if fixes else node), notes
 
 

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
-from warpvis.errors import FileFormatError
-from warpvis.webots._nodes import Node
+from warpvis.webots._nodes import Node, fail
 
 MAX_POINTS = 1 << 22
 """Maximum number of points of a grid or extrusion, since a short text can define any number."""
@@ -33,7 +32,7 @@ _SQUARE = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
 
 def refuse(node: Node, expected: str, got: object) -> NoReturn:
     """Raise a FileFormatError with the expected and the actual content of a node."""
-    raise FileFormatError(f"{node.file}:{node.line}: expected {expected} in {node.type}, got {got}")
+    fail(node, f"{expected} in {node.type}", got)
 
 
 def whole(node: Node, field: str, default: int, lower: int, upper: int | None = None) -> int:
