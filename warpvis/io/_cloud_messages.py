@@ -88,8 +88,8 @@ def _field(cloud: NDArray[np.void], name: str, layout: CloudLayout | None) -> An
     if source not in names:
         raise ArrayError(f'the layout "{layout}" needs the field {source}, which the cloud lacks')
     values = cloud[source]
-    if layout == "ouster" and name in _SCALES:
-        return _scaled(values, name, source)
+    if layout == "ouster" and name in _SCALES:  # 0 where nothing was measured
+        return _whole(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0), *_SCALES[name], name, source)
     return values
 
 
@@ -121,12 +121,6 @@ def _as_livox_cloud(cloud: NDArray[np.void], stamp: Stamp) -> NDArray[np.void]:
     # As in the driver: a double resolves today's nanoseconds to 256 ns.
     packed["timestamp"] = (stamp_nanoseconds(stamp) + points["offset_time"].astype(np.int64)).astype(np.float64)
     return packed
-
-
-def _scaled(values: NDArray[Any], name: str, source: str) -> NDArray[np.float64]:
-    """Return whole numbers in the unit of an Ouster field; 0 where nothing was measured."""
-    scale, maximum = _SCALES[name]
-    return _whole(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0), scale, maximum, name, source)
 
 
 def _whole(values: NDArray[Any], scale: float, maximum: int, name: str, source: str) -> NDArray[np.float64]:

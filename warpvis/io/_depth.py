@@ -9,6 +9,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,6 +53,13 @@ def depth_to_units(depth: ArrayLike, scale: float) -> NDArray[np.uint16]:
     np.fmax(units, 0, out=units)  # also replaces NaN by 0
     np.copyto(units, 0, where=units >= NO_DEPTH_UINT16)
     return units.astype(np.uint16)
+
+
+def require_meters(image: NDArray[Any]) -> NDArray[Any]:
+    """Return a depth image; raise an ArrayError if it is not a float array."""
+    if image.dtype.kind != "f":
+        raise ArrayError(f"depth must be in meters, a float array, got {image.dtype}; divide millimeters by 1000")
+    return image
 
 
 def count_lost(depth: NDArray[np.floating], units: NDArray[np.uint16]) -> int:
@@ -142,9 +150,7 @@ def save_depth_png(depth: ArrayLike, path: str | os.PathLike[str]) -> None:
         ArrayError: If `depth` has another shape or dtype.
         FileFormatError: If the file cannot be written.
     """
-    image = as_numpy(depth, name="depth")
-    if image.dtype.kind != "f":
-        raise ArrayError(f"depth must be in meters, a float array, got {image.dtype}; divide millimeters by 1000")
+    image = require_meters(as_numpy(depth, name="depth"))
     if image.ndim != 2:
         raise ArrayError(f"depth must have shape (H, W), got {image.shape}")
     millimeters = depth_to_units(image, 1000)

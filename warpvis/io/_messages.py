@@ -19,7 +19,7 @@ from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, fi
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, MessageError
 from warpvis.io._cloud_messages import DATATYPES, CloudLayout, as_layout, check_cloud
-from warpvis.io._depth import depth_to_units, units_to_depth, warn_of_lost
+from warpvis.io._depth import depth_to_units, require_meters, units_to_depth, warn_of_lost
 
 DepthEncoding = Literal["32FC1", "16UC1"]
 """Encoding of depth in an Image, as defined by REP 118."""
@@ -187,9 +187,7 @@ def _on_host(value: ArrayInput, name: str) -> NDArray[Any]:
 
 def _read_image(depth: ArrayInput) -> NDArray[Any]:
     """Return one depth image on the host, shape ``(H, W)``."""
-    image = _on_host(depth, "depth")
-    if image.dtype.kind != "f":
-        raise ArrayError(f"depth must be in meters, a float array, got {image.dtype}; divide millimeters by 1000")
+    image = require_meters(_on_host(depth, "depth"))
     if image.ndim == 3 and len(image) == 1:
         image = image[0]
     if image.ndim != 2 or not image.size:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,6 @@ _FACE = re.compile(rb"\nf ([^\n]*)")
 # Options of maps, and the maximum number of values of each; fewer numbers may precede the file name.
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 _WORD = ("-clamp", "-blendu", "-blendv", "-cc", "-bm", "-boost", "-texres", "-imfchan", "-type")
-_WHITE = np.array([1.0, 1.0, 1.0])
 _ONCE = (1.0, 1.0)
 
 
@@ -99,13 +99,17 @@ def _lines(file: bytes) -> tuple[bytes, bytes]:
 
 def obj_splits(text: bytes) -> dict[str, bool]:
     """Return the options that split the file into its objects, or into its groups if it has no objects."""
-    objects = bool(_PART["object"].search(text))
-    return {"split_objects": objects, "split_groups": not objects}
+    kind = _part_kind(text)
+    return {"split_objects": kind == "object", "split_groups": kind == "group"}
+
+
+def _part_kind(text: bytes) -> str:
+    return "object" if _PART["object"].search(text) else "group"
 
 
 def obj_order(text: bytes) -> dict[str, int]:
     """Return the index of each object's name in the file, or of each group's if the file has no objects."""
-    kind = "object" if obj_splits(text)["split_objects"] else "group"
+    kind = _part_kind(text)
     names = dict.fromkeys(match[1].strip().decode("utf-8", errors="replace") for match in _PART[kind].finditer(text))
     return {name: number for number, name in enumerate(names)}
 
@@ -217,11 +221,9 @@ class ObjMaterials:
 
     def _collect_runs(self, text: bytes) -> None:
         """Split the text where the object or the material changes."""
-        kind = "object" if obj_splits(text)["split_objects"] else "group"
         mesh, material, start = "", "", 0
-        places = [
-            (match.start(), match[1], _decoded(match[2]), match.end()) for match in _DIRECTIVE[kind].finditer(text)
-        ]
+        directives = _DIRECTIVE[_part_kind(text)].finditer(text)
+        places = [(match.start(), match[1], _decoded(match[2]), match.end()) for match in directives]
         for place, keyword, value, end in [*places, (len(text), b"", "", len(text))]:
             count = text.count(b"\nf ", start, place)
             if count:
@@ -268,28 +270,28 @@ def read_mtl(file: bytes) -> list[dict[str, str]]:
 
 def mtl_material(statements: dict[str, str], locate: Locate) -> Material:
     """Create a material from the statements of an MTL file; invalid numbers are replaced by defaults."""
+
+    def read(keyword: str, default: tuple[float, ...], upper: float = 1.0) -> tuple[Any, ...]:
+        found = _numbers(statements.get(keyword, ""), len(default))
+        return default if found is None else tuple(np.clip(found, 0, upper).tolist())
+
     texture, repeat = _texture(statements["map_kd"], locate) if statements.get("map_kd") else (None, _ONCE)
-    color = _numbers(statements.get("kd", ""), 3)
     opacity = _numbers(statements.get("d", "").replace("-halo", ""), 1)
     if opacity is None and "tr" in statements:
         transparency = _numbers(statements["tr"], 1)
         opacity = None if transparency is None else 1 - transparency
     alpha = 1.0 if opacity is None else float(opacity[0])
-    specular, emission = _numbers(statements.get("ks", ""), 3), _numbers(statements.get("ke", ""), 3)
-    shininess = _numbers(statements.get("ns", ""), 1)
-    metallic, roughness = _numbers(statements.get("pm", ""), 1), _numbers(statements.get("pr", ""), 1)
-    blends = alpha < 1 or "map_d" in statements
     return Material(
         statements["name"],
-        (*np.clip(_WHITE if color is None else color, 0, 1).tolist(), min(max(alpha, 0.0), 1.0)),
+        (*read("kd", (1.0, 1.0, 1.0)), min(max(alpha, 0.0), 1.0)),
         texture=texture,
         texture_repeat=repeat,
-        alpha_mode="blend" if blends else "opaque",
-        metallic=0.0 if metallic is None else float(np.clip(metallic[0], 0, 1)),
-        roughness=1.0 if roughness is None else float(np.clip(roughness[0], 0, 1)),
-        specular=(0.0, 0.0, 0.0) if specular is None else tuple(np.clip(specular, 0, 1).tolist()),
-        shininess=0.0 if shininess is None else max(0.0, float(shininess[0])),
-        emission=(0.0, 0.0, 0.0) if emission is None else tuple(np.maximum(emission, 0).tolist()),
+        alpha_mode="blend" if alpha < 1 or "map_d" in statements else "opaque",
+        metallic=read("pm", (0.0,))[0],
+        roughness=read("pr", (1.0,))[0],
+        specular=read("ks", (0.0, 0.0, 0.0)),
+        shininess=read("ns", (0.0,), np.inf)[0],
+        emission=read("ke", (0.0, 0.0, 0.0), np.inf),
     )
 
 

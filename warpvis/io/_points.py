@@ -216,7 +216,11 @@ def _write_las(path: Path, cloud: NDArray[np.void]) -> None:
     try:
         las.x, las.y, las.z = (points[name].astype(np.float64) for name in "xyz")
         if "intensity" in names:
-            las.intensity = _las_intensity(points["intensity"], path)
+            intensity = points["intensity"]
+            if intensity.size and not 0.0 <= intensity.min() <= intensity.max() <= 1.0:
+                got = f"{intensity.min():g} to {intensity.max():g}"
+                raise ArrayError(f"{path}: intensity must be from 0 to 1 for LAS, got {got}")
+            las.intensity = np.rint(intensity * np.float32(65535.0)).astype(np.uint16)
         if "time" in names:
             las.gps_time = points["time"].astype(np.float64)
         for name in extra:
@@ -226,11 +230,3 @@ def _write_las(path: Path, cloud: NDArray[np.void]) -> None:
         raise
     except (ValueError, OverflowError) as error:
         raise ArrayError(f"{path}: LAS does not hold this cloud: {describe_exception(error)}") from None
-
-
-def _las_intensity(intensity: NDArray[np.float32], path: Path) -> NDArray[np.uint16]:
-    if intensity.size and not 0.0 <= intensity.min() <= intensity.max() <= 1.0:
-        raise ArrayError(
-            f"{path}: intensity must be from 0 to 1 for LAS, got {intensity.min():g} to {intensity.max():g}"
-        )
-    return np.rint(intensity * np.float32(65535.0)).astype(np.uint16)

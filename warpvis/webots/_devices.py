@@ -149,7 +149,8 @@ def _size(node: Node, name: str, notes: list[str]) -> int:
 def _projection(node: Node, notes: list[str]) -> Projection:
     projection = node.text("projection", "cylindrical" if node.flag("spherical", False) else "planar")
     known = next((known for known in PROJECTIONS if known == projection), None)
-    return known or replaced(node, "projection", projection, "planar", notes)
+    planar: Projection = "planar"
+    return known or replaced(node, "projection", projection, planar, notes)
 
 
 def check_resolution(node: Node, resolution: float, notes: list[str]) -> float:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpvis.core.checks import truncate
 from warpvis.core.poses import poses_to_matrices
@@ -45,10 +46,7 @@ def parse_bop(path: Path, data: Json) -> FilePoses:
         rotation = as_numbers(entry["cam_R_w2c"], (9,), f"{path}: cam_R_w2c of image {image}")
         rotations[index] = rotation.reshape(3, 3)
         translations[index] = as_numbers(entry["cam_t_w2c"], (3,), f"{path}: cam_t_w2c of image {image}")
-    poses = np.tile(np.eye(4), (len(images), 1, 1))
-    poses[:, :3, :3] = rotations.swapaxes(1, 2)
-    with np.errstate(over="ignore", invalid="ignore"):  # overflow is reported with the frames
-        poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations / _MILLIMETERS)
+    poses = _inverse(rotations, translations / _MILLIMETERS)
     times = np.array(images, dtype=np.float64)
     camera = bop_images_camera(path, data)
     return FilePoses(poses, lambda index: f"{path}: image {images[index]}", timestamps=times, camera=camera)
@@ -99,12 +97,18 @@ def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
     world_to_camera[:, 3:] = (turns / lengths)[:, [1, 2, 3, 0]]
     rotations = poses_to_matrices(world_to_camera)[:, :3, :3]
     translations = np.array([image.translation for image in images]).reshape(-1, 3)
-    poses = np.tile(np.eye(4), (len(images), 1, 1))
-    poses[:, :3, :3] = rotations.swapaxes(1, 2)
-    with np.errstate(over="ignore", invalid="ignore"):  # overflow is reported with the frames
-        poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations)
+    poses = _inverse(rotations, translations)
     cameras_file = path.with_name("cameras" + path.suffix)
     used = {image.camera for image in images}
     read = colmap_lens_camera if distortion else colmap_camera
     camera = camera_of_poses(lambda: read(cameras_file, used)) if images and cameras_file.is_file() else None
     return FilePoses(poses, lambda index: f"{path}: image {truncate(images[index].name)!r}", camera=camera)
+
+
+def _inverse(rotations: NDArray[np.float64], translations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Invert poses world to camera, to matrices ``(n, 4, 4)``; overflow is reported with the frames."""
+    poses = np.tile(np.eye(4), (len(rotations), 1, 1))
+    poses[:, :3, :3] = rotations.swapaxes(1, 2)
+    with np.errstate(over="ignore", invalid="ignore"):
+        poses[:, :3, 3] = -np.einsum("nji,nj->ni", rotations, translations)
+    return poses

@@ -5,10 +5,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,24 +22,6 @@ from warpvis.io._archives import check_mcap
 from warpvis.io.cameras._pinhole import one_camera
 from warpvis.io.poses._file_poses import FilePoses
 
-if TYPE_CHECKING:
-    from rosbags.typesys.stores.latest import (
-        builtin_interfaces__msg__Time as Time,
-        geometry_msgs__msg__Point as Point,
-        geometry_msgs__msg__Pose as Pose,
-        geometry_msgs__msg__PoseArray as PoseArray,
-        geometry_msgs__msg__PoseStamped as PoseStamped,
-        geometry_msgs__msg__PoseWithCovarianceStamped as PoseWithCovarianceStamped,
-        geometry_msgs__msg__Quaternion as Quaternion,
-        geometry_msgs__msg__TransformStamped as TransformStamped,
-        geometry_msgs__msg__Vector3 as Vector3,
-        nav_msgs__msg__Odometry as Odometry,
-        nav_msgs__msg__Path as PathMessage,
-        sensor_msgs__msg__CameraInfo as CameraInfo,
-        std_msgs__msg__Header as Header,
-        tf2_msgs__msg__TFMessage as TFMessage,
-    )
-
 _OPTICAL = "_optical_frame"
 _LONGEST_LIST = 500
 """Maximum length of a list of names in a message [characters]."""
@@ -48,11 +30,10 @@ _LONGEST_LIST = 500
 class _Stamped(NamedTuple):
     """One pose of a message."""
 
-    stamp: Time
+    time: float
     parent: str
     child: str
-    position: Point | Vector3
-    orientation: Quaternion
+    row: list[float]
 
 
 def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) -> FilePoses:
@@ -99,13 +80,8 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
             infos = [item for item in reader.connections if item.msgtype == _CAMERA_INFO]
             cameras = [next(reader.messages([item]), None) for item in infos]
             found: list[Any] = [store.deserialize_cdr(first[2], _CAMERA_INFO) for first in cameras if first is not None]
-    return _as_poses(
-        path,
-        name,
-        child,
-        poses,
-        [_BagCamera(info.header.frame_id, partial(_camera, info, distortion)) for info in found],
-    )
+    frames, frame = _as_poses(path, name, child, poses)
+    return replace(frames, camera=_choose_camera(path, found, frame, distortion))
 
 
 def _choose_topic(path: Path, types: dict[str, str], topic: str) -> str:
@@ -131,8 +107,8 @@ def _all(types: dict[str, str]) -> str:
     return truncate(listed, _LONGEST_LIST) or "no topics"
 
 
-def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras: Sequence[_BagCamera]) -> FilePoses:
-    """Select the poses of one child frame, and check that they have the same parent frame."""
+def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> tuple[FilePoses, str]:
+    """Select the poses of one child frame, returned too, and check that they have the same parent frame."""
     place = f"{path}: topic {truncate(topic)}"
     if not poses:
         raise FileFormatError(f"{place} holds no poses")
@@ -151,91 +127,58 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped], cameras
     if len(parents) > 1:
         known = truncate(", ".join(parents), _LONGEST_LIST)
         raise FileFormatError(f"{place} has poses in the frames {known}, and transforms are not chained")
-    rows = [_row(pose.position, pose.orientation) for pose in poses]
-    times = np.array([pose.stamp.sec + 1e-9 * pose.stamp.nanosec for pose in poses])
-    return FilePoses(
-        np.array(rows, dtype=np.float64),
+    times = np.array([pose.time for pose in poses])
+    frames = FilePoses(
+        np.array([pose.row for pose in poses], dtype=np.float64),
         lambda index: f"{place}: pose {index}",
         "opencv" if children[0].endswith(_OPTICAL) else "ros_body",
         times if times.any() else None,
-        camera=_choose_camera(path, cameras, children[0]),
         details={"topic": f"{topic}:{child}" if child else topic},
     )
+    return frames, children[0]
 
 
-def _choose_camera(path: Path, cameras: Sequence[_BagCamera], child: str) -> CalibratedCamera | None:
-    """Return the camera of the bag's first CameraInfo with the poses' frame, or of its only CameraInfo."""
-    of_frame = [camera for camera in cameras if child and camera.frame == child]
-    chosen = of_frame or (cameras if len(cameras) == 1 else [])
+def _choose_camera(path: Path, infos: list[Any], frame: str, distortion: bool) -> CalibratedCamera | None:
+    """Return the camera of the bag's first CameraInfo with the poses' frame, or of its only CameraInfo.
+
+    It is that of the raw images if `distortion` is set and `D` is not zero, else of the rectified images.
+    """
+    of_frame = [info for info in infos if frame and info.header.frame_id == frame]
+    chosen = of_frame or (infos if len(infos) == 1 else [])
     try:
-        return one_camera([camera.make() for camera in chosen], str(path))
+        raw = [distortion and np.any(info.d) for info in chosen]
+        makes = [Camera.from_raw_camera_info if flag else Camera.from_camera_info for flag in raw]
+        return one_camera([make(info) for make, info in zip(makes, chosen, strict=True)], str(path))
     except (CameraError, MessageError) as error:
         warn_user(f"{path}: its CameraInfo is not a valid camera: {error}", IntrinsicsWarning)
         return None
 
 
-class _BagCamera(NamedTuple):
-    """A camera of a bag, created when needed."""
-
-    frame: str
-    make: Callable[[], CalibratedCamera]
+def _stamped(header: Any, place: Any, turn: Any, child: str = "") -> _Stamped:
+    time = header.stamp.sec + 1e-9 * header.stamp.nanosec
+    return _Stamped(time, header.frame_id, child, [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w])
 
 
-def _camera(info: CameraInfo, distortion: bool) -> CalibratedCamera:
-    """Create the camera of the raw images if `distortion` is set and `D` is not zero, else of the rectified images."""
-    return Camera.from_raw_camera_info(info) if distortion and np.any(info.d) else Camera.from_camera_info(info)
+def _posed(header: Any, pose: Any, child: str = "") -> _Stamped:
+    return _stamped(header, pose.position, pose.orientation, child)
 
 
-def _row(place: Point | Vector3, rotation: Quaternion) -> list[float]:
-    return [place.x, place.y, place.z, rotation.x, rotation.y, rotation.z, rotation.w]
-
-
-def _from_pose(message: PoseStamped) -> Iterator[_Stamped]:
-    yield _stamped(message.header, message.pose)
-
-
-def _from_covariance(message: PoseWithCovarianceStamped) -> Iterator[_Stamped]:
-    yield _stamped(message.header, message.pose.pose)
-
-
-def _from_odometry(message: Odometry) -> Iterator[_Stamped]:
-    yield _stamped(message.header, message.pose.pose, message.child_frame_id)
-
-
-def _from_path(message: PathMessage) -> Iterator[_Stamped]:
-    for item in message.poses:  # their own frame_id is often empty
-        yield _stamped(item.header, item.pose)._replace(parent=message.header.frame_id)
-
-
-def _from_pose_array(message: PoseArray) -> Iterator[_Stamped]:
-    for pose in message.poses:
-        yield _stamped(message.header, pose)
-
-
-def _from_transform(message: TransformStamped) -> Iterator[_Stamped]:
-    header, transform = message.header, message.transform
-    yield _Stamped(header.stamp, header.frame_id, message.child_frame_id, transform.translation, transform.rotation)
-
-
-def _from_tf(message: TFMessage) -> Iterator[_Stamped]:
-    for item in message.transforms:
-        yield from _from_transform(item)
-
-
-def _stamped(header: Header, pose: Pose, child: str = "") -> _Stamped:
-    return _Stamped(header.stamp, header.frame_id, child, pose.position, pose.orientation)
+def _transformed(item: Any) -> _Stamped:
+    return _stamped(item.header, item.transform.translation, item.transform.rotation, item.child_frame_id)
 
 
 _PATH = "nav_msgs/msg/Path"
 _CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
-# Readers by message type.
-_POSES: dict[str, Callable[[Any], Iterator[_Stamped]]] = {
-    "geometry_msgs/msg/PoseStamped": _from_pose,
-    "geometry_msgs/msg/PoseWithCovarianceStamped": _from_covariance,
-    "geometry_msgs/msg/TransformStamped": _from_transform,
-    "geometry_msgs/msg/PoseArray": _from_pose_array,
-    "nav_msgs/msg/Odometry": _from_odometry,
-    _PATH: _from_path,
-    "tf2_msgs/msg/TFMessage": _from_tf,
+# Poses of a message, by its type. The poses of a Path often have an empty frame_id.
+_POSES: dict[str, Callable[[Any], list[_Stamped]]] = {
+    "geometry_msgs/msg/PoseStamped": lambda message: [_posed(message.header, message.pose)],
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: [_posed(message.header, message.pose.pose)],
+    "geometry_msgs/msg/TransformStamped": lambda message: [_transformed(message)],
+    "geometry_msgs/msg/PoseArray": lambda message: [_posed(message.header, pose) for pose in message.poses],
+    "nav_msgs/msg/Odometry": lambda message: [_posed(message.header, message.pose.pose, message.child_frame_id)],
+    _PATH: lambda message: [
+        _posed(item.header, item.pose)._replace(parent=message.header.frame_id) for item in message.poses
+    ],
+    "tf2_msgs/msg/TFMessage": lambda message: [_transformed(item) for item in message.transforms],
 }
