@@ -44,14 +44,7 @@ _NEEDED = {"dae": "pycollada: pip install 'warpvis[collada]'", "3mf": "lxml and 
 """Packages that trimesh's readers of these formats need."""
 
 # The 3MF core specification, section 3.4: a model without a unit is in millimeters.
-_METERS = {
-    b"micron": 1e-6,
-    b"millimeter": 1e-3,
-    b"centimeter": 1e-2,
-    b"inch": 0.0254,
-    b"foot": 0.3048,
-    b"meter": 1.0,
-}
+_METERS = {b"micron": 1e-6, b"millimeter": 1e-3, b"centimeter": 1e-2, b"inch": 0.0254, b"foot": 0.3048, b"meter": 1.0}
 _NAME = re.compile(rb"""\b(?:partnumber|name)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 
 
@@ -62,10 +55,9 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         raise SceneError(f"{path}: its geometry is in a single file; leave out search_path")
     if is_archive(path.name):
         loaded = _load_archive(path)
-    elif (read := _plugin(kind)) is not None:
+    elif (read := _reader_of_others(path, kind)) is not None:
         return _read_by_plugin(read, path)
     else:
-        _require_reader(str(path), path.suffix, kind)
         loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path), _locator(path, search_path))
     is_single = len(loaded.meshes) == 1
     names = _unique(
@@ -123,11 +115,21 @@ def _kind(name: str) -> str:
     return Path(name).suffix.lower().lstrip(".")
 
 
-def _plugin(kind: str) -> Callable[[Path], Mapping[str, MeshLike]] | None:
+def _reader_of_others(path: Path, kind: str) -> Callable[[Path], Mapping[str, MeshLike]] | None:
     """Return the function of another distribution that reads a format; None for formats that are read here."""
     import trimesh
+    from trimesh.exchange.load import mesh_loaders
 
-    return None if kind in _GLTF or kind in trimesh.available_formats() else load_plugin(MESH_READERS, kind)
+    known = {*_GLTF, *trimesh.available_formats()}
+    read = None if kind in known else load_plugin(MESH_READERS, kind)
+    if kind in known or read is not None:
+        return read
+    if kind in mesh_loaders:
+        needed = _NEEDED.get(kind, "packages that are not installed, as trimesh's documentation says")
+        raise FileFormatError(f"{path}: reading .{kind} needs {needed}")
+    supported = ", ".join(sorted({*known, *plugin_names(MESH_READERS), "tar"}))
+    found = repr(path.suffix) if path.suffix else "a name without a suffix"
+    raise FileFormatError(f"{path}: {found} is not a scene format; supported are wbt, xml, urdf, and {supported}")
 
 
 def _read_by_plugin(read: Callable[[Path], Mapping[str, MeshLike]], path: Path) -> FileParts:
@@ -141,21 +143,6 @@ def _read_by_plugin(read: Callable[[Path], Mapping[str, MeshLike]], path: Path) 
 def _arrays(mesh: Any) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
     vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else mesh
     return np.asarray(vertices, dtype=np.float64), np.asarray(faces)
-
-
-def _require_reader(name: str, suffix: str, kind: str) -> None:
-    """Raise an error for formats that cannot be read."""
-    import trimesh
-    from trimesh.exchange.load import mesh_loaders
-
-    if kind in _GLTF or kind in trimesh.available_formats():
-        return
-    if kind in mesh_loaders:
-        needed = _NEEDED.get(kind, "packages that are not installed, as trimesh's documentation says")
-        raise FileFormatError(f"{name}: reading .{kind} needs {needed}")
-    known = ", ".join(sorted({*_GLTF, *trimesh.available_formats(), *plugin_names(MESH_READERS), "tar"}))
-    found = repr(suffix) if suffix else "a name without a suffix"
-    raise FileFormatError(f"{name}: {found} is not a scene format; supported are wbt, xml, urdf, and {known}")
 
 
 def _load_archive(path: Path) -> FileMeshes:

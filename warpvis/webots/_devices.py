@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import poses_to_opencv
 from warpvis.errors import SceneError
-from warpvis.webots._nodes import Node, Version, replaced
+from warpvis.webots._nodes import Node, Version, correction, replaced
 
 Kind = Literal["range-finder", "camera", "kinect"]
 Projection = Literal["planar", "cylindrical", "spherical"]
@@ -149,8 +149,9 @@ def _size(node: Node, name: str, notes: list[str]) -> int:
 def _projection(node: Node, notes: list[str]) -> Projection:
     projection = node.text("projection", "cylindrical" if node.flag("spherical", False) else "planar")
     known = next((known for known in PROJECTIONS if known == projection), None)
-    planar: Projection = "planar"
-    return known or replaced(node, "projection", projection, planar, notes)
+    if known is None:
+        notes.append(correction(node, "projection", projection, "planar"))
+    return known or "planar"
 
 
 def check_resolution(node: Node, resolution: float, notes: list[str]) -> float:

@@ -91,11 +91,12 @@ def render_range(
             f"{device_name!r} is a camera, which has no ranges in Webots: omit webots_version for exact depth"
         )
     version = _release(world, webots_version)
-    pixels = outside = None
+    pixels: NDArray[np.float32] | None = None
+    outside: NDArray[np.bool_] | None = None
     if device.bends and device.lens is not None:
         lens = device.lens
         pixels = ranges.distort_pixels(device.width, device.height, lens.center, lens.radial, lens.tangential)
-        outside = ~((pixels >= 0) & (pixels < (device.width, device.height))).all(axis=2)
+        outside = np.any(~((pixels >= 0) & (pixels < (device.width, device.height))), axis=2)
     depth = _drawn_depth(world.scene, device, exclude, threads, pixels)[None]
     return _measured(depth, device, version, device.projection, seed, outside)
 

@@ -318,14 +318,13 @@ def _face_set(node: Node, profile: Sequence[tuple[float, float]], corners: int, 
     """Build a surface of revolution about the upright axis, rotated about it."""
     triangles = revolve(profile, [True] * (len(profile) - 1), corners)
     assert triangles is not None
-    (x, y, z), faces = triangles[0].T, triangles[1]
+    x, y, z = triangles[0].T
     c, s = np.cos(2 * np.pi * revolutions), np.sin(2 * np.pi * revolutions)
     vertices = np.stack([c * x - s * y, s * x + c * y, z], axis=1)
     points = vertices if node.version.z_up else turned(vertices)
     coord = new_node(node, "Coordinate", {"point": numbers(points.ravel())})
-    index = np.concatenate([faces, np.full((len(faces), 1), -1)], axis=1)
-    faces = new_node(node, "IndexedFaceSet", {"coord": coord, "coordIndex": numbers(index.ravel())})
-    return shape_at(node, faces)
+    index = np.pad(triangles[1], ((0, 0), (0, 1)), constant_values=-1)
+    return shape_at(node, new_node(node, "IndexedFaceSet", {"coord": coord, "coordIndex": numbers(index.ravel())}))
 
 
 _EXPANDERS: dict[str, tuple[Callable[[Node], Iterable[Node]], str]] = {
