@@ -69,6 +69,16 @@ def writing(path: object) -> Iterator[None]:
         raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
+def read_text(path: Path, kind: str) -> str:
+    """Read a UTF-8 text, with or without a byte order mark, of a kind such as "a JSON text file"."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise FileFormatError(f"{path}: is not {kind}") from None
+
+
 def is_file(path: Path) -> bool:
     """Return whether a file with this name exists. The name may be too long, or contain a zero byte."""
     try:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from warpvis.core.file_content import read_text
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 
@@ -17,12 +18,9 @@ def read_json(path: Path) -> Json:
     Raises:
         FileFormatError: If the file cannot be read or is not JSON; the message contains the line number.
     """
+    text = read_text(path, "a JSON text file")
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path}: is not a JSON text file") from None
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise FileFormatError(f"{path}:{error.lineno}: is not JSON: {error.msg}") from None
     except RecursionError:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from warpvis.core.checks import as_path, check_mapping, describe_exception, truncate
+from warpvis.core.file_content import read_text
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
@@ -159,12 +160,7 @@ def _parse(path: Path) -> object:
     if kind not in LABEL_FILES:
         suffix = repr(path.suffix) if path.suffix else "a name without a suffix"
         raise FileFormatError(f"{path}: {suffix} is no format of labels; those are json, toml and yaml")
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path}: is not text in UTF-8") from None
+    text = read_text(path, "text in UTF-8")
     try:
         return json.loads(text, object_pairs_hook=_without_doubles) if kind == ".json" else tomllib.loads(text)
     except (ValueError, RecursionError) as error:

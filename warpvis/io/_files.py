@@ -14,7 +14,7 @@ from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from warpvis.core.checks import truncate
-from warpvis.core.file_content import reading
+from warpvis.core.file_content import read_text, reading
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io._archives import check_unpacked
@@ -109,9 +109,4 @@ def read_rows(path: Path, line: str) -> Iterator[tuple[str, str]]:
 
 def read_lines(path: Path, line: str) -> list[str]:
     """Read the lines of a text file; `line` is the expected format of a line, for the message."""
-    try:
-        return path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets write a byte order mark
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path}: is not a text file of lines '{line}'") from None
+    return read_text(path, f"a text file of lines '{line}'").splitlines()

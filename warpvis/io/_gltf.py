@@ -77,13 +77,13 @@ def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
 def _add_light(
     data: GltfData, index: int, node: dict[str, Any], placement: NDArray[np.float64], found: FileMeshes
 ) -> None:
-    """Add a node's light, or a note if it cannot be read."""
+    """Add the light of a node, which shines along its -z; or a note if it cannot be read."""
     try:
-        light = gltf_light(data.get("extensions"), node, placement)
+        packed = (node.get("extensions") or {}).get(_LIGHTS)
+        if packed is not None:
+            found.lights.append(_light(data.get("extensions"), packed["light"], node, placement))
     except Exception as error:  # malformed files may raise any exception
         found.unlit.append(f"node {index} ({truncate(describe_exception(error))})")
-    else:
-        found.lights += [] if light is None else [light]
 
 
 class _Shapes:
@@ -234,15 +234,9 @@ def _faces(corners: NDArray[np.integer], mode: int) -> NDArray[np.integer]:
     return np.stack([corners[first], corners[first + 1 + odd], corners[first + 2 - odd]], axis=1)
 
 
-def gltf_light(root: Any, node: dict[str, Any], placement: NDArray[np.float64]) -> Light | None:
-    """Read the light of a node, which shines along its -z; scale does not affect it. None for nodes without a light.
-
-    `root` is the file's ``extensions``, and `placement` the matrix from the node to the file's frame.
-    """
-    packed = (node.get("extensions") or {}).get(_LIGHTS)
-    if packed is None:
-        return None
-    known, number = root[_LIGHTS]["lights"], packed["light"]
+def _light(root: Any, number: Any, node: dict[str, Any], placement: NDArray[np.float64]) -> Light:
+    """Read a light (KHR_lights_punctual); scale does not affect it."""
+    known = root[_LIGHTS]["lights"]
     if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(known):
         raise ValueError(f"it references light {number!r} of {len(known)}")
     entry = known[number]

@@ -352,14 +352,3 @@ def _merge(one: Box, other: Box) -> Box:
     low = np.minimum(one.middle - one.size / 2, other.middle - other.size / 2)
     high = np.maximum(one.middle + one.size / 2, other.middle + other.size / 2)
     return Box((low + high) / 2, high - low, one.round and other.round)
-
-
-def is_hidden(lengths: NDArray[np.float64], hits: NDArray[np.float64], size: NDArray[np.float64]) -> bool:
-    """Return whether all rays, to a Solid's origin or its box's corners, end before it by more than half of its size.
-
-    Lengths of the rays and distances to their first obstacles [m] have shape ``(n,)``. Ray `i` is compared with the
-    length along axis ``i // 2`` of the box, as in Webots.
-    """
-    before = np.where(hits < lengths, lengths - hits, 0.0)
-    axis = np.minimum(np.arange(len(lengths)) // 2, 2)  # for rays 6 and 7 of 8, Webots reads past the vector
-    return bool((before > 0.5 * size[axis]).all())

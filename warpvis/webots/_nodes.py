@@ -267,11 +267,15 @@ def rigid_matrix(rotation: ArrayLike, offset: ArrayLike) -> NDArray[np.float64]:
 
 
 def rotation_matrix(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Convert an SFRotation, axis and angle [rad], to a matrix; the axis need not be normalized, 0 0 0 is identity."""
-    length = np.linalg.norm(rotation[:3])
-    if length == 0:
-        return np.eye(3)
-    x, y, z = rotation[:3] / length
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angle = rotation[3]
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+    """Convert one SFRotation to a matrix; see `rotation_matrices`."""
+    return rotation_matrices(rotation[None])[0]
+
+
+def rotation_matrices(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Convert SFRotations, axis and angle [rad], to matrices ``(n, 3, 3)``; axes of any length, 0 0 0 is identity."""
+    axes, angles = rotations[:, :3], rotations[:, 3, None, None]
+    lengths = np.linalg.norm(axes, axis=1, keepdims=True)
+    x, y, z = np.divide(axes, lengths, out=np.zeros_like(axes), where=lengths > 0).T
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    return np.eye(3) + np.sin(angles) * cross + (1 - np.cos(angles)) * (cross @ cross)

@@ -211,18 +211,17 @@ def render_lidar(
     Args:
         world: The world, from `load_webots`.
         lidar_name: The lidar.
-        webots_version: By default, ranges are exact, along `Lidar.rays` (REP 117): +inf where nothing is hit or the hit
-            is farther than `Lidar.max_range`, -inf where it is nearer than `Lidar.min_range`. ``"header"`` reproduces
-            the Webots release in the world's header, as in `render_range`: rays are `Lidar.drawn_rays`, ranges are
-            quantized, and geometry nearer than `Lidar.near` does not occlude. The name of another release, like
-            ``"R2019a"``, applies that release's limits. Webots samples rendered images whose pixels are as wide as
-            columns; ranges here are computed exactly along the rays.
-        exclude_body: Whether to hide the robot that the lidar is part of.
-        seed: Seed of the lidar's noise. Noise is added only if `seed` and `webots_version` are given.
-        threads: Number of CPU threads; by default all cores available to the process.
+        webots_version: By default, ranges are exact, along `Lidar.rays`. A release, as for `render_range`, determines
+            limits and resolution of ranges along `Lidar.drawn_rays`; geometry nearer than `Lidar.near` does not
+            occlude. Webots samples rendered images whose pixels are as wide as columns; ranges here are computed
+            exactly along the rays.
+        exclude_body: As for `render_range`.
+        seed: As for `render_range`.
+        threads: As for `render_range`.
 
     Returns:
-        Ranges [m], shape ``(layers, columns)``: lengths of the rays, or planar depth for a planar projection with
+        Ranges [m], shape ``(layers, columns)``: lengths of the rays (REP 117: +inf for no hit or one farther than
+        `Lidar.max_range`, -inf for one nearer than `Lidar.min_range`), or planar depth for a planar projection with
         `webots_version`.
 
     Raises:

@@ -21,7 +21,7 @@ from warpvis.errors import SceneError
 from warpvis.rendering import Renderer, render
 from warpvis.scene import Scene
 from warpvis.visibility import object_visibility
-from warpvis.webots._detection import Bounds, Box, Extent, Frustum, is_hidden, triangles_of
+from warpvis.webots._detection import Bounds, Box, Extent, Frustum, triangles_of
 from warpvis.webots._devices import Device
 from warpvis.webots._nodes import Node, replaced
 from warpvis.webots._range_images import find_device
@@ -244,7 +244,10 @@ def _hidden(
     occlusion: int,
     threads: int | None,
 ) -> bool:
-    """Return whether all rays to a Solid end well before it in other Solids' bounding objects."""
+    """Return whether other Solids' bounding objects end all rays to a Solid, more than half of its size before it.
+
+    As in Webots, ray `i` is compared with the length along axis ``i // 2`` of the box.
+    """
     scene, names = obstacles
     # Webots adds the box's corners, in camera axes, to a position in the world without rotating them.
     ends = extent.origin + (np.zeros((1, 3)) if occlusion == 1 else box.corners())
@@ -258,7 +261,9 @@ def _hidden(
         poses = np.stack([look_at(eye, end, up=up) for end, up in zip(ends, sideways, strict=True)])
         views = render(scene, ray, poses, outputs=("depth",), exclude=sorted(passed), threads=threads, caster="rays")
         hits = views.depth.numpy()[:, 0, 0].astype(np.float64)
-    return is_hidden(lengths, hits, box.size)
+    before = np.where(hits < lengths, lengths - hits, 0.0)
+    axis = np.minimum(np.arange(len(lengths)) // 2, 2)  # for rays 6 and 7 of 8, Webots reads past the vector
+    return bool((before > 0.5 * box.size[axis]).all())
 
 
 def _union(boxes: Sequence[Sequence[int]]) -> tuple[int, int, int, int] | None:

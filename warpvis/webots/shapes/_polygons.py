@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
-from warpvis.webots._nodes import Node, fail
+from warpvis.webots._nodes import Node, fail, rotation_matrices
 
 MAX_POINTS = 1 << 22
 """Maximum number of points of a grid or extrusion, since a short text can define any number."""
@@ -245,7 +245,7 @@ def extrusion(node: Node) -> Triangles | None:
     side, other = _axes(node, spine)
     flat = section * scale[:, None]
     offsets = flat[..., :1] * side[:, None] - flat[..., 1:] * other[:, None]
-    points = (np.einsum("nij,nkj->nki", _matrices(rotations), offsets) + spine[:, None]).reshape(-1, 3)
+    points = (np.einsum("nij,nkj->nki", rotation_matrices(rotations), offsets) + spine[:, None]).reshape(-1, 3)
     faces = triangulate(node, points, _outlines(node, section, len(spine)))
     return compact(points, faces if node.flag("ccw", True) else faces[:, ::-1])
 
@@ -319,16 +319,6 @@ def _across(direction: NDArray[np.float64], z_up: bool) -> NDArray[np.float64]:
     angle = np.arccos(y)
     cosine = np.cos(angle)
     return np.array([first * third * (1 - cosine), -first * np.sin(angle), third**2 * (1 - cosine) + cosine])
-
-
-def _matrices(rotations: Points) -> NDArray[np.float64]:
-    """Convert rotations ``x y z angle`` [rad] to matrices, shape ``(n, 3, 3)``; a zero axis gives the identity."""
-    axes, angles = rotations[:, :3], rotations[:, 3, None, None]
-    lengths = np.linalg.norm(axes, axis=1, keepdims=True)
-    x, y, z = np.divide(axes, lengths, out=np.zeros_like(axes), where=lengths > 0).T
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-    return np.eye(3) + np.sin(angles) * cross + (1 - np.cos(angles)) * (cross @ cross)
 
 
 def _outlines(node: Node, section: Points, count: int) -> list[NDArray[np.int64]]:
