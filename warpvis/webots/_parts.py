@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +12,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import pluralize, truncate as truncate_text
 from warpvis.core.labels import Label
 from warpvis.scene import Part
 from warpvis.webots._detection import Extent
@@ -26,7 +24,6 @@ from warpvis.webots.shapes._polygons import Triangles, join
 GROUND_HEIGHT = 0.1
 """Maximum absolute height of a level surface that is labeled as ground [m]."""
 
-_MAX_SENTENCES, _MAX_NAMES = 20, 12  # in a warning
 _SCALAR_GRAVITY = Version(2020, 2)
 _NEGATIVE_SCALES = Version(2022, 2)
 
@@ -202,53 +199,6 @@ def _objects_of(solid: Solid) -> list[tuple[str, Label, list[int]]]:
         walls = [number for number, level in enumerate(solid.level) if not level]
         return [(f"{solid.preferred_name} floor", Label.GROUND, floor), (solid.preferred_name, Label.OBSTACLE, walls)]
     return [(solid.preferred_name, solid.label(), list(range(len(solid.parts))))]
-
-
-def skipped_message(
-    path: Path,
-    skipped: Mapping[str, int],
-    below: Mapping[str, int],
-    stand_ins: Mapping[str, int],
-    reasons: Mapping[str, str],
-    refused: Iterable[str],
-    search_path: Iterable[str | os.PathLike[str]],
-    downloads: bool,
-) -> str:
-    """Describe what was skipped or replaced by stand-ins, and why; return an empty text if everything was read."""
-    parts = []
-    if skipped:
-        listed = _counted(skipped, below)
-        searched = ", ".join(os.fspath(folder) for folder in search_path) or "none"
-        parts.append(
-            f"skipped {listed}, whose files were not found or not readable in the world's project and the search path "
-            f"({searched}): add the folders that contain them"
-            + (", or open the world once in Webots, which downloads them" if downloads else "")
-        )
-    if stand_ins:
-        listed = _counted(stand_ins)
-        parts.append(
-            f"used stand-ins for {listed}, whose files were not found or not readable: "
-            "boxes, cylinders, and capsules for people"
-        )
-    for name, reason in reasons.items():
-        parts.append(f"ignored the file of {name}: {reason}")
-    parts += [f"skipped an unreadable node: {reason}" for reason in truncate(refused)]
-    return f"{path}: {'; '.join(parts)}" if parts else ""
-
-
-def _counted(counts: Mapping[str, int], below: Mapping[str, int] | None = None) -> str:
-    """List names with counts and numbers of contained nodes, truncated to `_MAX_NAMES`."""
-    inside = {name: f" with {pluralize(count, 'node')} in it" for name, count in (below or {}).items() if count}
-    listed = [f"{truncate_text(name)} ({count}{inside.get(name, '')})" for name, count in counts.items()]
-    more = len(listed) - _MAX_NAMES
-    return ", ".join(listed if more <= 1 else [*listed[:_MAX_NAMES], f"and {more} others"])
-
-
-def truncate(sentences: Iterable[str]) -> list[str]:
-    """Remove duplicates, which repeated PROTOs cause, and truncate to `_MAX_SENTENCES`."""
-    unique = list(dict.fromkeys(sentences))
-    more = len(unique) - _MAX_SENTENCES
-    return unique if more <= 0 else [*unique[:_MAX_SENTENCES], f"and {more} more"]
 
 
 def parts_of(node: Node) -> list[Node]:

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from warpvis.core.checks import as_items, as_path, check_flag
+from warpvis.core.checks import as_items, as_path, check_flag, pluralize, truncate
 from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError, SceneError
@@ -20,9 +20,11 @@ from warpvis.webots._devices import Device
 from warpvis.webots._grammar import parse_world
 from warpvis.webots._lidars import Lidar
 from warpvis.webots._nodes import Node, Version
-from warpvis.webots._parts import Solid, make_parts, names_of, skipped_message, truncate
+from warpvis.webots._parts import Solid, make_parts, names_of
 from warpvis.webots._urls import CACHED_SINCE, installed, webots_cache
 from warpvis.webots._walk import Reader
+
+_MAX_SENTENCES, _MAX_NAMES = 20, 12  # in a warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,10 +144,9 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
     """Traverse a world; return the reader with its content, the object names of each Solid, and the objects."""
     reader = Reader(parse_world(path), [*search_path, *installed()], strict, webots_cache())
     reader.walk()
-    missed = reader.skipped, reader.below, reader.stand_ins, reader.reasons, reader.refused
-    message = skipped_message(path, *missed, search_path, downloads=reader.version >= CACHED_SINCE)
+    message = _missing(reader, path, search_path)
     notes = reader.corrections()
-    listed = "; ".join(truncate(notes))
+    listed = "; ".join(_truncated(notes))
     if strict and message:
         raise FileFormatError(message)
     if strict and notes:
@@ -159,3 +160,38 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
         path, parts, up=reader.up, defines_frame=True, warnings=sentences, lights=lights, background=background
     )
     return reader, names, found
+
+
+def _missing(reader: Reader, path: Path, search_path: Iterable[Path]) -> str:
+    """Describe what was skipped or replaced by stand-ins, and why; return an empty text if everything was read."""
+    parts = []
+    if reader.skipped:
+        searched = ", ".join(map(str, search_path)) or "none"
+        parts.append(
+            f"skipped {_counted(reader.skipped, reader.below)}, whose files were not found or not readable in the "
+            f"world's project and the search path ({searched}): add the folders that contain them"
+            + (", or open the world once in Webots, which downloads them" * (reader.version >= CACHED_SINCE))
+        )
+    if reader.stand_ins:
+        parts.append(
+            f"used stand-ins for {_counted(reader.stand_ins)}, whose files were not found or not readable: "
+            "boxes, cylinders, and capsules for people"
+        )
+    parts += [f"ignored the file of {name}: {reason}" for name, reason in reader.reasons.items()]
+    parts += [f"skipped an unreadable node: {reason}" for reason in _truncated(reader.refused)]
+    return f"{path}: {'; '.join(parts)}" if parts else ""
+
+
+def _counted(counts: Mapping[str, int], below: Mapping[str, int] | None = None) -> str:
+    """List names with counts and numbers of contained nodes, truncated to `_MAX_NAMES`."""
+    inside = {name: f" with {pluralize(count, 'node')} in it" for name, count in (below or {}).items() if count}
+    listed = [f"{truncate(name)} ({count}{inside.get(name, '')})" for name, count in counts.items()]
+    more = len(listed) - _MAX_NAMES
+    return ", ".join(listed if more <= 1 else [*listed[:_MAX_NAMES], f"and {more} others"])
+
+
+def _truncated(sentences: Iterable[str]) -> list[str]:
+    """Remove duplicates, which repeated PROTOs cause, and truncate to `_MAX_SENTENCES`."""
+    unique = list(dict.fromkeys(sentences))
+    more = len(unique) - _MAX_SENTENCES
+    return unique if more <= 0 else [*unique[:_MAX_SENTENCES], f"and {more} more"]

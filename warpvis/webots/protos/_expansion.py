@@ -25,7 +25,7 @@ from warpvis.webots._grammar import Parser, World, read_text, read_version
 from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version, described, fail
 from warpvis.webots._urls import Found, Places, is_file, is_web, with_slashes
 from warpvis.webots.protos._template_engine import TemplateEngine
-from warpvis.webots.protos._templates import Language, language_of, render, script_value
+from warpvis.webots.protos._templates import Language, ScriptValue, language_of, render
 
 MAX_PROTOS_NESTED = 50
 """Maximum depth of nested PROTOs."""
@@ -241,11 +241,9 @@ class Protos:
         fields: dict[str, Json] = {}
         for name, field in proto.fields.items():
             if name in proto.template_fields:
-                default, default_place = proto.default(field), f"{proto.source}:{field.line}"
-                fields[name] = {
-                    "value": script_value(values[name], field.type, node.place, self._describe),
-                    "defaultValue": script_value(default, field.type, default_place, self._describe),
-                }
+                value = ScriptValue(node.place, self._describe).convert(values[name], field.type)
+                default = ScriptValue(f"{proto.source}:{field.line}", self._describe)
+                fields[name] = {"value": value, "defaultValue": default.convert(proto.default(field), field.type)}
         context = self._context(proto)
         if "context" in proto.body:
             context["id"] = len(self._expanded)

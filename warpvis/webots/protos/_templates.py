@@ -89,26 +89,20 @@ def render(
     _fail(file, line, message)
 
 
-def script_value(value: Value, field_type: str, place: str, describe: Describe = lambda node: None) -> Json:
-    """Convert a field's value for templates; floats are rounded to six digits, as by Webots.
+class ScriptValue:
+    """Converts a field's value for templates, counting its elements, where a USE counts as a copy.
 
-    `describe` returns type, value and default of each field of a PROTO instance. For other nodes, templates get the
-    fields in the file, whose types are unknown: one value is a scalar, two to four numbers are a vector or rotation,
-    and more are a list.
+    Floats are rounded to six digits, as by Webots. `describe` returns type, value and default of each field of a PROTO
+    instance. For other nodes, templates get the fields in the file, whose types are unknown: one value is a scalar, two
+    to four numbers are a vector or rotation, and more are a list.
     """
-    return _Script(place, describe).value(value, field_type)
-
-
-class _Script:
-    """Converts one value, counting its elements; a USE counts as a copy."""
 
     def __init__(self, place: str, describe: Describe) -> None:
-        self._place = place
-        self._describe = describe
-        self._remaining = _MAX_VALUES
-        self._depth = 0
+        self._place, self._describe = place, describe
+        self._remaining, self._depth = _MAX_VALUES, 0
 
-    def value(self, value: Value, field_type: str) -> Json:
+    def convert(self, value: Value, field_type: str) -> Json:
+        """Convert a value of a type like ``SFVec3f``."""
         self._count(len(value) if isinstance(value, list) else 1)
         if isinstance(value, Node):
             return [self._node(value)] if field_type.startswith("MF") else self._node(value)
@@ -154,12 +148,9 @@ class _Script:
         else:
             self._count(_PROTO_COST)
         for name, (field_type, value, default) in described.items():
-            translated = self.value(value, field_type)
-            same = default is value
-            fields[name] = {
-                "value": translated,
-                "defaultValue": translated if same else self.value(default, field_type),
-            }
+            translated = self.convert(value, field_type)
+            other = translated if default is value else self.convert(default, field_type)
+            fields[name] = {"value": translated, "defaultValue": other}
         self._depth -= 1
         return {"node_name": node.type, "fields": fields}
 
