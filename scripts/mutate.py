@@ -44,10 +44,10 @@ NATIVE = f"{PYTHON} tests/native_build.py"
 
 TESTS: tuple[tuple[str, str], ...] = (
     # Headers of depth camera models, whose rows of pixels are compared with single pixels bit by bit.
-    ("cpu/flight_rows.h", "sensor_rows time_of_flight"),
-    ("cpu/kinect_rows.h", "sensor_rows kinect_noise"),
-    ("cpu/corruption_rows.h", "sensor_rows corruptions"),
-    ("cpu/noise_rows.h", "sensor_rows kinect_noise corruptions time_of_flight"),
+    ("shared/time_of_flight.h", "sensor_rows time_of_flight"),
+    ("shared/kinect.h", "sensor_rows kinect_noise"),
+    ("shared/corruptions.h", "sensor_rows corruptions"),
+    ("shared/noise.h", "sensor_rows kinect_noise corruptions time_of_flight"),
     ("cpu/number_lanes.h", "random_numbers sensor_rows stereo classify time_of_flight"),
     ("cpu/random_lanes.h", "random_numbers sensor_rows stereo"),
     ("shared/random*.h", "random_numbers sensor_rows stereo"),

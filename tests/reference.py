@@ -54,7 +54,7 @@ from reference_classify import (  # noqa: F401
 )
 from reference_clearance import find_free_poses, nearest_surface  # noqa: F401
 from reference_coinciding import show_later  # noqa: F401
-from reference_corruptions import corrupt_depth, corrupt_depth_rows, place_rectangles  # noqa: F401
+from reference_corruptions import corrupt_depth, place_rectangles  # noqa: F401
 from reference_echoes import gather_returns, measure_incidence, reflect_rays  # noqa: F401
 from reference_fattening import fatten_surfaces, find_nearest_in_rows  # noqa: F401
 from reference_floor_map import finish_map, mark_cells  # noqa: F401
@@ -63,9 +63,7 @@ from reference_heights import climb  # noqa: F401
 from reference_inside import find_inside  # noqa: F401
 from reference_kinect_noise import (  # noqa: F401
     measure_khoshelham,
-    measure_khoshelham_rows,
     measure_nguyen,
-    measure_nguyen_rows,
 )
 from reference_latency import delay_images  # noqa: F401
 from reference_motion import begin_legs, cast_at_moving_objects, cast_moving_rays, measure_moving_incidence  # noqa: F401
@@ -88,7 +86,7 @@ from reference_points import (  # noqa: F401
     project_points,
 )
 from reference_poses import poses_from_matrices, poses_to_opencv, quaternions_to_xyzw  # noqa: F401
-from reference_random import draw_normal_rows, draw_normals, draw_uniforms  # noqa: F401
+from reference_random import draw_normals, draw_uniforms  # noqa: F401
 from reference_rangefinders import read_rangefinders  # noqa: F401
 from reference_ray_table import cast_ray_table
 from reference_redwood import measure_redwood  # noqa: F401
@@ -103,18 +101,14 @@ from reference_silhouettes import (  # noqa: F401
 from reference_simkinect import detect_dots, fill_from_dots, shift_to_levels  # noqa: F401
 from reference_stereo import (  # noqa: F401
     measure_stereo,
-    measure_stereo_rows,
     place_in_other_eyes,
     place_other_eyes,
-    place_rows_in_other_eyes,
 )
 from reference_time_of_flight import (  # noqa: F401
     find_axes,
     find_edges,
-    find_edges_rows,
     flag_edges,
     measure_time_of_flight,
-    measure_time_of_flight_rows,
     mix_sub_rays,
     number_edges,
     place_sub_rays,

@@ -45,6 +45,3 @@ def corrupt_depth(
     said = say(camera, measured, np.where(lost, Reason.DROPOUT, Reason.VALID), np.abs(chance - model.dropout))
     none = ~np.isfinite(depth)
     return Said(np.where(none, depth, said.depth), np.where(none, reasons, said.reasons), said.margin)
-
-
-corrupt_depth_rows = corrupt_depth

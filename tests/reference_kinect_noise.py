@@ -96,6 +96,3 @@ def measure_khoshelham(model: KhoshelhamNoise, camera: Camera, true_depth: NDArr
     depth = np.where(found > 0, 1 / (model.step * found), np.inf)
     lost = np.where(np.isfinite(true_depth), Reason.VALID, Reason.EMPTY)
     return say(camera, depth, lost, margin)
-
-
-measure_nguyen_rows, measure_khoshelham_rows = measure_nguyen, measure_khoshelham

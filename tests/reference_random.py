@@ -61,6 +61,3 @@ def draw_uniforms(
     counters = np.stack([np.broadcast_to(x >> 2, view.shape), np.broadcast_to(y, view.shape), view, frame], axis=-1)
     words = philox(counters, (seed, stream))
     return to_uniform(np.take_along_axis(words, np.broadcast_to(x & 3, view.shape)[..., None], axis=-1)[..., 0])
-
-
-draw_normal_rows = draw_normals

@@ -163,9 +163,6 @@ def measure_stereo(
     return _as_said(sensor, camera, said, found, reason, disparity), reason, margin
 
 
-measure_stereo_rows, place_rows_in_other_eyes = measure_stereo, place_in_other_eyes
-
-
 def _found_share(sensor: StereoDepth, signal: NDArray) -> NDArray[np.float64]:
     if sensor.full_signal == 0:
         return np.ones(signal.shape)

@@ -189,6 +189,3 @@ def measure_time_of_flight(
     in_range = np.where(said < camera.near, -np.inf, np.where(said > camera.far, np.inf, said))
     said = np.where(reason > Reason.RANGE, np.nan, np.where(reason == Reason.EMPTY, np.inf, in_range))
     return said, reason, np.where(reason == Reason.EMPTY, np.inf, np.min(margins, axis=0))
-
-
-find_edges_rows, measure_time_of_flight_rows = find_edges, measure_time_of_flight

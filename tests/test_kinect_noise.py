@@ -192,6 +192,6 @@ def test_invalid_parameters_are_rejected(model, arguments, message):
 @pytest.mark.parametrize("name", ["kinect_noise", "corruptions", "simkinect", "redwood"])
 def test_gpu_code_has_no_fused_or_approximate_operations(tmp_path, name):
     """NVRTC's code contains neither fused single-precision multiply-adds nor approximate instructions."""
-    body = gpu_code(f"warpvis.kernels.{name}", tmp_path)
+    body = gpu_code(f"warpvis.kernels.sensors.{name}", tmp_path)
     assert len(re.findall(r"\bmul\.(?:rn\.)?f32", body)) > 10
     assert not re.findall(r"\bfma\.\w+\.f32|\.approx\.|\.ftz\.", body)

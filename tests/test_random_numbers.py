@@ -13,10 +13,10 @@ import warp as wp
 from gpu_code import gpu_code
 from scipy import stats
 
-from warpvis.core.threads import launch_images
+from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.kernels import native_source
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.sensors import random_numbers, random_rows
+from warpvis.kernels.sensors import random_numbers
 
 ROOT = Path(__file__).parent.parent
 SHAPE = (3, 37, 54)
@@ -136,15 +136,13 @@ def test_kernels_draw_equal_normals(device):
     normals = wp.empty((2, *SHAPE[1:]), dtype=float, device=device)
     given = [as_numbers(pairs, device), wp.uint32(SEED), wp.uint32(STREAM), normals]
     launch_images(
-        random_numbers.draw_normals, normals.shape, lambda window: [window, *given], device=wp.get_device(device)
+        random_numbers.draw_normals,
+        normals.shape,
+        lambda window: [window, *given],
+        device=wp.get_device(device),
+        span=WHOLE_ROW if device == "cpu" else 1,
     )
     np.testing.assert_array_equal(normals.numpy(), draw(pairs, SHAPE[1:], device)[2])
-    if device == "cpu":
-        rows, span = wp.zeros_like(normals), random_rows.PIXELS_AT_ONCE
-        given[-1] = rows
-        cpu = wp.get_device("cpu")
-        launch_images(random_rows.draw_normal_rows, rows.shape, lambda w: [w, *given], device=cpu, span=span)
-        np.testing.assert_array_equal(rows.numpy(), normals.numpy())
     expected = reference_random.draw_normals([3, 5], [4, 6], SHAPE[1:], SEED, STREAM)
     np.testing.assert_allclose(normals.numpy(), expected, rtol=4e-5)
 

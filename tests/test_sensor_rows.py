@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tests of depth-camera models on the CPU, vectorized over 16 pixels, against the single-pixel kernels of the GPU."""
+"""Tests of depth-camera models on the CPU, for 16 pixels at a time, against the same formulas for one pixel."""
 
 import dataclasses
 
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.kernels.sensors import corruptions, kinect_noise, sub_rays, time_of_flight
 from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, TimeOfFlight
-from warpvis.sensors.depth import _corruptions, _kinect_noise, _time_of_flight
+
+from support.one_pixel import compute_one_pixel_at_a_time
 
 # The width is a multiple of neither the register width nor the number of pixels that share random words.
 CAMERA = wv.Camera.from_fov(149, 37, hfov=1.2, near=0.9, far=2.5)
@@ -27,15 +27,6 @@ MODELS = {
 }
 
 
-def one_pixel_a_thread(monkeypatch):
-    """Run the GPU's kernels on the CPU."""
-    monkeypatch.setattr(_kinect_noise, "_nguyen_kernel", lambda device: (kinect_noise.measure_nguyen, 1))
-    monkeypatch.setattr(_kinect_noise, "_khoshelham_kernel", lambda device: (kinect_noise.measure_khoshelham, 1))
-    monkeypatch.setattr(_corruptions, "_kernel", lambda device: (corruptions.corrupt_depth, 1))
-    flight = sub_rays.find_edges, time_of_flight.measure_time_of_flight, 1
-    monkeypatch.setattr(_time_of_flight, "_kernels", lambda device: flight)
-
-
 @pytest.fixture(scope="module")
 def room():
     preset = wv.scenes.PRESETS["room"]
@@ -43,7 +34,7 @@ def room():
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
-def test_row_kernels_equal_pixel_kernels(room, model, monkeypatch):
+def test_rows_equal_single_pixels(room, model, monkeypatch):
     scene, poses = room
 
     def render(threads):
@@ -52,7 +43,7 @@ def test_row_kernels_equal_pixel_kernels(room, model, monkeypatch):
         return views.depth.numpy().view(np.uint32), views.reasons.numpy()
 
     rows = render(2)
-    one_pixel_a_thread(monkeypatch)
+    compute_one_pixel_at_a_time(monkeypatch, "noise", "kinect_noise", "corruptions", "sub_rays", "time_of_flight")
     pixels = render(1)
     for mine, theirs in zip(rows, pixels, strict=True):
         np.testing.assert_array_equal(mine, theirs)

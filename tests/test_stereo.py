@@ -17,6 +17,7 @@ import warpvis as wv
 from warpvis.kernels.sensors import stereo
 from warpvis.sensors import Reason, StereoDepth
 
+from support.one_pixel import compute_one_pixel_at_a_time
 from support.stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, box, images, make_scene, wall_scene
 
 
@@ -185,17 +186,14 @@ def test_results_are_independent_of_batches_threads_and_order(device):
 
 
 @pytest.mark.parametrize("width", [1, 15, 64, 65, 160])
-def test_row_kernels_equal_pixel_kernels(monkeypatch, width):
-    """Bit for bit for rows of any length: the GPU's kernels, run on the CPU, and the kernels for 16 pixels."""
+def test_rows_equal_single_pixels(monkeypatch, width):
+    """Bit for bit for rows of any length: formulas for 16 pixels at a time, and the same for one pixel, as on a GPU."""
     camera = dataclasses.replace(CAMERA, width=width, cx=width / 2)
     options = {"outputs": OUTPUTS, "seed": 4, "frame": 0}
     for sensor in (FULL, dataclasses.replace(FULL, noise_spacing=1, other_eye="left", edge_window=9, subpixel=0)):
         rows = images(wv.render(make_scene(), camera, POSES, sensor=sensor, **options))
         with monkeypatch.context() as patch:
-            patch.setattr(
-                "warpvis.sensors.depth._stereo._kernels",
-                lambda device: (stereo.place_in_other_eyes, stereo.measure_stereo, 1),
-            )
+            compute_one_pixel_at_a_time(patch, "stereo")
             single = images(wv.render(make_scene(), camera, POSES, sensor=sensor, **options))
         for name in OUTPUTS:
             np.testing.assert_array_equal(rows[name], single[name], err_msg=name)

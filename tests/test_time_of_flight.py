@@ -454,7 +454,7 @@ def test_invalid_reflectivity_and_mode_raise():
 @pytest.mark.parametrize("module", ["sub_rays", "time_of_flight"])
 def test_gpu_code_has_no_fused_multiply_add(module, tmp_path):
     """The PTX code of NVRTC contains no fused multiply-add and no approximate instruction."""
-    text = gpu_code(f"warpvis.kernels.{module}", tmp_path)
+    text = gpu_code(f"warpvis.kernels.sensors.{module}", tmp_path)
     body = text[text.index(".entry") :]
     assert re.search(r"\bmul\.(?:rn\.)?f64", body)
     assert not re.findall(r"\bfma\.|\.approx\.|\.ftz\.", body)

@@ -4,15 +4,11 @@
 
 import warp as wp
 
-from warpvis.kernels.constants import (
-    REASON_DROPOUT,
-    STREAM_ADDED,
-    STREAM_LOST,
-    STREAM_MULTIPLIED,
-    STREAM_RECTANGLES,
-)
+from warpvis.kernels.constants import STREAM_RECTANGLES
+from warpvis.kernels.native_source import read_native
 from warpvis.kernels.pinhole import PinholeCamera, Window
-from warpvis.kernels.sensors.noise import clean_reason, draw_normal, draw_uniform, limit_depth, range_reason
+from warpvis.kernels.sensors.noise import NOISE, noise_row
+from warpvis.kernels.sensors.random_numbers import for_pixels, random_word, to_uniform
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
@@ -29,6 +25,12 @@ class CorruptionModel:
     min_side: int  # of a rectangle [px]
     max_side: int
     seed: wp.uint32
+
+
+@wp.func
+def draw_uniform(seed: wp.uint32, draw: wp.vec2ui, y: int, x: int) -> float:
+    """Return a uniform random number in (0, 1) of the stream of rectangles."""
+    return to_uniform(random_word(seed, wp.uint32(STREAM_RECTANGLES), draw[0], draw[1], y, x))
 
 
 @wp.func
@@ -50,19 +52,43 @@ def place_rectangles(
     """Write left, top, right and bottom of every view's rectangles; right and bottom are exclusive; 0 if unused."""
     view, number = wp.tid()
     draw = draws[view]
-    count = draw_whole(model.min_count, model.max_count, draw_uniform(model.seed, STREAM_RECTANGLES, draw, 0, 0))
+    count = draw_whole(model.min_count, model.max_count, draw_uniform(model.seed, draw, 0, 0))
     rectangle = wp.vec4i()
     if number < count:
         # Row 0 of the random numbers is for the count; each rectangle has one of the following rows.
         row = number + 1
-        width = draw_whole(model.min_side, model.max_side, draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 0))
-        height = draw_whole(model.min_side, model.max_side, draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 1))
-        across = draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 2)
-        down = draw_uniform(model.seed, STREAM_RECTANGLES, draw, row, 3)
+        width = draw_whole(model.min_side, model.max_side, draw_uniform(model.seed, draw, row, 0))
+        height = draw_whole(model.min_side, model.max_side, draw_uniform(model.seed, draw, row, 1))
+        across = draw_uniform(model.seed, draw, row, 2)
+        down = draw_uniform(model.seed, draw, row, 3)
         left = draw_whole(0, int(camera.width) - 1, across) - width // 2
         top = draw_whole(0, int(camera.height) - 1, down) - height // 2
         rectangle = wp.vec4i(left, top, left + width, top + height)
     rectangles_out[view, number] = rectangle
+
+
+@wp.func_native(
+    NOISE
+    + read_native("shared/corruptions.h")
+    + noise_row()
+    + """
+const int* boxes = (const int*)rectangles.data + 4LL * view * rectangles.shape[1];
+const Corruption corruption = {model.added, model.multiplied, model.dropout, range, boxes, model.max_count};
+"""
+    + for_pixels("corruption.corrupt(row, x);")
+)
+def corrupt_pixels(
+    camera: PinholeCamera,
+    model: CorruptionModel,
+    true_depth: wp.array3d[float],
+    rectangles: wp.array2d[wp.vec4i],
+    draw: wp.vec2ui,
+    view: int,
+    y: int,
+    x: int,
+    depth_out: wp.array3d[float],
+    reasons_out: wp.array3d[wp.uint8],
+): ...
 
 
 @wp.kernel
@@ -86,30 +112,4 @@ def corrupt_depth(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    draw = draws[view]
-    depth = float(depth_out[view, y, x])
-    if true_depth:
-        clean = float(true_depth[view, y, x])
-        depth = limit_depth(camera.near, camera.far, clean)
-        if reasons_out:
-            reasons_out[view, y, x] = wp.uint8(clean_reason(clean, depth))
-    if wp.isfinite(depth):
-        # Random numbers that have no effect are not generated: generating them is most of the work.
-        lost = bool(False)
-        if model.dropout > 0.0:
-            lost = draw_uniform(model.seed, STREAM_LOST, draw, y, x) < model.dropout
-        for number in range(model.max_count):
-            box = rectangles[view, number]
-            lost = lost or (x >= box[0] and y >= box[1] and x < box[2] and y < box[3])
-        if model.multiplied > 0.0:
-            depth *= 1.0 + model.multiplied * draw_normal(model.seed, STREAM_MULTIPLIED, draw, y, x)
-        if model.added > 0.0:
-            depth += model.added * draw_normal(model.seed, STREAM_ADDED, draw, y, x)
-        depth = limit_depth(camera.near, camera.far, depth)
-        reason = range_reason(depth)
-        if lost:
-            depth = wp.nan
-            reason = REASON_DROPOUT
-        if reasons_out:
-            reasons_out[view, y, x] = wp.uint8(reason)
-    depth_out[view, y, x] = depth
+    corrupt_pixels(camera, model, true_depth, rectangles, draws[view], view, y, x, depth_out, reasons_out)

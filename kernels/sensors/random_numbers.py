@@ -19,6 +19,31 @@ RANDOM_HEADERS = ("shared/scalar.h", "shared/random.h")
 
 _NATIVE = read_native(*RANDOM_HEADERS)
 
+PIXEL_NUMBERS = "\n".join(
+    [
+        read_native("shared/constants.h"),
+        "#if defined(__CUDA_ARCH__)",
+        read_native(*RANDOM_HEADERS, "shared/random_pixel.h"),
+        "#else",
+        read_native("cpu/lanes.h", "cpu/number_lanes.h", "shared/random.h", "cpu/random_lanes.h"),
+        "#endif\n",
+    ]
+)
+"""C++ number types of formulas that are written once: they hold one pixel on CUDA, and 16 pixels of a row on a CPU."""
+
+
+def for_pixels(statement: str) -> str:
+    """Return C++ that runs a statement for the pixels of a thread: for pixel ``x`` on CUDA, for a row on a CPU.
+
+    The statement processes the ``PixelWords::PIXELS`` pixels from ``x`` on.
+    """
+    return f"""
+#if !defined(__CUDA_ARCH__)
+for (x = 0; x < width; x += PixelWords::PIXELS)
+#endif
+    {statement}
+"""
+
 
 @wp.func_native(
     _NATIVE
@@ -56,6 +81,29 @@ def draw_uniforms(
     uniforms_out[view, k] = to_uniform(word)
 
 
+@wp.func_native(
+    PIXEL_NUMBERS
+    + """
+const int width = normals_out.shape[2];
+float* row = normals_out.data + ((long long)view * normals_out.shape[1] + y) * width;
+"""
+    + for_pixels("""{
+    const PixelWords words = PixelWords::draw(RandomKey{seed, draw[0], draw[1]}, stream, y, x);
+    for (int k = 0, place = x; k < PixelWords::WORDS && place < width; ++k, place += Numbers::PIXELS)
+        Numbers::store(row + place, Random::normal(words.block[k]), width - place);
+}""")
+)
+def draw_pixels(
+    draw: wp.vec2ui,
+    seed: wp.uint32,
+    stream: wp.uint32,
+    view: int,
+    y: int,
+    x: int,
+    normals_out: wp.array3d[float],
+): ...
+
+
 @wp.kernel
 def draw_normals(
     window: Window,
@@ -70,5 +118,4 @@ def draw_normals(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    number = draws[view]
-    normals_out[view, y, x] = to_normal(random_word(seed, stream, number[0], number[1], y, x))
+    draw_pixels(draws[view], seed, stream, view, y, x, normals_out)

@@ -10,7 +10,7 @@ import warp as wp
 
 from warpvis.kernels.native_source import read_native
 from warpvis.kernels.pinhole import PinholeCamera, Window, pose_origin, pose_rotation
-from warpvis.kernels.sensors.random_numbers import RANDOM_HEADERS
+from warpvis.kernels.sensors.random_numbers import PIXEL_NUMBERS, for_pixels
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
@@ -90,24 +90,25 @@ def place_other_eyes(
     eye_out[view] = eye
 
 
-IMAGES = """
-const StereoImages images = {views.true_depth.shape[1], views.true_depth.shape[2], views.true_depth.data,
+_IMAGES = """
+const int width = views.true_depth.shape[2];
+const StereoImages images = {views.true_depth.shape[1], width, views.true_depth.data,
                              views.other_depth.data, (const float*)views.normals.data, views.segmentation.data,
                              views.reflectivity.data, views.nodes.data, views.nodes.shape[1], views.nodes.shape[2],
                              (const float*)views.weights.data, views.column_nodes.data, views.left_weights.data,
                              views.right_weights.data, views.column_slopes.data, views.row_slopes.data,
                              DEPTH_OUT, REASONS_OUT};
 """
-PLACE = (
-    IMAGES.replace("DEPTH_OUT", "nullptr").replace("REASONS_OUT", "nullptr")
+_PLACE = (
+    _IMAGES.replace("DEPTH_OUT", "nullptr").replace("REASONS_OUT", "nullptr")
     + """
 const OtherImage image = {{(float)eye.place[0], (float)eye.place[1], (float)eye.place[2]},
                           {(float)camera.fx, (float)camera.fy}, added_columns, camera.width, camera.height,
                           min_depth};
 """
 )
-MEASURE = (
-    IMAGES.replace("DEPTH_OUT", "depth_out.data").replace("REASONS_OUT", "reasons_out.data")
+_MEASURE = (
+    _IMAGES.replace("DEPTH_OUT", "depth_out.data").replace("REASONS_OUT", "reasons_out.data")
     + """
 const Stereo stereo = {model.disparity_scale, model.shift_scale, model.first_column, model.last_column, model.near,
                        model.far, model.max_disparity, model.shadow_tolerance, model.min_support,
@@ -117,12 +118,11 @@ StereoView seen = {view, {model.seed, draw[0], draw[1]}, {}, (float)eye.place[2]
 for (int k = 0; k < 9; ++k) seen.axes[k] = eye.axes.data[k / 3][k % 3];
 """
 )
-STEREO_HEADERS = "shared/stereo.h", "shared/stereo_rows.h"
-_HEADERS = ("shared/constants.h", *RANDOM_HEADERS, "shared/random_pixel.h", *STEREO_HEADERS)
+_NATIVE = PIXEL_NUMBERS + read_native("shared/stereo.h", "shared/stereo_rows.h")
 
 
-@wp.func_native(read_native(*_HEADERS) + MEASURE + "StereoRows::measure(stereo, images, seen, y, x);")
-def measure_pixel(
+@wp.func_native(_NATIVE + _MEASURE + for_pixels("StereoRows::measure(stereo, images, seen, y, x);"))
+def measure_pixels(
     model: StereoModel,
     views: StereoViews,
     eye: OtherEye,
@@ -151,11 +151,11 @@ def measure_stereo(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    measure_pixel(model, views, eyes[view], views.draws[view], view, y, x, depth_out, reasons_out)
+    measure_pixels(model, views, eyes[view], views.draws[view], view, y, x, depth_out, reasons_out)
 
 
-@wp.func_native(read_native(*_HEADERS) + PLACE + "image.project(images, view, y, x, (float*)points_out.data);")
-def place_pixel(
+@wp.func_native(_NATIVE + _PLACE + for_pixels("image.project(images, view, y, x, (float*)points_out.data);"))
+def place_pixels(
     camera: PinholeCamera,
     views: StereoViews,
     eye: OtherEye,
@@ -188,4 +188,4 @@ def place_in_other_eyes(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    place_pixel(other, views, eyes[view], added_columns, min_depth, view, y, x, points_out)
+    place_pixels(other, views, eyes[view], added_columns, min_depth, view, y, x, points_out)

@@ -5,13 +5,26 @@
 import warp as wp
 
 from warpvis.kernels.constants import BLOCK_SIDE
-from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_rotation
+from warpvis.kernels.native_source import read_native
+from warpvis.kernels.pinhole import PinholeCamera, Window, pose_rotation
+from warpvis.kernels.sensors.noise import NOISE
+from warpvis.kernels.sensors.random_numbers import for_pixels
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
 SIDE = wp.constant(BLOCK_SIDE)  # of the square of sub-rays of a pixel: the sub-rays of one pixel fill one packet
 SUB_RAYS = wp.constant(BLOCK_SIDE * BLOCK_SIDE)
 TILE_PIXELS = wp.constant(16)  # per tile; tiles are placed side by side in a map of sub-rays
+
+
+def flight_row(true_depth: str, normals: str) -> str:
+    """Return C++ that defines the row ``y`` of a view as a ``FlightRow``, from the names of the images."""
+    return f"""
+FlightRow seen = {{{true_depth}.shape[1], width, y, {{camera.fx, camera.fy}}, {{camera.cx, camera.cy}}, {{}},
+                  {true_depth}.data + view_place, (const float*){normals}.data + 3 * view_place,
+                  nullptr, nullptr, nullptr, nullptr}};
+for (int k = 0; k < 9; ++k) seen.axes[k] = axes.data[k / 3][k % 3];
+"""
 
 
 @wp.kernel
@@ -26,32 +39,28 @@ def find_axes(
     axes_out[view] = wp.mat33(wp.quat_to_matrix(pose_rotation(camera_to_world[view])))
 
 
-@wp.func
-def is_edge(
+@wp.func_native(
+    NOISE
+    + read_native("shared/time_of_flight.h")
+    + """
+const int width = true_depth.shape[2];
+const long long view_place = (long long)view * true_depth.shape[1] * width;
+"""
+    + flight_row("true_depth", "normals")
+    + "const FlightEdges edges = {seen, edge_step};"
+    + for_pixels("edges.find(edges_out.data + view_place, x);")
+)
+def find_pixel_edges(
     camera: PinholeCamera,
+    axes: wp.mat33,
     true_depth: wp.array3d[float],
-    ray: wp.vec3,
-    normal: wp.vec3,  # in the camera's frame
+    normals: wp.array3d[wp.vec3],
     edge_step: float,
     view: int,
     y: int,
     x: int,
-) -> bool:
-    """Return whether a neighbor (of eight) differs from the pixel's plane by at least `edge_step` in depth."""
-    depth = true_depth[view, y, x]
-    has_depth = depth < wp.inf
-    plane = depth * wp.dot(normal, ray)
-    across, down = normal[0] / float(camera.fx), normal[1] / float(camera.fy)
-    for k in range(9):
-        i, j = x + k % 3 - 1, y + k / 3 - 1
-        if k != 4 and i >= 0 and j >= 0 and i < true_depth.shape[2] and j < true_depth.shape[1]:
-            neighbor = true_depth[view, j, i]
-            if (neighbor < wp.inf) != has_depth:
-                return True
-            slope = wp.dot(normal, ray) + float(i - x) * across + float(j - y) * down
-            if has_depth and (slope * plane <= 0.0 or wp.abs(neighbor * slope - plane) >= edge_step * wp.abs(slope)):
-                return True
-    return False
+    edges_out: wp.array3d[wp.int32],
+): ...
 
 
 @wp.kernel
@@ -71,12 +80,7 @@ def find_edges(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-    ray = wp.vec3(pixel_ray(camera, y, x))
-    normal = normals[view, y, x] * axes[view]
-    pixel = int(-1)
-    if is_edge(camera, true_depth, ray, normal, edge_step, view, y, x):
-        pixel = y * true_depth.shape[2] + x
-    edges_out[view, y, x] = pixel
+    find_pixel_edges(camera, axes[view], true_depth, normals, edge_step, view, y, x, edges_out)
 
 
 @wp.kernel

@@ -7,24 +7,13 @@ Phases are in cycles, computed in double precision by polynomials, so that all d
 
 import warp as wp
 
-from warpvis.kernels.constants import (
-    REASON_DROPOUT,
-    REASON_EDGE,
-    REASON_EMPTY,
-    REASON_GRAZING,
-    REASON_RANGE,
-    REASON_SATURATED,
-    REASON_VALID,
-    STREAM_RANGE,
-)
-from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray, pixel_ray
-from warpvis.kernels.sensors.random_numbers import random_word, to_normal
-from warpvis.kernels.sensors.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, sub_ray_corner
+from warpvis.kernels.native_source import read_native
+from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray
+from warpvis.kernels.sensors.noise import NOISE, noise_row
+from warpvis.kernels.sensors.random_numbers import RANDOM_HEADERS, for_pixels
+from warpvis.kernels.sensors.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, flight_row, sub_ray_corner
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
-
-NOISE_STREAM = wp.constant(wp.uint32(STREAM_RANGE))
-WIGGLES = wp.constant(wp.float64(4.0))  # periods of the wiggling error per phase cycle: the number of phase samples
 
 
 @wp.struct
@@ -61,23 +50,13 @@ class FlightViews:
     mixes: wp.array2d[wp.vec4]  # the output of `mix_sub_rays`
 
 
-@wp.func
-def sine(turns: wp.float64) -> wp.float64:
-    """Return sin(2 pi turns) by a polynomial with an error below 1e-13."""
-    half = wp.float64(0.5)
-    t = turns - wp.floor(turns + half)
-    if t > wp.float64(0.25):
-        t = half - t
-    elif t < wp.float64(-0.25):
-        t = -half - t
-    s = t * t
-    total = s * wp.float64(3.66586854013351) - wp.float64(15.081485384046008)
-    total = total * s + wp.float64(42.058134991709764)
-    total = total * s - wp.float64(76.7058475461348)
-    total = total * s + wp.float64(81.6052491490158)
-    total = total * s - wp.float64(41.34170223990335)
-    total = total * s + wp.float64(6.283185307179269)
-    return total * t
+_SCALAR = read_native(
+    "shared/constants.h", *RANDOM_HEADERS, "shared/random_pixel.h", "shared/noise.h", "shared/time_of_flight.h"
+)
+
+
+@wp.func_native(_SCALAR + "return Phase::sine(turns);")
+def sine(turns: wp.float64) -> wp.float64: ...
 
 
 @wp.func
@@ -116,19 +95,17 @@ def angle(x: wp.float64, y: wp.float64) -> wp.float64:
     return wp.where(turns < wp.float64(1.0), turns, zero)
 
 
-@wp.func
-def light_of(
-    ray: wp.vec3d, axes: wp.mat33, depth: float, normal: wp.vec3, segmentation: int, shares: wp.array[float]
-) -> wp.vec3d:
-    """Return a ray's range [m], returned light, and returned light if incidence were normal."""
-    length = wp.sqrt(wp.dot(ray, ray))
-    far = wp.float64(depth) * length
-    share = wp.float64(1.0)
-    if shares and segmentation >= 0:
-        share = wp.float64(shares[segmentation])
-    straight = share / (far * far)
-    incidence = wp.float64(wp.abs(wp.dot(normal, axes * wp.vec3(ray)))) / length
-    return wp.vec3d(far, straight * incidence, straight)
+@wp.func_native(
+    _SCALAR
+    + """
+float rotation[9];
+for (int k = 0; k < 9; ++k) rotation[k] = axes.data[k / 3][k % 3];
+const float n[3] = {normal[0], normal[1], normal[2]};
+const FlightReturn light = FlightReturn::of(rotation, ray[0], ray[1], depth, n, reflectivity);
+return wp::vec_t<3, double>(light.range, light.signal, light.straight);
+"""
+)
+def light_of(ray: wp.vec3d, axes: wp.mat33, depth: float, normal: wp.vec3, reflectivity: float) -> wp.vec3d: ...
 
 
 @wp.func
@@ -182,11 +159,12 @@ def mix_sub_rays(
     for k in range(SUB_RAYS):
         i, j = corner[0] + k % SIDE, corner[1] + k / SIDE
         if depth[view, j, i] < wp.inf:
-            hit = int(-1)
+            share = float(1.0)
             if segmentation:
-                hit = segmentation[view, j, i]
+                if segmentation[view, j, i] >= 0:
+                    share = reflectivity[segmentation[view, j, i]]
             ray = image_ray(camera, points[view, j, i])
-            light = light_of(ray, axes[view], depth[view, j, i], normals[view, j, i], hit, reflectivity)
+            light = light_of(ray, axes[view], depth[view, j, i], normals[view, j, i], share)
             turns = light[0] * model.turns
             real += light[1] * wp.vec3d(cosine(turns[0]), cosine(turns[1]), cosine(turns[2]))
             imaginary += light[1] * wp.vec3d(sine(turns[0]), sine(turns[1]), sine(turns[2]))
@@ -212,28 +190,33 @@ def mix_sub_rays(
     mixes_out[view, number] = mix
 
 
-@wp.func
-def judge_light(model: FlightModel, found: wp.vec4) -> int:
-    """Return the reason why returned light yields no range, or `REASON_VALID`."""
-    if found[0] == wp.inf:
-        return REASON_EMPTY
-    if wp.isnan(found[0]):
-        return REASON_EDGE
-    if found[2] > model.max_signal:
-        return REASON_SATURATED
-    if not (found[1] > 0.0 and found[1] >= model.min_signal):
-        return wp.where(found[3] > 0.0 and found[3] >= model.min_signal, REASON_GRAZING, REASON_DROPOUT)
-    return REASON_VALID
-
-
-@wp.func
-def measured_error(model: FlightModel, found: wp.vec4, far: wp.float64, noise: float) -> wp.float64:
-    """Return the error of a range [m]: offset, wiggling and noise, minus whole unambiguous ranges on overflow."""
-    error = model.offset + model.wiggle * sine(WIGGLES * (far * model.turns[0]) + model.wiggle_turns)
-    if model.noise_scale > 0.0:
-        deviation = model.noise_scale * wp.sqrt(found[2] + model.background) / found[1]
-        error += wp.float64(deviation * noise)
-    return error - wp.floor((far + error) / model.unambiguous) * model.unambiguous
+@wp.func_native(
+    NOISE
+    + read_native("shared/time_of_flight.h")
+    + noise_row("views.true_depth", "model")
+    + flight_row("views.true_depth", "views.normals")
+    + """
+if (views.segmentation.data) seen.segmentation = views.segmentation.data + view_place;
+seen.reflectivity = views.reflectivity.data;
+if (views.slots.data) seen.slots = views.slots.data + view_place;
+if (views.slots.data) seen.mixes = (const float*)views.mixes.data + 4LL * view * views.mixes.shape[1];
+const Flight flight = {model.turns[0], model.unambiguous, model.offset, model.wiggle, model.wiggle_turns,
+                       model.noise_scale, model.background, model.min_signal, model.max_signal, range};
+"""
+    + for_pixels("flight.measure(row, seen, x);")
+)
+def measure_pixels(
+    camera: PinholeCamera,
+    axes: wp.mat33,
+    model: FlightModel,
+    views: FlightViews,
+    draw: wp.vec2ui,
+    view: int,
+    y: int,
+    x: int,
+    depth_out: wp.array3d[float],
+    reasons_out: wp.array3d[wp.uint8],
+): ...
 
 
 @wp.kernel
@@ -253,41 +236,4 @@ def measure_time_of_flight(
     view, y, x = wp.tid()
     view += window.first_view
     y += window.first_row
-
-    ray = pixel_ray(camera, y, x)
-    length = wp.sqrt(wp.dot(ray, ray))
-    depth, slot = wp.float64(views.true_depth[view, y, x]), int(-1)
-    if views.slots:
-        slot = views.slots[view, y, x]
-    found = wp.vec4(wp.inf, 0.0, 0.0, 0.0)
-    if slot >= 0:
-        found = views.mixes[view, slot]
-        depth = wp.float64(found[0]) / length
-    elif views.true_depth[view, y, x] < wp.inf:
-        hit = int(-1)
-        if views.segmentation:
-            hit = views.segmentation[view, y, x]
-        light = light_of(
-            ray, axes[view], views.true_depth[view, y, x], views.normals[view, y, x], hit, views.reflectivity
-        )
-        found = wp.vec4(float(light[0]), float(light[1]), float(light[1]), float(light[2]))
-
-    reason = judge_light(model, found)
-    measured = float(wp.nan)
-    if reason == REASON_EMPTY:
-        measured = wp.inf
-    elif reason == REASON_VALID:
-        noise = float(0.0)
-        if model.noise_scale > 0.0:
-            number = views.draws[view]
-            noise = to_normal(random_word(model.seed, NOISE_STREAM, number[0], number[1], y, x))
-        measured = float(depth + measured_error(model, found, depth * length, noise) / length)
-        if wp.isnan(measured):  # the noise overflowed
-            reason = REASON_DROPOUT
-        elif measured < model.near:
-            measured, reason = -wp.inf, REASON_RANGE
-        elif measured > model.far:
-            measured, reason = wp.inf, REASON_RANGE
-    depth_out[view, y, x] = measured
-    if reasons_out:
-        reasons_out[view, y, x] = wp.uint8(reason)
+    measure_pixels(camera, axes[view], model, views, views.draws[view], view, y, x, depth_out, reasons_out)

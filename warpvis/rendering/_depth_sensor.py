@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warpvis.cameras.pinhole import Camera
 from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.arrays import put_rows, take_rows
-from warpvis.core.threads import launch_images
+from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.errors import ArrayError, CameraError
 from warpvis.scene.worlds import part_of
 
@@ -79,12 +79,12 @@ class Exposure:
         *inputs: object,
         cameras: Sequence[object] = (),
         shape: tuple[int, int, int] | None = None,
-        span: int = 1,
+        rows: bool = False,
     ) -> None:
         """Launch a kernel over all pixels of ``(V, Y, X)``, by default those of `depth_out`, on the scene's device.
 
-        Its arguments are `cameras`, the window of `warpvis.core.threads.launch_images`, and `inputs`. Each of its
-        threads processes `span` pixels of a row.
+        Its arguments are `cameras`, the window of `warpvis.core.threads.launch_images`, and `inputs`. With `rows`, each
+        of its threads processes a row of pixels on a CPU.
         """
         launch_images(
             kernel,
@@ -92,7 +92,7 @@ class Exposure:
             lambda window: [*cameras, window, *inputs],
             device=self.scene.device,
             threads=self.threads,
-            span=span,
+            span=WHOLE_ROW if rows and self.scene.device.is_cpu else 1,
         )
 
     def cast_at(self, camera: Camera, poses: wp.array, points: wp.array) -> wp.array:

@@ -5,6 +5,7 @@
 // version holds 16 pixels.
 typedef Floats Real;
 typedef Ints Whole;
+typedef double Double __attribute__((ext_vector_type(LANES)));
 typedef unsigned Word __attribute__((ext_vector_type(LANES)));
 
 struct Numbers {
@@ -22,9 +23,21 @@ struct Numbers {
     static inline Floats of_bits(Word bits) { return (Floats)bits; }
     static inline Floats floor(Floats a) { return __builtin_elementwise_floor(a); }
     static inline Floats root(Floats a) { return __builtin_elementwise_sqrt(a); }
+    static inline Double floor(Double a) { return __builtin_elementwise_floor(a); }
+    static inline Double root(Double a) { return __builtin_elementwise_sqrt(a); }
     static inline Floats abs(Floats a) { return Lanes::abs(a); }
+    static inline Floats min(Floats a, Floats b) { return Lanes::min(a, b); }
+    static inline Floats max(Floats a, Floats b) { return Lanes::max(a, b); }
+    static inline Double wide(Floats a) { return __builtin_convertvector(a, Double); }
+    static inline Floats narrow(Double a) { return __builtin_convertvector(a, Floats); }
+    static inline Double to_double(Ints a) { return __builtin_convertvector(a, Double); }
+    static inline Ints truncate(Floats a) { return __builtin_convertvector(a, Ints); }
 
     static inline bool all(Ints which) { return Lanes::bits(which) == (1u << LANES) - 1u; }
+    static inline bool any(Ints which) { return Lanes::any(which); }
+    static inline double get(Double a, int k) { return a[k]; }
+    static inline void set(Floats& a, int k, float value) { a[k] = value; }
+    static inline void set(Double& a, int k, double value) { a[k] = value; }
 
     static inline float endless() { return __builtin_inff(); }
     static inline float no_number() { return __builtin_nanf(""); }
@@ -67,6 +80,9 @@ struct Numbers {
     static inline void store(float* to, Floats value, int count) {
         __builtin_memcpy(to, &value, (count < LANES ? count : LANES) * sizeof(float));
     }
+    static inline void store(int* to, Ints value, int count) {
+        __builtin_memcpy(to, &value, (count < LANES ? count : LANES) * sizeof(int));
+    }
     static inline void store(unsigned char* to, Ints value, int count) {
         typedef unsigned char Bytes __attribute__((ext_vector_type(LANES)));
         const Bytes bytes = __builtin_convertvector(value, Bytes);
@@ -81,4 +97,5 @@ struct Numbers {
         if (count > LANES / 2) store(to + LANES, high, 2 * count - LANES);
     }
     static inline Floats columns(int first) { return Lanes::index_floats() + (float)first; }
+    static inline Ints indices(int first) { return Lanes::index() + first; }
 };

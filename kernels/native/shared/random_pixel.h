@@ -8,7 +8,7 @@ struct RandomKey {
 
 // Random words of adjacent pixels of a row: four share a counter. This version returns the word of one pixel.
 struct PixelWords {
-    enum { PIXELS = 1 };
+    enum { WORDS = 1, PIXELS = 1 };
     Word block[1];
 
     static inline PixelWords draw(const RandomKey& key, unsigned stream, int y, int x) {

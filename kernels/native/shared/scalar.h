@@ -3,6 +3,7 @@
 
 // Number types of formulas that are compiled for one pixel and for 16 pixels at a time: this version holds one pixel.
 typedef float Real;
+typedef double Double;
 typedef int Whole;
 typedef unsigned Word;
 
@@ -47,15 +48,42 @@ struct Numbers {
         return __builtin_sqrtf(a);
 #endif
     }
+    static inline double floor(double a) {
+#if defined(__CUDA_ARCH__)
+        return ::floor(a);
+#else
+        return __builtin_floor(a);
+#endif
+    }
+    static inline double root(double a) {
+#if defined(__CUDA_ARCH__)
+        return __dsqrt_rn(a);
+#else
+        return __builtin_sqrt(a);
+#endif
+    }
     static inline float abs(float a) { return of_bits(bits_of(a) & 0x7fffffffu); }
 
+    static inline float min(float a, float b) { return a < b ? a : b; }
+    static inline float max(float a, float b) { return a > b ? a : b; }
+    static inline double wide(float a) { return (double)a; }
+    static inline float narrow(double a) { return (float)a; }
+    static inline double to_double(int a) { return (double)a; }
+    static inline int truncate(float a) { return (int)a; }
+
     static inline bool all(int which) { return which != 0; }
+    static inline bool any(int which) { return which != 0; }
+    // The number of pixel k.
+    static inline double get(double a, int) { return a; }
+    static inline void set(float& a, int, float value) { a = value; }
+    static inline void set(double& a, int, double value) { a = value; }
 
     static inline float endless() { return of_bits(0x7f800000u); }
     static inline float no_number() { return of_bits(0x7fc00000u); }
 
     // Load the numbers of pixels from an address on; `count` pixels of the row remain.
     static inline float load(const float* from, int) { return *from; }
+    static inline int load(const unsigned char* from, int) { return *from; }
     // Repeat each number `times` times: does not apply to a single pixel.
     static inline bool repeats(int) { return false; }
     static inline float repeated(float a, int) { return a; }
@@ -64,10 +92,12 @@ struct Numbers {
         for (int k = 0; k < 3; ++k) triple[k] = from[k];
     }
     static inline void store(float* to, float value, int) { *to = value; }
+    static inline void store(int* to, int value, int) { *to = value; }
     static inline void store(unsigned char* to, int value, int) { *to = (unsigned char)value; }
     static inline void store_pairs(float* to, float first, float second, int) {
         to[0] = first;
         to[1] = second;
     }
     static inline float columns(int first) { return (float)first; }
+    static inline int indices(int first) { return first; }
 };

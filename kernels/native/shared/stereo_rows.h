@@ -166,10 +166,6 @@ struct StereoRows {
                right * Numbers::load(at_pixels[1], Numbers::PIXELS);
     }
 
-    // Measure all pixels of a row.
-    static inline void measure_row(const Stereo& stereo, const StereoImages& images, const StereoView& view, int y) {
-        for (int x = 0; x < images.width; x += PixelWords::PIXELS) measure(stereo, images, view, y, x);
-    }
     // Measure the pixels from x on that share random words.
     static inline void measure(const Stereo& stereo, const StereoImages& images, const StereoView& view, int y, int x) {
         PixelWords noise, chance;
@@ -247,9 +243,6 @@ struct OtherImage {
     float width, height;
     float min_depth;  // nearer points are not projected
 
-    inline void project_row(const StereoImages& images, long long index, int y, float* points) const {
-        for (int x = 0; x < images.width; x += PixelWords::PIXELS) project(images, index, y, x, points);
-    }
     // Project the points of pixels from x on into its image, x y x y ... [px]; NaN if they lie outside.
     inline void project(const StereoImages& images, long long index, int y, int x, float* points) const {
         for (int k = 0; k < PixelWords::PIXELS && x < images.width; k += Numbers::PIXELS, x += Numbers::PIXELS)

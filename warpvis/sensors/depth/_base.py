@@ -109,22 +109,12 @@ def draw_normal_image(
     exposure: Exposure, stream: int, name: str, shape: tuple[int, int, int] | None = None
 ) -> wp.array:
     """Draw normal random numbers of a stream into scratch memory called `name`: by default one for each pixel."""
-    normals = exposure.scratch(name, shape or exposure.true_depth.shape, wp.float32)
-    kernel, span = _drawing_kernel(exposure.scene.device)
-    drawn = exposure.draws, wp.uint32(exposure.seed), wp.uint32(stream), normals
-    exposure.launch(kernel, *drawn, shape=normals.shape, span=span)
-    return normals
-
-
-def _drawing_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return the kernel that draws normal numbers on a device, and the number of pixels per thread."""
-    if device.is_cpu:
-        from warpvis.kernels.sensors.random_rows import PIXELS_AT_ONCE, draw_normal_rows
-
-        return draw_normal_rows, PIXELS_AT_ONCE
     from warpvis.kernels.sensors.random_numbers import draw_normals
 
-    return draw_normals, 1
+    normals = exposure.scratch(name, shape or exposure.true_depth.shape, wp.float32)
+    inputs = exposure.draws, wp.uint32(exposure.seed), wp.uint32(stream), normals
+    exposure.launch(draw_normals, *inputs, shape=normals.shape, rows=True)
+    return normals
 
 
 def check_positive(value: object, name: str, unit: str = "") -> float:

@@ -12,7 +12,6 @@ import warp as wp
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items, check_number, check_whole
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import WHOLE_ROW
 from warpvis.errors import ArrayError
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
 from warpvis.scene import Scene
@@ -79,7 +78,7 @@ class Corruptions(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.sensors.corruptions import CorruptionModel, place_rectangles
+        from warpvis.kernels.sensors.corruptions import CorruptionModel, corrupt_depth, place_rectangles
 
         if self.of is not None:
             self.of.measure(exposure)
@@ -95,19 +94,7 @@ class Corruptions(DepthSensor):
             placed = [camera, model, exposure.draws, rectangles]
             launch(place_rectangles, rectangles.shape, placed, exposure.scene.device)
         inputs = model, exposure.true_depth if self.of is None else None, rectangles, exposure.draws
-        kernel, span = _kernel(exposure.scene.device)
-        exposure.launch(kernel, *inputs, exposure.depth_out, exposure.reasons_out, cameras=[camera], span=span)
-
-
-def _kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return the kernel for a device, and the number of pixels per thread."""
-    if device.is_cpu:
-        from warpvis.kernels.sensors.noise_rows import corrupt_depth_rows
-
-        return corrupt_depth_rows, WHOLE_ROW
-    from warpvis.kernels.sensors.corruptions import corrupt_depth
-
-    return corrupt_depth, 1
+        exposure.launch(corrupt_depth, *inputs, exposure.depth_out, exposure.reasons_out, cameras=[camera], rows=True)
 
 
 def _check_limits(value: object, name: str, minimum: int, maximum: int) -> tuple[int, int]:

@@ -8,10 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-import warp as wp
-
 from warpvis.core.checks import check_angle, check_flag, check_number
-from warpvis.core.threads import WHOLE_ROW
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
 from warpvis.sensors.depth._base import check_positive
 
@@ -63,16 +60,15 @@ class NguyenNoise(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.sensors.kinect_noise import NguyenModel
+        from warpvis.kernels.sensors.kinect_noise import NguyenModel, measure_nguyen
 
         model = NguyenModel()
         for name in self.__dataclass_fields__:
             setattr(model, name, getattr(self, name))
         model.seed = exposure.seed
         inputs = model, exposure.true_depth, exposure.normals, exposure.draws
-        kernel, span = _nguyen_kernel(exposure.scene.device)
         cameras = exposure.camera.device_struct(), exposure.poses
-        exposure.launch(kernel, *inputs, exposure.depth_out, exposure.reasons_out, cameras=cameras, span=span)
+        exposure.launch(measure_nguyen, *inputs, exposure.depth_out, exposure.reasons_out, cameras=cameras, rows=True)
 
 
 @dataclass(frozen=True)
@@ -102,32 +98,9 @@ class KhoshelhamNoise(DepthSensor):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.sensors.kinect_noise import KhoshelhamModel
+        from warpvis.kernels.sensors.kinect_noise import KhoshelhamModel, measure_khoshelham
 
         model = KhoshelhamModel()
         model.step, model.sigma, model.rounds, model.seed = self.step, self.sigma, int(self.rounds), exposure.seed
         inputs = model, exposure.true_depth, exposure.draws, exposure.depth_out, exposure.reasons_out
-        kernel, span = _khoshelham_kernel(exposure.scene.device)
-        exposure.launch(kernel, *inputs, cameras=[exposure.image_range], span=span)
-
-
-def _nguyen_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return the kernel for a device, and the number of pixels per thread."""
-    if device.is_cpu:
-        from warpvis.kernels.sensors.noise_rows import measure_nguyen_rows
-
-        return measure_nguyen_rows, WHOLE_ROW
-    from warpvis.kernels.sensors.kinect_noise import measure_nguyen
-
-    return measure_nguyen, 1
-
-
-def _khoshelham_kernel(device: wp.Device) -> tuple[wp.Kernel, int]:
-    """Return the kernel for a device, and the number of pixels per thread."""
-    if device.is_cpu:
-        from warpvis.kernels.sensors.noise_rows import measure_khoshelham_rows
-
-        return measure_khoshelham_rows, WHOLE_ROW
-    from warpvis.kernels.sensors.kinect_noise import measure_khoshelham
-
-    return measure_khoshelham, 1
+        exposure.launch(measure_khoshelham, *inputs, cameras=[exposure.image_range], rows=True)

@@ -16,7 +16,6 @@ import warp as wp
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import WHOLE_ROW
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError
 from warpvis.kernels.constants import STREAM_DISPARITY
@@ -194,7 +193,7 @@ class StereoDepth(Device):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.sensors.stereo import OtherEye, place_other_eyes
+        from warpvis.kernels.sensors.stereo import OtherEye, measure_stereo, place_other_eyes
 
         if self.fattening:
             scale = self._scale(exposure.camera)
@@ -207,17 +206,18 @@ class StereoDepth(Device):
         model, inputs = self._model(exposure), self._views(exposure)
         if self.shadow:
             inputs.other_depth = self._render_other_eye(exposure, inputs, eyes, other_poses)
-        _, kernel, span = _kernels(device)
-        exposure.launch(kernel, model, inputs, exposure.depth_out, exposure.reasons_out, cameras=[eyes], span=span)
+        written = exposure.depth_out, exposure.reasons_out
+        exposure.launch(measure_stereo, model, inputs, *written, cameras=[eyes], rows=True)
 
     def _render_other_eye(self, exposure: Exposure, inputs: StereoViews, eyes: wp.array, poses: wp.array) -> wp.array:
         """Return the depth seen by the other eye at the projection of the point of each pixel."""
+        from warpvis.kernels.sensors.stereo import place_in_other_eyes
+
         other = self._other_camera(exposure.camera, exposure.clip_near)
         points = exposure.scratch("points", exposure.true_depth.shape, wp.vec2)
-        kernel, _, span = _kernels(exposure.scene.device)
         lens, margin = other.device_struct(), other.cx - exposure.camera.cx
         min_depth = self._scale(exposure.camera) / self.max_disparity
-        exposure.launch(kernel, inputs, margin, min_depth, points, cameras=[lens, eyes], span=span)
+        exposure.launch(place_in_other_eyes, inputs, margin, min_depth, points, cameras=[lens, eyes], rows=True)
         return exposure.cast_at(other, poses, points)
 
     def _model(self, exposure: Exposure) -> StereoModel:
@@ -271,17 +271,6 @@ class StereoDepth(Device):
         inputs.left_weights, inputs.right_weights = (
             wp.array(side, dtype=wp.float32, device=device) for side in column_weights
         )
-
-
-def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
-    """Return the kernel that projects to the other eye, the kernel of the model, and the pixels per thread."""
-    if device.is_cpu:
-        from warpvis.kernels.sensors.stereo_rows import measure_stereo_rows, place_rows_in_other_eyes
-
-        return place_rows_in_other_eyes, measure_stereo_rows, WHOLE_ROW
-    from warpvis.kernels.sensors.stereo import measure_stereo, place_in_other_eyes
-
-    return place_in_other_eyes, measure_stereo, 1
 
 
 def _slopes(camera: Camera, device: wp.Device) -> tuple[wp.array, wp.array]:

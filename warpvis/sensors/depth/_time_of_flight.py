@@ -17,7 +17,6 @@ import warp as wp
 from warpvis.core.arrays import empty
 from warpvis.core.checks import check_angle, check_flag, check_number, is_number
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import WHOLE_ROW
 from warpvis.errors import ArrayError
 from warpvis.rendering import Exposure
 from warpvis.sensors.depth._base import Device, check_positive
@@ -136,6 +135,7 @@ class TimeOfFlight(Device):
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
         from warpvis.kernels.sensors.sub_rays import find_axes
+        from warpvis.kernels.sensors.time_of_flight import measure_time_of_flight
 
         model, inputs = self._model(exposure), self._views(exposure)
         axes = exposure.scratch("axes", exposure.poses.shape, wp.mat33)
@@ -143,8 +143,8 @@ class TimeOfFlight(Device):
         cameras = [exposure.camera.device_struct(), axes]
         if self.mixing:
             inputs.slots, inputs.mixes = self._mix(exposure, cameras, model, inputs)
-        _, kernel, span = _kernels(exposure.scene.device)
-        exposure.launch(kernel, model, inputs, exposure.depth_out, exposure.reasons_out, cameras=cameras, span=span)
+        written = exposure.depth_out, exposure.reasons_out
+        exposure.launch(measure_time_of_flight, model, inputs, *written, cameras=cameras, rows=True)
 
     def _model(self, exposure: Exposure) -> FlightModel:
         """Return the parameters as a struct for kernels."""
@@ -199,23 +199,12 @@ class TimeOfFlight(Device):
 
     def _find_edges(self, exposure: Exposure, cameras: list[Any]) -> wp.array:
         """Return an image that is not negative at edges, and -1 elsewhere."""
+        from warpvis.kernels.sensors.sub_rays import find_edges
+
         slots = exposure.scratch("edges", exposure.true_depth.shape, wp.int32)
         inputs = exposure.true_depth, exposure.normals, self.edge_step, slots
-        kernel, _, span = _kernels(exposure.scene.device)
-        exposure.launch(kernel, *inputs, cameras=cameras, span=span)
+        exposure.launch(find_edges, *inputs, cameras=cameras, rows=True)
         return slots
-
-
-def _kernels(device: wp.Device) -> tuple[wp.Kernel, wp.Kernel, int]:
-    """Return the kernel that finds edges, the kernel of the model, and the number of pixels per thread."""
-    if device.is_cpu:
-        from warpvis.kernels.sensors.time_of_flight_rows import find_edges_rows, measure_time_of_flight_rows
-
-        return find_edges_rows, measure_time_of_flight_rows, WHOLE_ROW
-    from warpvis.kernels.sensors.sub_rays import find_edges
-    from warpvis.kernels.sensors.time_of_flight import measure_time_of_flight
-
-    return find_edges, measure_time_of_flight, 1
 
 
 def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
