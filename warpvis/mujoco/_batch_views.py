@@ -105,12 +105,8 @@ def views_by_intrinsics(
 ) -> dict[PlanarCamera, NDArray[np.int64]]:
     """Group the views of a call by their intrinsics, each group in ascending order.
 
-    Args:
-        model: The model.
-        cameras: The call's cameras.
-        fovy: Vertical fields of view of the model's cameras in every world [degrees], shape ``(1 or W, ncam)``; None
-            for the model's values.
-        worlds: The call's worlds. The first camera's views of all worlds come first, then the second camera's.
+    Vertical fields of view [degrees] are of shape ``(1 or W, ncam)``; None means the model's. The first camera's views
+    of all worlds come first, then the second camera's.
     """
     count, groups = len(worlds), dict[PlanarCamera, list[NDArray[np.int64]]]()
     for number, camera in enumerate(cameras):

@@ -82,11 +82,7 @@ def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
 def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: PlanarCamera) -> PlanarCamera:
     """Make the camera that `camera_from_mujoco` would return if a model's camera had another field of view.
 
-    Args:
-        model: The model.
-        camera: Id of a camera that has no sensor size.
-        fovy: Its vertical field of view [degrees]; for an orthographic camera, the height of the visible area [m].
-        like: A camera of the same size.
+    The camera must have no sensor size. `fovy` is in degrees, or in meters for an orthographic camera.
     """
     frustum = viewer_frustum(model, viewer_camera(model, camera))
     half = fovy / 2 if frustum.orthographic else frustum.near * math.tan(fovy * math.pi / 360)
@@ -183,14 +179,7 @@ def _image_size(
 
 
 def filled_depth(image: NDArray[np.float32] | None, camera: PlanarCamera, fill: Fill) -> NDArray[np.float32]:
-    """Return a depth image whose empty pixels are filled.
-
-    Args:
-        image: Depth [m], shape ``(H, W)``: +inf where nothing is hit, -inf where a surface is too near, NaN where a
-            sensor lost it. None means that all pixels are empty.
-        camera: The camera.
-        fill: As for `warpvis.mujoco.Renderer`.
-    """
+    """Return a depth image whose empty pixels are filled as `fill` specifies; None means that all are empty."""
     if image is None:
         image = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
     if fill == "inf":

@@ -63,14 +63,11 @@ class Pairs:
 def find_pairs(
     objects: Sequence[SceneObject], pieces: NDArray[np.int_], *, resizable: NDArray[np.int64] = _NOBODY
 ) -> Pairs:
-    """Find objects whose surfaces coincide somewhere and face the same way.
+    """Find objects whose surfaces coincide somewhere and face the same way at their initial poses.
 
-    Args:
-        objects: The objects, at their initial poses.
-        pieces: The rigid piece of each object. Objects of different pieces may coincide elsewhere later: their
-            triangles whose planes coincide at the initial poses are found, and their boxes enclose all such triangles.
-        resizable: Objects whose size may differ in some worlds: they may coincide with all objects of their piece that
-            they touch.
+    Objects of different pieces may coincide elsewhere later: their triangles whose planes coincide at the initial poses
+    are found, and their boxes enclose all such triangles. Objects of `resizable`, which may have other sizes in some
+    worlds, may coincide with all objects of their piece that they touch.
     """
     boxes = np.array([_bounds(item) for item in objects], dtype=np.float64).reshape(-1, 2, 3)
     margin = _CLOSENESS * np.abs(boxes).max(axis=(1, 2), initial=0.0)[:, None]
@@ -240,11 +237,7 @@ def _find_planes(
 ) -> tuple[dict[tuple[int, int], _Floats], dict[int, _Ints]]:
     """Find pairs of objects that share planes of triangles, with bounding boxes, and the later objects' triangles.
 
-    Args:
-        objects: All objects.
-        pieces: The rigid piece of each object.
-        pairs: The pairs to test, the earlier objects and the later ones.
-        boxes: Minimum and maximum corners of the objects' boxes, slightly enlarged.
+    `pairs` are the earlier and the later objects to test, and `boxes` the slightly enlarged boxes of all objects.
     """
     parts = [_read_triangles(objects, index, pairs, boxes) for index in np.unique(np.concatenate(pairs)).tolist()]
     if not parts:

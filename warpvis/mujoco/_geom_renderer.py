@@ -42,14 +42,7 @@ class CoincidingGeoms:
     def __init__(
         self, model: mujoco.MjModel, scene: Scene, geoms: ArrayLike = (), *, resizable: ArrayLike = ()
     ) -> None:
-        """Store the arguments; nothing is searched yet.
-
-        Args:
-            model: The model.
-            scene: Its scene.
-            geoms: The geoms and sites of the scene's first objects; `follow` changes them.
-            resizable: Objects whose size may differ in some worlds.
-        """
+        """Store the geoms and sites of the scene's first objects, and the objects whose sizes may differ."""
         self._model, self._scene = model, scene
         self._resizable = np.array(resizable, dtype=np.int64)
         self._geoms = np.array(geoms, dtype=np.int64)
@@ -177,14 +170,7 @@ class GeomRenderer(Renderer):
         return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
 
     def __init__(self, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
-        """Prepare to render.
-
-        Args:
-            scene: The model's scene.
-            camera: As for `warpvis.Renderer`.
-            coinciding: Which geoms of the scene coincide.
-            options: As for `warpvis.Renderer`.
-        """
+        """Prepare to render; the options are those of `warpvis.Renderer`."""
         self._coinciding = coinciding
         super().__init__(scene, camera, **options)
 

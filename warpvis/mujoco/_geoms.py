@@ -47,20 +47,10 @@ def geom_parts(
     pieces: NDArray[np.int32] | None = None,
     poses: NDArray[np.float64] | None = None,
 ) -> list[tuple[int, Part]]:
-    """Make parts of the geoms that have a shape, at the model's initial poses.
+    """Make parts of the geoms that have a shape, with their geoms, at the model's initial poses.
 
-    Args:
-        model: The model.
-        geoms: Geoms to show.
-        names: Every geom's name.
-        labels: Every geom's label.
-        mesh_tolerance: Largest distance between round shapes and their triangles [m].
-        pieces: Every geom's piece; the default is the result of `rigid_pieces`.
-        poses: Geom to world; the default is the result of `initial_poses`.
-
-    Returns:
-        Geoms and their parts. Round solids and geoms of moving pieces are movable: the geoms of one piece are attached
-        to its first.
+    Names, labels, pieces (by default those of `rigid_pieces`) and poses (by default `initial_poses`) are those of all
+    geoms. Round solids and geoms of moving pieces are movable: the geoms of one piece are attached to its first.
     """
     pieces = rigid_pieces(model) if pieces is None else pieces
     poses = initial_poses(model) if poses is None else poses
@@ -97,10 +87,7 @@ def rigid_pieces(
 ) -> NDArray[np.int32]:
     """Assign piece numbers, ``(shapes,)``: geoms that move together share a number; static geoms have `FIXED`.
 
-    Args:
-        model: The model.
-        loose_bodies: Bodies that are welded to the world but movable, each a piece.
-        independent: Geoms that move independently of their bodies.
+    `loose_bodies` are welded to the world but movable, and `independent` geoms do not move with their bodies.
     """
     # The number of a piece is that of a body; body_weldid is 0 for the world body and for mocap bodies.
     piece_of_body = np.where(np.asarray(model.body_weldid) > 0, model.body_weldid, np.arange(model.nbody))
@@ -162,10 +149,7 @@ def shape_key(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
 
 
 def _is_opaque(model: mujoco.MjModel, geom: int) -> bool:
-    """Return whether a geom is not fully transparent: its color counts, or by default its material's.
-
-    See `setMaterial` in engine_vis_visualize.c.
-    """
+    """Return whether a geom is not fully transparent: its color counts, or by default its material's."""
     return has_opacity(model, shape_value(model, "rgba", geom), int(shape_value(model, "matid", geom)))
 
 
@@ -234,12 +218,7 @@ def fits(name: str, patterns: Iterable[str]) -> bool:
 
 
 def initial_poses(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> NDArray[np.float64]:
-    """Return the initial poses of geoms and sites, shape to world, matrices of shape ``(shapes, 4, 4)``.
-
-    Args:
-        model: The model.
-        data: Scratch memory that is not used elsewhere; new by default.
-    """
+    """Return the initial poses of geoms and sites, shape to world, ``(shapes, 4, 4)``; `data` is scratch memory."""
     data = mujoco.MjData(model) if data is None else data
     mujoco.mj_resetData(model, data)
     mujoco.mj_kinematics(model, data)

@@ -274,13 +274,7 @@ def _choose_pieces(model: mujoco.MjModel, names: list[str], movable: Movable) ->
 
 
 def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str = "classes") -> NDArray[np.int32]:
-    """Return for every shape the number of the last pattern that matches its object or body, ``(shapes,)``; else -1.
-
-    Args:
-        model: The model.
-        classes: Numbers by name or pattern.
-        name: Name of the argument, for messages.
-    """
+    """Return for every shape the number of the last pattern that matches its object or body, ``(shapes,)``; else -1."""
     numbers = np.full(len(shape_bodies(model)), -1, dtype=np.int32)
     names = object_names(model)[: len(numbers)]
     check_patterns(check_mapping(classes, name, SceneError), name)

@@ -62,13 +62,7 @@ class Stage:
     """
 
     def __init__(self, model: mujoco.MjModel, selection: Selection, scene: RendererScene) -> None:
-        """Add the geoms to a scene.
-
-        Args:
-            model: The model.
-            selection: The visible geoms.
-            scene: An empty scene.
-        """
+        """Add the selected geoms to an empty scene."""
         self.scene = scene
         self.renderers: dict[tuple[tuple[Output, ...], PlanarCamera, bool], GeomRenderer] = {}
         self.coinciding = CoincidingGeoms(model, scene)
@@ -103,11 +97,7 @@ class Stage:
         return pairs
 
     def update(self, data: mujoco.MjData) -> None:
-        """Update the poses of the geoms, and follow changes of the model.
-
-        Args:
-            data: Computed data of the model.
-        """
+        """Update the poses of the geoms, and follow changes of the model."""
         if self._watch.changed():
             self._follow_model()
         if len(self._fixed):

@@ -119,15 +119,10 @@ def is_simple(kind: int) -> bool:
 def simple_shapes(
     kind: int, sizes: _Floats, position: _Floats, rotation: _Floats, *, mesh_tolerance: float, open_ends: bool = False
 ) -> Blocks:
-    """Build shapes of one kind.
+    """Build shapes of one kind that `is_simple`, with sizes as in `mujoco.MjvGeom` [m], ``(n, 3)``.
 
-    Args:
-        kind: A `mujoco.mjtGeom` that `is_simple`.
-        sizes: Sizes as in `mujoco.MjvGeom` [m], shape ``(n, 3)``.
-        position: Positions [m], shape ``(n, 3)``.
-        rotation: Shape-to-world rotations, ``(n, 3, 3)``.
-        mesh_tolerance: Maximum distance between triangles and the exact surface [m], limited by 2 % of the radius.
-        open_ends: Whether to omit the caps of cylinders.
+    The distance between triangles and the exact surface is at most `mesh_tolerance` [m] and 2 % of the radius. With
+    `open_ends`, cylinders have no caps.
     """
     radius = float(sizes[:, :2].max())
     error = min(mesh_tolerance / radius, _ROUGHEST) if radius > 0 else _ROUGHEST
@@ -238,13 +233,7 @@ def facing(triangles: NDArray[np.floating], eye: Eye) -> NDArray[np.floating]:
 
 
 def bands(ends: _Floats, width: float, eye: Eye) -> Blocks:
-    """Make lines of one width.
-
-    Args:
-        ends: Start and end points in the world [m], shape ``(n, 2, 3)``.
-        width: Width [px].
-        eye: The camera in whose image the lines have this width.
-    """
+    """Make lines between ends in the world [m], shape ``(n, 2, 3)``, whose width is in pixels of the camera."""
     place = poses_to_matrices(eye.pose.astype(np.float64))
     forward, position = place[:3, 2], place[:3, 3]
     depth = (ends - position) @ forward

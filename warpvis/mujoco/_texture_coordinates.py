@@ -23,18 +23,9 @@ _GEOM = mujoco.mjtGeom
 def plain_uv(
     kind: int, size: Corners, vertices: Corners, faces: NDArray[np.int32], repeat: Corners, *, uniform: bool
 ) -> NDArray[np.float32]:
-    """Compute coordinates of a 2D texture on a shape.
+    """Compute coordinates of a 2D texture at the triangle corners of a shape in its geom's frame, ``(m, 3, 2)``.
 
-    Args:
-        kind: A `mujoco.mjtGeom`.
-        size: Size of the geom, shape ``(3,)``.
-        vertices: Vertices in the geom's frame [m], shape ``(n, 3)``.
-        faces: Faces, shape ``(m, 3)``.
-        repeat: Number of repetitions in u and v.
-        uniform: Whether repetitions are per two meters instead of per shape.
-
-    Returns:
-        Coordinates, shape ``(m, 3, 2)``.
+    With `uniform`, the repetitions in u and v are per two meters instead of per shape.
     """
     corners = vertices[faces]
     size = _size(kind, size)

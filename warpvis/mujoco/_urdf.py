@@ -69,11 +69,10 @@ class CompiledRobot(NamedTuple):
 def compile_urdf(path: Path, robot: ElementTree.Element, search_path: Sequence[Path], *, strict: bool) -> CompiledRobot:
     """Compile the visual elements of a robot, or its collision elements if it has none, without masses.
 
-    Args:
-        path: Its file.
-        robot: The root element, which is modified.
-        search_path: Folders that are searched for packages and meshes.
-        strict: Whether a part of a mesh file without triangles is an error.
+    The root element is modified. With `strict`, a part of a mesh file without triangles is an error.
+
+    Raises:
+        ValueError: If MuJoCo cannot compile it.
     """
     found = _Meshes(path, search_path, strict)
     shown, hidden, groups = "visual", "collision", (VISUAL_GROUP,)
@@ -182,8 +181,7 @@ def _is_zero(number: str) -> bool:
 def _set_color(element: ElementTree.Element, colored: Container[str | None]) -> bool:
     """Set MuJoCo's default color for an element without a color, for which MuJoCo uses the previous element's.
 
-    Returns:
-        Whether the element has a color.
+    Return whether the element has a color.
     """
     material = element.find("material")
     if material is None:

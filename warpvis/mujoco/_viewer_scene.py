@@ -111,20 +111,10 @@ class ViewerScene:
 
 
 class RendererScene(Scene):
-    """The scene of a `Renderer`: a `warpvis.Scene` with the flags and cameras of MuJoCo's scene.
-
-    Among `flags`, only mjRND_CULL_FACE has an effect: without it, back faces are visible. mjRND_WIREFRAME is ignored,
-    and the others do not affect depth and segmentation. Changes of `camera` between `update_scene` and `render` are
-    rendered. There are no `geoms`: use `add` for additional shapes.
-    """
+    """The scene of a `Renderer`; see `Renderer.scene`."""
 
     def __init__(self, viewer: ViewerScene, *, device: DeviceLike = "cpu") -> None:
-        """Create an empty scene.
-
-        Args:
-            viewer: Its flags and cameras.
-            device: Device on which it is rendered.
-        """
+        """Create an empty scene with the flags and cameras of `viewer`."""
         super().__init__(device=device)
         self._viewer = viewer
 

@@ -52,13 +52,7 @@ class VisualObjects:
     """
 
     def __init__(self, model: mujoco.MjModel, selection: Selection, scene: Scene) -> None:
-        """Initialize without objects.
-
-        Args:
-            model: The model.
-            selection: Names, labels and exclusions of visual elements.
-            scene: The scene of the objects.
-        """
+        """Initialize without objects."""
         self._model, self._selection, self._scene = model, selection, scene
         self._items: dict[VisualKey, _VisualObject] = {}
         self._shown: set[VisualKey] = set()
@@ -81,12 +75,7 @@ class VisualObjects:
         return {key: self._items[key].blocks() for key in self._items if key in self._shown}
 
     def update(self, drawn: Mapping[VisualKey, Blocks], first: int) -> None:
-        """Set the visible elements.
-
-        Args:
-            drawn: Shapes by element.
-            first: Scene index of the first object.
-        """
+        """Set the shapes of the visible elements; `first` is the scene index of the first object."""
         shown = {key: blocks for key, blocks in drawn.items() if not self._is_left_out(key)}
         self._shown = set(shown)
         new = {

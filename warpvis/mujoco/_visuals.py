@@ -105,13 +105,7 @@ def draws_by_default(model: mujoco.MjModel) -> bool:
 
 
 def soft_names(model: mujoco.MjModel, names: Sequence[str], option: mujoco.MjvOption | None) -> dict[int, str]:
-    """Return the names of the skins, flexes and spatial tendons that MuJoCo draws, by their numbers.
-
-    Args:
-        model: The model.
-        names: Names of all visual elements, in the numbering of `object_names`.
-        option: Options of drawing; MuJoCo's defaults if None.
-    """
+    """Return the names of the skins, flexes and spatial tendons that MuJoCo draws, by their numbers in `names`."""
     option = mujoco.MjvOption() if option is None else option
     flags = {name: bool(option.flags[int(getattr(mujoco.mjtVisFlag, f"mjVIS_{name}"))]) for name in _SOFT_FLAGS}
     of_flex = any(flags[name] for name in _SOFT_FLAGS if name.startswith("FLEX"))
@@ -134,12 +128,7 @@ class Visuals:
     """Reads MuJoCo's visual elements of a model."""
 
     def __init__(self, model: mujoco.MjModel, *, mesh_tolerance: float) -> None:
-        """Initialize for a model.
-
-        Args:
-            model: The model.
-            mesh_tolerance: Maximum distance between round shapes and their triangles [m].
-        """
+        """Initialize for a model; `mesh_tolerance` is as for `warpvis.mujoco.Renderer`."""
         self._model, self._mesh_tolerance = model, mesh_tolerance
         self._default = draws_by_default(model)
         self._plain = _without_shapes(mujoco.MjvOption())
@@ -154,14 +143,7 @@ class Visuals:
     def read(
         self, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None, eye: Eye
     ) -> dict[VisualKey, Blocks]:
-        """Return the elements other than geoms and sites that MuJoCo draws now.
-
-        Args:
-            data: Simulation data with current poses.
-            viewer: The camera.
-            option: Options of drawing; MuJoCo's defaults if None.
-            eye: Intrinsics and pose of the camera.
-        """
+        """Return the elements other than geoms and sites that MuJoCo draws now, for the camera `eye`."""
         if self._scene is None:
             self._scene = mujoco.MjvScene(self._model, maxgeom=_MAX_GEOMS)
         scene, chosen = self._scene, self._plain if option is None else _without_shapes(option)

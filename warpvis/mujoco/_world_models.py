@@ -30,13 +30,7 @@ class WorldModels:
     """The arrays of a call that differ between worlds."""
 
     def __init__(self, model: mujoco.MjModel, source: object, worlds: int) -> None:
-        """Read the arrays.
-
-        Args:
-            model: The model.
-            source: A mapping of names to arrays, or an object with them as attributes, like MuJoCo Warp's model.
-            worlds: Number of worlds.
-        """
+        """Read a mapping of names to arrays, or an object with them as attributes, like MuJoCo Warp's model."""
         self._model, self._worlds = model, worlds
         self._fields = _read(source)
         for name in _SHARED_FIELDS:
@@ -91,11 +85,7 @@ class WorldModels:
             )
 
     def check_own_colors(self, geoms: NDArray[np.int32]) -> None:
-        """Check that visible geoms have the model's colors and materials in every world.
-
-        Args:
-            geoms: The geoms to check.
-        """
+        """Raise an `ArrayError` unless visible geoms have the model's colors and materials in every world."""
         names = [name for name in _COLOR_FIELDS if name in self._fields]
         if not names:
             return
@@ -249,12 +239,7 @@ class ResizableGeoms:
     def sizes(self, models: WorldModels, rows: NDArray[np.int32]) -> wp.array | None:
         """Return the sizes of all movable objects in some worlds, for `warpvis.kernels.casting.worlds.Worlds`.
 
-        Args:
-            models: The arrays that differ between worlds.
-            rows: The worlds, as rows of its arrays.
-
-        Returns:
-            Sizes, shape ``(worlds, M)`` vec4 on the scene's device; None if all equal the scene's.
+        They are an array of shape ``(worlds, M)`` vec4 on the scene's device; None if all equal the scene's.
         """
         from warpvis.kernels.mujoco import geom_sizes
 

@@ -25,11 +25,10 @@ _Value = TypeVar("_Value")
 
 
 def find_simulation(env: gym.Env) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """Find the current model and data of an environment.
+    """Find the current model and data of an environment, which a reset may replace.
 
     Environments of Gymnasium, gymnasium-robotics and Meta-World have ``model`` and ``data``, those of robosuite
-    ``sim``,
-    and those of dm_control ``physics``. A reset may replace them.
+    ``sim``, and those of dm_control ``physics``.
     """
     if not isinstance(env, gym.Env):
         raise SceneError(f"env must be a gymnasium.Env, got {type(env).__name__}")

@@ -197,15 +197,10 @@ class ImageRenderer(Renderer):
     _casters: dict[PlanarCamera, _Casters]
 
     def images(self, outputs: Outputs, draws: NDArray[np.uint32]) -> dict[str, np.ndarray]:
-        """Render the scene of the last `update_scene`.
+        """Render the scene of the last `update_scene`: images ``(H, W)`` and visible fractions ``(objects,)`` by name.
 
-        Args:
-            outputs: The requested outputs.
-            draws: Number and frame of the view, for a sensor's random numbers.
-
-        Returns:
-            Images ``(H, W)`` by name, with segmentation as the geom or site of every pixel, or -1; and visible
-            fractions ``(objects,)``.
+        In segmentation, pixels have the number of their geom or site, or -1. `draws` are the number and frame of the
+        view, for a sensor's random numbers.
         """
         stage, camera = self._stage, self._camera
         assert camera is not None

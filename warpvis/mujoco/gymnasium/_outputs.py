@@ -36,13 +36,7 @@ class VisibleFractions:
     """
 
     def __init__(self, scene: Scene, camera: PlanarCamera, **options: Any) -> None:
-        """Create the renderer of silhouettes.
-
-        Args:
-            scene: The scene.
-            camera: The camera of the images.
-            options: Options of `warpvis.Renderer`.
-        """
+        """Create the renderer of silhouettes for the camera of the images, with options of `warpvis.Renderer`."""
         width, height = camera.width, camera.height
         canvas = replace(camera, width=3 * width, height=3 * height, cx=camera.cx + width, cy=camera.cy + height)
         self._renderer = Renderer(scene, canvas, outputs=("segmentation",), **options)
@@ -55,7 +49,7 @@ class VisibleFractions:
         object_poses: NDArray[np.float32] | None,
         hidden: NDArray[np.bool_],
     ) -> NDArray[np.float32]:
-        """Compute visible fractions in views.
+        """Compute visible fractions of K objects in V views, 0 for invisible objects, shape ``(V, K)``.
 
         Args:
             segmentation: Indices of the scene's objects, or -1, shape ``(V, H, W)``.
@@ -63,9 +57,6 @@ class VisibleFractions:
             eyes: Camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``.
             object_poses: Poses of movable objects, shape ``(V, M, 7)``; None without any.
             hidden: Whether each of the scene's objects is hidden, shape ``(V, objects)``.
-
-        Returns:
-            Visible fractions, 0 for invisible objects, shape ``(V, K)``.
         """
         is_member = np.append(members, np.zeros((len(members), 1), dtype=bool), axis=1)
         visible = np.stack([mine[segmentation].sum(axis=(1, 2)) for mine in is_member], axis=1)
@@ -160,12 +151,10 @@ class Outputs:
         return result
 
     def entries(self, images: Mapping[str, np.ndarray], *, axis: int = 0) -> dict[str, np.ndarray]:
-        """Return an observation's entries, owned by the caller, from the images of all cameras.
+        """Return an observation's entries, owned by the caller, from the images ``(C, ..., H, W)`` of all cameras.
 
-        Args:
-            images: Images by name, shape ``(C, ..., H, W)``, with segmentation as the geom or site of every pixel, or
-                -1. Visible fractions are ``(C, ..., objects)``. Images that are not entries are ignored.
-            axis: Position of the axis for cameras, if there is one.
+        In segmentation, pixels have the number of their geom or site, or -1. Other images than entries are ignored.
+        `axis` is the position of the axis for cameras, if there is one.
         """
         chosen = {name: images[name] for name in self.spaces()}
         if SEGMENTATION in chosen:
