@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, cast, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -26,10 +25,9 @@ from warpvis.mujoco._batch_views import (
     BatchCamera,
     BatchViews,
     CameraChoice,
+    Workplace,
     batch_views,
-    check_fovy,
     choose_cameras,
-    viewer_arrays,
     views_by_intrinsics,
 )
 from warpvis.mujoco._cameras import camera_from_mujoco
@@ -40,8 +38,6 @@ from warpvis.mujoco._poses import (
     PoseSource,
     camera_transforms,
     check_computed,
-    movable_ids,
-    object_places,
     object_transforms,
     read_source,
     viewer_transforms,
@@ -52,11 +48,18 @@ from warpvis.mujoco._shapes import shape_bodies
 from warpvis.mujoco._visuals import shown_by
 from warpvis.mujoco._world_models import Resizable, ResizableGeoms, WorldModels, resizable_geoms
 from warpvis.mujoco._worlds import FixedGeoms, Kinematics, check_worlds
-from warpvis.rendering import DepthSensor, Fill, NearPlane, Output, Views, check_output_names, view_numbers, views_for
+from warpvis.rendering import (
+    DepthSensor,
+    Fill,
+    FreeList,
+    NearPlane,
+    Output,
+    Views,
+    check_output_names,
+    view_numbers,
+    views_for,
+)
 from warpvis.scene import Scene
-
-# Cameras, worlds, number of movable objects, and the stream on which work is queued.
-_Key = tuple[tuple[BatchCamera, ...], bytes, int, int | None]
 
 # Largest number of cached choices of cameras and worlds, and of cached intrinsics.
 _MAX_PLACES = 16
@@ -64,24 +67,6 @@ _MAX_RENDERERS = 64
 
 # Outputs that show colors.
 COLORS = frozenset(("color", "albedo"))
-
-
-@dataclass
-class _Workplace:
-    """Memory for one choice of cameras and worlds: with it, a call on a GPU allocates and copies nothing."""
-
-    cameras: tuple[wp.array, wp.array, wp.array]
-    """Ids, tracked bodies and poses."""
-    worlds: wp.array
-    world_of_view: wp.array
-    geoms: tuple[wp.array, wp.array]
-    """Ids of the movable geoms and sites."""
-    objects: wp.array
-    eyes: wp.array
-    hidden: wp.array | None = None
-    """Objects that are hidden in each view, ``(views, objects)`` uint8, if that differs between worlds."""
-    sizes: wp.array | None = None
-    """Sizes of all movable objects in every world, ``(worlds, M)`` vec4, if they differ from the scene."""
 
 
 class BatchRenderer:
@@ -160,15 +145,10 @@ class BatchRenderer:
             if scene_option is not None:
                 raise SceneError("geom_groups must not be given with scene_option, which has groups of geoms")
             groups = check_groups(geom_groups)
-        chosen: dict[str, Any] = {
-            "mesh_tolerance": mesh_tolerance,
-            "labels": labels,
-            "exclude": exclude,
-            "static": static,
-        }
-        chosen["label_names"] = label_names
         self.model = model
-        selection = select_geoms(model, geom_groups=groups, site_groups=sites, **chosen)
+        options: dict[str, Any] = {"mesh_tolerance": mesh_tolerance, "labels": labels, "label_names": label_names}
+        options |= {"geom_groups": groups, "site_groups": sites, "exclude": exclude, "static": static}
+        selection = select_geoms(model, **options)
         warn_of_soft(model, selection, scene_option)
         resized = resizable_geoms(model, selection, resizable)
         self.mujoco_scene = make_scene(model, selection, movable=movable, device=device, independent=resized)
@@ -179,17 +159,16 @@ class BatchRenderer:
         self._outputs, self._sensor = check_output_names(outputs, sensor), sensor
         self.frame = 0
         """The frame of a sensor's random numbers in the next call of `render` without `frame`."""
-        self._render_options: dict[str, Any] = {"outputs": self._outputs, "cull_backfaces": cull_backfaces}
-        self._render_options |= {"sensor": sensor, "seed": seed}
         check_choice(near_plane, "near_plane", get_args(NearPlane))
-        self._render_options |= {"near_plane": near_plane, "fill": fill, "threads": threads}
+        self._render_options = {"outputs": self._outputs, "sensor": sensor, "seed": seed, "fill": fill}
+        self._render_options |= {"near_plane": near_plane, "cull_backfaces": cull_backfaces, "threads": threads}
         self._appearance = None if COLORS.isdisjoint(self._outputs) else AppearanceWatch(model)
         self._fixed = [FixedGeoms(model, self.mujoco_scene, sites=sites) for sites in (False, True)]
         self._resizable = ResizableGeoms(model, self.mujoco_scene, resized)
         shapes = self.mujoco_scene.shapes()
         self._coinciding = CoincidingGeoms(model, self.scene, shapes, resizable=self._resizable.objects)
         self._renderers: dict[PlanarCamera, GeomRenderer] = {}
-        self._free_workplaces: dict[_Key, _Workplace] = {}
+        self._free_workplaces = FreeList[Workplace](_MAX_PLACES)
 
     @property
     def scene(self) -> Scene:
@@ -262,7 +241,7 @@ class BatchRenderer:
         # Work on another stream may still use the memory.
         stream = None if device.is_cpu else device.stream.cuda_stream
         key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
-        place = self._take(key, chosen, indices)
+        place = self._free_workplaces.take(key) or Workplace.of(self.mujoco_scene, chosen, indices)
         fovy = self._place(poses, chosen, place, models, rows)
         groups = views_by_intrinsics(self.model, chosen, fovy, rows)
         shape = (len(chosen) * count, self.height, self.width)
@@ -270,7 +249,7 @@ class BatchRenderer:
         drawn = self._number(rows, len(chosen), frame, view_index)
         for camera, members in groups.items():
             self._cast(camera, place, members, drawn, views)
-        self._give_back(key, place)
+        self._free_workplaces.give_back(key, place)
         return views
 
     def _check_appearance(self) -> None:
@@ -305,7 +284,7 @@ class BatchRenderer:
         self,
         poses: PoseSource,
         chosen: Sequence[BatchCamera],
-        place: _Workplace,
+        place: Workplace,
         models: WorldModels | None,
         rows: NDArray[np.int32],
     ) -> NDArray[np.float64] | None:
@@ -322,26 +301,10 @@ class BatchRenderer:
         if models is None:
             return None
         place.sizes = self._resizable.sizes(models, rows)
-        colors = models.colors(device)
+        place.hidden = models.hidden_objects(self.mujoco_scene, rows, place.eyes.size)
         if self._appearance is not None:
             models.check_own_colors(self.mujoco_scene.geom_ids)
-        if colors is not None:
-            place.hidden = self._hide(colors, rows, place.eyes.size)
-        fovy = models.fovy()
-        if fovy is not None:
-            check_fovy(self.model, fovy)
-        return fovy
-
-    def _hide(self, colors: Sequence[wp.array], rows: NDArray[np.int32], views: int) -> wp.array:
-        """Flag the objects that are hidden in each view."""
-        from warpvis.kernels.mujoco.arrays import hidden_objects
-
-        device = self.scene.device
-        hidden = wp.empty((views, len(self.scene)), dtype=wp.uint8, device=device)
-        worlds = wp.array(rows, dtype=wp.int32, device=device)
-        geoms = wp.array(self.mujoco_scene.geoms_of_objects(), dtype=wp.int32, device=device)
-        launch(hidden_objects, hidden.shape, [*colors, worlds, geoms, hidden], device)
-        return hidden
+        return models.fovy()
 
     def geom_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
         """Return the geom of every pixel; -1 for empty pixels, sites, and objects that were added to the scene.
@@ -404,7 +367,7 @@ class BatchRenderer:
     def _cast(
         self,
         camera: PlanarCamera,
-        place: _Workplace,
+        place: Workplace,
         views: NDArray[np.int64],
         drawn: NDArray[np.int64] | None,
         out: Views,
@@ -440,30 +403,6 @@ class BatchRenderer:
         for name, image in images.items():
             wp.copy(image[rows], getattr(part, name))
 
-    def _take(self, key: _Key, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> _Workplace:
-        """Return unused memory of an earlier call for the same cameras and worlds, or allocate it."""
-        try:
-            return self._free_workplaces.pop(key)
-        except KeyError:
-            return self._make_workplace(cameras, worlds)
-
-    def _give_back(self, key: _Key, place: _Workplace) -> None:
-        self._free_workplaces[key] = place  # the last entry is the most recently used
-        while len(self._free_workplaces) > _MAX_PLACES:
-            self._free_workplaces.pop(next(iter(self._free_workplaces)), None)
-
-    def _make_workplace(self, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> _Workplace:
-        device, count = self.scene.device, len(worlds)
-        world_of_view = np.tile(np.arange(count, dtype=np.int32), len(cameras))
-        return _Workplace(
-            cameras=viewer_arrays(cameras, device),
-            worlds=wp.array(worlds, dtype=wp.int32, device=device),
-            world_of_view=wp.array(world_of_view, dtype=wp.int32, device=device),
-            geoms=movable_ids(self.mujoco_scene),
-            objects=object_places(self.mujoco_scene, count),
-            eyes=wp.empty((len(cameras), count), dtype=wp.transform, device=device),
-        )
-
     def _read_worlds(
         self,
         poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
@@ -494,5 +433,5 @@ class BatchRenderer:
         return check_worlds(worlds, count)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for pickling, without scratch memory."""
-        return self.__dict__ | {"_renderers": {}, "_free_workplaces": {}}
+        """Return the state for pickling, without cached renderers."""
+        return self.__dict__ | {"_renderers": {}}

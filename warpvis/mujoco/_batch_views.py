@@ -11,12 +11,14 @@ from typing import NamedTuple, TypeAlias
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.checks import as_items
 from warpvis.errors import ArrayError, CameraError
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_with_fovy, viewer_camera, viewer_pose
+from warpvis.mujoco._poses import movable_ids, object_places
+from warpvis.mujoco._scene import MujocoScene
 from warpvis.rendering import Views
 
 
@@ -59,7 +61,6 @@ CameraChoice: TypeAlias = int | str | mujoco.MjvCamera
 
 _FIXED = mujoco.mjtCamera.mjCAMERA_FIXED
 _TRACKING = mujoco.mjtCamera.mjCAMERA_TRACKING
-_ORTHOGRAPHIC = mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
 NOBODY = -1
 
 
@@ -121,21 +122,38 @@ def views_by_intrinsics(
     return {intrinsics: np.concatenate(parts) for intrinsics, parts in groups.items()}
 
 
-def check_fovy(model: mujoco.MjModel, fovy: NDArray[np.float64]) -> None:
-    """Raise an `ArrayError` unless all fields of view are above 0 and, if they are angles, below 180 degrees."""
-    upper = np.where(model.cam_projection == _ORTHOGRAPHIC, np.inf, 180.0)
-    bad = np.argwhere(~((fovy > 0) & (fovy < upper)))
-    if len(bad):
-        world, camera = bad[0].tolist()
-        limits = "from 0 to 180 degrees" if upper[camera] == 180 else "a number of meters above 0"
-        raise ArrayError(f"cam_fovy must be {limits}, got {fovy[world, camera]} for camera {camera} in world {world}")
+@dataclass
+class Workplace:
+    """Memory for one choice of cameras and worlds: with it, a call on a GPU allocates and copies nothing."""
 
+    cameras: tuple[wp.array, wp.array, wp.array]
+    """Ids, tracked bodies and poses."""
+    worlds: wp.array
+    world_of_view: wp.array
+    geoms: tuple[wp.array, wp.array]
+    """Ids of the movable geoms and sites."""
+    objects: wp.array
+    eyes: wp.array
+    hidden: wp.array | None = None
+    """Objects that are hidden in each view, ``(views, objects)`` uint8, if that differs between worlds."""
+    sizes: wp.array | None = None
+    """Sizes of all movable objects in every world, ``(worlds, M)`` vec4, if they differ from the scene."""
 
-def viewer_arrays(cameras: Sequence[BatchCamera], device: wp.Device) -> tuple[wp.array, wp.array, wp.array]:
-    """Return ids, tracked bodies and poses of the cameras on a device."""
-    poses = np.array([camera.pose for camera in cameras], dtype=np.float32)
-    return (
-        wp.array([camera.camera_id for camera in cameras], dtype=wp.int32, device=device),
-        wp.array([camera.body for camera in cameras], dtype=wp.int32, device=device),
-        wp.array(poses, dtype=wp.transform, shape=(len(cameras),), device=device),
-    )
+    @classmethod
+    def of(cls, mujoco_scene: MujocoScene, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> Workplace:
+        """Allocate it on the scene's device."""
+        device, count = mujoco_scene.scene.device, len(worlds)
+
+        def numbers(values: ArrayLike) -> wp.array:
+            return wp.array(values, dtype=wp.int32, device=device)
+
+        poses = np.array([camera.pose for camera in cameras], dtype=np.float32)
+        eyes = wp.array(poses, dtype=wp.transform, shape=(len(cameras),), device=device)
+        return cls(
+            (numbers([camera.camera_id for camera in cameras]), numbers([camera.body for camera in cameras]), eyes),
+            numbers(worlds),
+            numbers(np.tile(np.arange(count, dtype=np.int32), len(cameras))),
+            movable_ids(mujoco_scene),
+            object_places(mujoco_scene, count),
+            wp.empty((len(cameras), count), dtype=wp.transform, device=device),
+        )

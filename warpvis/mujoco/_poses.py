@@ -230,7 +230,7 @@ def viewer_transforms(
 ) -> None:
     """Write poses of a viewer's cameras, whose ids are -1, into their rows of `out`, ``(cameras, W)`` `wp.transform`.
 
-    The cameras are the result of `viewer_arrays`; `tracking` states whether one of them tracks a body.
+    The cameras are those of a `Workplace`; `tracking` states whether one of them tracks a body.
     """
     from warpvis.kernels.mujoco import arrays as kernels
 

@@ -43,34 +43,39 @@ class WorldModels:
 
     def fovy(self) -> NDArray[np.float64] | None:
         """Return vertical fields of view [degrees], shape ``(1 or W, ncam)``; None for the model's."""
-        return self._host("cam_fovy") if "cam_fovy" in self._fields else None
+        if "cam_fovy" not in self._fields:
+            return None
+        fovy = self._host("cam_fovy")
+        upper = np.where(self._model.cam_projection == mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC, np.inf, 180.0)
+        bad = np.argwhere(~((fovy > 0) & (fovy < upper)))
+        if len(bad):
+            world, camera = bad[0].tolist()
+            limits = "from 0 to 180 degrees" if upper[camera] == 180 else "a number of meters above 0"
+            raise ArrayError(
+                f"cam_fovy must be {limits}, got {fovy[world, camera]} for camera {camera} in world {world}"
+            )
+        return fovy
 
-    def field(self, name: str) -> Any:
-        """Return a given array, of one world or of all; None for the model's."""
-        value = self._fields.get(name)
-        if value is not None:
-            value = value if hasattr(value, "shape") else as_numpy(value, name=name)
-            if not value.shape:
-                raise ArrayError(f"{name} must be an array of 1 or {self._worlds} worlds, got {value}")
-            self._check_worlds(name, value)
-        return value
+    def geom_size(self) -> Any | None:
+        """Return sizes of geoms in one world or all, on the host or on a GPU; None for the model's."""
+        return self._value("geom_size") if "geom_size" in self._fields else None
 
-    def colors(self, device: wp.Device) -> list[wp.array] | None:
-        """Return colors and materials of geoms, and colors of materials; None for the model's."""
+    def hidden_objects(self, mujoco_scene: MujocoScene, rows: NDArray[np.int32], views: int) -> wp.array | None:
+        """Flag the objects that are hidden in each view, ``(views, objects)`` uint8; None if colors are the model's."""
+        from warpvis.kernels.mujoco.arrays import hidden_objects
+
         if not any(name in self._fields for name in _COLOR_FIELDS):
             return None
-        arrays = []
+        device, inputs = mujoco_scene.scene.device, []
         for name, dtype in _COLOR_FIELDS.items():
-            default = getattr(self._model, name)
-            value = self._fields.get(name)
-            value = default[None] if value is None else value
-            self._check_worlds(name, value)
-            if not on_gpu(value):
-                # NumPy arrays are copied to the device; a `wp.array` in host memory would be rejected there.
-                value = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
+            value = self._value(name)
+            if isinstance(value, np.ndarray):
                 self._check_values(name, value)
-            arrays.append(as_warp(value, dtype, ("W", len(default)), name=name, device=device))
-        return arrays
+            inputs.append(as_warp(value, dtype, ("W", len(getattr(self._model, name))), name=name, device=device))
+        inputs += [wp.array(ids, dtype=wp.int32, device=device) for ids in (rows, mujoco_scene.geoms_of_objects())]
+        hidden = wp.empty((views, len(mujoco_scene.scene)), dtype=wp.uint8, device=device)
+        launch(hidden_objects, hidden.shape, [*inputs, hidden], device)
+        return hidden
 
     def _check_values(self, name: str, rows: NDArray[Any]) -> None:
         """Raise an `ArrayError` if a color is not finite, or a material is not in the model."""
@@ -98,7 +103,7 @@ class WorldModels:
         expected = _effective(
             self._model.geom_rgba[None], self._model.geom_matid[None], self._model.mat_rgba[None], geoms
         )
-        rows = [self._rows(name) for name in _COLOR_FIELDS]
+        rows = [np.asarray(self._value(name), dtype=getattr(self._model, name).dtype) for name in _COLOR_FIELDS]
         colors, materials = _effective(rows[0], rows[1], rows[2], geoms)
         other = (colors[..., :3] != expected[0][..., :3]).any(axis=-1) | (materials != expected[1])
         bad = np.argwhere(other & (colors[..., 3] != 0))
@@ -111,33 +116,28 @@ class WorldModels:
                 f"{', '.join(names)}, or create a BatchRenderer for each model"
             )
 
-    def _rows(self, name: str) -> NDArray[Any]:
-        """Return colors or materials of worlds on the host, shape ``(1 or W, ...)``, in MuJoCo's dtype."""
-        default = getattr(self._model, name)
+    def _value(self, name: str) -> Any:
+        """Return a field of one world or all, by default the model's: a NumPy array, or an array on a GPU."""
         value = self._fields.get(name)
-        value = default[None] if value is None else value
-        return np.asarray(
-            value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name), dtype=default.dtype
-        )
+        value = getattr(self._model, name)[None] if value is None else value
+        value = value if on_gpu(value) else _on_host(value, name)
+        self._check_worlds(name, value)
+        return value
 
     def _check_shared(self, name: str) -> None:
         """Raise an `ArrayError` if a shared field differs from the model; arrays on a GPU are not compared."""
-        value = self._fields[name]
-        on_gpu = isinstance(value, wp.array) and not value.device.is_cpu
-        if (value.shape[0] > 1) if on_gpu else not self._is_own(name, value):
+        value, own = self._fields[name], getattr(self._model, name)
+        if on_gpu(value):
+            differs = value.shape[0] > 1
+        else:
+            rows = _on_host(value, name)
+            differs = rows.shape[1:] != own.shape or (rows.astype(np.float32) != own.astype(np.float32)).any()
+        if differs:
             raise ArrayError(f"{name} must equal that of the renderer's model, which all worlds share; omit it")
-
-    def _is_own(self, name: str, value: Any) -> bool:
-        """Return whether a host array equals the model's in every world, in single precision."""
-        rows, default = as_numpy(value, name=name), getattr(self._model, name)
-        return rows.shape[1:] == default.shape and np.array_equal(
-            rows.astype(np.float32), np.broadcast_to(default.astype(np.float32), rows.shape)
-        )
 
     def _host(self, name: str) -> NDArray[np.float64]:
         """Return an array on the host, with quaternions normalized."""
-        value = self._fields[name]
-        rows = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
+        rows = _on_host(self._fields[name], name)
         shape = getattr(self._model, name).shape
         if rows.dtype.kind not in "fiu" or rows.shape[1:] != shape or not len(rows):
             expected = ", ".join(map(str, ("W", *shape)))
@@ -155,9 +155,14 @@ class WorldModels:
         return cast("NDArray[np.float64]", rows / length)
 
     def _check_worlds(self, name: str, value: Any) -> None:
-        count = len(value) if getattr(value, "shape", None) is None else value.shape[0]
-        if count not in (1, self._worlds):
-            raise ArrayError(f"{name} must be of 1 world or of {self._worlds}, like the poses, got {count}")
+        if not value.shape:
+            raise ArrayError(f"{name} must be an array of 1 or {self._worlds} worlds, got {value}")
+        if value.shape[0] not in (1, self._worlds):
+            raise ArrayError(f"{name} must be of 1 world or of {self._worlds}, like the poses, got {value.shape[0]}")
+
+
+def _on_host(value: Any, name: str) -> NDArray[Any]:
+    return value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
 
 
 def _effective(
@@ -194,16 +199,16 @@ def _read(source: object) -> dict[str, Any]:
 
 Resizable = Literal["all"] | Iterable[str]
 
-_GEOM = mujoco.mjtGeom
 # Number of elements of geom_size that define the size of a geom.
-_NUMBERS = {_GEOM.mjGEOM_SPHERE: 1, _GEOM.mjGEOM_CAPSULE: 2, _GEOM.mjGEOM_CYLINDER: 2}
-_NUMBERS |= {_GEOM.mjGEOM_ELLIPSOID: 3, _GEOM.mjGEOM_BOX: 3}
+_NUMBERS = {
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")): count
+    for name, count in {"SPHERE": 1, "CAPSULE": 2, "CYLINDER": 2, "ELLIPSOID": 3, "BOX": 3}.items()
+}
 
 
 def resizable_geoms(model: mujoco.MjModel, selection: Selection, resizable: Resizable) -> tuple[int, ...]:
     """List the geoms selected by name or pattern, or all resizable geoms with ``"all"``, in ascending order."""
-    numbers = {int(kind): count for kind, count in _NUMBERS.items()}
-    primitive = {geom for geom in range(model.ngeom) if int(model.geom_type[geom]) in numbers}
+    primitive = {geom for geom in range(model.ngeom) if int(model.geom_type[geom]) in _NUMBERS}
     if isinstance(resizable, str):
         if resizable != "all":
             raise SceneError(f'resizable must be "all", or a list of names or patterns of names, got {resizable!r}')
@@ -243,7 +248,7 @@ class ResizableGeoms:
         """
         from warpvis.kernels.mujoco import geom_sizes
 
-        field = models.field("geom_size")
+        field = models.geom_size()
         if field is None or not self._checked(field):
             return None
         device, movable = self._scene.scene.device, len(self._scene.scene.movable)
@@ -273,14 +278,13 @@ class ResizableGeoms:
                     'resizable=["box*", ...] or resizable="all"'
                 )
             return len(self._geoms) > 0
-        rows = as_numpy(sizes.numpy() if isinstance(sizes, wp.array) else sizes, name="geom_size")
-        if rows.ndim != 3 or rows.shape[1:] != self._model_size.shape or not len(rows) or rows.dtype.kind not in "fiu":
+        if sizes.shape[1:] != self._model_size.shape or sizes.dtype.kind not in "fiu":
             raise ArrayError(
-                f"geom_size must be numbers of shape (W, {len(self._model_size)}, 3), got {rows.dtype} of shape "
-                f"{rows.shape}"
+                f"geom_size must be numbers of shape (W, {len(self._model_size)}, 3), got {sizes.dtype} of shape "
+                f"{sizes.shape}"
             )
         with np.errstate(over="ignore"):
-            rows = rows.astype(np.float32)
+            rows = sizes.astype(np.float32)
         self._check_constant(rows)
         self._check_positive(rows)
         return len(self._geoms) > 0
@@ -294,13 +298,13 @@ class ResizableGeoms:
         world, place = other[0].tolist()
         name = self._name(int(constant[place]))
         message = f"geom_size of {name!r} must equal the model's, got another in world {world}"
-        if int(self._kinds[constant[place]]) not in map(int, _NUMBERS):
+        if int(self._kinds[constant[place]]) not in _NUMBERS:
             raise ArrayError(f"{message}; planes, height fields and meshes cannot be resized")
         raise ArrayError(f'{message}; create the BatchRenderer with resizable=[{name!r}] or resizable="all"')
 
     def _check_positive(self, rows: NDArray[np.float32]) -> None:
         for kind, count in _NUMBERS.items():
-            geoms = self._geoms[self._kinds[self._geoms] == int(kind)]
+            geoms = self._geoms[self._kinds[self._geoms] == kind]
             numbers = rows[:, geoms, :count]
             bad = np.argwhere(~((numbers > 0) & np.isfinite(numbers)).all(axis=2))
             if len(bad):

@@ -34,6 +34,7 @@ from warpvis.rendering._depth_sensor import (
 )
 from warpvis.rendering._moving import parse_sensor as parse_sensor
 from warpvis.rendering._panorama import render_wide
+from warpvis.rendering._prepared import FreeList as FreeList
 from warpvis.rendering._renderer import Renderer as Renderer, render as render
 from warpvis.rendering._sensing import check_word as check_word, view_numbers as view_numbers
 from warpvis.rendering._views import (

@@ -104,35 +104,15 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             WarpvisError: If the environment has no MuJoCo model, or an argument is invalid.
         """
         model, _ = find_simulation(env)
-        self._outputs = Outputs(
-            model,
-            camera=camera,
-            width=width,
-            height=height,
-            outputs=outputs,
-            objects=objects,
-            segmentation=segmentation,
-            fill=fill,
-            sensor=sensor,
-        )
+        chosen: dict[str, Any] = {"camera": camera, "width": width, "height": height, "outputs": outputs}
+        chosen |= {"objects": objects, "segmentation": segmentation, "fill": fill, "sensor": sensor}
+        self._outputs = Outputs(model, **chosen)
         shown_by(scene_option)
         threads = check_threads(threads)
         if device is not None and not isinstance(device, str):
             device = get_device(device).alias  # other types cannot be recorded
-        gym.utils.RecordConstructorArgs.__init__(
-            self,
-            camera=camera,
-            width=width,
-            height=height,
-            outputs=outputs,
-            objects=objects,
-            segmentation=segmentation,
-            fill=fill,
-            sensor=sensor,
-            scene_option=scene_option,
-            device=device,
-            threads=threads,
-        )
+        chosen |= {"scene_option": scene_option, "device": device, "threads": threads}
+        gym.utils.RecordConstructorArgs.__init__(self, **chosen)
         super().__init__(env)
         self._option, self._device, self._threads = scene_option, device, threads
         self._renderer: ImageRenderer | None = None

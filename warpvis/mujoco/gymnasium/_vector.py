@@ -93,29 +93,12 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             )
         model = _shared_model(env)
         self._layout = PoseLayout(model)
+        shared: dict[str, Any] = {"width": width, "height": height, "fill": fill, "sensor": sensor}
         self._outputs = Outputs(
-            model,
-            camera=camera,
-            width=width,
-            height=height,
-            outputs=outputs,
-            objects=objects,
-            segmentation=segmentation,
-            fill=fill,
-            sensor=sensor,
+            model, camera=camera, outputs=outputs, objects=objects, segmentation=segmentation, **shared
         )
-        self._batch = BatchRenderer(
-            model,
-            height=height,
-            width=width,
-            outputs=self._outputs.images,
-            scene_option=scene_option,
-            movable=movable,
-            fill=fill,
-            sensor=sensor,
-            device=device,
-            threads=threads,
-        )
+        shared |= {"scene_option": scene_option, "movable": movable, "device": device, "threads": threads}
+        self._batch = BatchRenderer(model, outputs=self._outputs.images, **shared)
         self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
         self._threads = threads
         self._fractions: dict[PlanarCamera, VisibleFractions] = {}
