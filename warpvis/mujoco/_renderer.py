@@ -22,7 +22,7 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
 from warpvis.mujoco._cameras import camera_of_frustum, filled_depth, viewer_camera, viewer_frustum, viewer_pose
 from warpvis.mujoco._geom_renderer import GeomRenderer
-from warpvis.mujoco._geoms import DEFAULT_GROUPS, DEFAULT_MESH_TOLERANCE, check_groups
+from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE
 from warpvis.mujoco._poses import check_computed
 from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
@@ -122,7 +122,7 @@ class Renderer:
         self._visuals = Visuals(model, mesh_tolerance=mesh_tolerance)
         self._warned: set[str] = set()
         self._stages: dict[tuple[tuple[int, ...], bool, tuple[int, ...]], Stage] = {}
-        self._stage = self._stage_of(DEFAULT_GROUPS, static=True, sites=DEFAULT_GROUPS)
+        self._stage = self._stage_of(shown_by(None))
         self._mode = "color"
         self._camera: PlanarCamera | None = None
         self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
@@ -228,7 +228,7 @@ class Renderer:
         viewer = viewer_camera(self._model, camera)
         check_computed(data, ("geom", "cam") if viewer.type == mujoco.mjtCamera.mjCAMERA_FIXED else ("geom",))
         frustum, pose = viewer_frustum(self._model, viewer), viewer_pose(data, viewer)
-        stage = self._chosen_stage(scene_option)
+        stage = self._stage_of(shown_by(scene_option))
         stage.update(data)
         self._camera, self._pose = camera_of_frustum(frustum, self.width, self.height), pose
         self._draw(stage, data, viewer, scene_option)
@@ -307,8 +307,8 @@ class Renderer:
         self._viewer, self._stages = ViewerScene(self._model), {}
         self._visuals = Visuals(self._model, mesh_tolerance=self._options["mesh_tolerance"])
         self._viewer.set_flags(flags)
-        for (groups, static, sites), stage_state in states.items():
-            self._stage_of(groups, static=static, sites=sites).restore(stage_state)
+        for shown, stage_state in states.items():
+            self._stage_of(shown).restore(stage_state)
         if current is not None:
             self._stage = self._stages[current]
         self._fallback = self._make_fallback() if fallback and not self._closed else None
@@ -370,42 +370,35 @@ class Renderer:
         culls = self._viewer.culls() and self._cull_backfaces
         if not len(stage.scene):
             return None
-        key = (outputs, camera, culls)
         sensor = self._sensor if "reasons" in outputs else None
-        if key not in stage.renderers:
-            # Near geometry is clipped, or rendered at its depth: depth is always a number.
-            seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
-            renderer = GeomRenderer(
-                stage.scene,
-                seen,
-                stage.coinciding,
-                outputs=outputs,
-                near_plane="clip",
-                cull_backfaces=culls,
-                sensor=sensor,
-                seed=self._seed,
-                threads=self._threads,
-            )
-            if len(stage.renderers) >= _MAX_RENDERERS:
-                stage.renderers.clear()
-            stage.renderers[key] = renderer
+        renderer = self._renderer_of(outputs, camera, culls=culls, sensor=sensor, seed=self._seed)
         options: dict[str, Any] = {"object_poses": stage.object_poses(), "exclude": stage.hidden}
         if sensor is not None:
             options["frame"] = self.frame
-        views = stage.renderers[key].render(pose[None], **options)
+        views = renderer.render(pose[None], **options)
         return {output: getattr(views, output).numpy()[0] for output in outputs}
 
-    def _chosen_stage(self, option: mujoco.MjvOption | None) -> Stage:
-        groups, static, sites = shown_by(option)
-        return self._stage_of(groups, static=static, sites=sites)
+    def _renderer_of(
+        self, outputs: tuple[Output, ...], camera: PlanarCamera, *, culls: bool = True, **options: Any
+    ) -> GeomRenderer:
+        """Return the renderer of the current stage for some outputs and a camera."""
+        stage, key = self._stage, (outputs, camera, culls)
+        if key not in stage.renderers:
+            # Near geometry is clipped, or rendered at its depth: depth is always a number.
+            seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
+            options |= {"near_plane": "clip", "cull_backfaces": culls, "threads": self._threads}
+            if len(stage.renderers) >= _MAX_RENDERERS:
+                stage.renderers.clear()
+            stage.renderers[key] = GeomRenderer(stage.scene, seen, stage.coinciding, outputs=outputs, **options)
+        return stage.renderers[key]
 
-    def _stage_of(self, groups: Iterable[int], *, static: bool, sites: Iterable[int]) -> Stage:
-        """Return the cached stage of the given groups."""
-        key = (check_groups(groups), static, check_groups(sites) if self._model.nsite else ())
+    def _stage_of(self, shown: tuple[tuple[int, ...], bool, tuple[int, ...]]) -> Stage:
+        """Return the cached stage of the result of `shown_by`."""
+        groups, static, sites = shown
+        key = groups, static, sites if self._model.nsite else ()
         if key not in self._stages:
-            selection = select_geoms(
-                self._model, geom_groups=key[0], site_groups=key[2], static=static, **self._options
-            )
+            options = self._options | {"geom_groups": groups, "site_groups": key[2], "static": static}
+            selection = select_geoms(self._model, **options)
             scene = RendererScene(self._viewer, device=self._device)
             scene.use_labels(selection.rules)
             self._stages[key] = Stage(self._model, selection, scene)

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -23,7 +22,7 @@ from warpvis.mujoco._scene import Selection
 from warpvis.mujoco._shapes import UNKNOWN, shape_bodies, shape_count, shape_meaning, shape_places
 from warpvis.mujoco._tessellation import Blocks
 from warpvis.mujoco._viewer_scene import RendererScene
-from warpvis.mujoco._visual_objects import VisualObjects
+from warpvis.mujoco._visual_objects import VisualObjects, names_of_parents, put_objects
 from warpvis.mujoco._visuals import VisualKey
 from warpvis.rendering import Output
 from warpvis.scene import Part, Scene, SceneObject, take_snapshot
@@ -88,6 +87,11 @@ class Stage:
         """Indices of the objects that are not visible now."""
         return self._hidden + self.visuals.hidden(len(self._built))
 
+    @property
+    def shapes(self) -> list[int]:
+        """The geoms and sites of the first objects."""
+        return list(self._built)
+
     def meanings(self) -> NDArray[np.int32]:
         """List the id and type of every object, with a last row for no object (index -1)."""
         pairs = np.full((len(self.scene) + 1, 2), -1, dtype=np.int32)
@@ -128,9 +132,11 @@ class Stage:
     def state(self) -> StageState:
         """Return the state for `restore`."""
         objects = self.scene.objects
-        parents = [None if item.parent is None else objects[item.parent].name for item in objects]
-        items = [(take_snapshot(item), parent) for item, parent in zip(objects, parents, strict=True)]
-        added, places = items[len(self._built) + len(self.visuals) :], (self._position.copy(), self._rotation.copy())
+        parents = names_of_parents(objects)
+        added = [
+            (take_snapshot(item), parents.get(item.name)) for item in objects[len(self._built) + len(self.visuals) :]
+        ]
+        places = self._position.copy(), self._rotation.copy()
         return StageState(list(self._built), added, self.visuals.state(), *places)
 
     def restore(self, state: StageState) -> None:
@@ -141,10 +147,9 @@ class Stage:
         self._hide_all_but(shown)
         self.draw(state.visuals)
         if state.added:
-            objects = self.scene.objects
-            index = {item.name: number for number, item in enumerate([*objects, *(item for item, _ in state.added)])}
-            moved = [replace(item, parent=None if parent is None else index[parent]) for item, parent in state.added]
-            self.scene.replace_objects([*objects, *moved])
+            objects = [*self.scene.objects, *(item for item, _ in state.added)]
+            parents = {item.name: parent for item, parent in state.added if parent is not None}
+            put_objects(self.scene, objects, names_of_parents(self.scene.objects) | parents)
         self._position[:], self._rotation[:] = state.position, state.rotation
 
     def _hide_all_but(self, shown: set[int]) -> None:
@@ -264,7 +269,7 @@ class Stage:
         objects = self.scene.objects
         items = dict(zip(self._built, objects, strict=False))
         added = objects[len(self._built) :]
-        parents = {item.name: objects[item.parent].name for item in objects if item.parent is not None}
+        parents = names_of_parents(objects)
         draft = Scene()
         for geom, part in parts:
             draft.add(**part.arguments())
@@ -279,10 +284,7 @@ class Stage:
                 f"objects added to the scene must not have names of visible geoms, got {min(taken)!r}; "
                 "add it with another name"
             )
-        index = {item.name: number for number, item in enumerate(ordered)}
-        self.scene.replace_objects(
-            [replace(item, parent=index[parents[item.name]]) if item.name in parents else item for item in ordered]
-        )
+        put_objects(self.scene, ordered, parents)
 
     def _moves_alone(self, name: str) -> bool:
         """Return whether no object is attached to the given one."""

@@ -110,6 +110,16 @@ class ViewerScene:
         self._before = [_values(camera) for camera in scene.camera]
 
 
+def _missing(name: str) -> property:
+    def get(_: Scene) -> NoReturn:
+        raise NotInSceneError(
+            f"renderer.scene is a warpvis.Scene and has no {name}; "
+            "add shapes to it with renderer.scene.add(mesh, pose=...)"
+        )
+
+    return property(get)
+
+
 class RendererScene(Scene):
     """The scene of a `Renderer`; see `Renderer.scene`."""
 
@@ -128,20 +138,7 @@ class RendererScene(Scene):
         """The cameras of a stereo pair; their average is rendered."""
         return self._viewer.mujoco_scene().camera
 
-    @property
-    def geoms(self) -> NoReturn:
-        """Raise an error: the scene has no such attribute."""
-        raise _not_here("geoms")
-
-    @property
-    def ngeom(self) -> NoReturn:
-        """Raise an error: the scene has no such attribute."""
-        raise _not_here("ngeom")
-
-    @property
-    def maxgeom(self) -> NoReturn:
-        """Raise an error: the scene has no such attribute."""
-        raise _not_here("maxgeom")
+    geoms, ngeom, maxgeom = (_missing(name) for name in ("geoms", "ngeom", "maxgeom"))
 
     def __reduce__(self) -> tuple[Callable[..., Scene], tuple[dict[str, Any]]]:
         """Pickle as a `warpvis.Scene` of the same objects, since flags and cameras belong to the renderer."""
@@ -152,12 +149,6 @@ def _plain_scene(state: dict[str, Any]) -> Scene:
     scene = Scene.__new__(Scene)
     scene.__setstate__(state)
     return scene
-
-
-def _not_here(name: str) -> NotInSceneError:
-    return NotInSceneError(
-        f"renderer.scene is a warpvis.Scene and has no {name}; add shapes to it with renderer.scene.add(mesh, pose=...)"
-    )
 
 
 def _values(camera: mujoco.MjvGLCamera) -> tuple[Any, ...]:

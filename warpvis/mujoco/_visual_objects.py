@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -16,7 +16,7 @@ from warpvis.mujoco._scene import Selection
 from warpvis.mujoco._shapes import drawn_number, free_name, shape_count
 from warpvis.mujoco._tessellation import Blocks
 from warpvis.mujoco._visuals import MAIN_PARTS, VisualKey
-from warpvis.scene import Scene
+from warpvis.scene import Scene, SceneObject
 
 
 @dataclass
@@ -33,15 +33,13 @@ class _VisualObject:
 
     def holds(self, blocks: Blocks) -> bool:
         """Return whether the object can represent the blocks with its faces and capacity."""
-        fits = self.capacity >= len(blocks.vertices)
-        return fits and self._corners() == blocks.vertices.shape[1] and np.array_equal(self.faces, blocks.faces)
+        count, corners, _ = blocks.vertices.shape
+        fits = self.capacity >= count and len(self.vertices) == self.capacity * corners
+        return fits and np.array_equal(self.faces, blocks.faces)
 
     def blocks(self) -> Blocks:
         """Return blocks that reproduce the object."""
         return Blocks(self.vertices.reshape(self.capacity, -1, 3), self.faces)
-
-    def _corners(self) -> int:
-        return len(self.vertices) // self.capacity
 
 
 class VisualObjects:
@@ -76,7 +74,8 @@ class VisualObjects:
 
     def update(self, drawn: Mapping[VisualKey, Blocks], first: int) -> None:
         """Set the shapes of the visible elements; `first` is the scene index of the first object."""
-        shown = {key: blocks for key, blocks in drawn.items() if not self._is_left_out(key)}
+        left_out = self._selection.left_out
+        shown = {key: blocks for key, blocks in drawn.items() if self._number(key) not in left_out}
         self._shown = set(shown)
         new = {
             key: blocks for key, blocks in shown.items() if key not in self._items or not self._items[key].holds(blocks)
@@ -89,9 +88,6 @@ class VisualObjects:
             if key in new or not np.array_equal(vertices, item.vertices):
                 self._scene.update_vertices(item.name, vertices)
                 item.vertices = vertices
-
-    def _is_left_out(self, key: VisualKey) -> bool:
-        return drawn_number(self._model, key.kind, key.which) in self._selection.left_out
 
     def _make(self, new: Mapping[VisualKey, Blocks], first: int) -> None:
         """Create or rebuild objects."""
@@ -109,22 +105,31 @@ class VisualObjects:
             draft.add((vertices, blocks.all_faces(capacity)), name=name, label=self._label(key), movable=True)
             self._items[key] = _VisualObject(name, capacity, np.array(blocks.faces), vertices)
             mine[key] = draft[name]
-        ordered = [*objects[:first], *mine.values(), *added]
-        index = {item.name: number for number, item in enumerate(ordered)}
-        scene.replace_objects(
-            [
-                item if item.parent is None else replace(item, parent=index[objects[item.parent].name])
-                for item in ordered
-            ]
-        )
+        put_objects(scene, [*objects[:first], *mine.values(), *added], names_of_parents(objects))
+
+    def _number(self, key: VisualKey) -> int | None:
+        return drawn_number(self._model, key.kind, key.which)
 
     def _name(self, key: VisualKey) -> str:
-        number = drawn_number(self._model, key.kind, key.which)
+        number = self._number(key)
         if number is None:
             return f"{mujoco.mju_type2Str(key.kind) or 'mark'}_{key.which}_{key.part}"
         name = self._selection.names[number]
         return name if key.part in MAIN_PARTS else f"{name}_{key.part}"
 
     def _label(self, key: VisualKey) -> int:
-        number = drawn_number(self._model, key.kind, key.which)
+        number = self._number(key)
         return Label.OBSTACLE if number is None else self._selection.labels[number]
+
+
+def names_of_parents(objects: Sequence[SceneObject]) -> dict[str, str]:
+    """Return the name of the object to which each attached object is attached, by name."""
+    return {item.name: objects[item.parent].name for item in objects if item.parent is not None}
+
+
+def put_objects(scene: Scene, objects: Sequence[SceneObject], parents: Mapping[str, str]) -> None:
+    """Replace a scene's objects, attached to parents of the given names."""
+    index = {item.name: number for number, item in enumerate(objects)}
+    scene.replace_objects(
+        [replace(item, parent=index[parents[item.name]]) if item.name in parents else item for item in objects]
+    )

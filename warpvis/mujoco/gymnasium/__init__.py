@@ -17,8 +17,8 @@ except ImportError as error:
         "warpvis.mujoco.gymnasium needs Gymnasium, which is missing: pip install 'warpvis[gymnasium]'"
     ) from error
 
+from warpvis.mujoco.gymnasium._environments import PoseObservation
 from warpvis.mujoco.gymnasium._observation import DepthObservation
-from warpvis.mujoco.gymnasium._poses import PoseObservation
 from warpvis.mujoco.gymnasium._vector import VectorDepthObservation
 
 del gymnasium

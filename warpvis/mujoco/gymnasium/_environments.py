@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Access to the models of environments, and extension of their observations."""
+"""State of environments as entries of their observations: poses, visibility and seeds of random numbers."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -15,6 +16,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from warpvis.errors import SceneError
+from warpvis.mujoco._geoms import shown_geoms
+from warpvis.mujoco._model_fields import Watched
+from warpvis.mujoco._poses import WorldPoses, pose_shapes
 
 STATE = "state"
 """The key of an observation that is not a dictionary, as in Gymnasium's `AddRenderObservation`."""
@@ -22,6 +26,20 @@ STATE = "state"
 _PLACES = (("model", "data"), ("sim.model._model", "sim.data._data"), ("physics.model.ptr", "physics.data.ptr"))
 
 _Value = TypeVar("_Value")
+
+_WORDS = 3
+"""Number of 32-bit words of seeds: two of the episode, and the frame."""
+
+POSES = "poses"
+_ALL_GROUPS = range(6)
+
+# Fields that determine the shapes of a scene, which all environments share.
+_SHAPES = ("geom_type", "geom_dataid", "geom_size", "geom_bodyid", "hfield_size", "hfield_data", "mesh_vert")
+_APPEARANCE_FIELDS = ("geom_rgba", "geom_matid", "mat_rgba")
+_OTHER_SHAPES = (
+    "shapes of an environment's model (sizes, meshes, height fields) must not change, since all environments of a "
+    "VectorDepthObservation share them; wrap each in a DepthObservation instead"
+)
 
 
 def find_simulation(env: gym.Env) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -65,12 +83,6 @@ def add_entries(observation: Any, added: Mapping[str, _Value]) -> dict[str, Any]
     return {**known, **added}
 
 
-WORDS = 3
-"""Number of 32-bit words: two of the episode, and the frame."""
-
-_LOW = 2**16
-
-
 class Draws:
     """The seeds of one environment, equal in single and vector environments.
 
@@ -81,9 +93,8 @@ class Draws:
 
     def __init__(self) -> None:
         """Initialize with random entropy."""
-        self._entropy = np.random.SeedSequence().entropy
-        self._episode, self._frame = 0, -1
-        self._words = self._draw()
+        self._entropy, self._episode = np.random.SeedSequence().entropy, -1
+        self.reset(None)
 
     def reset(self, seed: int | None) -> None:
         """Start the next episode, or the first episode of a seed."""
@@ -91,11 +102,8 @@ class Draws:
         if seed is not None:
             self._entropy, self._episode = seed, 0
         self._frame = -1
-        self._words = self._draw()
-
-    def _draw(self) -> list[int]:
         sequence = np.random.SeedSequence(self._entropy, spawn_key=(self._episode,))
-        return [int(word) for word in sequence.generate_state(WORDS - 1)]
+        self._words = [int(word) for word in sequence.generate_state(_WORDS - 1)]
 
     def next(self) -> NDArray[np.uint32]:
         """Advance to the next observation, and return its words, ``(3,)``."""
@@ -105,13 +113,13 @@ class Draws:
 
 def as_halves(words: NDArray[np.uint32]) -> NDArray[np.float32]:
     """Split words into 16-bit halves, which float32 represents exactly."""
-    return np.concatenate(np.divmod(words, _LOW)).astype(np.float32)
+    return np.concatenate(np.divmod(words, 2**16)).astype(np.float32)
 
 
 def from_halves(halves: NDArray[np.float32]) -> NDArray[np.uint32]:
     """Return the words of rows from `as_halves`, ``(W, 3)``."""
     high, low = np.split(halves.astype(np.uint32), 2, axis=1)
-    return high * np.uint32(_LOW) + low
+    return high * np.uint32(2**16) + low
 
 
 def view_draws(words: NDArray[np.uint32], cameras: int) -> NDArray[np.uint32]:
@@ -124,3 +132,111 @@ def view_draws(words: NDArray[np.uint32], cameras: int) -> NDArray[np.uint32]:
 def _numbers(first: int, second: int, cameras: int) -> tuple[int, ...]:
     """Generate a number for each camera of an episode."""
     return tuple(int(word) for word in np.random.SeedSequence([first, second]).generate_state(cameras))
+
+
+class PoseLayout:
+    """The layout of a row of poses, for one model."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Compute the layout."""
+        self.of_data, self.size = dict[str, tuple[slice, tuple[int, int]]](), 0
+        for name, shape in pose_shapes(model).items():
+            self.of_data[name] = self._take(shape[0] * shape[1]), shape
+        self.shown, self.fovy = self._take(model.ngeom), self._take(model.ncam)
+        self.draws = self._take(2 * _WORDS)
+
+    def _take(self, count: int) -> slice:
+        self.size += count
+        return slice(self.size - count, self.size)
+
+    def read(self, rows: NDArray[np.float32]) -> WorldPoses:
+        """Read rows of W environments, shape ``(W, size)``."""
+        count = len(rows)
+        parts = {name: rows[:, part].reshape(count, *shape) for name, (part, shape) in self.of_data.items()}
+        return WorldPoses(**parts)
+
+
+class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
+    """Adds the state for `VectorDepthObservation`: poses, visibility, fields of view, and random seeds.
+
+    The state is an entry ``"poses"`` of a few kilobytes. As a part of observations, it is transferred with all of them,
+    including final observations before a reset, without another call to the workers.
+    """
+
+    def __init__(self, env: gym.Env) -> None:
+        """Wrap a MuJoCo environment, as for `DepthObservation`.
+
+        Raises:
+            SceneError: If it is not a MuJoCo environment, or already has an entry of this name.
+        """
+        model, _ = find_simulation(env)
+        gym.utils.RecordConstructorArgs.__init__(self)
+        super().__init__(env)
+        self.pose_index = -1
+        self._layout = PoseLayout(model)
+        self._seen: _Seen | None = None
+        self._draws = Draws()
+        box = spaces.Box(-np.inf, np.inf, (self._layout.size,), np.float32)
+        self.observation_space = with_entries(env.observation_space, {POSES: box})
+
+    def pose_model(self) -> tuple[bytes, mujoco.MjModel | None]:
+        """Return a digest of the model's shapes and, in the first environment, the model."""
+        model, _ = find_simulation(self.env)
+        return shape_digest(model), model if self.pose_index == 0 else None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
+        """Reset the environment, and start an episode of random numbers."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._draws.reset(seed)
+        return self.observation(observation), info
+
+    def observation(self, observation: Any) -> dict[str, Any]:
+        """Add the current poses."""
+        model, data = find_simulation(self.env)
+        if self._seen is None or self._seen.model is not model:
+            self._seen = _Seen(model, None if self._seen is None else self._seen.digest)
+        row = np.empty(self._layout.size, dtype=np.float32)
+        for name, (part, _) in self._layout.of_data.items():
+            row[part] = getattr(data, name).reshape(-1)
+        row[self._layout.shown] = self._seen.shown()
+        row[self._layout.fovy] = model.cam_fovy
+        row[self._layout.draws] = as_halves(self._draws.next())
+        return add_entries(observation, {POSES: row})
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the picklable state."""
+        return self.__dict__ | {"_seen": None}
+
+
+class _Seen:
+    """The last seen values of a model."""
+
+    def __init__(self, model: mujoco.MjModel, digest: bytes | None) -> None:
+        """Read the model, and compare its shapes with the previous ones."""
+        self.model, self.digest = model, shape_digest(model)
+        if digest not in (None, self.digest):
+            raise SceneError(_OTHER_SHAPES)
+        self._watched = {name: Watched(getattr(model, name)) for name in (*_SHAPES, *_APPEARANCE_FIELDS)}
+        self._shown: NDArray[np.float32] | None = None
+
+    def shown(self) -> NDArray[np.float32]:
+        """Return 1 for every currently visible geom, else 0, shape ``(ngeom,)``."""
+        changed = [name for name, watched in self._watched.items() if watched.changed()]
+        if not set(_SHAPES).isdisjoint(changed):
+            raise SceneError(_OTHER_SHAPES)
+        if changed or self._shown is None:
+            for name in changed:
+                self._watched[name].accept()
+            self._shown = np.zeros(self.model.ngeom, dtype=np.float32)
+            self._shown[shown_geoms(self.model, _ALL_GROUPS)] = 1
+        return self._shown
+
+
+def shape_digest(model: mujoco.MjModel) -> bytes:
+    """Return a digest of the fields that determine the shapes of a scene."""
+    digest = hashlib.blake2b(digest_size=16)
+    for name in _SHAPES:
+        array = np.ascontiguousarray(getattr(model, name))
+        digest.update(f"{name}{array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.digest()

@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import Any
 
 import gymnasium as gym
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -18,10 +17,7 @@ from warpvis.core.arrays import get_device
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.mujoco._batch_views import CameraChoice
-from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._renderer import Renderer
-from warpvis.mujoco._shapes import GEOM, SITE
-from warpvis.mujoco._stage import Stage
 from warpvis.mujoco._visuals import shown_by
 from warpvis.mujoco.gymnasium._environments import Draws, add_entries, find_simulation, view_draws, with_entries
 from warpvis.mujoco.gymnasium._outputs import (
@@ -33,6 +29,7 @@ from warpvis.mujoco.gymnasium._outputs import (
     Outputs,
     Segmentation,
     VisibleFractions,
+    shapes_of_objects,
 )
 from warpvis.rendering import DepthSensor, Fill
 from warpvis.sensors import Reason
@@ -151,10 +148,6 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         """Return the picklable state without the renderer, since unpickled environments have other models."""
         return self.__dict__ | {"_renderer": None}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore the state."""
-        self.__dict__.update(state)
-
 
 def _without_sites() -> mujoco.MjvOption:
     option = mujoco.MjvOption()
@@ -162,19 +155,10 @@ def _without_sites() -> mujoco.MjvOption:
     return option
 
 
-_MAX_CAMERAS = 16
-
-
-class _Casters(NamedTuple):
-    stage: Stage
-    images: GeomRenderer
-    fractions: VisibleFractions
-
-
 class ImageRenderer(Renderer):
     """A `warpvis.mujoco.Renderer` that computes depth, segmentation and visible fractions at once."""
 
-    _casters: dict[PlanarCamera, _Casters]
+    _fractions: VisibleFractions | None = None
 
     def images(self, outputs: Outputs, draws: NDArray[np.uint32]) -> dict[str, np.ndarray]:
         """Render the scene of the last `update_scene`: images ``(H, W)`` and visible fractions ``(objects,)`` by name.
@@ -186,20 +170,22 @@ class ImageRenderer(Renderer):
         assert camera is not None
         if not len(stage.scene):
             return self._nothing(outputs, camera)
-        casters = self._casters_of(camera, outputs)
         places = stage.object_poses()
         view_index, frame = (None, None) if outputs.sensor is None else (draws[:1], draws[1:])
         options: dict[str, Any] = {"object_poses": places, "exclude": stage.hidden}
-        views = casters.images.render(self._pose[None], view_index=view_index, frame=frame, **options)
+        renderer = self._renderer_of(outputs.images, camera, fill=outputs.fill, sensor=outputs.sensor)
+        views = renderer.render(self._pose[None], view_index=view_index, frame=frame, **options)
         entries: dict[str, np.ndarray] = {name: getattr(views, name).numpy()[0] for name in outputs.images}
         if SEGMENTATION in entries:
-            segmentation, of_object = entries[SEGMENTATION], self._shapes_of_objects()
+            segmentation, of_object = entries[SEGMENTATION], shapes_of_objects(stage.shapes, stage.scene)
             entries[SEGMENTATION] = of_object[segmentation]
         if len(outputs.members):
             hidden = np.zeros((1, len(stage.scene)), dtype=bool)
             hidden[:, stage.hidden] = True
             members, eye = outputs.members_of(of_object[:-1]), self._pose[None]
-            entries[FRACTION] = casters.fractions.count(segmentation[None], members, eye, places, hidden)[0]
+            if self._fractions is None or self._fractions.scene is not stage.scene:
+                self._fractions = VisibleFractions(stage.scene, self._threads)
+            entries[FRACTION] = self._fractions.count(camera, segmentation[None], members, eye, places, hidden)[0]
         return entries
 
     def _nothing(self, outputs: Outputs, camera: PlanarCamera) -> dict[str, np.ndarray]:
@@ -213,22 +199,3 @@ class ImageRenderer(Renderer):
             TRUE_DEPTH: np.full(self._size, np.inf, dtype=np.float32),
             FRACTION: np.zeros(len(outputs.members), dtype=np.float32),
         }
-
-    def _shapes_of_objects(self) -> NDArray[np.int32]:
-        """List the geom or site of every object, -1 for other objects, with a last -1 for no object."""
-        ids, kinds = self._stage.meanings().T
-        sites = np.where(kinds == SITE, ids + self._model.ngeom, -1)
-        return np.where(kinds == GEOM, ids, sites).astype(np.int32)
-
-    def _casters_of(self, camera: PlanarCamera, outputs: Outputs) -> _Casters:
-        cached = self.__dict__.setdefault("_casters", {})
-        if camera not in cached or cached[camera].stage is not self._stage:
-            if len(cached) >= _MAX_CAMERAS:  # bounds the memory if the field of view keeps changing
-                cached.clear()
-            options: dict[str, Any] = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
-            seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
-            stage = self._stage
-            sensing = {"outputs": outputs.images, "fill": outputs.fill, "sensor": outputs.sensor}
-            images = GeomRenderer(stage.scene, seen, stage.coinciding, **sensing, **options)
-            cached[camera] = _Casters(stage, images, VisibleFractions(stage.scene, seen, **options))
-        return cast(_Casters, cached[camera])

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
@@ -25,57 +25,8 @@ from warpvis.rendering import SENSOR_OUTPUTS, DepthSensor, Fill, Output, Rendere
 from warpvis.scene import Scene
 from warpvis.sensors import Reason
 
+_MAX_CAMERAS = 64
 _PART_BYTES = 1 << 26  # size of images rendered per batch
-
-
-class VisibleFractions:
-    """Computes visible fractions of objects of several geoms with overlapping silhouettes.
-
-    `warpvis.object_visibility` does so for single objects. As there, the canvas of silhouettes is three times as wide
-    and high as the image.
-    """
-
-    def __init__(self, scene: Scene, camera: PlanarCamera, **options: Any) -> None:
-        """Create the renderer of silhouettes for the camera of the images, with options of `warpvis.Renderer`."""
-        width, height = camera.width, camera.height
-        canvas = replace(camera, width=3 * width, height=3 * height, cx=camera.cx + width, cy=camera.cy + height)
-        self._renderer = Renderer(scene, canvas, outputs=("segmentation",), **options)
-
-    def count(
-        self,
-        segmentation: NDArray[np.int32],
-        members: NDArray[np.bool_],
-        eyes: NDArray[np.float32],
-        object_poses: NDArray[np.float32] | None,
-        hidden: NDArray[np.bool_],
-    ) -> NDArray[np.float32]:
-        """Compute visible fractions of K objects in V views, 0 for invisible objects, shape ``(V, K)``.
-
-        Args:
-            segmentation: Indices of the scene's objects, or -1, shape ``(V, H, W)``.
-            members: Whether each of the scene's objects is part of a named object, shape ``(K, objects)``.
-            eyes: Camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``.
-            object_poses: Poses of movable objects, shape ``(V, M, 7)``; None without any.
-            hidden: Whether each of the scene's objects is hidden, shape ``(V, objects)``.
-        """
-        is_member = np.append(members, np.zeros((len(members), 1), dtype=bool), axis=1)
-        visible = np.stack([mine[segmentation].sum(axis=(1, 2)) for mine in is_member], axis=1)
-        isolated = np.zeros_like(visible)
-        views, names = np.nonzero(visible)
-        size = self._renderer.camera.width * self._renderer.camera.height * 4
-        step = max(1, _PART_BYTES // size)
-        for first in range(0, len(views), step):
-            batch, mine = views[first : first + step], names[first : first + step]
-            seen = self._renderer.render(
-                eyes[batch],
-                object_poses=None if object_poses is None else object_poses[batch],
-                exclude=(hidden[batch] | ~members[mine]).astype(np.uint8),
-            )
-            assert seen.segmentation is not None
-            isolated[batch, mine] = (seen.segmentation.numpy() >= 0).sum(axis=(1, 2))
-        # Pixel coordinates of the canvas differ, so that rounding may lose a pixel at an edge.
-        total = np.maximum(isolated, visible)
-        return np.divide(visible, total, out=np.zeros(visible.shape, dtype=np.float32), where=total > 0)
 
 
 Segmentation: TypeAlias = Literal["geom", "body"] | Mapping[str, int]
@@ -84,6 +35,12 @@ Segmentation: TypeAlias = Literal["geom", "body"] | Mapping[str, int]
 DEPTH, SEGMENTATION, FRACTION, REASONS = "depth", "segmentation", "visible_fraction", "reasons"
 TRUE_DEPTH = "true_depth"
 _NAMES = (DEPTH, SEGMENTATION)
+
+
+def shapes_of_objects(shapes: ArrayLike, scene: Scene) -> NDArray[np.int32]:
+    """Return the geom or site of every object, given for the first ones; -1 for others, and a last -1 for no object."""
+    known = np.asarray(shapes, dtype=np.int32)
+    return np.pad(known, (0, len(scene) + 1 - len(known)), constant_values=-1)
 
 
 class Outputs:
@@ -183,3 +140,65 @@ def _depth_bounds(fill: Fill, cameras: Sequence[PlanarCamera], *, sensed: bool) 
     if isinstance(fill, str):
         return (0.0, np.inf) if fill == "inf" else (0.0, far)
     return min(fill, 0.0), max(fill, far)
+
+
+class VisibleFractions:
+    """Computes visible fractions of objects of several geoms with overlapping silhouettes.
+
+    `warpvis.object_visibility` does so for single objects. As there, the canvas of silhouettes is three times as wide
+    and high as the image.
+    """
+
+    def __init__(self, scene: Scene, threads: int | None) -> None:
+        """Initialize for a scene."""
+        self.scene, self._threads = scene, threads
+        self._renderers: dict[PlanarCamera, Renderer] = {}
+
+    def _renderer(self, camera: PlanarCamera) -> Renderer:
+        """Return the renderer of silhouettes for the camera of the images."""
+        if camera not in self._renderers:
+            if len(self._renderers) >= _MAX_CAMERAS:  # bounds the memory if the field of view keeps changing
+                self._renderers.clear()
+            width, height = camera.width, camera.height
+            canvas = replace(camera, width=3 * width, height=3 * height, cx=camera.cx + width, cy=camera.cy + height)
+            options: dict[str, Any] = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
+            self._renderers[camera] = Renderer(self.scene, canvas, outputs=("segmentation",), **options)
+        return self._renderers[camera]
+
+    def count(
+        self,
+        camera: PlanarCamera,
+        segmentation: NDArray[np.int32],
+        members: NDArray[np.bool_],
+        eyes: NDArray[np.float32],
+        object_poses: NDArray[np.float32] | None,
+        hidden: NDArray[np.bool_],
+    ) -> NDArray[np.float32]:
+        """Compute visible fractions of K objects in V views, 0 for invisible objects, shape ``(V, K)``.
+
+        Args:
+            camera: The camera of the images.
+            segmentation: Indices of the scene's objects, or -1, shape ``(V, H, W)``.
+            members: Whether each of the scene's objects is part of a named object, shape ``(K, objects)``.
+            eyes: Camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``.
+            object_poses: Poses of movable objects, shape ``(V, M, 7)``; None without any.
+            hidden: Whether each of the scene's objects is hidden, shape ``(V, objects)``.
+        """
+        is_member = np.append(members, np.zeros((len(members), 1), dtype=bool), axis=1)
+        visible = np.stack([mine[segmentation].sum(axis=(1, 2)) for mine in is_member], axis=1)
+        isolated = np.zeros_like(visible)
+        views, names = np.nonzero(visible)
+        renderer = self._renderer(camera)
+        step = max(1, _PART_BYTES // (4 * renderer.camera.width * renderer.camera.height))
+        for first in range(0, len(views), step):
+            batch, mine = views[first : first + step], names[first : first + step]
+            seen = renderer.render(
+                eyes[batch],
+                object_poses=None if object_poses is None else object_poses[batch],
+                exclude=(hidden[batch] | ~members[mine]).astype(np.uint8),
+            )
+            assert seen.segmentation is not None
+            isolated[batch, mine] = (seen.segmentation.numpy() >= 0).sum(axis=(1, 2))
+        # Pixel coordinates of the canvas differ, so that rounding may lose a pixel at an edge.
+        total = np.maximum(isolated, visible)
+        return np.divide(visible, total, out=np.zeros(visible.shape, dtype=np.float32), where=total > 0)

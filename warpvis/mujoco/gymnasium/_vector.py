@@ -14,7 +14,6 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._batch import BatchRenderer
@@ -22,13 +21,18 @@ from warpvis.mujoco._batch_views import NOBODY, BatchCamera, CameraChoice, choos
 from warpvis.mujoco._geoms import shown_geoms
 from warpvis.mujoco._poses import WorldPoses, camera_poses, geom_poses
 from warpvis.mujoco._scene import Movable
-from warpvis.mujoco.gymnasium._environments import from_halves, view_draws, with_entries
-from warpvis.mujoco.gymnasium._outputs import FRACTION, SEGMENTATION, Outputs, Segmentation, VisibleFractions
-from warpvis.mujoco.gymnasium._poses import POSES, PoseLayout
+from warpvis.mujoco.gymnasium._environments import POSES, PoseLayout, from_halves, view_draws, with_entries
+from warpvis.mujoco.gymnasium._outputs import (
+    FRACTION,
+    SEGMENTATION,
+    Outputs,
+    Segmentation,
+    VisibleFractions,
+    shapes_of_objects,
+)
 from warpvis.rendering import DepthSensor, Fill
 
 _FINAL = "final_obs"
-_MAX_CAMERAS = 64
 
 
 class VectorDepthObservation(gym.vector.VectorWrapper):
@@ -100,8 +104,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         shared |= {"scene_option": scene_option, "movable": movable, "device": device, "threads": threads}
         self._batch = BatchRenderer(model, outputs=self._outputs.images, **shared)
         self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
-        self._threads = threads
-        self._fractions: dict[PlanarCamera, VisibleFractions] = {}
+        self._fractions = VisibleFractions(self._batch.scene, threads)
         self._shown = np.zeros(model.ngeom, dtype=bool)
         self._shown[shown_geoms(model, range(6))] = True
         remaining = spaces.Dict({name: space for name, space in single.spaces.items() if name != POSES})
@@ -146,9 +149,8 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         shape = (len(self._chosen), count, *outputs.shape)
         images: dict[str, np.ndarray] = {name: getattr(views, name).numpy() for name in outputs.images}
         if SEGMENTATION in images:
-            segmentation, shown = images[SEGMENTATION], self._batch.mujoco_scene.shapes()
-            of_object = np.full(len(self._batch.scene) + 1, -1, dtype=np.int32)
-            of_object[: len(shown)] = shown
+            segmentation = images[SEGMENTATION]
+            of_object = shapes_of_objects(self._batch.mujoco_scene.shapes(), self._batch.scene)
             images[SEGMENTATION] = of_object[segmentation]
         entries: dict[str, np.ndarray] = {name: image.reshape(shape) for name, image in images.items()}
         if len(outputs.members):
@@ -200,7 +202,8 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         groups = views_by_intrinsics(self._batch.model, self._chosen, changes.get("cam_fovy"), all_worlds)
         for camera, views in groups.items():
             worlds = views % count
-            fractions[views] = self._fractions_of(camera).count(
+            fractions[views] = self._fractions.count(
+                camera,
                 segmentation[views],
                 members,
                 eyes[views],
@@ -218,14 +221,6 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         if camera.body != NOBODY:
             eyes[:, :3] += com[:, camera.body]
         return eyes
-
-    def _fractions_of(self, camera: PlanarCamera) -> VisibleFractions:
-        if camera not in self._fractions:
-            if len(self._fractions) >= _MAX_CAMERAS:
-                self._fractions.clear()
-            options = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
-            self._fractions[camera] = VisibleFractions(self._batch.scene, camera, **options)
-        return self._fractions[camera]
 
 
 def _replace_poses(observation: dict[str, Any], images: dict[str, np.ndarray]) -> dict[str, Any]:
