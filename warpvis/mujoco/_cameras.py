@@ -178,10 +178,8 @@ def _image_size(
     return resolution[0], resolution[1]
 
 
-def filled_depth(image: NDArray[np.float32] | None, camera: PlanarCamera, fill: Fill) -> NDArray[np.float32]:
-    """Return a depth image whose empty pixels are filled as `fill` specifies; None means that all are empty."""
-    if image is None:
-        image = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
+def filled_depth(image: NDArray[np.float32], camera: PlanarCamera, fill: Fill) -> NDArray[np.float32]:
+    """Return a depth image whose empty pixels are filled as `fill` specifies."""
     if fill == "inf":
         return image
     if not isinstance(fill, str):

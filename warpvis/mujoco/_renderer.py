@@ -34,6 +34,8 @@ from warpvis.sensors import Reason
 
 _REBUILT = ("_stages", "_stage", "_viewer", "_fallback", "_visuals")
 _OF_SENSOR: tuple[Output, ...] = ("reasons", "true_depth")
+_NOTHING = {"depth": (np.inf, np.float32), "segmentation": (-1, np.int32)}
+_NOTHING |= {"reasons": (Reason.EMPTY, np.uint8), "true_depth": (np.inf, np.float32)}
 _MAX_RENDERERS = 64  # bounds the memory if the camera's field of view keeps changing
 
 
@@ -346,30 +348,24 @@ class Renderer:
         assert self._camera is not None
         images = self._cast("depth", *(() if self._sensor is None else _OF_SENSOR))
         if self._sensor is not None:
-            self._sensed = self._nothing_sensed() if images is None else {name: images[name] for name in _OF_SENSOR}
+            self._sensed = {name: images[name] for name in _OF_SENSOR}
             self.frame += 1
-        return filled_depth(None if images is None else images["depth"], self._camera, self._fill)
-
-    def _nothing_sensed(self) -> dict[str, np.ndarray]:
-        reasons = np.full(self._size, Reason.EMPTY, dtype=np.uint8)
-        return {"reasons": reasons, "true_depth": np.full(self._size, np.inf, dtype=np.float32)}
+        return filled_depth(images["depth"], self._camera, self._fill)
 
     def _segmentation(self) -> NDArray[np.int32]:
         images = self._cast("segmentation")
-        if images is None:
-            return np.full((*self._size, 2), -1, dtype=np.int32)
         # Pairs as int64, since gathering pairs takes longer than rendering a small image.
         pairs = self._stage.meanings().view(np.int64)[:, 0]
         return pairs[images["segmentation"]].view(np.int32).reshape(*self._size, 2)
 
-    def _cast(self, *outputs: Output) -> dict[str, np.ndarray] | None:
-        """Render outputs of one view, with the sensor if they include reasons; return None without geoms."""
+    def _cast(self, *outputs: Output) -> dict[str, np.ndarray]:
+        """Render outputs of one view, with the sensor if they include reasons."""
         stage = self._stage
         assert self._camera is not None
         camera, pose = self._viewer.seen(self._camera, self._pose)
         culls = self._viewer.culls() and self._cull_backfaces
         if not len(stage.scene):
-            return None
+            return self._nothing(outputs)
         sensor = self._sensor if "reasons" in outputs else None
         renderer = self._renderer_of(outputs, camera, culls=culls, sensor=sensor, seed=self._seed)
         options: dict[str, Any] = {"object_poses": stage.object_poses(), "exclude": stage.hidden}
@@ -377,6 +373,10 @@ class Renderer:
             options["frame"] = self.frame
         views = renderer.render(pose[None], **options)
         return {output: getattr(views, output).numpy()[0] for output in outputs}
+
+    def _nothing(self, outputs: Iterable[str]) -> dict[str, np.ndarray]:
+        """Return the outputs of a view without surfaces."""
+        return {name: np.full(self._size, value, dtype) for name, (value, dtype) in _NOTHING.items() if name in outputs}
 
     def _renderer_of(
         self, outputs: tuple[Output, ...], camera: PlanarCamera, *, culls: bool = True, **options: Any

@@ -133,9 +133,8 @@ class Stage:
         """Return the state for `restore`."""
         objects = self.scene.objects
         parents = names_of_parents(objects)
-        added = [
-            (take_snapshot(item), parents.get(item.name)) for item in objects[len(self._built) + len(self.visuals) :]
-        ]
+        first = len(self._built) + len(self.visuals)
+        added = [(take_snapshot(item), parents.get(item.name)) for item in objects[first:]]
         places = self._position.copy(), self._rotation.copy()
         return StageState(list(self._built), added, self.visuals.state(), *places)
 

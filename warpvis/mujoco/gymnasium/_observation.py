@@ -12,7 +12,6 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.arrays import get_device
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
@@ -23,16 +22,13 @@ from warpvis.mujoco.gymnasium._environments import Draws, add_entries, find_simu
 from warpvis.mujoco.gymnasium._outputs import (
     DEPTH,
     FRACTION,
-    REASONS,
     SEGMENTATION,
-    TRUE_DEPTH,
     Outputs,
     Segmentation,
     VisibleFractions,
     shapes_of_objects,
 )
 from warpvis.rendering import DepthSensor, Fill
-from warpvis.sensors import Reason
 
 
 class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
@@ -169,13 +165,16 @@ class ImageRenderer(Renderer):
         stage, camera = self._stage, self._camera
         assert camera is not None
         if not len(stage.scene):
-            return self._nothing(outputs, camera)
+            far = {"far": camera.far, "inf": np.inf}
+            depth = far[outputs.fill] if isinstance(outputs.fill, str) else outputs.fill
+            entries = self._nothing(outputs.images) | {FRACTION: np.zeros(len(outputs.members), dtype=np.float32)}
+            return entries | {DEPTH: np.full(self._size, depth, dtype=np.float32)}
         places = stage.object_poses()
         view_index, frame = (None, None) if outputs.sensor is None else (draws[:1], draws[1:])
         options: dict[str, Any] = {"object_poses": places, "exclude": stage.hidden}
         renderer = self._renderer_of(outputs.images, camera, fill=outputs.fill, sensor=outputs.sensor)
         views = renderer.render(self._pose[None], view_index=view_index, frame=frame, **options)
-        entries: dict[str, np.ndarray] = {name: getattr(views, name).numpy()[0] for name in outputs.images}
+        entries = {name: getattr(views, name).numpy()[0] for name in outputs.images}
         if SEGMENTATION in entries:
             segmentation, of_object = entries[SEGMENTATION], shapes_of_objects(stage.shapes, stage.scene)
             entries[SEGMENTATION] = of_object[segmentation]
@@ -187,15 +186,3 @@ class ImageRenderer(Renderer):
                 self._fractions = VisibleFractions(stage.scene, self._threads)
             entries[FRACTION] = self._fractions.count(camera, segmentation[None], members, eye, places, hidden)[0]
         return entries
-
-    def _nothing(self, outputs: Outputs, camera: PlanarCamera) -> dict[str, np.ndarray]:
-        """Return the images of a scene without geoms."""
-        far = {"far": camera.far, "inf": np.inf}
-        fill = far[outputs.fill] if isinstance(outputs.fill, str) else outputs.fill
-        return {
-            DEPTH: np.full(self._size, fill, dtype=np.float32),
-            SEGMENTATION: np.full(self._size, -1, dtype=np.int32),
-            REASONS: np.full(self._size, Reason.EMPTY, dtype=np.uint8),
-            TRUE_DEPTH: np.full(self._size, np.inf, dtype=np.float32),
-            FRACTION: np.zeros(len(outputs.members), dtype=np.float32),
-        }
