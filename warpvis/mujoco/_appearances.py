@@ -1,24 +1,27 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Appearances of the geoms and sites of a MuJoCo model: colors, materials, textures, and normals for shading."""
+"""Appearances of the geoms and sites of a MuJoCo model, with normals for shading; its lights and its sky."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache, partial
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-import mujoco  # noqa: TID253 - the whole package is about it
+import mujoco  # noqa: TID253 - the whole package is about it  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.mujoco._model_fields import MATERIAL_FIELDS
+from warpvis.core.arrays import FARTHEST
+from warpvis.mujoco._model_fields import MATERIAL_FIELDS, check_light_numbers
 from warpvis.mujoco._shapes import DEFAULT_COLOR, shape_data, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
 from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.colors import linear_color
+from warpvis.scene.lights import Background, Light, LightKind
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.scene.solids import Solid
 
@@ -36,6 +39,22 @@ _GEOM = mujoco.mjtGeom
 _MESHES = (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF)
 # Shapes with smooth normals that differ from those of their triangles.
 _SMOOTH = (*_MESHES, _GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER)
+
+
+_SPOT, _DIRECTIONAL = int(mujoco.mjtLightType.mjLIGHT_SPOT), int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
+_KINDS: dict[int, LightKind] = {
+    _SPOT: "spot",
+    _DIRECTIONAL: "directional",
+    int(mujoco.mjtLightType.mjLIGHT_POINT): "point",
+}
+
+_SKYBOX = int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+
+_WORLD_TO_CUBE = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
+"""Rotation of the sky's cube map (`settexture` in render_gl3.c)."""
+
+_AMBIENT = (0.3, 0.3, 0.3)
+"""Ambient light of a scene without other lights (`initLights` in render_gl3.c)."""
 
 
 class GeomAppearances:
@@ -153,17 +172,22 @@ def _texture(model: mujoco.MjModel, number: int) -> Texture:
     Images in the sRGB color space are decoded unless they are cube maps, and the picture is not encoded again
     (`makeTexture` in render_context.c: GL_SRGB8_EXT, without GL_FRAMEBUFFER_SRGB).
     """
+    image = _image(model, number)
+    if int(model.tex_colorspace[number]) == _SRGB and int(model.tex_type[number]) < _CUBE:
+        decoded = np.rint(255 * np.array(linear_color(np.arange(256) / 255))).astype(np.uint8)
+        image = np.concatenate([decoded[image[:, :, :3]], image[:, :, 3:]], axis=2)
+    return Texture(image[:, :, :4], model.texture(number).name)
+
+
+def _image(model: mujoco.MjModel, number: int) -> NDArray[np.uint8]:
+    """Return a texture's image in color, shape ``(height, width, 3 or 4)``: of a cube map, all six."""
     height, width = int(model.tex_height[number]), int(model.tex_width[number])
     channels, first = int(model.tex_nchannel[number]), int(model.tex_adr[number])
     image = np.asarray(model.tex_data[first : first + height * width * channels]).reshape(height, width, channels)
     if channels < 3:
         image = np.repeat(image[:, :, :1], 3, axis=2)
-    if int(model.tex_colorspace[number]) == _SRGB and int(model.tex_type[number]) < _CUBE:
-        decoded = np.rint(255 * np.array(linear_color(np.arange(256) / 255))).astype(np.uint8)
-        image = np.concatenate([decoded[image[:, :, :3]], image[:, :, 3:]], axis=2)
-    if int(model.tex_type[number]) >= _CUBE and height == width:  # one image for all sides of the cube
-        image = np.concatenate([image] * 6)
-    return Texture(image[:, :, :4], model.texture(number).name)
+    is_single = int(model.tex_type[number]) >= _CUBE and height == width  # one image for all sides of the cube
+    return np.concatenate([image] * 6) if is_single else image
 
 
 def _coordinates(
@@ -222,3 +246,70 @@ def _round_normals(kind: int, size: NDArray[np.float64], corners: NDArray[np.flo
         aside[is_end] = np.sign(corners[is_end][..., 2:]) * [0, 0, 1]
         return aside.astype(np.float32)
     return corners.astype(np.float32)
+
+
+def model_lights(model: mujoco.MjModel) -> tuple[Light, ...]:
+    """Return a model's active lights at its initial state; the headlight comes first.
+
+    Image lights are omitted. MuJoCo's renderer does not draw point lights, either.
+    """
+    active = [number for number in range(model.nlight) if model.light_active[number]]
+    check_light_numbers(model, active)
+    found = [_headlight(model)] if model.vis.headlight.active else []
+    if active:
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_camlight(model, data)
+        kinds = [(number, _KINDS.get(int(model.light_type[number]))) for number in active]
+        found += [_light(model, data, number, kind) for number, kind in kinds if kind is not None]
+    if not any(light.kind != "point" for light in found):
+        found.append(Light("ambient", color=(0.0, 0.0, 0.0), ambient=_AMBIENT))
+    return tuple(found)
+
+
+def model_background(model: mujoco.MjModel) -> Background:
+    """Return a model's sky, the first if it has several; black if it has none."""
+    number = next((index for index in range(model.ntex) if int(model.tex_type[index]) == _SKYBOX), None)
+    if number is None:
+        return Background()
+    width = int(model.tex_width[number])
+    images = _image(model, number).reshape(6, width, width, -1)
+    name = model.texture(number).name
+    return Background(sky=tuple(Texture(image, name) for image in images), world_to_cube=_WORLD_TO_CUBE)
+
+
+def _headlight(model: mujoco.MjModel) -> Light:
+    headlight = model.vis.headlight
+    return Light(
+        "headlight",
+        "headlight",
+        color=_color(headlight.diffuse),
+        ambient=_color(headlight.ambient),
+        specular=_color(headlight.specular),
+        cast_shadow=False,
+    )
+
+
+def _light(model: mujoco.MjModel, data: mujoco.MjData, number: int, kind: LightKind) -> Light:
+    """Return one light; only spotlights have an attenuation and a cone (`initLights` in render_gl3.c)."""
+    spot = kind == "spot"
+    attenuation = np.maximum(model.light_attenuation[number], 0)
+    direction = data.light_xdir[number]
+    return Light(
+        kind,
+        model.light(number).name,
+        tuple(np.clip(data.light_xpos[number], -FARTHEST, FARTHEST).tolist()),
+        tuple(direction.tolist()) if np.any(direction) else (0.0, 0.0, -1.0),
+        color=_color(model.light_diffuse[number]),
+        ambient=_color(model.light_ambient[number]),
+        specular=_color(model.light_specular[number]),
+        attenuation=tuple(attenuation.tolist()) if spot and attenuation.any() else (1.0, 0.0, 0.0),
+        outer_angle=min(max(math.radians(float(model.light_cutoff[number])), 0.0), math.pi) if spot else math.pi,
+        exponent=max(0.0, float(model.light_exponent[number])) if spot else 0.0,
+        cast_shadow=bool(model.light_castshadow[number]),
+    )
+
+
+def _color(values: NDArray[np.floating]) -> tuple[float, float, float]:
+    return tuple(np.maximum(values, 0).tolist())

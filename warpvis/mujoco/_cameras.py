@@ -75,8 +75,11 @@ def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
     mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
     up, down, left, right, near, far = numbers = vertical_horizontal_clip.ravel().tolist()
     if viewer.type == _FIXED and not math.isfinite(sum(numbers)):
-        check_camera_numbers(model, viewer.fixedcamid, CameraError)
-    return Frustum(up, down, left, right, near, far, _is_orthographic(model, viewer))
+        check_camera_numbers(model, viewer.fixedcamid)
+    orthographic = bool(viewer.orthographic)
+    if viewer.type == _FIXED:
+        orthographic = model.cam_projection[viewer.fixedcamid] == mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
+    return Frustum(up, down, left, right, near, far, bool(orthographic))
 
 
 def camera_with_fovy(model: mujoco.MjModel, camera: int, fovy: float, like: PlanarCamera) -> PlanarCamera:
@@ -157,12 +160,6 @@ def viewer_pose(data: mujoco.MjData, viewer: mujoco.MjvCamera) -> NDArray[np.flo
     mujoco.mju_mat2Quat(quaternion, frame[:3].T.ravel())
     w, x, y, z = quaternion.tolist()
     return np.array([*position.tolist(), x, y, z, w], dtype=np.float32)
-
-
-def _is_orthographic(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> bool:
-    if viewer.type == _FIXED:
-        return bool(model.cam_projection[viewer.fixedcamid] == mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC)
-    return bool(viewer.orthographic)
 
 
 def _image_size(

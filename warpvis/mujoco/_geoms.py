@@ -79,7 +79,9 @@ def shown_geoms(model: mujoco.MjModel, groups: Sequence[int], site_groups: Seque
     """List the geoms and sites of the given groups that are not fully transparent."""
     geoms, count = range(model.ngeom), shape_count(model) if site_groups else 0
     drawn = [(geom, groups) for geom in geoms] + [(site, site_groups) for site in range(model.ngeom, count)]
-    return [shape for shape, chosen in drawn if _group(model, shape) in chosen and _is_opaque(model, shape)]
+    last = mujoco.mjNGROUP - 1  # MuJoCo clamps groups
+    opaque = [(shape, chosen) for shape, chosen in drawn if _is_opaque(model, shape)]
+    return [shape for shape, chosen in opaque if min(max(int(shape_value(model, "group", shape)), 0), last) in chosen]
 
 
 def rigid_pieces(
@@ -118,11 +120,6 @@ def check_groups(groups: Iterable[int], name: str = "geom_groups") -> tuple[int,
     if not all(is_whole(group) and group in known for group in items):
         raise SceneError(f"{name} must be of 0 to {known[-1]}, got {tuple(items)}")
     return tuple(sorted({int(group) for group in items}))
-
-
-def _group(model: mujoco.MjModel, geom: int) -> int:
-    """Return a geom's group, clamped as MuJoCo clamps it."""
-    return min(max(int(shape_value(model, "group", geom)), 0), mujoco.mjNGROUP - 1)
 
 
 def _meshes(model: mujoco.MjModel, geoms: Iterable[int], mesh_tolerance: float) -> list[tuple[int, Mesh | Solid]]:
@@ -187,21 +184,15 @@ def _mesh(model: mujoco.MjModel, geom: int, mesh_tolerance: float) -> Mesh | Sol
 def stored_mesh(model: mujoco.MjModel, kind: int, data: int) -> Mesh | None:
     """Make a height field, a mesh, or a signed distance field's mesh from the model's data; None if it has none."""
     if kind == _GEOM.mjGEOM_HFIELD:
-        return _height_field(model, data)
-    return _compiled_mesh(model, data) if data >= 0 else None
-
-
-def _compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh | None:
-    first_vertex, first_face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
-    vertices = model.mesh_vert[first_vertex : first_vertex + model.mesh_vertnum[mesh]]
-    faces = model.mesh_face[first_face : first_face + model.mesh_facenum[mesh]]
+        rows, columns, first = model.hfield_nrow[data], model.hfield_ncol[data], model.hfield_adr[data]
+        elevation = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+        return tessellation.height_field(elevation.astype(np.float64), np.array(model.hfield_size[data]))
+    if data < 0:
+        return None
+    first_vertex, first_face = model.mesh_vertadr[data], model.mesh_faceadr[data]
+    vertices = model.mesh_vert[first_vertex : first_vertex + model.mesh_vertnum[data]]
+    faces = model.mesh_face[first_face : first_face + model.mesh_facenum[data]]
     return (vertices.astype(np.float64), faces.astype(np.int32)) if len(faces) else None
-
-
-def _height_field(model: mujoco.MjModel, field: int) -> Mesh:
-    rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
-    elevation = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
-    return tessellation.height_field(elevation.astype(np.float64), np.array(model.hfield_size[field]))
 
 
 def default_label(model: mujoco.MjModel, geom: int, name: str) -> Label:

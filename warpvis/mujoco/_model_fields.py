@@ -11,7 +11,7 @@ from typing import Any
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 
-from warpvis.errors import SceneError, WarpvisError
+from warpvis.errors import CameraError, SceneError, WarpvisError
 
 MATERIAL_FIELDS = (
     *("mat_rgba", "mat_texid", "mat_texrepeat", "mat_texuniform"),
@@ -189,9 +189,9 @@ def check_light_numbers(model: mujoco.MjModel, lights: Iterable[int]) -> None:
             raise SceneError(f"vis.headlight.{name} must be finite numbers, got {value.tolist()}")
 
 
-def check_camera_numbers(model: mujoco.MjModel, camera: int, error: type[WarpvisError]) -> None:
-    """Raise an error if a number that determines a camera's intrinsics is not finite."""
-    _check(model, _CAMERA_FIELDS, error, [camera])
+def check_camera_numbers(model: mujoco.MjModel, camera: int) -> None:
+    """Raise a `CameraError` if a number that determines a camera's intrinsics is not finite."""
+    _check(model, _CAMERA_FIELDS, CameraError, [camera])
 
 
 def _check(

@@ -17,8 +17,8 @@ from warpvis.core.checks import as_items, as_path, check_flag, describe_exceptio
 from warpvis.core.file_content import is_file, require_content
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
+from warpvis.mujoco._appearances import model_background, model_lights
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, shown_geoms
-from warpvis.mujoco._lights import model_background, model_lights
 from warpvis.mujoco._shapes import object_names
 from warpvis.mujoco._urdf import CompiledRobot, compile_urdf
 from warpvis.scene import FileParts, Part
@@ -54,7 +54,7 @@ def read_model(
     """
     path, strict = as_path(path), check_flag(strict, "strict", FileFormatError)
     folders = [as_path(folder, "search_path") for folder in as_items(search_path, "search_path", FileFormatError)]
-    root = _parse(path)
+    root = _parse_model(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # MuJoCo's warnings concern dynamics
@@ -104,13 +104,17 @@ def _lit_appearance(appearance: LazyAppearance, part: Part) -> LazyAppearance:
 
 
 def _parse(path: Path) -> ElementTree.Element:
-    """Parse the root of an XML file that is MJCF or URDF."""
     try:
-        root = ElementTree.parse(path).getroot()
+        return ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise FileFormatError(f"{path}:{error.position[0]}: cannot be read as XML: {error}") from None
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _parse_model(path: Path) -> ElementTree.Element:
+    """Parse the root of an XML file that is MJCF or URDF."""
+    root = _parse(path)
     if any(str(element.tag).startswith(_XACRO) for element in root.iter()):
         raise FileFormatError(f"{path}: is a xacro file; convert it to URDF first: xacro in.xacro > out.urdf")
     if root.tag == "mujocoinclude":
@@ -126,60 +130,41 @@ def _compile(path: Path, root: ElementTree.Element, search_path: Sequence[Path],
     """Compile the model."""
     if root.tag == "robot":
         return compile_urdf(path, root, search_path, strict=strict)
-    return CompiledRobot(_compile_mjcf(path, root, search_path), DEFAULT_GROUPS, {}, [], [])
-
-
-def _compile_mjcf(path: Path, root: ElementTree.Element, search_path: Sequence[Path]) -> mujoco.MjModel:
-    if not search_path:
-        return mujoco.MjSpec.from_file(str(path)).compile()
     include: dict[str, bytes] = {}
-    assets: dict[str, bytes] = {}
-    for element in _all_elements(path, root, search_path, include):
-        for key, name in element.items():
-            if element.tag not in _INCLUDES and key.startswith("file"):
-                found = _find(path, name, search_path, _folders(root))
-                if found is not None:
-                    assets[name] = found.read_bytes()
-    return mujoco.MjSpec.from_file(str(path), include=include or None, assets=assets or None).compile()
+    found = _assets(path, root, search_path, include) if search_path else ()
+    assets = {name: place.read_bytes() for _, name, place in found if place is not None}
+    model = mujoco.MjSpec.from_file(str(path), include=include or None, assets=assets or None).compile()
+    return CompiledRobot(model, DEFAULT_GROUPS, {}, [], [])
 
 
-def _all_elements(
+def _assets(
     path: Path, root: ElementTree.Element, search_path: Sequence[Path], include: dict[str, bytes]
-) -> Iterator[ElementTree.Element]:
-    """Yield the elements of a file and of its includes; add files found on the search path to `include`."""
-    pending, seen = [root], set()
+) -> Iterator[tuple[str, str, Path | None]]:
+    """Yield tag, name and file, if on the search path, of a model's assets; add included files found there to a dict."""
+    pending, seen, folders = [root], set(), _folders(root)
     while pending:
         for element in pending.pop().iter():
-            yield element
+            if element.tag not in _INCLUDES:
+                for name in [name for key, name in element.items() if key.startswith("file")]:
+                    yield element.tag, name, _find(path, name, search_path, folders)
+                continue
             name = element.get("file", "")
-            if element.tag in _INCLUDES and name and name not in seen:
+            if name and name not in seen:
                 seen.add(name)
                 found = _find(path, name, search_path)
                 if found is not None:
                     include[name] = found.read_bytes()
                 sibling = path.parent / name
                 if found is not None or is_file(sibling):
-                    pending.append(_parse_part(found or sibling))
+                    pending.append(_parse(found or sibling))
 
 
 def _require_assets(path: Path, root: ElementTree.Element, search_path: Sequence[Path]) -> None:
     """Raise a `FileFormatError` if an asset file of a model is not a mesh, a height field or an image."""
-    folders = _folders(root)
-    for element in _all_elements(path, root, search_path, {}):
-        for key, name in element.items():
-            if element.tag not in _INCLUDES and key.startswith("file"):
-                places = [path.parent / folder / name for folder in folders]
-                found = _find(path, name, search_path, folders)
-                is_image = element.tag in ("texture", "hfield")
-                for place in [found] if found is not None else filter(is_file, places):
-                    require_content(place, "an image" if is_image else "a mesh", images=not is_image)
-
-
-def _parse_part(path: Path) -> ElementTree.Element:
-    try:
-        return ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise FileFormatError(f"{path}:{error.position[0]}: cannot be read as XML: {error}") from None
+    for tag, name, found in _assets(path, root, search_path, {}):
+        is_image, places = tag in ("texture", "hfield"), [path.parent / folder / name for folder in _folders(root)]
+        for place in [found] if found is not None else filter(is_file, places):
+            require_content(place, "an image" if is_image else "a mesh", images=not is_image)
 
 
 def _folders(root: ElementTree.Element) -> list[str]:

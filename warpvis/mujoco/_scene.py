@@ -20,6 +20,7 @@ from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.labels import LabelNames
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
+from warpvis.mujoco._appearances import model_background, model_lights
 from warpvis.mujoco._geoms import (
     DEFAULT_GROUPS,
     FIXED,
@@ -31,7 +32,6 @@ from warpvis.mujoco._geoms import (
     rigid_pieces,
     shown_geoms,
 )
-from warpvis.mujoco._lights import model_background, model_lights
 from warpvis.mujoco._model_fields import check_shape_numbers
 from warpvis.mujoco._shapes import object_names, shape_bodies
 from warpvis.mujoco._visuals import soft_names

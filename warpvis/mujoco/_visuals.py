@@ -22,39 +22,32 @@ from warpvis.mujoco._geoms import DEFAULT_GROUPS, has_opacity
 from warpvis.mujoco._shapes import drawn_number
 from warpvis.mujoco._tessellation import Blocks, Eye, bands, box_edges, facing, is_simple, line_ends, simple_shapes
 
-_STATIC = int(mujoco.mjtVisFlag.mjVIS_STATIC)
-_HULLS = int(mujoco.mjtVisFlag.mjVIS_CONVEXHULL)
+_GEOM, _OBJ = mujoco.mjtGeom, mujoco.mjtObj
+_LINES = int(_GEOM.mjGEOM_LINE), int(_GEOM.mjGEOM_LINEBOX)
+_SHAPES = int(_OBJ.mjOBJ_GEOM), int(_OBJ.mjOBJ_SITE)
+_FRAMES_OF_SHAPES = mujoco.mjtFrame.mjFRAME_GEOM, mujoco.mjtFrame.mjFRAME_SITE
+_ALL, _DECOR = int(mujoco.mjtCatBit.mjCAT_ALL), int(mujoco.mjtCatBit.mjCAT_DECOR)
+_MAX_GEOMS = 10000  # the default of mujoco.Renderer
+_BOX_WIDTH = 1.5  # of lines that are edges of boxes, relative to the model's line width
+_SENSORS = [int(getattr(mujoco.mjtSensor, f"mjSENS_{name}")) for name in ("RANGEFINDER", "GEOMFROMTO")]
+_JOINT_WRAP, _CRANK = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtTrn.mjTRN_SLIDERCRANK)
 
-
+# Indices of the flags of a `mujoco.MjvOption`.
+_FLAGS = {
+    name.removeprefix("mjVIS_"): int(flag)
+    for name, flag in mujoco.mjtVisFlag.__members__.items()
+    if name.startswith("mjVIS_")
+}
+_SOFT_FLAGS = "SKIN", "TENDON", "FLEXVERT", "FLEXEDGE", "FLEXFACE", "FLEXSKIN"
 # Flags that only change the appearance of geoms, sites, skins, flexes and tendons, or what other flags draw.
 _ADD_NOTHING = (
-    "CONVEXHULL",
-    "TEXTURE",
-    "ACTIVATION",
-    "TENDON",
-    "RANGEFINDER",
-    "SCLINERTIA",
-    "PERTOBJ",
-    "ISLAND",
-    "CONTACTSPLIT",
-    "TRANSPARENT",
-    "STATIC",
-    "SKIN",
-    "FLEXVERT",
-    "FLEXEDGE",
-    "FLEXFACE",
-    "FLEXSKIN",
+    *("CONVEXHULL", "TEXTURE", "ACTIVATION", "RANGEFINDER", "SCLINERTIA", "PERTOBJ", "ISLAND", "CONTACTSPLIT"),
+    *("TRANSPARENT", "STATIC", *_SOFT_FLAGS),
 )
-_ADDING = [
-    int(flag)
-    for name, flag in mujoco.mjtVisFlag.__members__.items()
-    if name.removeprefix("mjVIS_") not in _ADD_NOTHING and name.startswith("mjVIS_")
-]
+_ADDING = [flag for name, flag in _FLAGS.items() if name not in _ADD_NOTHING]
 
-
-def asks_for_more(option: mujoco.MjvOption) -> bool:
-    """Return whether options enable visual elements that MuJoCo does not draw by default."""
-    return option.frame != mujoco.mjtFrame.mjFRAME_NONE or bool(option.flags[_ADDING].any())
+MAIN_PARTS = "skin", "faces", "capsule"
+"""The main, and mostly only, shapes of skins, flexes and tendons."""
 
 
 def shown_by(option: mujoco.MjvOption | None) -> tuple[tuple[int, ...], bool, tuple[int, ...]]:
@@ -63,26 +56,10 @@ def shown_by(option: mujoco.MjvOption | None) -> tuple[tuple[int, ...], bool, tu
         return DEFAULT_GROUPS, True, DEFAULT_GROUPS
     if not isinstance(option, mujoco.MjvOption):
         raise SceneError(f"scene_option must be a mujoco.MjvOption, got {type(option).__name__}")
-    if option.flags[_HULLS]:
+    if option.flags[_FLAGS["CONVEXHULL"]]:
         raise SceneError("scene_option must not enable convex hulls (mjVIS_CONVEXHULL), which are not rendered")
     groups, sites = (tuple(np.flatnonzero(shown).tolist()) for shown in (option.geomgroup, option.sitegroup))
-    return groups, bool(option.flags[_STATIC]), sites
-
-
-_GEOM, _OBJ = mujoco.mjtGeom, mujoco.mjtObj
-_LINES = int(_GEOM.mjGEOM_LINE), int(_GEOM.mjGEOM_LINEBOX)
-_SHAPES = int(_OBJ.mjOBJ_GEOM), int(_OBJ.mjOBJ_SITE)
-_FRAMES_OF_SHAPES = mujoco.mjtFrame.mjFRAME_GEOM, mujoco.mjtFrame.mjFRAME_SITE
-_ALL, _DECOR = int(mujoco.mjtCatBit.mjCAT_ALL), int(mujoco.mjtCatBit.mjCAT_DECOR)
-_MAX_GEOMS = 10000  # the default of mujoco.Renderer
-_BOX_WIDTH = 1.5  # of lines that are edges of boxes, relative to the model's line width
-_SOFT_FLAGS = "SKIN", "TENDON", "FLEXVERT", "FLEXEDGE", "FLEXFACE", "FLEXSKIN"
-_SENSORS = [int(getattr(mujoco.mjtSensor, f"mjSENS_{name}")) for name in ("RANGEFINDER", "GEOMFROMTO")]
-_JOINT_WRAP, _CRANK = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtTrn.mjTRN_SLIDERCRANK)
-
-
-MAIN_PARTS = "skin", "faces", "capsule"
-"""The main, and mostly only, shapes of skins, flexes and tendons."""
+    return groups, bool(option.flags[_FLAGS["STATIC"]]), sites
 
 
 class VisualKey(NamedTuple):
@@ -107,7 +84,7 @@ def draws_by_default(model: mujoco.MjModel) -> bool:
 def soft_names(model: mujoco.MjModel, names: Sequence[str], option: mujoco.MjvOption | None) -> dict[int, str]:
     """Return the names of the skins, flexes and spatial tendons that MuJoCo draws, by their numbers in `names`."""
     option = mujoco.MjvOption() if option is None else option
-    flags = {name: bool(option.flags[int(getattr(mujoco.mjtVisFlag, f"mjVIS_{name}"))]) for name in _SOFT_FLAGS}
+    flags = {name: bool(option.flags[_FLAGS[name]]) for name in _SOFT_FLAGS}
     of_flex = any(flags[name] for name in _SOFT_FLAGS if name.startswith("FLEX"))
     kinds = (("skin", option.skingroup, flags["SKIN"]), ("flex", option.flexgroup, of_flex))
     found = {}
@@ -138,7 +115,9 @@ class Visuals:
 
     def may_draw(self, option: mujoco.MjvOption | None) -> bool:
         """Return whether there may be elements to draw."""
-        return self._default or (option is not None and asks_for_more(option))
+        if self._default or option is None:
+            return self._default
+        return option.frame != mujoco.mjtFrame.mjFRAME_NONE or bool(option.flags[_ADDING].any())
 
     def read(
         self, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None, eye: Eye
