@@ -140,7 +140,7 @@ def _compile(path: Path, root: ElementTree.Element, search_path: Sequence[Path],
 def _assets(
     path: Path, root: ElementTree.Element, search_path: Sequence[Path], include: dict[str, bytes]
 ) -> Iterator[tuple[str, str, Path | None]]:
-    """Yield tag, name and file, if on the search path, of a model's assets; add included files found there to a dict."""
+    """Yield tag, name and file, if on the search path, of a model's assets; add included files found there."""
     pending, seen, folders = [root], set(), _folders(root)
     while pending:
         for element in pending.pop().iter():

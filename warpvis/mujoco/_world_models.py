@@ -246,7 +246,7 @@ class ResizableGeoms:
 
         They are an array of shape ``(worlds, M)`` vec4 on the scene's device; None if all equal the scene's.
         """
-        from warpvis.kernels.mujoco import geom_sizes
+        from warpvis.kernels.mujoco.arrays import geom_sizes
 
         field = models.geom_size()
         if field is None or not self._checked(field):
