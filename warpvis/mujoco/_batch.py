@@ -433,5 +433,4 @@ class BatchRenderer:
         return check_worlds(worlds, count)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for pickling, without cached renderers."""
         return self.__dict__ | {"_renderers": {}}

@@ -62,7 +62,6 @@ class CoincidingGeoms:
         return None if self._found is None else self._found.struct
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for pickling, without cached results."""
         return self.__dict__ | {"_objects": (), "_found": None}
 
     def _find(self, objects: tuple[SceneObject, ...]) -> _OnDevice | None:
@@ -170,7 +169,6 @@ class GeomRenderer(Renderer):
         return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
 
     def __init__(self, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
-        """Prepare to render; the options are those of `warpvis.Renderer`."""
         self._coinciding = coinciding
         super().__init__(scene, camera, **options)
 
@@ -186,7 +184,6 @@ class _LaterWins:
     def __init__(
         self, caster: Any, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, cull: bool, threads: int
     ) -> None:
-        """Prepare to cast."""
         self._caster, self._scene, self._camera, self._coinciding = caster, scene, camera, coinciding
         self._cull_backfaces, self._threads = cull, threads
         self._free_images: dict[tuple[object, ...], wp.array] = {}

@@ -127,7 +127,6 @@ class AppearanceWatch:
     """Watches the fields of a model that determine colors, except shapes."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Copy the current values."""
         self._model = model
         self._fields = {name: Watched(getattr(model, name)) for name in _COLOR_FIELDS}
         headlight = model.vis.headlight
@@ -138,7 +137,6 @@ class AppearanceWatch:
         return [name for name, watched in self._fields.items() if watched.changed()]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the model and the previous values."""
         before = {name: watched.before().copy() for name, watched in self._fields.items()}
         return {"model": self._model, "before": before}
 

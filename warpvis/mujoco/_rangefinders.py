@@ -25,7 +25,6 @@ from warpvis.mujoco._worlds import Kinematics
 from warpvis.scene.acceleration.geometry import make_mesh
 
 _GEOM = mujoco.mjtGeom
-_ROUND = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_ELLIPSOID, _GEOM.mjGEOM_CYLINDER)
 _MESHES = (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_HFIELD)
 # Type and data id of geoms that share a mesh.
 _MeshKey: TypeAlias = tuple[int, int]
@@ -180,14 +179,12 @@ class Rangefinders:
         return self._kinematics.from_qpos(joints), joints.ndim == 1
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for pickling, without device data."""
         derived = {"_ray_struct", "_ray_watch", "_rays", "_geom_struct", "_geom_watch", "_meshes"}
         return {name: value for name, value in self.__dict__.items() if name not in derived} | {
             "device": str(self.device)
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Copy rays and shapes to the device again."""
         self.__dict__ |= state | {"device": get_device(state["device"])}
         self._read_rays()
         self._read_geoms()
@@ -270,8 +267,7 @@ def _ray_geoms(model: mujoco.MjModel, device: wp.Device, meshes: dict[_MeshKey, 
         kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
         if not _is_met(model, geom) or kind == _GEOM.mjGEOM_SDF:
             continue
-        tree, size = 0, model.geom_size[geom].tolist()
-        bound = _bound_of(kind, *size)
+        tree, (size, bound) = 0, _measure(kind, *model.geom_size[geom].tolist())
         if kind in _MESHES:
             if (kind, data) not in meshes:
                 meshes[kind, data] = _make_mesh(model, kind, data, device)
@@ -280,7 +276,7 @@ def _ray_geoms(model: mujoco.MjModel, device: wp.Device, meshes: dict[_MeshKey, 
                 continue
             tree, bound = int(mesh.tree.id), mesh.bound
         chosen.append(geom)
-        sizes.append(_size_of(kind, *size))
+        sizes.append(size)
         trees.append(tree)
         bounds.append(bound * _SLACK)
     arrays = {
@@ -297,24 +293,18 @@ def _ray_geoms(model: mujoco.MjModel, device: wp.Device, meshes: dict[_MeshKey, 
     return geoms
 
 
-def _size_of(kind: int, a: float, b: float, c: float) -> list[float]:
-    """Return a geom's size in the kernel's format: for round shapes, radii and a half length in radii."""
-    if kind in _ROUND:
-        radii = [a, b, c] if kind == _GEOM.mjGEOM_ELLIPSOID else [a, a, a]
-        return [*radii, b / a if kind in (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER) else 0.0]
-    return [a, b, c, 0.0]
+def _measure(kind: int, a: float, b: float, c: float) -> tuple[list[float], float]:
+    """Return a geom's size as kernels read it, and the radius of its bounding sphere [m]; 0 for planes and meshes.
 
-
-def _bound_of(kind: int, a: float, b: float, c: float) -> float:
-    """Return the radius of a geom's bounding sphere about its center [m]; 0 for planes and meshes.
-
-    `geom_rbound` is not read: MuJoCo does not update it when `geom_size` changes, and `mj_ray` does not use it.
+    Sizes of round shapes are radii and a half length in radii. `geom_rbound` is not read: MuJoCo does not update it
+    when `geom_size` changes, and `mj_ray` does not use it.
     """
-    if kind == _GEOM.mjGEOM_BOX:
-        return math.hypot(a, b, c)
-    if kind == _GEOM.mjGEOM_CYLINDER:
-        return math.hypot(a, b)
-    return {_GEOM.mjGEOM_SPHERE: a, _GEOM.mjGEOM_CAPSULE: a + b, _GEOM.mjGEOM_ELLIPSOID: max(a, b, c)}.get(kind, 0.0)
+    if kind == _GEOM.mjGEOM_SPHERE:
+        return [a, a, a, 0.0], a
+    if kind in (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER):
+        return [a, a, a, b / a], a + b if kind == _GEOM.mjGEOM_CAPSULE else math.hypot(a, b)
+    radii = {_GEOM.mjGEOM_BOX: math.hypot(a, b, c), _GEOM.mjGEOM_ELLIPSOID: max(a, b, c)}
+    return [a, b, c, 0.0], radii.get(kind, 0.0)
 
 
 def _make_mesh(model: mujoco.MjModel, kind: int, data: int, device: wp.Device) -> _Mesh | None:

@@ -20,14 +20,21 @@ from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
-from warpvis.mujoco._cameras import camera_of_frustum, filled_depth, viewer_camera, viewer_frustum, viewer_pose
+from warpvis.mujoco._cameras import (
+    RendererScene,
+    ViewerScene,
+    camera_of_frustum,
+    filled_depth,
+    viewer_camera,
+    viewer_frustum,
+    viewer_pose,
+)
 from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE
 from warpvis.mujoco._poses import check_computed
 from warpvis.mujoco._scene import check_patterns, select_geoms
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco._tessellation import Eye
-from warpvis.mujoco._viewer_scene import RendererScene, ViewerScene
 from warpvis.mujoco._visuals import Visuals, shown_by
 from warpvis.rendering import DepthSensor, Fill, NearPlane, Output, check_fill, check_word, require_sensor
 from warpvis.sensors import Reason

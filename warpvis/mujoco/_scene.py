@@ -102,8 +102,7 @@ def scene_from_mujoco(
     Geoms whose color has alpha 0 are skipped, as by MuJoCo's renderer (`addGeomGeoms` in
     src/engine/engine_vis_visualize.c). Sites are skipped unless their group is in `site_groups`. Tendons, skins and
     flexes are skipped, although MuJoCo and `Renderer` draw them. Sizes, meshes, heights, colors and local poses of
-    geoms
-    are read once; build another scene after changing them, or use `Renderer`, which follows changes.
+    geoms are read once; build another scene after changing them, or use `Renderer`, which follows changes.
 
     All shapes are exact, except that planes are 0.1 mm lower when seen from below, and that infinite planes end at 10
     times the distance of MuJoCo's far clipping plane from their origin. From inside a round shape, and on export, its
@@ -126,8 +125,7 @@ def scene_from_mujoco(
         movable: ``"bodies"`` for geoms of bodies that are not welded to the world, geoms of mocap bodies, and all round
             geoms; ``"all"`` for all geoms, where each of the others moves independently, for models whose geoms are
             moved by the user; or names or patterns of additional bodies, each of which moves rigidly, and geoms, each
-            of
-            which moves independently.
+            of which moves independently.
         static: Whether geoms of bodies welded to the world are visible.
         device: Device on which the scene is rendered.
 
@@ -137,16 +135,9 @@ def scene_from_mujoco(
     Raises:
         SceneError: If an argument is invalid, a pattern has no match, or values of the model are not finite.
     """
-    selection = select_geoms(
-        model,
-        geom_groups=geom_groups,
-        site_groups=site_groups,
-        mesh_tolerance=mesh_tolerance,
-        labels=labels,
-        label_names=label_names,
-        exclude=exclude,
-        static=static,
-    )
+    options: dict[str, Any] = {"mesh_tolerance": mesh_tolerance, "labels": labels, "label_names": label_names}
+    options |= {"geom_groups": geom_groups, "site_groups": site_groups, "exclude": exclude, "static": static}
+    selection = select_geoms(model, **options)
     warn_of_soft(model, selection, None)
     return make_scene(model, selection, movable=movable, device=device)
 
@@ -167,14 +158,8 @@ def make_scene(
     scene.use_labels(selection.rules)
     scene.lights, scene.background = model_lights(model), model_background(model)
     added = []
-    parts = geom_parts(
-        model,
-        selection.shown(model),
-        selection.names,
-        selection.labels,
-        mesh_tolerance=selection.mesh_tolerance,
-        pieces=pieces,
-    )
+    names, labels, mesh_tolerance = selection.names, selection.labels, selection.mesh_tolerance
+    parts = geom_parts(model, selection.shown(model), names, labels, mesh_tolerance=mesh_tolerance, pieces=pieces)
     for geom, part in parts:
         scene.add(**part.arguments())
         added.append(geom)
@@ -198,13 +183,10 @@ class Selection:
     left_out: frozenset[int]
     """Numbers of elements that are excluded regardless of their group."""
     groups: tuple[int, ...]
-    """Groups of visible geoms."""
     site_groups: tuple[int, ...]
-    """Groups of visible sites."""
     static: bool
     """Whether geoms of bodies welded to the world are visible."""
     mesh_tolerance: float
-    """Maximum distance between round shapes and their triangles [m]."""
 
     def shown(self, model: mujoco.MjModel) -> list[int]:
         """List the currently visible geoms and sites."""
@@ -219,28 +201,24 @@ class Selection:
 def select_geoms(
     model: mujoco.MjModel,
     *,
-    geom_groups: Iterable[int] = DEFAULT_GROUPS,
-    site_groups: Iterable[int] = (),
-    mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
-    labels: LabelInput | None = None,
+    geom_groups: Iterable[int],
+    site_groups: Iterable[int],
+    mesh_tolerance: float,
+    labels: LabelInput | None,
     label_names: Mapping[int, str] | None = None,
-    exclude: Iterable[str] = (),
-    static: bool = True,
+    exclude: Iterable[str],
+    static: bool,
 ) -> Selection:
     """Parse the arguments of `scene_from_mujoco` that select visible geoms, names and labels."""
     if not isinstance(model, mujoco.MjModel):
         raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
     static = check_flag(static, "static", SceneError)
     mesh_tolerance = check_length(mesh_tolerance, "mesh_tolerance", zero=False, error=SceneError)
-    groups, sites, exclude = (
-        check_groups(geom_groups),
-        check_groups(site_groups, "site_groups"),
-        check_patterns(exclude),
-    )
+    groups, sites = check_groups(geom_groups), check_groups(site_groups, "site_groups")
     check_shape_numbers(model)
     names = object_names(model)
     rules = LabelRules.of(labels, label_names)
-    label_numbers, left_out = _assign_labels(model, names, rules, exclude)
+    label_numbers, left_out = _assign_labels(model, names, rules, check_patterns(exclude))
     return Selection(names, label_numbers, rules, frozenset(left_out), groups, sites, static, mesh_tolerance)
 
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import SceneError
+from warpvis.mujoco._cameras import RendererScene
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
 from warpvis.mujoco._model_fields import ModelWatch, check_shape_numbers
 from warpvis.mujoco._scene import Selection
 from warpvis.mujoco._shapes import UNKNOWN, shape_bodies, shape_count, shape_meaning, shape_places
 from warpvis.mujoco._tessellation import Blocks
-from warpvis.mujoco._viewer_scene import RendererScene
 from warpvis.mujoco._visual_objects import VisualObjects, names_of_parents, put_objects
 from warpvis.mujoco._visuals import VisualKey
 from warpvis.rendering import Output

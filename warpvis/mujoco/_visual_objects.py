@@ -50,7 +50,6 @@ class VisualObjects:
     """
 
     def __init__(self, model: mujoco.MjModel, selection: Selection, scene: Scene) -> None:
-        """Initialize without objects."""
         self._model, self._selection, self._scene = model, selection, scene
         self._items: dict[VisualKey, _VisualObject] = {}
         self._shown: set[VisualKey] = set()

@@ -105,7 +105,6 @@ class Visuals:
     """Reads MuJoCo's visual elements of a model."""
 
     def __init__(self, model: mujoco.MjModel, *, mesh_tolerance: float) -> None:
-        """Initialize for a model; `mesh_tolerance` is as for `warpvis.mujoco.Renderer`."""
         self._model, self._mesh_tolerance = model, mesh_tolerance
         self._default = draws_by_default(model)
         self._plain = _without_shapes(mujoco.MjvOption())

@@ -229,7 +229,6 @@ class ResizableGeoms:
     """The resizable geoms of a scene, and the sizes of all geoms in the scene."""
 
     def __init__(self, model: mujoco.MjModel, mujoco_scene: MujocoScene, geoms: Iterable[int]) -> None:
-        """Initialize with the sizes of a newly built scene."""
         self._scene = mujoco_scene
         self._geoms = np.array(sorted(set(geoms) & set(mujoco_scene.geom_ids.tolist())), dtype=np.int64)
         self._kinds = np.array(model.geom_type, dtype=np.int32)
@@ -320,5 +319,4 @@ class ResizableGeoms:
         return self._scene.scene.objects[place].name
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the picklable state, without device arrays."""
         return self.__dict__ | {"_arrays": None}

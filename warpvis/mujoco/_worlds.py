@@ -145,7 +145,6 @@ class Kinematics:
             return mujoco.MjData(self._model)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for pickling, without scratch data."""
         return {"_model": self._model, "_threads": self._threads, "_spare": []}
 
 

@@ -92,7 +92,6 @@ class Draws:
     """
 
     def __init__(self) -> None:
-        """Initialize with random entropy."""
         self._entropy, self._episode = np.random.SeedSequence().entropy, -1
         self.reset(None)
 
@@ -138,7 +137,6 @@ class PoseLayout:
     """The layout of a row of poses, for one model."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Compute the layout."""
         self.of_data, self.size = dict[str, tuple[slice, tuple[int, int]]](), 0
         for name, shape in pose_shapes(model).items():
             self.of_data[name] = self._take(shape[0] * shape[1]), shape
@@ -204,7 +202,6 @@ class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         return add_entries(observation, {POSES: row})
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the picklable state."""
         return self.__dict__ | {"_seen": None}
 
 

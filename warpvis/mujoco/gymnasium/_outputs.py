@@ -150,7 +150,6 @@ class VisibleFractions:
     """
 
     def __init__(self, scene: Scene, threads: int | None) -> None:
-        """Initialize for a scene."""
         self.scene, self._threads = scene, threads
         self._renderers: dict[PlanarCamera, Renderer] = {}
 
