@@ -14,20 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
-from warpvis.core.arrays import as_numpy, check_out, empty
+from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_choice, check_whole
-from warpvis.core.kernel_cache import launch
 from warpvis.core.label_rules import LabelInput
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._batch_views import (
-    NOBODY,
-    BatchCamera,
     BatchViews,
     CameraChoice,
     Workplace,
     batch_views,
     choose_cameras,
+    look_up_objects,
     views_by_intrinsics,
 )
 from warpvis.mujoco._cameras import camera_from_mujoco
@@ -36,11 +34,8 @@ from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE, check_groups
 from warpvis.mujoco._model_fields import AppearanceWatch
 from warpvis.mujoco._poses import (
     PoseSource,
-    camera_transforms,
     check_computed,
-    object_transforms,
     read_source,
-    viewer_transforms,
     world_count,
 )
 from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_geoms, warn_of_soft
@@ -242,7 +237,7 @@ class BatchRenderer:
         stream = None if device.is_cpu else device.stream.cuda_stream
         key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
         place = self._free_workplaces.take(key) or Workplace.of(self.mujoco_scene, chosen, indices)
-        fovy = self._place(poses, chosen, place, models, rows)
+        fovy = self._place(place, poses, models, rows)
         groups = views_by_intrinsics(self.model, chosen, fovy, rows)
         shape = (len(chosen) * count, self.height, self.width)
         views = batch_views(views_for(self._outputs, shape, device, out), len(chosen), count)
@@ -281,22 +276,10 @@ class BatchRenderer:
         return numbers
 
     def _place(
-        self,
-        poses: PoseSource,
-        chosen: Sequence[BatchCamera],
-        place: Workplace,
-        models: WorldModels | None,
-        rows: NDArray[np.int32],
+        self, place: Workplace, poses: PoseSource, models: WorldModels | None, rows: NDArray[np.int32]
     ) -> NDArray[np.float64] | None:
         """Write poses of objects and cameras, and visibility; return the fields of view if they are given."""
-        device = self.scene.device
-        if place.objects.size:
-            object_transforms(poses, self.mujoco_scene, place.worlds, geoms=place.geoms, out=place.objects)
-        if any(camera.camera_id >= 0 for camera in chosen):
-            camera_transforms(poses, self.model, place.cameras[0], place.worlds, device=device, out=place.eyes)
-        if any(camera.camera_id < 0 for camera in chosen):
-            tracking = any(camera.body != NOBODY for camera in chosen)
-            viewer_transforms(poses, self.model, place.cameras, place.worlds, tracking=tracking, out=place.eyes)
+        place.write_poses(poses, self.mujoco_scene, self.model)
         place.hidden = place.sizes = None
         if models is None:
             return None
@@ -343,22 +326,10 @@ class BatchRenderer:
 
     def _look_up(self, views: Views, of_shapes: NDArray[np.integer], out: wp.array | None) -> wp.array:
         """Make images of a number that is given for every geom and site."""
-        from warpvis.kernels.mujoco.arrays import geoms_of_objects
-
-        if not isinstance(views, Views) or views.segmentation is None:
-            raise ArrayError(
-                'views must have segmentation, got none; create the BatchRenderer with outputs=("segmentation", ...)'
-            )
-        shape, device = views.segmentation.shape, views.segmentation.device
-        out = empty(shape, wp.int32, name="ids", device=device) if out is None else out
-        check_out(out, wp.int32, shape, name="out", device=device)
         shapes = self.mujoco_scene.shapes()
-        numbers = np.full(len(self.scene), -1)
+        numbers = np.full(len(self.scene), -1, dtype=np.int32)
         numbers[: len(shapes)] = of_shapes[shapes]
-        ids = wp.array(numbers, dtype=wp.int32, device=device)
-        inputs = [views.segmentation.flatten(), ids, out.flatten()]
-        launch(geoms_of_objects, out.size, inputs, device)
-        return out
+        return look_up_objects(views, numbers, out)
 
     def camera(self, camera: CameraChoice) -> PlanarCamera:
         """Return intrinsics of a camera in this renderer's image size."""

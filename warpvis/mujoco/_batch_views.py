@@ -14,10 +14,19 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
+from warpvis.core.arrays import check_out, empty
 from warpvis.core.checks import as_items
+from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError, CameraError
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_with_fovy, viewer_camera, viewer_pose
-from warpvis.mujoco._poses import movable_ids, object_places
+from warpvis.mujoco._poses import (
+    PoseSource,
+    camera_transforms,
+    movable_ids,
+    object_places,
+    object_transforms,
+    viewer_transforms,
+)
 from warpvis.mujoco._scene import MujocoScene
 from warpvis.rendering import Views
 
@@ -50,6 +59,22 @@ def batch_views(views: Views, cameras: int, worlds: int) -> BatchViews:
         return BatchViews(**dict(_images(views)), cameras=cameras, worlds=worlds)
     views.cameras, views.worlds = cameras, worlds
     return views
+
+
+def look_up_objects(views: Views, numbers: NDArray[np.int32], out: wp.array | None) -> wp.array:
+    """Return the number of every pixel's object, given for all objects; -1 for empty pixels."""
+    from warpvis.kernels.mujoco.arrays import geoms_of_objects
+
+    if not isinstance(views, Views) or views.segmentation is None:
+        raise ArrayError(
+            'views must have segmentation, got none; create the BatchRenderer with outputs=("segmentation", ...)'
+        )
+    shape, device = views.segmentation.shape, views.segmentation.device
+    out = empty(shape, wp.int32, name="ids", device=device) if out is None else out
+    check_out(out, wp.int32, shape, name="out", device=device)
+    inputs = [views.segmentation.flatten(), wp.array(numbers, dtype=wp.int32, device=device), out.flatten()]
+    launch(geoms_of_objects, out.size, inputs, device)
+    return out
 
 
 def _images(views: Views) -> list[tuple[str, wp.array]]:
@@ -126,6 +151,7 @@ def views_by_intrinsics(
 class Workplace:
     """Memory for one choice of cameras and worlds: with it, a call on a GPU allocates and copies nothing."""
 
+    chosen: Sequence[BatchCamera]
     cameras: tuple[wp.array, wp.array, wp.array]
     """Ids, tracked bodies and poses."""
     worlds: wp.array
@@ -150,6 +176,7 @@ class Workplace:
         poses = np.array([camera.pose for camera in cameras], dtype=np.float32)
         eyes = wp.array(poses, dtype=wp.transform, shape=(len(cameras),), device=device)
         return cls(
+            cameras,
             (numbers([camera.camera_id for camera in cameras]), numbers([camera.body for camera in cameras]), eyes),
             numbers(worlds),
             numbers(np.tile(np.arange(count, dtype=np.int32), len(cameras))),
@@ -157,3 +184,14 @@ class Workplace:
             object_places(mujoco_scene, count),
             wp.empty((len(cameras), count), dtype=wp.transform, device=device),
         )
+
+    def write_poses(self, poses: PoseSource, mujoco_scene: MujocoScene, model: mujoco.MjModel) -> None:
+        """Write the poses of movable objects and cameras."""
+        worlds, eyes = self.worlds, self.eyes
+        if self.objects.size:
+            object_transforms(poses, mujoco_scene, worlds, geoms=self.geoms, out=self.objects)
+        if any(camera.camera_id >= 0 for camera in self.chosen):
+            camera_transforms(poses, model, self.cameras[0], worlds, device=eyes.device, out=eyes)
+        if any(camera.camera_id < 0 for camera in self.chosen):
+            tracking = any(camera.body != NOBODY for camera in self.chosen)
+            viewer_transforms(poses, model, self.cameras, worlds, tracking=tracking, out=eyes)

@@ -23,7 +23,7 @@ from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
 from warpvis.mujoco._coinciding import Pairs, find_pairs, frame_vertices
 from warpvis.mujoco._shapes import shape_bodies
-from warpvis.rendering import Renderer, Views
+from warpvis.rendering import FreeList, Renderer, Views
 from warpvis.scene import Scene, SceneObject
 from warpvis.scene.worlds import parse_worlds, pose_columns
 
@@ -186,7 +186,7 @@ class _LaterWins:
     ) -> None:
         self._caster, self._scene, self._camera, self._coinciding = caster, scene, camera, coinciding
         self._cull_backfaces, self._threads = cull, threads
-        self._free_images: dict[tuple[object, ...], wp.array] = {}
+        self._free_images = FreeList[wp.array](_MAX_SCRATCH)
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> Any:
         """Check poses and return them in the caster's format."""
@@ -199,15 +199,18 @@ class _LaterWins:
         if coinciding is None:
             self._caster.cast(poses, worlds, images)
             return
-        shape = (len(poses), self._camera.height, self._camera.width)
+        device, shape = self._scene.device, (len(poses), self._camera.height, self._camera.width)
+        stream = None if device.is_cpu else device.stream.cuda_stream  # work on another one may still use the memory
         images, borrowed = list(images), {}
         for place, dtype in ((_DEPTH, wp.float32), (_SEGMENTATION, wp.int32)):
             if images[place] is None:
-                images[place] = borrowed[place] = self._take(place, shape, dtype)
+                image = self._free_images.take((place, shape, stream))
+                image = wp.empty(shape, dtype=dtype, device=device) if image is None else image
+                images[place] = borrowed[place] = image
         self._caster.cast(poses, worlds, images)
         self._correct(coinciding, poses, worlds, images)
         for place, image in borrowed.items():
-            self._give_back(place, image)
+            self._free_images.give_back((place, shape, stream), image)
 
     def cast_at(self, poses: Any, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
         """Write images through image points, as sensors do; coinciding objects are not corrected."""
@@ -241,18 +244,3 @@ class _LaterWins:
         from warpvis.kernels.mujoco.coinciding import show_later
 
         return show_later
-
-    def _stream(self) -> int | None:
-        # Work on another stream may still use the memory.
-        device = self._scene.device
-        return None if device.is_cpu else device.stream.cuda_stream
-
-    def _take(self, place: int, shape: tuple[int, ...], dtype: type) -> wp.array:
-        """Return unused memory."""
-        image = self._free_images.pop((place, shape, self._stream()), None)
-        return wp.empty(shape, dtype=dtype, device=self._scene.device) if image is None else image
-
-    def _give_back(self, place: int, image: wp.array) -> None:
-        self._free_images[place, image.shape, self._stream()] = image
-        while len(self._free_images) > _MAX_SCRATCH:
-            self._free_images.pop(next(iter(self._free_images)), None)

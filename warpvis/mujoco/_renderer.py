@@ -164,20 +164,12 @@ class Renderer:
 
     @property
     def reasons(self) -> NDArray[np.uint8]:
-        """Reasons for missing depth in the last depth image, `warpvis.sensors.Reason`, ``(height, width)`` uint8.
-
-        Raises:
-            WarpvisError: If there is no sensor, or no depth was rendered.
-        """
+        """Reasons for missing depth in the last depth image, `warpvis.sensors.Reason`, ``(height, width)`` uint8."""
         return self._of_sensor("reasons")
 
     @property
     def true_depth(self) -> NDArray[np.float32]:
-        """Exact depth of the last depth image [m], shape ``(height, width)`` float32; +inf for no hit.
-
-        Raises:
-            WarpvisError: If there is no sensor, or no depth was rendered.
-        """
+        """Exact depth of the last depth image [m], shape ``(height, width)`` float32; +inf for no hit."""
         return self._of_sensor("true_depth")
 
     def _of_sensor(self, name: str) -> np.ndarray:

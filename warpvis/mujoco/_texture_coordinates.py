@@ -29,22 +29,18 @@ def plain_uv(
     """
     corners = vertices[faces]
     size = _size(kind, size)
-    along, shift = np.where(repeat > 0, repeat, 1.0), 0.0
-    if uniform:
-        along = along * np.where(size[:2] > 0, size[:2], 1.0)
+    sides = np.where(size[:2] > 0, size[:2], 1.0)
+    along, shift = np.where(repeat > 0, repeat, 1.0) * (sides if uniform else 1.0), 0.0
     if kind in _UNIT:
         uv = _UNIT[kind](corners / size, size)
     elif kind == _GEOM.mjGEOM_PLANE:
-        sides = np.where(size[:2] > 0, size[:2], 1.0)
         uv = np.where(size[:2] > 0, corners[..., :2] / sides + 1, corners[..., :2]) / 2
         uv[..., 1] += np.where(size[1] > 0, 0.0, 1.0)
         shift = 0.0 if (size[:2] > 0).all() else 0.5
     else:
-        lengths = np.where(size[:2] > 0, size[:2], 1.0)
-        along = np.abs(repeat) * (1.0 if uniform else 1 / lengths)
-        return np.stack(
-            [0.5 * along[0] * corners[..., 0] - 0.5, 1.5 + 0.5 * along[1] * corners[..., 1]], axis=-1
-        ).astype(np.float32)
+        along = np.abs(repeat) * (1.0 if uniform else 1 / sides)
+        uv = np.stack([0.5 * along[0] * corners[..., 0] - 0.5, 1.5 + 0.5 * along[1] * corners[..., 1]], axis=-1)
+        return uv.astype(np.float32)
     return _repeated(uv, along, shift)
 
 

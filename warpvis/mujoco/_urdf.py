@@ -271,34 +271,30 @@ def _joined(items: Sequence[SceneObject]) -> Appearance | None:
         return None
     appearances = [appearance or Appearance((_GRAY,)) for appearance in found]
     firsts = np.cumsum([0, *(len(appearance.materials) for appearance in appearances)])
-    rows = [
-        np.zeros(len(item.faces), dtype=np.int32) if appearance.face_materials is None else appearance.face_materials
-        for item, appearance in zip(items, appearances, strict=True)
-    ]
-    uv = None
-    if any(appearance.uv is not None for appearance in appearances):
-        corners = [appearance.corner_uv(item.faces) for item, appearance in zip(items, appearances, strict=True)]
-        uv = np.concatenate(
-            [
-                np.zeros((len(item.faces), 3, 2), dtype=np.float32) if corner is None else corner
-                for item, corner in zip(items, corners, strict=True)
-            ]
-        )
+    faces, corners = [len(item.faces) for item in items], [len(item.vertices) for item in items]
+    numbers = _filled([appearance.face_materials for appearance in appearances], faces, 0, ())
+    uv = [appearance.corner_uv(item.faces) for item, appearance in zip(items, appearances, strict=True)]
     return Appearance(
         tuple(material for appearance in appearances for material in appearance.materials),
-        np.concatenate([row + first for row, first in zip(rows, firsts, strict=False)]).astype(np.int32),
-        uv,
-        _colors([appearance.vertex_colors for appearance in appearances], [len(item.vertices) for item in items]),
-        _colors([appearance.face_colors for appearance in appearances], [len(item.faces) for item in items]),
+        (np.repeat(firsts[:-1], faces) + (0 if numbers is None else numbers)).astype(np.int32),
+        _filled(uv, faces, 0, (3, 2)),
+        _filled([_floats(appearance.vertex_colors) for appearance in appearances], corners, 1, (4,)),
+        _filled([_floats(appearance.face_colors) for appearance in appearances], faces, 1, (4,)),
     )
 
 
-def _colors(parts: Sequence[NDArray | None], counts: Sequence[int]) -> NDArray[np.float32] | None:
-    """Concatenate colors as floats, with white for parts without any; None if no part has any."""
+def _filled(
+    parts: Sequence[NDArray | None], counts: Sequence[int], value: float, shape: tuple[int, ...]
+) -> NDArray[np.float32] | None:
+    """Concatenate parts with given numbers of rows, filled where they are None; None if all are."""
     if all(part is None for part in parts):
         return None
-    joined = []
-    for part, count in zip(parts, counts, strict=True):
-        rows = np.ones((count, 4)) if part is None else part / (255.0 if part.dtype == np.uint8 else 1.0)
-        joined.append(rows.astype(np.float32))
-    return np.concatenate(joined)
+    rows = [
+        np.full((count, *shape), value, dtype=np.float32) if part is None else part
+        for part, count in zip(parts, counts, strict=True)
+    ]
+    return np.concatenate(rows)
+
+
+def _floats(colors: NDArray | None) -> NDArray[np.float32] | None:
+    return None if colors is None else (colors / (255.0 if colors.dtype == np.uint8 else 1.0)).astype(np.float32)
