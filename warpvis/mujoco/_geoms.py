@@ -57,8 +57,15 @@ def geom_parts(
     bodies = shape_bodies(model)
     first_of: dict[int, str] = {}  # the part of a piece that carries the pose
     appearances = GeomAppearances(model)
+    shapes: dict[tuple[float, ...], Mesh | Solid | None] = {}  # geoms of equal shape share arrays
     parts = []
-    for geom, shape in _meshes(model, geoms, mesh_tolerance):
+    for geom in geoms:
+        key = shape_key(model, geom)
+        if key not in shapes:
+            shapes[key] = _mesh(model, geom, mesh_tolerance)
+        shape = shapes[key]
+        if shape is None:
+            continue
         name, by_itself, piece = names[geom], isinstance(shape, Solid), int(pieces[geom])
         first = first_of.setdefault(piece, name) if piece != FIXED and not by_itself else name
         part = Part(
@@ -120,20 +127,6 @@ def check_groups(groups: Iterable[int], name: str = "geom_groups") -> tuple[int,
     if not all(is_whole(group) and group in known for group in items):
         raise SceneError(f"{name} must be of 0 to {known[-1]}, got {tuple(items)}")
     return tuple(sorted({int(group) for group in items}))
-
-
-def _meshes(model: mujoco.MjModel, geoms: Iterable[int], mesh_tolerance: float) -> list[tuple[int, Mesh | Solid]]:
-    """Make the shapes of the geoms that have one, in their frames; geoms of equal shape share arrays."""
-    shared: dict[tuple[float, ...], Mesh | Solid | None] = {}
-    drawn = []
-    for geom in geoms:
-        key = shape_key(model, geom)
-        if key not in shared:
-            shared[key] = _mesh(model, geom, mesh_tolerance)
-        mesh = shared[key]
-        if mesh is not None:
-            drawn.append((geom, mesh))
-    return drawn
 
 
 def shape_key(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:

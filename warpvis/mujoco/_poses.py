@@ -23,15 +23,13 @@ from warpvis.mujoco._scene import MujocoScene
 
 
 class PoseSource(Protocol):
-    """A source of poses: a `mujoco.MjData`, or the arrays of W worlds of MuJoCo Warp, MJX and others."""
+    """A source of poses with `geom_xpos` and `geom_xmat`: a `mujoco.MjData`, or arrays of W worlds like `WorldPoses`."""
 
     @property
-    def geom_xpos(self) -> ArrayInput:
-        """Positions of the geoms [m], shape ``(W, ngeom, 3)``."""
+    def geom_xpos(self) -> ArrayInput: ...
 
     @property
-    def geom_xmat(self) -> ArrayInput:
-        """Their rotations, shape ``(W, ngeom, 3, 3)`` or ``(W, ngeom, 9)``."""
+    def geom_xmat(self) -> ArrayInput: ...
 
 
 @dataclass

@@ -18,7 +18,7 @@ from warpvis.errors import SceneError
 from warpvis.mujoco._cameras import RendererScene
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
-from warpvis.mujoco._model_fields import ModelWatch, check_shape_numbers
+from warpvis.mujoco._model_fields import ModelWatch, Watched, check_shape_numbers
 from warpvis.mujoco._scene import Selection
 from warpvis.mujoco._shapes import UNKNOWN, shape_bodies, shape_count, shape_meaning, shape_places
 from warpvis.mujoco._tessellation import Blocks
@@ -106,12 +106,8 @@ class Stage:
             self._follow_model()
         if len(self._fixed):
             self._follow_fixed(data)
-        count = self._model.ngeom
-        self._position[:count] = data.geom_xpos
-        self._rotation[:count] = data.geom_xmat.reshape(-1, 3, 3)
-        if self._sites:
-            self._position[count:] = data.site_xpos
-            self._rotation[count:] = data.site_xmat.reshape(-1, 3, 3)
+        position, rotation = shape_places(data) if self._sites else (data.geom_xpos, data.geom_xmat)
+        self._position[: len(position)], self._rotation[: len(position)] = position, rotation.reshape(-1, 3, 3)
 
     def draw(self, drawn: Mapping[VisualKey, Blocks]) -> None:
         """Update the visual elements other than geoms and sites."""
@@ -167,8 +163,7 @@ class Stage:
         geoms, objects = np.array(list(self._built), dtype=np.int32), self.scene.objects[: len(self._built)]
         self.coinciding.follow(geoms)
         self._fixed = geoms[[index for index, item in enumerate(objects) if not item.movable]]
-        self._fixed_now = np.empty((len(self._fixed), 3)), np.empty((len(self._fixed), 9))
-        self._fixed_before = [bytearray(), bytearray()]
+        self._fixed_places = [Watched(np.full((len(self._fixed), size), np.nan)) for size in (3, 9)]
         self._fixed_sites = bool((self._fixed >= self._model.ngeom).any())
         self._attached = geoms[[index for index, item in enumerate(objects) if item.parent is not None]]
         self._parents = geoms[[item.parent for item in objects if item.parent is not None]]
@@ -202,20 +197,19 @@ class Stage:
     def _follow_fixed(self, data: mujoco.MjData) -> None:
         """Make static geoms movable whose poses in the data differ from the model's."""
         places = shape_places(data) if self._fixed_sites else (data.geom_xpos, data.geom_xmat)
-        for place, current in zip(places, self._fixed_now, strict=True):
-            place.take(self._fixed, axis=0, out=current, mode="clip")
-        pairs = zip(self._fixed_before, self._fixed_now, strict=True)
-        if all(before == current.data.cast("B") for before, current in pairs):
+        for place, watched in zip(places, self._fixed_places, strict=True):
+            place.take(self._fixed, axis=0, out=watched.array, mode="clip")
+        if not any(watched.changed() for watched in self._fixed_places):
             return
-        position, rotation = self._fixed_now
+        position, rotation = (watched.array for watched in self._fixed_places)
         built = self._poses[self._fixed]
         moved = (np.abs(position - built[:, :3, 3]) > _STILL).any(axis=1)
         moved |= (np.abs(rotation.reshape(-1, 3, 3) - built[:, :3, :3]) > _STILL).any(axis=(1, 2))
         if moved.any():
             self._independent.update(self._fixed[moved].tolist())
             self._replace(set(), set(), initial_poses(self._model, self._spare))
-        else:
-            self._fixed_before = [bytearray(current.tobytes()) for current in self._fixed_now]
+        for watched in self._fixed_places:
+            watched.accept()
 
     def _release(self, poses: NDArray[np.float64]) -> None:
         """Detach static bodies that moved, and geoms that moved within their rigid pieces."""

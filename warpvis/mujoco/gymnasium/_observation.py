@@ -110,7 +110,7 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         self._option, self._device, self._threads = scene_option, device, threads
         self._renderer: ImageRenderer | None = None
         self._draws = Draws()
-        self.observation_space = with_entries(env.observation_space, self._outputs.spaces())
+        self.observation_space = with_entries(env.observation_space, self._outputs.spaces)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
         """Reset the environment, and render images."""

@@ -74,11 +74,25 @@ class Outputs:
         self.members = np.array([class_of_geoms(model, {name: 1}, "objects") == 1 for name in patterns], dtype=bool)
         """Whether each geom and site is part of each of `objects`, ``(objects, shapes)``."""
         self.members = self.members.reshape(len(patterns), shape_count(model))
-        self.numbers, self._max_number = _numbers(model, segmentation)
+        self.numbers, highest = _numbers(model, segmentation)
         """The number of every geom and site in segmentation, with a last one for no shape (index -1)."""
         self._axes = () if single else (len(self.cameras),)
         seen = [camera_from_mujoco(model, choice, width, height) for choice in self.cameras]
-        self.fill, self._depths = fill, _depth_bounds(fill, seen, sensed=sensor is not None)
+        self.fill, size = fill, (*self._axes, *self.shape)
+        bounds = {
+            DEPTH: (*_depth_bounds(fill, seen, sensed=sensor is not None), np.float32),
+            SEGMENTATION: (-1, highest, np.int32),
+            REASONS: (0, max(Reason), np.uint8),
+            TRUE_DEPTH: (0.0, np.inf, np.float32),
+        }
+        self.spaces: dict[str, spaces.Space] = {
+            name: spaces.Box(low, high, size, dtype)
+            for name, (low, high, dtype) in bounds.items()
+            if name in self.names
+        }
+        """The spaces of the entries."""
+        if len(self.members):
+            self.spaces[FRACTION] = spaces.Box(0.0, 1.0, (*self._axes, len(self.members)), np.float32)
 
     @property
     def images(self) -> tuple[Output, ...]:
@@ -91,29 +105,13 @@ class Outputs:
         """Return whether geoms and sites (-1 for none) are part of each of `objects`, shape ``(objects, shapes)``."""
         return np.append(self.members, np.zeros((len(self.members), 1), dtype=bool), axis=1)[:, shapes]
 
-    def spaces(self) -> dict[str, spaces.Space]:
-        """Return the spaces of the entries."""
-        size = (*self._axes, *self.shape)
-        result: dict[str, spaces.Space] = {}
-        if DEPTH in self.names:
-            result[DEPTH] = spaces.Box(*self._depths, size, np.float32)
-        if SEGMENTATION in self.names:
-            result[SEGMENTATION] = spaces.Box(-1, self._max_number, size, np.int32)
-        if REASONS in self.names:
-            result[REASONS] = spaces.Box(0, max(Reason), size, np.uint8)
-        if TRUE_DEPTH in self.names:
-            result[TRUE_DEPTH] = spaces.Box(0.0, np.inf, size, np.float32)
-        if len(self.members):
-            result[FRACTION] = spaces.Box(0.0, 1.0, (*self._axes, len(self.members)), np.float32)
-        return result
-
     def entries(self, images: Mapping[str, np.ndarray], *, axis: int = 0) -> dict[str, np.ndarray]:
         """Return an observation's entries, owned by the caller, from the images ``(C, ..., H, W)`` of all cameras.
 
         In segmentation, pixels have the number of their geom or site, or -1. Other images than entries are ignored.
         `axis` is the position of the axis for cameras, if there is one.
         """
-        chosen = {name: images[name] for name in self.spaces()}
+        chosen = {name: images[name] for name in self.spaces}
         if SEGMENTATION in chosen:
             chosen[SEGMENTATION] = self.numbers[chosen[SEGMENTATION]]
         return {name: (np.moveaxis(part, 0, axis) if self._axes else part[0]).copy() for name, part in chosen.items()}

@@ -108,7 +108,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         self._shown = np.zeros(model.ngeom, dtype=bool)
         self._shown[shown_geoms(model, range(6))] = True
         remaining = spaces.Dict({name: space for name, space in single.spaces.items() if name != POSES})
-        self.single_observation_space = with_entries(remaining, self._outputs.spaces())
+        self.single_observation_space = with_entries(remaining, self._outputs.spaces)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
     def reset(
