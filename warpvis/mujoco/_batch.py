@@ -298,9 +298,6 @@ class BatchRenderer:
 
         Returns:
             Ids of the model's geoms, shape ``(views, height, width)`` int32.
-
-        Raises:
-            ArrayError: If the views have no segmentation, or `out` does not fit.
         """
         return self._look_up(views, np.r_[np.arange(self.model.ngeom), np.full(self.model.nsite, -1)], out)
 
@@ -318,9 +315,6 @@ class BatchRenderer:
 
         Returns:
             Class numbers, shape ``(views, height, width)`` int32; -1 for empty pixels and where no pattern matches.
-
-        Raises:
-            WarpvisError: If the views have no segmentation, a pattern matches nothing, or `out` does not fit.
         """
         return self._look_up(views, class_of_geoms(self.model, classes), out)
 

@@ -23,7 +23,7 @@ from warpvis.mujoco._scene import MujocoScene
 
 
 class PoseSource(Protocol):
-    """A source of poses with `geom_xpos` and `geom_xmat`: a `mujoco.MjData`, or arrays of W worlds like `WorldPoses`."""
+    """A source of poses with `geom_xpos` and `geom_xmat`: a `mujoco.MjData`, or arrays of worlds like `WorldPoses`."""
 
     @property
     def geom_xpos(self) -> ArrayInput: ...

@@ -7,7 +7,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Collection, Mapping
 from types import MappingProxyType
-from typing import Any
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -21,6 +20,7 @@ from warpvis.mujoco._geoms import initial_poses
 from warpvis.mujoco._poses import PoseSource, WorldPoses, pose_shapes
 from warpvis.mujoco._scene import MujocoScene
 from warpvis.mujoco._world_models import WorldModels
+from warpvis.rendering import FreeList
 
 _FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 # Static geoms have moved if their poses differ by more than single-precision rounding [m, or unitless].
@@ -41,7 +41,7 @@ class Kinematics:
             raise ArrayError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         self._model = model
         self._threads = check_threads(threads)
-        self._spare: list[mujoco.MjData] = []
+        self._free = FreeList[mujoco.MjData](1)
 
     def from_qpos(
         self,
@@ -60,9 +60,6 @@ class Kinematics:
             model: Model fields that differ between worlds: a mapping of `body_pos`, `body_quat`, `geom_pos`,
                 `geom_quat`, `cam_pos` and `cam_quat` to arrays of shape ``(W, ...)`` or ``(1, ...)``, or an object with
                 these attributes.
-
-        Raises:
-            ArrayError: If a shape is wrong, or a number is not finite.
         """
         array = as_numpy(qpos, name="qpos")
         rows = _check_rows(array[None] if array.ndim == 1 else array, (self._model.nq,), "qpos")
@@ -90,9 +87,6 @@ class Kinematics:
                 ``(rollouts, steps, n)``, in which case the worlds are all steps of the first rollout, then the second.
             spec: Contents of a row, of `mujoco.mjtState`; the default, mjSTATE_FULLPHYSICS, is that of
                 `mujoco.rollout`.
-
-        Raises:
-            ArrayError: If the shape is wrong, or a number is not finite.
         """
         known = isinstance(spec, mujoco.mjtState) or is_whole(spec)
         if not known or not 0 < int(spec) < 1 << int(mujoco.mjtState.mjNSTATE):
@@ -116,7 +110,8 @@ class Kinematics:
         parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
         # Every thread has its own copy of a model that changes from world to world.
         models = [_changeable(model, changes) if changes else model for _ in parts]
-        data_of_threads = [mujoco.MjData(thread_model) if changes else self._take() for thread_model in models]
+        free = [None if changes else self._free.take(None) for _ in parts]
+        data_of_threads = [data or mujoco.MjData(own) for data, own in zip(free, models, strict=True)]
 
         def work(index: int) -> None:
             thread_model, data = models[index], data_of_threads[index]
@@ -134,18 +129,9 @@ class Kinematics:
                     out[world] = field
 
         run_each(work, range(len(parts)), self._threads)
-        if not changes:
-            self._spare.extend(data_of_threads)
+        for data in () if changes else data_of_threads:
+            self._free.give_back(None, data)
         return WorldPoses(**arrays)
-
-    def _take(self) -> mujoco.MjData:
-        try:
-            return self._spare.pop()
-        except IndexError:  # the first call, or several calls at the same time
-            return mujoco.MjData(self._model)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"_model": self._model, "_threads": self._threads, "_spare": []}
 
 
 def _changeable(model: mujoco.MjModel, changes: Collection[str]) -> mujoco.MjModel:

@@ -162,11 +162,7 @@ class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
     """
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap a MuJoCo environment, as for `DepthObservation`.
-
-        Raises:
-            SceneError: If it is not a MuJoCo environment, or already has an entry of this name.
-        """
+        """Wrap a MuJoCo environment, as for `DepthObservation`."""
         model, _ = find_simulation(env)
         gym.utils.RecordConstructorArgs.__init__(self)
         super().__init__(env)
