@@ -73,23 +73,20 @@ class GeomAppearances:
         model = self._model
         rgba, material = tuple(shape_value(model, "rgba", geom).tolist()), int(shape_value(model, "matid", geom))
         kind, size = int(shape_value(model, "type", geom)), shape_value(model, "size", geom).copy()
-        laid = _Laid(kind, shape_data(model, geom), size, shape)
-        if material < 0 and kind not in _SMOOTH:  # an appearance of a single color must not keep the model alive
-            return self._cached((rgba,), partial(_of_one_color, rgba, None))
-        if material < 0:
-            return self._cached((rgba, laid.key()), partial(_of_one_color, rgba, self._normals(laid)))
-        if _texture_number(self._materials, material) < 0 and kind not in _SMOOTH:
-            return self._cached((rgba, material), partial(self._make, rgba, material, None))
-        return self._cached((rgba, material, laid.key()), partial(self._make, rgba, material, laid))
+        laid: _Laid | None = _Laid(kind, shape_data(model, geom), size, shape)
+        if kind not in _SMOOTH and (material < 0 or _texture_number(self._materials, material) < 0):
+            laid = None
+        key = rgba, material, None if laid is None else laid.key()
+        if key not in self._known:
+            make = partial(self._make, rgba, material, laid)
+            if material < 0:  # an appearance of a single color must not keep the model alive
+                make = partial(_of_one_color, rgba, None if laid is None else self._normals(laid))
+            self._known[key] = LazyAppearance(make)
+        return self._known[key]
 
     def _normals(self, laid: _Laid) -> Normals:
         """Return a function that computes a shape's normals without a reference to the model."""
         return partial(_normals_of, laid, self._stored(laid.data) if laid.kind in _MESHES else None)
-
-    def _cached(self, key: tuple[Any, ...], make: Callable[[], Appearance]) -> LazyAppearance:
-        if key not in self._known:
-            self._known[key] = LazyAppearance(make)
-        return self._known[key]
 
     def _make(self, rgba: Color, material: int, laid: _Laid | None) -> Appearance:
         model, values = self._model, self._materials

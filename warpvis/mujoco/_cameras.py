@@ -73,7 +73,14 @@ def camera_from_mujoco(
         CameraError: If there is no such camera, or it has no resolution and none is given.
     """
     viewer = viewer_camera(model, camera)
-    return camera_of_frustum(viewer_frustum(model, viewer), *_image_size(model, viewer, width, height))
+    frustum = viewer_frustum(model, viewer)
+    if (width is None) != (height is None):
+        raise CameraError("width and height must both be given, or neither for the camera's resolution")
+    if width is None or height is None:
+        width, height = model.cam_resolution[viewer.fixedcamid].tolist() if viewer.type == _FIXED else (1, 1)
+        if width == height == 1:  # MuJoCo's default
+            raise CameraError("width and height must be given for a camera without a resolution")
+    return camera_of_frustum(frustum, check_size(width, "width"), check_size(height, "height"))
 
 
 def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
@@ -169,19 +176,6 @@ def viewer_pose(data: mujoco.MjData, viewer: mujoco.MjvCamera) -> NDArray[np.flo
     return np.array([*position.tolist(), x, y, z, w], dtype=np.float32)
 
 
-def _image_size(
-    model: mujoco.MjModel, viewer: mujoco.MjvCamera, width: int | None, height: int | None
-) -> tuple[int, int]:
-    if (width is None) != (height is None):
-        raise CameraError("width and height must both be given, or neither for the camera's resolution")
-    if width is not None and height is not None:
-        return check_size(width, "width"), check_size(height, "height")
-    resolution = model.cam_resolution[viewer.fixedcamid].tolist() if viewer.type == _FIXED else [1, 1]
-    if resolution == [1, 1]:  # MuJoCo's default
-        raise CameraError("width and height must be given for a camera without a resolution")
-    return resolution[0], resolution[1]
-
-
 def filled_depth(image: NDArray[np.float32], camera: PlanarCamera, fill: Fill) -> NDArray[np.float32]:
     """Return a depth image whose empty pixels are filled as `fill` specifies."""
     if fill == "inf":
@@ -252,15 +246,8 @@ class ViewerScene:
             return camera, pose
         middle = mujoco.mjv_averageCamera(*self._mjv_scene.camera)
         half = middle.frustum_width or (middle.frustum_top - middle.frustum_bottom) / 2 * camera.width / camera.height
-        frustum = Frustum(
-            up=middle.frustum_top,
-            down=-middle.frustum_bottom,
-            left=half - middle.frustum_center,
-            right=half + middle.frustum_center,
-            near=middle.frustum_near,
-            far=middle.frustum_far,
-            orthographic=bool(middle.orthographic),
-        )
+        sides = (middle.frustum_top, -middle.frustum_bottom, half - middle.frustum_center, half + middle.frustum_center)
+        frustum = Frustum(*sides, middle.frustum_near, middle.frustum_far, bool(middle.orthographic))
         forward, up = np.array(middle.forward, dtype=np.float64), np.array(middle.up, dtype=np.float64)
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = np.stack([np.cross(forward, up), -up, forward], axis=1), middle.pos

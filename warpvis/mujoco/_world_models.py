@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, cast
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -100,11 +100,10 @@ class WorldModels:
                 f"{far[0]} must be in host memory, or omitted, for the outputs color and albedo: these "
                 "show the model's colors, and arrays on a GPU are not compared with them"
             )
-        expected = _effective(
-            self._model.geom_rgba[None], self._model.geom_matid[None], self._model.mat_rgba[None], geoms
-        )
-        rows = [np.asarray(self._value(name), dtype=getattr(self._model, name).dtype) for name in _COLOR_FIELDS]
-        colors, materials = _effective(rows[0], rows[1], rows[2], geoms)
+        own = [getattr(self._model, name) for name in _COLOR_FIELDS]
+        expected = _effective([values[None] for values in own], geoms)
+        rows = [np.asarray(self._value(name), values.dtype) for name, values in zip(_COLOR_FIELDS, own, strict=True)]
+        colors, materials = _effective(rows, geoms)
         other = (colors[..., :3] != expected[0][..., :3]).any(axis=-1) | (materials != expected[1])
         bad = np.argwhere(other & (colors[..., 3] != 0))
         if len(bad):
@@ -165,13 +164,9 @@ def _on_host(value: Any, name: str) -> NDArray[Any]:
     return value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
 
 
-def _effective(
-    geom_rgba: NDArray[np.float32],
-    geom_matid: NDArray[np.int32],
-    mat_rgba: NDArray[np.float32],
-    geoms: NDArray[np.int32],
-) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+def _effective(fields: Sequence[NDArray[Any]], geoms: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return effective colors and materials of geoms in every world: a geom of default color has its material's."""
+    geom_rgba, geom_matid, mat_rgba = fields
     count = max(len(geom_rgba), len(geom_matid), len(mat_rgba))
     rgba = np.broadcast_to(geom_rgba[:, geoms], (count, len(geoms), 4))
     matid = np.broadcast_to(geom_matid[:, geoms], (count, len(geoms)))
