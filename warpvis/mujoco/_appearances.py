@@ -10,13 +10,12 @@ from functools import cache, partial
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-import mujoco  # noqa: TID253 - the whole package is about it  # noqa: TID253 - the whole package is about it
+import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
-from warpvis.mujoco._model_fields import MATERIAL_FIELDS, check_light_numbers
-from warpvis.mujoco._shapes import DEFAULT_COLOR, shape_data, shape_value
+from warpvis.mujoco._model_fields import DEFAULT_COLOR, MATERIAL_FIELDS, check_light_numbers, shape_data, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
 from warpvis.scene.appearances import LazyAppearance

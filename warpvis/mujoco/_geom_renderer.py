@@ -22,7 +22,7 @@ from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
 from warpvis.mujoco._coinciding import Pairs, find_pairs, frame_vertices
-from warpvis.mujoco._shapes import shape_bodies
+from warpvis.mujoco._model_fields import shape_bodies
 from warpvis.rendering import FreeList, Renderer, Views
 from warpvis.scene import Scene, SceneObject
 from warpvis.scene.worlds import parse_worlds, pose_columns

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The geoms and sites of a MuJoCo model as parts of a scene: visibility, shapes, labels and poses.
 
-In this module, "geom" may also mean a site: `warpvis.mujoco._shapes` defines their numbering.
+In this module, "geom" may also mean a site: `warpvis.mujoco._model_fields` defines their numbering.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from warpvis.core.labels import Label
 from warpvis.errors import SceneError
 from warpvis.mujoco import _tessellation as tessellation
 from warpvis.mujoco._appearances import GeomAppearances
-from warpvis.mujoco._shapes import DEFAULT_COLOR, shape_bodies, shape_count, shape_data, shape_places, shape_value
+from warpvis.mujoco._model_fields import DEFAULT_COLOR, shape_bodies, shape_count, shape_data, shape_places, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.scene import Part, solids
 from warpvis.scene.solids import DEFAULT_MESH_TOLERANCE, Solid

@@ -19,7 +19,7 @@ from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
 from warpvis.mujoco._appearances import model_background, model_lights
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, shown_geoms
-from warpvis.mujoco._shapes import object_names
+from warpvis.mujoco._model_fields import object_names
 from warpvis.mujoco._urdf import CompiledRobot, compile_urdf
 from warpvis.scene import FileParts, Part
 from warpvis.scene.appearances import LazyAppearance

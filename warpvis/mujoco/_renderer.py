@@ -32,10 +32,10 @@ from warpvis.mujoco._cameras import (
 from warpvis.mujoco._geom_renderer import GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE
 from warpvis.mujoco._poses import check_computed
-from warpvis.mujoco._scene import check_patterns, select_geoms
+from warpvis.mujoco._scene import check_patterns, select_geoms, shown_by
 from warpvis.mujoco._stage import Stage
 from warpvis.mujoco._tessellation import Eye
-from warpvis.mujoco._visuals import Visuals, shown_by
+from warpvis.mujoco._visuals import Visuals
 from warpvis.rendering import DepthSensor, Fill, NearPlane, Output, check_fill, check_word, require_sensor
 from warpvis.sensors import Reason
 

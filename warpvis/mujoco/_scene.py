@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -28,17 +28,31 @@ from warpvis.mujoco._geoms import (
     default_label,
     fits,
     geom_parts,
+    has_opacity,
     movable_bodies,
     rigid_pieces,
     shown_geoms,
 )
-from warpvis.mujoco._model_fields import check_shape_numbers
-from warpvis.mujoco._shapes import object_names, shape_bodies
-from warpvis.mujoco._visuals import soft_names
+from warpvis.mujoco._model_fields import check_shape_numbers, drawn_number, object_names, shape_bodies
 from warpvis.scene import Scene
 from warpvis.scene.solids import DEFAULT_MESH_TOLERANCE
 
 _NAMED = 5
+JOINT_WRAP = int(mujoco.mjtWrap.mjWRAP_JOINT)
+
+# Indices of the flags of a `mujoco.MjvOption`.
+_FLAGS = {
+    name.removeprefix("mjVIS_"): int(flag)
+    for name, flag in mujoco.mjtVisFlag.__members__.items()
+    if name.startswith("mjVIS_")
+}
+_SOFT_FLAGS = "SKIN", "TENDON", "FLEXVERT", "FLEXEDGE", "FLEXFACE", "FLEXSKIN"
+# Flags that only change the appearance of geoms, sites, skins, flexes and tendons, or what other flags draw.
+_ADD_NOTHING = (
+    *("CONVEXHULL", "TEXTURE", "ACTIVATION", "RANGEFINDER", "SCLINERTIA", "PERTOBJ", "ISLAND", "CONTACTSPLIT"),
+    *("TRANSPARENT", "STATIC", *_SOFT_FLAGS),
+)
+ADDING_FLAGS = [flag for name, flag in _FLAGS.items() if name not in _ADD_NOTHING]
 
 Movable = Literal["bodies", "all"] | Iterable[str]
 
@@ -222,9 +236,41 @@ def select_geoms(
     return Selection(names, label_numbers, rules, frozenset(left_out), groups, sites, static, mesh_tolerance)
 
 
+def shown_by(option: mujoco.MjvOption | None) -> tuple[tuple[int, ...], bool, tuple[int, ...]]:
+    """Return the shown groups of geoms, whether geoms welded to the world are shown, and the shown groups of sites."""
+    if option is None:
+        return DEFAULT_GROUPS, True, DEFAULT_GROUPS
+    if not isinstance(option, mujoco.MjvOption):
+        raise SceneError(f"scene_option must be a mujoco.MjvOption, got {type(option).__name__}")
+    if option.flags[_FLAGS["CONVEXHULL"]]:
+        raise SceneError("scene_option must not enable convex hulls (mjVIS_CONVEXHULL), which are not rendered")
+    groups, sites = (tuple(np.flatnonzero(shown).tolist()) for shown in (option.geomgroup, option.sitegroup))
+    return groups, bool(option.flags[_FLAGS["STATIC"]]), sites
+
+
+def _soft_names(model: mujoco.MjModel, names: Sequence[str], option: mujoco.MjvOption | None) -> dict[int, str]:
+    """Return the names of the skins, flexes and spatial tendons that MuJoCo draws, by their numbers in `names`."""
+    option = mujoco.MjvOption() if option is None else option
+    flags = {name: bool(option.flags[_FLAGS[name]]) for name in _SOFT_FLAGS}
+    of_flex = any(flags[name] for name in _SOFT_FLAGS if name.startswith("FLEX"))
+    kinds = (("skin", option.skingroup, flags["SKIN"]), ("flex", option.flexgroup, of_flex))
+    found = {}
+    for kind, groups, drawn in (*kinds, ("tendon", option.tendongroup, flags["TENDON"])):
+        for index in range(getattr(model, f"n{kind}")):
+            group, rgba, material = (getattr(model, f"{kind}_{name}")[index] for name in ("group", "rgba", "matid"))
+            if kind == "tendon":  # visible regardless of opacity
+                shows = model.wrap_type[model.tendon_adr[index]] != JOINT_WRAP
+            else:
+                shows = has_opacity(model, rgba, int(material))
+            number = drawn_number(model, int(getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")), index)
+            if drawn and shows and groups[min(max(int(group), 0), len(groups) - 1)] and number is not None:
+                found[number] = f"{kind} {names[number]!r}"
+    return found
+
+
 def warn_of_soft(model: mujoco.MjModel, selection: Selection, option: mujoco.MjvOption | None) -> None:
     """Warn of the skins, flexes and tendons that MuJoCo draws and that cannot be rigid objects of a scene."""
-    found = soft_names(model, selection.names, option)
+    found = _soft_names(model, selection.names, option)
     names = [name for number, name in found.items() if number not in selection.left_out]
     if names:
         listed = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")

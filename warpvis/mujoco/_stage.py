@@ -18,12 +18,19 @@ from warpvis.errors import SceneError
 from warpvis.mujoco._cameras import RendererScene
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
-from warpvis.mujoco._model_fields import ModelWatch, Watched, check_shape_numbers
+from warpvis.mujoco._model_fields import (
+    UNKNOWN,
+    ModelWatch,
+    Watched,
+    check_shape_numbers,
+    shape_bodies,
+    shape_count,
+    shape_meaning,
+    shape_places,
+)
 from warpvis.mujoco._scene import Selection
-from warpvis.mujoco._shapes import UNKNOWN, shape_bodies, shape_count, shape_meaning, shape_places
 from warpvis.mujoco._tessellation import Blocks
-from warpvis.mujoco._visual_objects import VisualObjects, names_of_parents, put_objects
-from warpvis.mujoco._visuals import VisualKey
+from warpvis.mujoco._visuals import VisualKey, VisualObjects, names_of_parents, put_objects
 from warpvis.rendering import Output
 from warpvis.scene import Part, Scene, SceneObject, take_snapshot
 from warpvis.scene.solids import Solid

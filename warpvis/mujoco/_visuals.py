@@ -2,25 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """MuJoCo's visual elements other than geoms and sites: skins, flexes, tendons, and elements enabled by options.
 
-They come from `mjv_updateScene` (src/engine/engine_vis_visualize.c), with the vertices of skins and flexes.
+They are scene objects with moving vertices, from `mjv_updateScene` (src/engine/engine_vis_visualize.c), with the vertices of skins and flexes.
 """
 
 from __future__ import annotations
 
 import copy
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import mujoco  # noqa: TID253 - the whole package is about it
+import mujoco  # noqa: TID253 - the whole package is about it  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.errors import SceneError
-from warpvis.mujoco._geoms import DEFAULT_GROUPS, has_opacity
-from warpvis.mujoco._shapes import drawn_number
+from warpvis.core.labels import Label
+from warpvis.mujoco._model_fields import drawn_number, free_name, shape_count
+from warpvis.mujoco._scene import ADDING_FLAGS, JOINT_WRAP, Selection
 from warpvis.mujoco._tessellation import Blocks, Eye, bands, box_edges, facing, is_simple, line_ends, simple_shapes
+from warpvis.scene import Scene, SceneObject
 
 _GEOM, _OBJ = mujoco.mjtGeom, mujoco.mjtObj
 _LINES = int(_GEOM.mjGEOM_LINE), int(_GEOM.mjGEOM_LINEBOX)
@@ -30,36 +31,10 @@ _ALL, _DECOR = int(mujoco.mjtCatBit.mjCAT_ALL), int(mujoco.mjtCatBit.mjCAT_DECOR
 _MAX_GEOMS = 10000  # the default of mujoco.Renderer
 _BOX_WIDTH = 1.5  # of lines that are edges of boxes, relative to the model's line width
 _SENSORS = [int(getattr(mujoco.mjtSensor, f"mjSENS_{name}")) for name in ("RANGEFINDER", "GEOMFROMTO")]
-_JOINT_WRAP, _CRANK = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtTrn.mjTRN_SLIDERCRANK)
-
-# Indices of the flags of a `mujoco.MjvOption`.
-_FLAGS = {
-    name.removeprefix("mjVIS_"): int(flag)
-    for name, flag in mujoco.mjtVisFlag.__members__.items()
-    if name.startswith("mjVIS_")
-}
-_SOFT_FLAGS = "SKIN", "TENDON", "FLEXVERT", "FLEXEDGE", "FLEXFACE", "FLEXSKIN"
-# Flags that only change the appearance of geoms, sites, skins, flexes and tendons, or what other flags draw.
-_ADD_NOTHING = (
-    *("CONVEXHULL", "TEXTURE", "ACTIVATION", "RANGEFINDER", "SCLINERTIA", "PERTOBJ", "ISLAND", "CONTACTSPLIT"),
-    *("TRANSPARENT", "STATIC", *_SOFT_FLAGS),
-)
-_ADDING = [flag for name, flag in _FLAGS.items() if name not in _ADD_NOTHING]
+_CRANK = int(mujoco.mjtTrn.mjTRN_SLIDERCRANK)
 
 MAIN_PARTS = "skin", "faces", "capsule"
 """The main, and mostly only, shapes of skins, flexes and tendons."""
-
-
-def shown_by(option: mujoco.MjvOption | None) -> tuple[tuple[int, ...], bool, tuple[int, ...]]:
-    """Return the shown groups of geoms, whether geoms welded to the world are shown, and the shown groups of sites."""
-    if option is None:
-        return DEFAULT_GROUPS, True, DEFAULT_GROUPS
-    if not isinstance(option, mujoco.MjvOption):
-        raise SceneError(f"scene_option must be a mujoco.MjvOption, got {type(option).__name__}")
-    if option.flags[_FLAGS["CONVEXHULL"]]:
-        raise SceneError("scene_option must not enable convex hulls (mjVIS_CONVEXHULL), which are not rendered")
-    groups, sites = (tuple(np.flatnonzero(shown).tolist()) for shown in (option.geomgroup, option.sitegroup))
-    return groups, bool(option.flags[_FLAGS["STATIC"]]), sites
 
 
 class VisualKey(NamedTuple):
@@ -77,28 +52,8 @@ def draws_by_default(model: mujoco.MjModel) -> bool:
     """Return whether MuJoCo, by default, draws elements of a model other than geoms and sites."""
     wraps = model.wrap_type[model.tendon_adr] if model.ntendon else np.zeros(0)
     cranks, rays = (model.actuator_trntype == _CRANK).any(), np.isin(model.sensor_type, _SENSORS).any()
-    spatial = (wraps != _JOINT_WRAP).any()
+    spatial = (wraps != JOINT_WRAP).any()
     return bool(model.nskin or model.nflex or model.nplugin or spatial or cranks or rays)
-
-
-def soft_names(model: mujoco.MjModel, names: Sequence[str], option: mujoco.MjvOption | None) -> dict[int, str]:
-    """Return the names of the skins, flexes and spatial tendons that MuJoCo draws, by their numbers in `names`."""
-    option = mujoco.MjvOption() if option is None else option
-    flags = {name: bool(option.flags[_FLAGS[name]]) for name in _SOFT_FLAGS}
-    of_flex = any(flags[name] for name in _SOFT_FLAGS if name.startswith("FLEX"))
-    kinds = (("skin", option.skingroup, flags["SKIN"]), ("flex", option.flexgroup, of_flex))
-    found = {}
-    for kind, groups, drawn in (*kinds, ("tendon", option.tendongroup, flags["TENDON"])):
-        for index in range(getattr(model, f"n{kind}")):
-            group, rgba, material = (getattr(model, f"{kind}_{name}")[index] for name in ("group", "rgba", "matid"))
-            if kind == "tendon":  # visible regardless of opacity
-                shows = model.wrap_type[model.tendon_adr[index]] != _JOINT_WRAP
-            else:
-                shows = has_opacity(model, rgba, int(material))
-            number = drawn_number(model, int(getattr(_OBJ, f"mjOBJ_{kind.upper()}")), index)
-            if drawn and shows and groups[min(max(int(group), 0), len(groups) - 1)] and number is not None:
-                found[number] = f"{kind} {names[number]!r}"
-    return found
 
 
 class Visuals:
@@ -116,7 +71,7 @@ class Visuals:
         """Return whether there may be elements to draw."""
         if self._default or option is None:
             return self._default
-        return option.frame != mujoco.mjtFrame.mjFRAME_NONE or bool(option.flags[_ADDING].any())
+        return option.frame != mujoco.mjtFrame.mjFRAME_NONE or bool(option.flags[ADDING_FLAGS].any())
 
     def read(
         self, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None, eye: Eye
@@ -223,3 +178,118 @@ def _without_shapes(option: mujoco.MjvOption) -> mujoco.MjvOption:
         chosen.geomgroup[:] = chosen.sitegroup[:] = 0
     chosen.label = mujoco.mjtLabel.mjLABEL_NONE
     return chosen
+
+
+@dataclass
+class _VisualObject:
+    """The data of one object."""
+
+    name: str
+    capacity: int
+    """Maximum number of blocks."""
+    faces: NDArray[np.int32]
+    """Faces of one block."""
+    vertices: NDArray[np.float32]
+    """Vertices of the last update [m], shape ``(capacity * t, 3)``."""
+
+    def holds(self, blocks: Blocks) -> bool:
+        """Return whether the object can represent the blocks with its faces and capacity."""
+        count, corners, _ = blocks.vertices.shape
+        fits = self.capacity >= count and len(self.vertices) == self.capacity * corners
+        return fits and np.array_equal(self.faces, blocks.faces)
+
+    def blocks(self) -> Blocks:
+        """Return blocks that reproduce the object."""
+        return Blocks(self.vertices.reshape(self.capacity, -1, 3), self.faces)
+
+
+class VisualObjects:
+    """The objects of visual elements, between the geoms and sites of a scene and its added objects.
+
+    Each object is created when it is first drawn, and hidden when it is not drawn. The capacity of an object of several
+    shapes, such as the segments of a tendon, is at least doubled when it is exceeded.
+    """
+
+    def __init__(self, model: mujoco.MjModel, selection: Selection, scene: Scene) -> None:
+        self._model, self._selection, self._scene = model, selection, scene
+        self._items: dict[VisualKey, _VisualObject] = {}
+        self._shown: set[VisualKey] = set()
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def meanings(self) -> list[tuple[int, int]]:
+        """List id and `mujoco.mjtObj` of every object."""
+        return [(key.which, key.kind) for key in self._items]
+
+    def hidden(self, first: int) -> list[int]:
+        """List the scene indices of objects that are not drawn now, where `first` is the index of the first object."""
+        if len(self._shown) == len(self._items):
+            return []
+        return [first + place for place, key in enumerate(self._items) if key not in self._shown]
+
+    def state(self) -> dict[VisualKey, Blocks]:
+        """Return the blocks with which `update` reproduces the visible objects."""
+        return {key: self._items[key].blocks() for key in self._items if key in self._shown}
+
+    def update(self, drawn: Mapping[VisualKey, Blocks], first: int) -> None:
+        """Set the shapes of the visible elements; `first` is the scene index of the first object."""
+        left_out = self._selection.left_out
+        shown = {key: blocks for key, blocks in drawn.items() if self._number(key) not in left_out}
+        self._shown = set(shown)
+        new = {
+            key: blocks for key, blocks in shown.items() if key not in self._items or not self._items[key].holds(blocks)
+        }
+        if new:
+            self._make(new, first)
+        for key, blocks in shown.items():
+            item = self._items[key]
+            vertices = blocks.filled_up(item.capacity)
+            if key in new or not np.array_equal(vertices, item.vertices):
+                self._scene.update_vertices(item.name, vertices)
+                item.vertices = vertices
+
+    def _make(self, new: Mapping[VisualKey, Blocks], first: int) -> None:
+        """Create or rebuild objects."""
+        scene, draft = self._scene, Scene()
+        objects = scene.objects
+        mine = dict(zip(self._items, objects[first:], strict=False))
+        added = objects[first + len(mine) :]
+        taken = {item.name for item in objects} | set(self._selection.names[: shape_count(self._model)])
+        for key, blocks in new.items():
+            before, count = self._items.get(key), len(blocks.vertices)
+            capacity = count if before is None or count <= before.capacity else max(count, 2 * before.capacity)
+            name = free_name(self._name(key), taken) if before is None else before.name
+            taken.add(name)
+            vertices = blocks.filled_up(capacity)
+            draft.add((vertices, blocks.all_faces(capacity)), name=name, label=self._label(key), movable=True)
+            self._items[key] = _VisualObject(name, capacity, np.array(blocks.faces), vertices)
+            mine[key] = draft[name]
+        put_objects(scene, [*objects[:first], *mine.values(), *added], names_of_parents(objects))
+
+    def _number(self, key: VisualKey) -> int | None:
+        return drawn_number(self._model, key.kind, key.which)
+
+    def _name(self, key: VisualKey) -> str:
+        number = self._number(key)
+        if number is None:
+            return f"{mujoco.mju_type2Str(key.kind) or 'mark'}_{key.which}_{key.part}"
+        name = self._selection.names[number]
+        return name if key.part in MAIN_PARTS else f"{name}_{key.part}"
+
+    def _label(self, key: VisualKey) -> int:
+        number = self._number(key)
+        return Label.OBSTACLE if number is None else self._selection.labels[number]
+
+
+def names_of_parents(objects: Sequence[SceneObject]) -> dict[str, str]:
+    """Return the name of the object to which each attached object is attached, by name."""
+    return {item.name: objects[item.parent].name for item in objects if item.parent is not None}
+
+
+def put_objects(scene: Scene, objects: Sequence[SceneObject], parents: Mapping[str, str]) -> None:
+    """Replace a scene's objects, attached to parents of the given names."""
+    index = {item.name: number for number, item in enumerate(objects)}
+    scene.replace_objects(
+        [replace(item, parent=index[parents[item.name]]) if item.name in parents else item for item in objects]
+    )

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError, SceneError
+from warpvis.mujoco._model_fields import DEFAULT_COLOR
 from warpvis.mujoco._scene import MujocoScene, Selection, check_patterns, fitting
-from warpvis.mujoco._shapes import DEFAULT_COLOR
 
 POSE_FIELDS = ("body_pos", "body_quat", "geom_pos", "geom_quat", "cam_pos", "cam_quat")
 """Fields that determine poses for given joint positions; given poses already include them."""

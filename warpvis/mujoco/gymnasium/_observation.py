@@ -17,7 +17,7 @@ from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.mujoco._batch_views import CameraChoice
 from warpvis.mujoco._renderer import Renderer
-from warpvis.mujoco._visuals import shown_by
+from warpvis.mujoco._scene import shown_by
 from warpvis.mujoco.gymnasium._environments import Draws, add_entries, find_simulation, view_draws, with_entries
 from warpvis.mujoco.gymnasium._outputs import (
     DEPTH,

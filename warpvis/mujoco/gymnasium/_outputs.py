@@ -19,8 +19,8 @@ from warpvis.core.checks import as_items, check_choice
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.mujoco._batch_views import CameraChoice
 from warpvis.mujoco._cameras import camera_from_mujoco
+from warpvis.mujoco._model_fields import shape_bodies, shape_count
 from warpvis.mujoco._scene import check_patterns, class_of_geoms
-from warpvis.mujoco._shapes import shape_bodies, shape_count
 from warpvis.rendering import SENSOR_OUTPUTS, DepthSensor, Fill, Output, Renderer, check_fill, require_sensor
 from warpvis.scene import Scene
 from warpvis.sensors import Reason
