@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import Any
 
-import mujoco  # noqa: TID253 - the whole package is about it  # noqa: TID253 - the whole package is about it
+import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 

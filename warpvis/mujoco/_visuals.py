@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """MuJoCo's visual elements other than geoms and sites: skins, flexes, tendons, and elements enabled by options.
 
-They are scene objects with moving vertices, from `mjv_updateScene` (src/engine/engine_vis_visualize.c), with the vertices of skins and flexes.
+They come from `mjv_updateScene` (src/engine/engine_vis_visualize.c), with the vertices of skins and flexes, and are
+scene objects with moving vertices and fixed faces.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import mujoco  # noqa: TID253 - the whole package is about it  # noqa: TID253 - the whole package is about it
+import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
