@@ -63,7 +63,7 @@ WORDS = {
     "CameraChoice": "warpvis.mujoco._batch_views",
     "Movable": "warpvis.mujoco._scene",
     "Resizable": "warpvis.mujoco._world_models",
-    "Segmentation": "warpvis.mujoco.gymnasium._outputs",
+    "Segmentation": "warpvis.mujoco.gymnasium._observation",
     "Message": "warpvis.core.messages",
     "Stamp": "warpvis.core.messages",
 }

@@ -58,9 +58,6 @@ from warpvis.scene import Scene
 _MAX_PLACES = 16
 _MAX_RENDERERS = 64
 
-# Outputs that show colors.
-COLORS = frozenset(("color", "albedo"))
-
 
 class BatchRenderer:
     """Renders cameras in many worlds.
@@ -155,7 +152,7 @@ class BatchRenderer:
         check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._render_options = {"outputs": self._outputs, "sensor": sensor, "seed": seed, "fill": fill}
         self._render_options |= {"near_plane": near_plane, "cull_backfaces": cull_backfaces, "threads": threads}
-        self._appearance = None if COLORS.isdisjoint(self._outputs) else AppearanceWatch(model)
+        self._appearance = None if {"color", "albedo"}.isdisjoint(self._outputs) else AppearanceWatch(model)
         self._fixed = [FixedGeoms(model, self.mujoco_scene, sites=sites) for sites in (False, True)]
         self._resizable = ResizableGeoms(model, self.mujoco_scene, resized)
         shapes = self.mujoco_scene.shapes()

@@ -20,7 +20,7 @@ from warpvis.cameras.pinhole import Camera, check_size
 from warpvis.core.poses import poses_to_opencv
 from warpvis.core.types import DeviceLike
 from warpvis.errors import CameraError, SceneError
-from warpvis.mujoco._model_fields import check_camera_numbers
+from warpvis.mujoco._model_fields import CAMERA_FIELDS, check_numbers
 from warpvis.rendering import Fill
 from warpvis.scene import Scene
 
@@ -89,7 +89,7 @@ def viewer_frustum(model: mujoco.MjModel, viewer: mujoco.MjvCamera) -> Frustum:
     mujoco.mjv_cameraFrustum(*vertical_horizontal_clip, model, viewer)
     up, down, left, right, near, far = numbers = vertical_horizontal_clip.ravel().tolist()
     if viewer.type == _FIXED and not math.isfinite(sum(numbers)):
-        check_camera_numbers(model, viewer.fixedcamid)
+        check_numbers(model, CAMERA_FIELDS, CameraError, [viewer.fixedcamid])
     orthographic = bool(viewer.orthographic)
     if viewer.type == _FIXED:
         orthographic = model.cam_projection[viewer.fixedcamid] == mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC

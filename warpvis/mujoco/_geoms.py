@@ -87,8 +87,8 @@ def shown_geoms(model: mujoco.MjModel, groups: Sequence[int], site_groups: Seque
     geoms, count = range(model.ngeom), shape_count(model) if site_groups else 0
     drawn = [(geom, groups) for geom in geoms] + [(site, site_groups) for site in range(model.ngeom, count)]
     last = mujoco.mjNGROUP - 1  # MuJoCo clamps groups
-    opaque = [(shape, chosen) for shape, chosen in drawn if _is_opaque(model, shape)]
-    return [shape for shape, chosen in opaque if min(max(int(shape_value(model, "group", shape)), 0), last) in chosen]
+    shown = [s for s, chosen in drawn if min(max(int(shape_value(model, "group", s)), 0), last) in chosen]
+    return [s for s in shown if has_opacity(model, shape_value(model, "rgba", s), int(shape_value(model, "matid", s)))]
 
 
 def rigid_pieces(
@@ -138,13 +138,8 @@ def shape_key(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
     return (kind, *shape_value(model, "size", geom).tolist(), far)
 
 
-def _is_opaque(model: mujoco.MjModel, geom: int) -> bool:
-    """Return whether a geom is not fully transparent: its color counts, or by default its material's."""
-    return has_opacity(model, shape_value(model, "rgba", geom), int(shape_value(model, "matid", geom)))
-
-
 def has_opacity(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> bool:
-    """Return whether a color with a material (-1 for no material) is not fully transparent."""
+    """Return whether a color is not fully transparent: by default, the color of its material (-1 for none) counts."""
     uses_geom_color = material < 0 or tuple(rgba.tolist()) != DEFAULT_COLOR
     return bool((rgba[3] if uses_geom_color else model.mat_rgba[material][3]) != 0)
 

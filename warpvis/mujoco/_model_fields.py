@@ -17,7 +17,7 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.errors import CameraError, SceneError, WarpvisError
+from warpvis.errors import SceneError, WarpvisError
 
 GEOM, SITE, UNKNOWN = (int(getattr(mujoco.mjtObj, f"mjOBJ_{name}")) for name in ("GEOM", "SITE", "UNKNOWN"))
 _SKIN, _FLEX, _TENDON = (int(getattr(mujoco.mjtObj, f"mjOBJ_{name}")) for name in ("SKIN", "FLEX", "TENDON"))
@@ -122,7 +122,7 @@ _LIGHT_FIELDS = (
     *("light_attenuation", "light_ambient", "light_diffuse", "light_specular"),
 )
 _HEADLIGHT_FIELDS = ("ambient", "diffuse", "specular")
-_CAMERA_FIELDS = ("cam_fovy", "cam_intrinsic", "cam_sensorsize")
+CAMERA_FIELDS = ("cam_fovy", "cam_intrinsic", "cam_sensorsize")
 # Numbers that determine shapes, their visibility and their appearance.
 _SHAPE_NUMBERS = (
     *("geom_size", "geom_rgba", "site_size", "site_rgba", *MATERIAL_FIELDS),
@@ -275,26 +275,22 @@ def _runs(indices: Iterable[int]) -> list[list[int]]:
 
 def check_shape_numbers(model: mujoco.MjModel) -> None:
     """Raise a `SceneError` if a number that determines shapes, visibility or appearance is not finite."""
-    _check(model, _SHAPE_NUMBERS, SceneError)
+    check_numbers(model, _SHAPE_NUMBERS, SceneError)
 
 
 def check_light_numbers(model: mujoco.MjModel, lights: Iterable[int]) -> None:
     """Raise a `SceneError` if a number of the given lights, or of the headlight, is not finite."""
-    _check(model, _LIGHT_FIELDS, SceneError, list(lights))
+    check_numbers(model, _LIGHT_FIELDS, SceneError, list(lights))
     for name in _HEADLIGHT_FIELDS:
         value = getattr(model.vis.headlight, name)
         if not np.isfinite(value).all():
             raise SceneError(f"vis.headlight.{name} must be finite numbers, got {value.tolist()}")
 
 
-def check_camera_numbers(model: mujoco.MjModel, camera: int) -> None:
-    """Raise a `CameraError` if a number that determines a camera's intrinsics is not finite."""
-    _check(model, _CAMERA_FIELDS, CameraError, [camera])
-
-
-def _check(
+def check_numbers(
     model: mujoco.MjModel, fields: Iterable[str], error: type[WarpvisError], chosen: list[int] | None = None
 ) -> None:
+    """Raise an error if a number of the chosen rows of some fields, or of all, is not finite."""
     for name in fields:
         values = getattr(model, name)
         rows = values if chosen is None else values[chosen]

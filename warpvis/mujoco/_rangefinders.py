@@ -105,7 +105,12 @@ class Rangefinders:
     def _read_geoms(self, meshes: Mapping[_MeshKey, _Mesh | None] = MappingProxyType({})) -> None:
         """Copy the model's shapes to the device; the given meshes are not rebuilt."""
         check_shape_numbers(self.model)
-        _refuse_distance_fields(self.model, self._rays["body"])
+        for geom in np.flatnonzero(self.model.geom_type == int(_GEOM.mjGEOM_SDF)).tolist():
+            if _is_met(self.model, geom) and (self._rays["body"] != self.model.geom_bodyid[geom]).any():
+                raise SceneError(
+                    "geoms must not be signed distance fields, in which MuJoCo marches rays in steps, "
+                    f"got {self.model.geom(geom).name or geom!r}; rangefinders support the other types"
+                )
         self._geom_watch = ModelWatch(self.model, range(self.model.ngeom))
         self._meshes = dict(meshes)
         self._geom_struct = _ray_geoms(self.model, self.device, self._meshes)
@@ -246,15 +251,6 @@ def _is_met(model: mujoco.MjModel, geom: int) -> bool:
     material = int(model.geom_matid[geom])
     rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
     return bool(rgba[3] != 0)
-
-
-def _refuse_distance_fields(model: mujoco.MjModel, bodies: NDArray[np.int32]) -> None:
-    for geom in np.flatnonzero(model.geom_type == int(_GEOM.mjGEOM_SDF)).tolist():
-        if _is_met(model, geom) and (bodies != model.geom_bodyid[geom]).any():
-            raise SceneError(
-                f"geoms must not be signed distance fields, in which MuJoCo marches rays in steps, "
-                f"got {model.geom(geom).name or geom!r}; rangefinders support the other types"
-            )
 
 
 def _ray_geoms(model: mujoco.MjModel, device: wp.Device, meshes: dict[_MeshKey, _Mesh | None]) -> Any:

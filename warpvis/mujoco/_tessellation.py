@@ -111,15 +111,10 @@ class Blocks:
         return (self.faces + first[:, None, None]).reshape(-1, 3)
 
 
-def is_simple(kind: int) -> bool:
-    """Return whether `simple_shapes` supports a `mujoco.mjtGeom`."""
-    return kind in _MAKERS
-
-
 def simple_shapes(
     kind: int, sizes: _Floats, position: _Floats, rotation: _Floats, *, mesh_tolerance: float, open_ends: bool = False
 ) -> Blocks:
-    """Build shapes of one kind that `is_simple`, with sizes as in `mujoco.MjvGeom` [m], ``(n, 3)``.
+    """Build shapes of one kind of `SIMPLE_SHAPES`, with sizes as in `mujoco.MjvGeom` [m], ``(n, 3)``.
 
     The distance between triangles and the exact surface is at most `mesh_tolerance` [m] and 2 % of the radius. With
     `open_ends`, cylinders have no caps.
@@ -140,7 +135,7 @@ def simple_shapes(
 @functools.lru_cache(maxsize=64)
 def _unit(kind: int, error: float, open_ends: bool) -> tuple[_Floats, _Floats, NDArray[np.int32]]:
     """Return a shape's vertices at unit size, the ends of a capsule's axis to which they belong, or 0, and faces."""
-    corners, faces = _MAKERS[kind](error)
+    corners, faces = SIMPLE_SHAPES[kind](error)
     ends = np.zeros(len(corners))
     if kind == _GEOM.mjGEOM_CAPSULE:
         ends = np.sign(corners[:, 2])
@@ -201,7 +196,7 @@ def _joined(*meshes: Mesh) -> Mesh:
     return np.concatenate([corners for corners, _ in meshes]), np.concatenate(faces).astype(np.int32)
 
 
-_MAKERS: dict[int, Callable[[float], Mesh]] = {
+SIMPLE_SHAPES: dict[int, Callable[[float], Mesh]] = {
     int(_GEOM.mjGEOM_SPHERE): _sphere,
     int(_GEOM.mjGEOM_CAPSULE): lambda error: _triangles(solids.capsule(1.0, 1.0, mesh_tolerance=error)),
     int(_GEOM.mjGEOM_ELLIPSOID): _sphere,

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from warpvis.core.labels import Label
 from warpvis.mujoco._model_fields import drawn_number, free_name, shape_count
 from warpvis.mujoco._scene import ADDING_FLAGS, JOINT_WRAP, Selection
-from warpvis.mujoco._tessellation import Blocks, Eye, bands, box_edges, facing, is_simple, line_ends, simple_shapes
+from warpvis.mujoco._tessellation import SIMPLE_SHAPES, Blocks, Eye, bands, box_edges, facing, line_ends, simple_shapes
 from warpvis.scene import Scene, SceneObject
 
 _GEOM, _OBJ = mujoco.mjtGeom, mujoco.mjtObj
@@ -93,10 +93,9 @@ class Visuals:
                 drawn[VisualKey(geom.objtype, geom.objid, "skin")] = self._skin(scene, geom.objid)
             elif kind == _GEOM.mjGEOM_FLEX:
                 drawn |= self._flex(scene, geom.objid, float(geom.size[0]))
-            elif is_simple(kind) or kind in _LINES:
-                simple[VisualKey(geom.objtype, geom.objid, _GEOM(kind).name.removeprefix("mjGEOM_").lower())].append(
-                    geom
-                )
+            elif kind in SIMPLE_SHAPES or kind in _LINES:
+                part = _GEOM(kind).name.removeprefix("mjGEOM_").lower()
+                simple[VisualKey(geom.objtype, geom.objid, part)].append(geom)
             else:
                 left_out[f"{_GEOM(kind).name} of {_OBJ(geom.objtype).name}"] = None
         for key, geoms in simple.items():
@@ -136,16 +135,14 @@ class Visuals:
         first = scene.flexvertadr[flex]
         vertices = scene.flexvert.reshape(-1, 3)[first : first + scene.flexvertnum[flex]].astype(np.float64)
         if scene.flexvertopt:
-            yield VisualKey(kind, flex, "vertices"), self._balls(vertices, radius)
+            sizes, rotation = np.full((len(vertices), 3), radius), np.broadcast_to(np.eye(3), (len(vertices), 3, 3))
+            ball, tolerance = int(_GEOM.mjGEOM_SPHERE), self._mesh_tolerance
+            balls = simple_shapes(ball, sizes, vertices, rotation, mesh_tolerance=tolerance)
+            yield VisualKey(kind, flex, "vertices"), balls
         count = int(scene.flexedgenum[flex])
         if scene.flexedgeopt and count:
             edges = scene.flexedge.reshape(-1, 2)[scene.flexedgeadr[flex] :][:count]
             yield VisualKey(kind, flex, "edges"), self._rods(vertices[edges], radius)
-
-    def _balls(self, middles: NDArray[np.float64], radius: float) -> Blocks:
-        sizes = np.full((len(middles), 3), radius)
-        rotation = np.broadcast_to(np.eye(3), (len(middles), 3, 3))
-        return simple_shapes(int(_GEOM.mjGEOM_SPHERE), sizes, middles, rotation, mesh_tolerance=self._mesh_tolerance)
 
     def _rods(self, ends: NDArray[np.float64], radius: float) -> Blocks:
         """Build open cylinders between pairs of points, ``(n, 2, 3)``."""

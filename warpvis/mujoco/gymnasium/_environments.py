@@ -7,7 +7,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any
 
 import gymnasium as gym
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -24,8 +24,6 @@ STATE = "state"
 """The key of an observation that is not a dictionary, as in Gymnasium's `AddRenderObservation`."""
 
 _PLACES = (("model", "data"), ("sim.model._model", "sim.data._data"), ("physics.model.ptr", "physics.data.ptr"))
-
-_Value = TypeVar("_Value")
 
 _WORDS = 3
 """Number of 32-bit words of seeds: two of the episode, and the frame."""
@@ -77,7 +75,7 @@ def with_entries(space: spaces.Space, added: Mapping[str, spaces.Space]) -> spac
     return spaces.Dict({**known, **added})
 
 
-def add_entries(observation: Any, added: Mapping[str, _Value]) -> dict[str, Any]:
+def add_entries(observation: Any, added: Mapping[str, Any]) -> dict[str, Any]:
     """Return an observation with additional entries."""
     known = observation if isinstance(observation, Mapping) else {STATE: observation}
     return {**known, **added}

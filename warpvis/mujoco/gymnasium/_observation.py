@@ -1,34 +1,46 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A wrapper that adds images to the observations of one environment."""
+"""A wrapper that adds images to the observations of one environment, and the entries of all wrappers."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal, TypeAlias
 
 import gymnasium as gym
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
-from numpy.typing import NDArray
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.image_cameras import PlanarCamera
+from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import get_device
+from warpvis.core.checks import as_items, check_choice
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
+from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.mujoco._batch_views import CameraChoice
-from warpvis.mujoco._renderer import Renderer
-from warpvis.mujoco._scene import shown_by
+from warpvis.mujoco._cameras import camera_from_mujoco
+from warpvis.mujoco._model_fields import shape_bodies, shape_count
+from warpvis.mujoco._renderer import Renderer as MujocoRenderer
+from warpvis.mujoco._scene import check_patterns, class_of_geoms, shown_by
 from warpvis.mujoco.gymnasium._environments import Draws, add_entries, find_simulation, view_draws, with_entries
-from warpvis.mujoco.gymnasium._outputs import (
-    DEPTH,
-    FRACTION,
-    SEGMENTATION,
-    Outputs,
-    Segmentation,
-    VisibleFractions,
-    shapes_of_objects,
-)
-from warpvis.rendering import DepthSensor, Fill
+from warpvis.rendering import SENSOR_OUTPUTS, DepthSensor, Fill, Output, Renderer, check_fill, require_sensor
+from warpvis.scene import Scene
+from warpvis.sensors import Reason
+
+_MAX_CAMERAS = 64
+_PART_BYTES = 1 << 26  # size of images rendered per batch
+
+
+Segmentation: TypeAlias = Literal["geom", "body"] | Mapping[str, int]
+"""Number of a pixel in segmentation: id of its geom or body, or the class of the last pattern that matches either."""
+
+DEPTH, SEGMENTATION, FRACTION, REASONS = "depth", "segmentation", "visible_fraction", "reasons"
+TRUE_DEPTH = "true_depth"
+_NAMES = (DEPTH, SEGMENTATION)
 
 
 class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
@@ -151,7 +163,7 @@ def _without_sites() -> mujoco.MjvOption:
     return option
 
 
-class ImageRenderer(Renderer):
+class ImageRenderer(MujocoRenderer):
     """A `warpvis.mujoco.Renderer` that computes depth, segmentation and visible fractions at once."""
 
     _fractions: VisibleFractions | None = None
@@ -186,3 +198,167 @@ class ImageRenderer(Renderer):
                 self._fractions = VisibleFractions(stage.scene, self._threads)
             entries[FRACTION] = self._fractions.count(camera, segmentation[None], members, eye, places, hidden)[0]
         return entries
+
+
+def shapes_of_objects(shapes: ArrayLike, scene: Scene) -> NDArray[np.int32]:
+    """Return the geom or site of every object, given for the first ones; -1 for others, and a last -1 for no object."""
+    known = np.asarray(shapes, dtype=np.int32)
+    return np.pad(known, (0, len(scene) + 1 - len(known)), constant_values=-1)
+
+
+class Outputs:
+    """The entries that a wrapper adds, for one model."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        *,
+        camera: CameraChoice | Sequence[CameraChoice],
+        width: int,
+        height: int,
+        outputs: Sequence[str],
+        objects: Sequence[str],
+        segmentation: Segmentation,
+        fill: Fill,
+        sensor: DepthSensor | None,
+    ) -> None:
+        """Check the arguments of a wrapper."""
+        single = isinstance(camera, str | int | np.integer | mujoco.MjvCamera)
+        self.cameras: list[CameraChoice] = [camera] if single else as_items(camera, "camera", CameraError)
+        if not self.cameras:
+            raise CameraError("camera must be one or more cameras, got none")
+        self.shape = (check_size(height, "height"), check_size(width, "width"))
+        self.sensor = None if sensor is None else require_sensor(sensor)
+        known = _NAMES if sensor is None else (*_NAMES, *SENSOR_OUTPUTS)
+        self.names = [check_choice(name, "outputs", known) for name in as_items(outputs, "outputs")]
+        if not self.names or len(set(self.names)) < len(self.names):
+            raise ArrayError(f"outputs must be one or more of {', '.join(known)}, each once, got {outputs!r}")
+        patterns = check_patterns(objects, "objects")
+        self.members = np.array([class_of_geoms(model, {name: 1}, "objects") == 1 for name in patterns], dtype=bool)
+        """Whether each geom and site is part of each of `objects`, ``(objects, shapes)``."""
+        self.members = self.members.reshape(len(patterns), shape_count(model))
+        self.numbers, highest = _numbers(model, segmentation)
+        """The number of every geom and site in segmentation, with a last one for no shape (index -1)."""
+        self._axes = () if single else (len(self.cameras),)
+        seen = [camera_from_mujoco(model, choice, width, height) for choice in self.cameras]
+        self.fill, size = fill, (*self._axes, *self.shape)
+        bounds = {
+            DEPTH: (*_depth_bounds(fill, seen, sensed=sensor is not None), np.float32),
+            SEGMENTATION: (-1, highest, np.int32),
+            REASONS: (0, max(Reason), np.uint8),
+            TRUE_DEPTH: (0.0, np.inf, np.float32),
+        }
+        self.spaces: dict[str, spaces.Space] = {
+            name: spaces.Box(low, high, size, dtype)
+            for name, (low, high, dtype) in bounds.items()
+            if name in self.names
+        }
+        """The spaces of the entries."""
+        if len(self.members):
+            self.spaces[FRACTION] = spaces.Box(0.0, 1.0, (*self._axes, len(self.members)), np.float32)
+
+    @property
+    def images(self) -> tuple[Output, ...]:
+        """The outputs to render."""
+        requested = {*self.names, SEGMENTATION} if len(self.members) else set(self.names)
+        known: tuple[Output, ...] = ("depth", "segmentation", "reasons", "true_depth")
+        return tuple(name for name in known if name in requested)
+
+    def members_of(self, shapes: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Return whether geoms and sites (-1 for none) are part of each of `objects`, shape ``(objects, shapes)``."""
+        return np.append(self.members, np.zeros((len(self.members), 1), dtype=bool), axis=1)[:, shapes]
+
+    def entries(self, images: Mapping[str, np.ndarray], *, axis: int = 0) -> dict[str, np.ndarray]:
+        """Return an observation's entries, owned by the caller, from the images ``(C, ..., H, W)`` of all cameras.
+
+        In segmentation, pixels have the number of their geom or site, or -1. Other images than entries are ignored.
+        `axis` is the position of the axis for cameras, if there is one.
+        """
+        chosen = {name: images[name] for name in self.spaces}
+        if SEGMENTATION in chosen:
+            chosen[SEGMENTATION] = self.numbers[chosen[SEGMENTATION]]
+        return {name: (np.moveaxis(part, 0, axis) if self._axes else part[0]).copy() for name, part in chosen.items()}
+
+
+def _numbers(model: mujoco.MjModel, segmentation: Segmentation) -> tuple[NDArray[np.int32], int]:
+    if isinstance(segmentation, Mapping):
+        numbers = class_of_geoms(model, segmentation, "segmentation")
+        highest = int(numbers.max(initial=-1))
+    else:
+        kind = check_choice(segmentation, "segmentation", ("geom", "body"), SceneError)
+        geoms = np.r_[np.arange(model.ngeom), np.full(model.nsite, -1)]
+        numbers = geoms if kind == "geom" else shape_bodies(model)
+        highest = (model.ngeom if kind == "geom" else model.nbody) - 1
+    return np.append(numbers, -1).astype(np.int32), max(highest, 0)
+
+
+def _depth_bounds(fill: Fill, cameras: Sequence[PlanarCamera], *, sensed: bool) -> tuple[float, float]:
+    """Return the bounds of depth."""
+    far = max(camera.far for camera in cameras)
+    fill = check_fill(fill)
+    if fill == "inf" and sensed:
+        raise ArrayError('fill must be "far" or a number with a sensor, got "inf", which leaves NaN for lost depth')
+    if isinstance(fill, str):
+        return (0.0, np.inf) if fill == "inf" else (0.0, far)
+    return min(fill, 0.0), max(fill, far)
+
+
+class VisibleFractions:
+    """Computes visible fractions of objects of several geoms with overlapping silhouettes.
+
+    `warpvis.object_visibility` does so for single objects. As there, the canvas of silhouettes is three times as wide
+    and high as the image.
+    """
+
+    def __init__(self, scene: Scene, threads: int | None) -> None:
+        self.scene, self._threads = scene, threads
+        self._renderers: dict[PlanarCamera, Renderer] = {}
+
+    def _renderer(self, camera: PlanarCamera) -> Renderer:
+        """Return the renderer of silhouettes for the camera of the images."""
+        if camera not in self._renderers:
+            if len(self._renderers) >= _MAX_CAMERAS:  # bounds the memory if the field of view keeps changing
+                self._renderers.clear()
+            width, height = camera.width, camera.height
+            canvas = replace(camera, width=3 * width, height=3 * height, cx=camera.cx + width, cy=camera.cy + height)
+            options: dict[str, Any] = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
+            self._renderers[camera] = Renderer(self.scene, canvas, outputs=("segmentation",), **options)
+        return self._renderers[camera]
+
+    def count(
+        self,
+        camera: PlanarCamera,
+        segmentation: NDArray[np.int32],
+        members: NDArray[np.bool_],
+        eyes: NDArray[np.float32],
+        object_poses: NDArray[np.float32] | None,
+        hidden: NDArray[np.bool_],
+    ) -> NDArray[np.float32]:
+        """Compute visible fractions of K objects in V views, 0 for invisible objects, shape ``(V, K)``.
+
+        Args:
+            camera: The camera of the images.
+            segmentation: Indices of the scene's objects, or -1, shape ``(V, H, W)``.
+            members: Whether each of the scene's objects is part of a named object, shape ``(K, objects)``.
+            eyes: Camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``.
+            object_poses: Poses of movable objects, shape ``(V, M, 7)``; None without any.
+            hidden: Whether each of the scene's objects is hidden, shape ``(V, objects)``.
+        """
+        is_member = np.append(members, np.zeros((len(members), 1), dtype=bool), axis=1)
+        visible = np.stack([mine[segmentation].sum(axis=(1, 2)) for mine in is_member], axis=1)
+        isolated = np.zeros_like(visible)
+        views, names = np.nonzero(visible)
+        renderer = self._renderer(camera)
+        step = max(1, _PART_BYTES // (4 * renderer.camera.width * renderer.camera.height))
+        for first in range(0, len(views), step):
+            batch, mine = views[first : first + step], names[first : first + step]
+            seen = renderer.render(
+                eyes[batch],
+                object_poses=None if object_poses is None else object_poses[batch],
+                exclude=(hidden[batch] | ~members[mine]).astype(np.uint8),
+            )
+            assert seen.segmentation is not None
+            isolated[batch, mine] = (seen.segmentation.numpy() >= 0).sum(axis=(1, 2))
+        # Pixel coordinates of the canvas differ, so that rounding may lose a pixel at an edge.
+        total = np.maximum(isolated, visible)
+        return np.divide(visible, total, out=np.zeros(visible.shape, dtype=np.float32), where=total > 0)

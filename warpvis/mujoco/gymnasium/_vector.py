@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._batch import BatchRenderer
-from warpvis.mujoco._batch_views import NOBODY, BatchCamera, CameraChoice, choose_cameras, views_by_intrinsics
+from warpvis.mujoco._batch_views import CameraChoice, Workplace, choose_cameras, views_by_intrinsics
 from warpvis.mujoco._geoms import shown_geoms
-from warpvis.mujoco._poses import WorldPoses, camera_poses, geom_poses
+from warpvis.mujoco._poses import WorldPoses
 from warpvis.mujoco._scene import Movable
 from warpvis.mujoco.gymnasium._environments import POSES, PoseLayout, from_halves, view_draws, with_entries
-from warpvis.mujoco.gymnasium._outputs import (
+from warpvis.mujoco.gymnasium._observation import (
     FRACTION,
     SEGMENTATION,
     Outputs,
@@ -190,37 +190,28 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         changes: dict[str, np.ndarray],
     ) -> NDArray[np.float32]:
         """Compute visible fractions in all views, shape ``(C * W, objects)``."""
-        count, scene = len(poses.geom_xpos), self._batch.mujoco_scene
-        eyes = np.concatenate([self._eyes(poses, camera) for camera in self._chosen])
-        places = geom_poses(poses, scene) if scene.scene.movable else None
-        hidden = np.zeros((count, len(shapes)), dtype=bool)
+        model, scene = self._batch.model, self._batch.mujoco_scene
+        worlds = np.arange(len(poses.geom_xpos), dtype=np.int32)
+        place = Workplace.of(scene, self._chosen, worlds)
+        place.write_poses(poses, scene, model)
+        eyes, places = place.eyes.numpy().reshape(-1, 7), place.objects.numpy()
+        hidden = np.zeros((len(worlds), len(shapes)), dtype=bool)
         if "geom_rgba" in changes:
-            is_geom = (shapes >= 0) & (shapes < self._batch.model.ngeom)
+            is_geom = (shapes >= 0) & (shapes < model.ngeom)
             hidden[:, is_geom] = changes["geom_rgba"][:, shapes[is_geom], 3] == 0
         fractions = np.empty((len(eyes), len(members)), dtype=np.float32)
-        all_worlds = np.arange(count, dtype=np.int32)
-        groups = views_by_intrinsics(self._batch.model, self._chosen, changes.get("cam_fovy"), all_worlds)
+        groups = views_by_intrinsics(model, self._chosen, changes.get("cam_fovy"), worlds)
         for camera, views in groups.items():
-            worlds = views % count
+            rows = views % len(worlds)
             fractions[views] = self._fractions.count(
                 camera,
                 segmentation[views],
                 members,
                 eyes[views],
-                None if places is None else places[worlds],
-                hidden[worlds],
+                places[rows] if places.size else None,
+                hidden[rows],
             )
         return fractions
-
-    def _eyes(self, poses: WorldPoses, camera: BatchCamera) -> NDArray[np.float32]:
-        """Return the poses of a camera in all environments, shape ``(W, 7)``."""
-        if camera.camera_id >= 0:
-            return camera_poses(poses, self._batch.model, [camera.camera_id])[0]
-        com = np.asarray(poses.subtree_com, dtype=np.float32)
-        eyes = np.tile(np.array(camera.pose, dtype=np.float32), (len(com), 1))
-        if camera.body != NOBODY:
-            eyes[:, :3] += com[:, camera.body]
-        return eyes
 
 
 def _replace_poses(observation: dict[str, Any], images: dict[str, np.ndarray]) -> dict[str, Any]:
