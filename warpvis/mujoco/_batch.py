@@ -150,7 +150,7 @@ class BatchRenderer:
         self.frame = 0
         """The frame of a sensor's random numbers in the next call of `render` without `frame`."""
         check_choice(near_plane, "near_plane", get_args(NearPlane))
-        self._render_options = {"outputs": self._outputs, "sensor": sensor, "seed": seed, "fill": fill}
+        self._render_options: dict[str, Any] = {"outputs": self._outputs, "sensor": sensor, "seed": seed, "fill": fill}
         self._render_options |= {"near_plane": near_plane, "cull_backfaces": cull_backfaces, "threads": threads}
         self._appearance = None if {"color", "albedo"}.isdisjoint(self._outputs) else AppearanceWatch(model)
         self._fixed = [FixedGeoms(model, self.mujoco_scene, sites=sites) for sites in (False, True)]
@@ -220,7 +220,12 @@ class BatchRenderer:
             ArrayError: If poses, worlds, `model` or `out` do not fit, or the poses of a world were never computed.
             SceneError: If colors are among the outputs, and colors, materials or lights of the model have changed.
         """
-        self._check_appearance()
+        changed = [] if self._appearance is None else self._appearance.changed()
+        if changed:
+            raise SceneError(
+                f"{changed[0]} of the model must not change after the BatchRenderer was created, whose colors do not "
+                "follow it; create another BatchRenderer after the change"
+            )
         chosen = choose_cameras(self.model, cameras, self.width, self.height)
         kinds = ["geom"] + ["site"] * bool(len(self.mujoco_scene.movable_sites))
         kinds += ["cam"] * any(camera.camera_id >= 0 for camera in chosen)
@@ -241,15 +246,6 @@ class BatchRenderer:
             self._cast(camera, place, members, drawn, views)
         self._free_workplaces.give_back(key, place)
         return views
-
-    def _check_appearance(self) -> None:
-        """Raise a `SceneError` if the model's colors have changed since construction."""
-        changed = [] if self._appearance is None else self._appearance.changed()
-        if changed:
-            raise SceneError(
-                f"{changed[0]} of the model must not change after the BatchRenderer was created, whose colors do not "
-                "follow it; create another BatchRenderer after the change"
-            )
 
     def _number(
         self,

@@ -206,13 +206,15 @@ class NotInSceneError(SceneError, AttributeError):
 class ViewerScene:
     """The flags and cameras of one renderer, created lazily."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, flags: list[int] | None = None) -> None:
         self._model = model
         self._mjv_scene: mujoco.MjvScene | None = None
         self._frustum: Frustum | None = None
         self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
         self._before: list[tuple[Any, ...]] = []
         self._warned = False
+        if flags is not None:
+            self.mujoco_scene().flags[:] = flags
 
     def update(self, frustum: Frustum, pose: NDArray[np.float32]) -> None:
         """Set the frustum and pose of both cameras of the stereo pair."""
@@ -230,11 +232,6 @@ class ViewerScene:
     def flags(self) -> list[int] | None:
         """Return the flags; None if they were never accessed."""
         return None if self._mjv_scene is None else self._mjv_scene.flags.tolist()
-
-    def set_flags(self, flags: list[int] | None) -> None:
-        """Set the flags."""
-        if flags is not None:
-            self.mujoco_scene().flags[:] = flags
 
     def seen(self, camera: PlanarCamera, pose: NDArray[np.float32]) -> tuple[PlanarCamera, NDArray[np.float32]]:
         """Return the camera and its pose, with the user's changes since the update."""

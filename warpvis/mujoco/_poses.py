@@ -53,11 +53,7 @@ class WorldPoses:
 
     @classmethod
     def of(cls, worlds: Sequence[mujoco.MjData]) -> WorldPoses:
-        """Copy the current poses of several `mujoco.MjData`.
-
-        Raises:
-            ArrayError: If `worlds` is empty, is not `mujoco.MjData` of one model, or its poses were never computed.
-        """
+        """Copy the current poses of several `mujoco.MjData` of one model."""
         worlds = as_items(worlds, "worlds")
         if not worlds or not all(isinstance(data, mujoco.MjData) for data in worlds):
             raise ArrayError(f"worlds must be one or more of mujoco.MjData, got {worlds!r}")

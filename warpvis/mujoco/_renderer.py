@@ -17,6 +17,7 @@ from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.checks import check_choice, check_flag, describe_exception, truncate
 from warpvis.core.label_rules import LabelInput, LabelRules
+from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
@@ -41,7 +42,7 @@ from warpvis.sensors import Reason
 
 _REBUILT = ("_stages", "_stage", "_viewer", "_fallback", "_visuals")
 _OF_SENSOR: tuple[Output, ...] = ("reasons", "true_depth")
-_NOTHING = {"depth": (np.inf, np.float32), "segmentation": (-1, np.int32)}
+_NOTHING: dict[str, tuple[float, type]] = {"depth": (np.inf, np.float32), "segmentation": (-1, np.int32)}
 _NOTHING |= {"reasons": (Reason.EMPTY, np.uint8), "true_depth": (np.inf, np.float32)}
 _MAX_RENDERERS = 64  # bounds the memory if the camera's field of view keeps changing
 
@@ -251,9 +252,6 @@ class Renderer:
             Segmentation: pairs of an id and its `mujoco.mjtObj` (mjOBJ_GEOM, mjOBJ_SITE, mjOBJ_SKIN, ...), as from
             `mujoco.Renderer`; -1 and mjOBJ_UNKNOWN for objects added to `scene`, -1 and -1 for no object, shape
             ``(height, width, 2)`` int32.
-
-        Raises:
-            WarpvisError: If neither is enabled, `update_scene` was not called, or `out` has a wrong shape.
         """
         if self._closed:
             raise WarpvisError("render cannot be called after close")
@@ -305,9 +303,8 @@ class Renderer:
         states, current, fallback = state.pop("_states"), state.pop("_current"), state.pop("_fallback")
         flags = state.pop("_flags")
         self.__dict__ |= state
-        self._viewer, self._stages = ViewerScene(self._model), {}
+        self._viewer, self._stages = ViewerScene(self._model, flags), {}
         self._visuals = Visuals(self._model, mesh_tolerance=self._options["mesh_tolerance"])
-        self._viewer.set_flags(flags)
         for shown, stage_state in states.items():
             self._stage_of(shown).restore(stage_state)
         if current is not None:
@@ -337,7 +334,11 @@ class Renderer:
                 stage.draw({})
             return
         assert self._camera is not None
-        stage.draw(self._visuals.read(data, viewer, option, Eye(self._camera, self._pose)))
+        stage.draw(
+            self._visuals.read(
+                data, viewer, option, Eye(self._camera, poses_to_matrices(self._pose.astype(np.float64)))
+            )
+        )
         new = [name for name in self._visuals.undrawn if name not in self._warned]
         if new:
             self._warned.update(new)

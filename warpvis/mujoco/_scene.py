@@ -147,7 +147,7 @@ def scene_from_mujoco(
         UserWarning: If the model has skins, flexes or tendons that MuJoCo draws and that are not in `exclude`.
 
     Raises:
-        SceneError: If an argument is invalid, a pattern has no match, or values of the model are not finite.
+        SceneError: If a pattern has no match, or values of the model are not finite.
     """
     options: dict[str, Any] = {"mesh_tolerance": mesh_tolerance, "labels": labels, "label_names": label_names}
     options |= {"geom_groups": geom_groups, "site_groups": site_groups, "exclude": exclude, "static": static}

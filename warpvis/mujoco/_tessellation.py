@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -20,7 +21,6 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.orthographic import OrthographicCamera
-from warpvis.core.poses import poses_to_matrices
 from warpvis.scene import solids
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
@@ -209,28 +209,25 @@ SIMPLE_SHAPES: dict[int, Callable[[float], Mesh]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Eye:
-    """The camera, and its pose, that lines are drawn for."""
+class Eye(NamedTuple):
+    """The camera that lines are drawn for."""
 
     camera: PlanarCamera
-    pose: NDArray[np.float32]
-    """Camera to world, ``x y z qx qy qz qw``."""
+    place: _Floats
+    """Camera to world, ``(4, 4)``."""
 
 
 def facing(triangles: NDArray[np.floating], eye: Eye) -> NDArray[np.floating]:
     """Orient triangles so that the camera sees their front, corners ``(n, 3, 3)``: MuJoCo draws both sides of them."""
     a, b, c = np.swapaxes(triangles, 0, 1)
-    place = poses_to_matrices(eye.pose.astype(np.float64))
-    sight = place[:3, 2] if isinstance(eye.camera, OrthographicCamera) else a - place[:3, 3]
+    sight = eye.place[:3, 2] if isinstance(eye.camera, OrthographicCamera) else a - eye.place[:3, 3]
     away = (np.cross(b - a, c - a) * sight).sum(axis=1) > 0
     return np.where(away[:, None, None], triangles[:, [0, 2, 1]], triangles)
 
 
 def bands(ends: _Floats, width: float, eye: Eye) -> Blocks:
     """Make lines between ends in the world [m], shape ``(n, 2, 3)``, whose width is in pixels of the camera."""
-    place = poses_to_matrices(eye.pose.astype(np.float64))
-    forward, position = place[:3, 2], place[:3, 3]
+    forward, position = eye.place[:3, 2], eye.place[:3, 3]
     depth = (ends - position) @ forward
     # Parts behind the near plane are not visible and would be bands turned inside out.
     other = depth[:, ::-1]
@@ -245,15 +242,15 @@ def bands(ends: _Floats, width: float, eye: Eye) -> Blocks:
     length = np.linalg.norm(across, axis=1, keepdims=True)
     across /= np.where(length > 0, length, 1)
     reach = np.ones_like(depth) if orthographic else depth
-    half = _pixels(ends, depth, width, eye, place)[:, None] / 2 / eye.camera.fy * reach
+    half = _pixels(ends, depth, width, eye)[:, None] / 2 / eye.camera.fy * reach
     sides = half[..., None] * across[:, None]
     corners = np.concatenate([ends - sides, (ends + sides)[:, ::-1]], axis=1)
     return Blocks(corners, _BAND)
 
 
-def _pixels(ends: _Floats, depth: _Floats, width: float, eye: Eye, place: _Floats) -> _Floats:
+def _pixels(ends: _Floats, depth: _Floats, width: float, eye: Eye) -> _Floats:
     """Return the widths of lines in an image [px], ``(n,)``: OpenGL measures whole pixels along a row or a column."""
-    inside = (ends - place[:3, 3]) @ place[:3, :2]
+    inside = (ends - eye.place[:3, 3]) @ eye.place[:3, :2]
     if not isinstance(eye.camera, OrthographicCamera):
         inside = inside / np.maximum(depth, eye.camera.near)[..., None]
     along = np.abs((inside[:, 1] - inside[:, 0]) * [eye.camera.fx, eye.camera.fy])

@@ -104,9 +104,6 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
                 render all environments in one process with `VectorDepthObservation`.
             threads: Number of CPU threads. The default of 1 is for parallel environments, one per worker, which would
                 otherwise oversubscribe the cores; None uses all cores, for a single environment.
-
-        Raises:
-            WarpvisError: If the environment has no MuJoCo model, or an argument is invalid.
         """
         model, _ = find_simulation(env)
         chosen: dict[str, Any] = {"camera": camera, "width": width, "height": height, "outputs": outputs}
