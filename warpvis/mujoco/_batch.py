@@ -32,12 +32,7 @@ from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE, check_groups
 from warpvis.mujoco._model_fields import AppearanceWatch, shape_bodies
-from warpvis.mujoco._poses import (
-    PoseSource,
-    check_computed,
-    read_source,
-    world_count,
-)
+from warpvis.mujoco._poses import PoseSource, check_computed, read_source, world_count
 from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_geoms, shown_by, warn_of_soft
 from warpvis.mujoco._world_models import Resizable, ResizableGeoms, WorldModels, resizable_geoms
 from warpvis.mujoco._worlds import FixedGeoms, Kinematics, check_worlds

@@ -334,11 +334,8 @@ class Renderer:
                 stage.draw({})
             return
         assert self._camera is not None
-        stage.draw(
-            self._visuals.read(
-                data, viewer, option, Eye(self._camera, poses_to_matrices(self._pose.astype(np.float64)))
-            )
-        )
+        eye = Eye(self._camera, poses_to_matrices(self._pose.astype(np.float64)))
+        stage.draw(self._visuals.read(data, viewer, option, eye))
         new = [name for name in self._visuals.undrawn if name not in self._warned]
         if new:
             self._warned.update(new)
