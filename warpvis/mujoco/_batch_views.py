@@ -45,10 +45,11 @@ class BatchViews(Views):
 
         `numpy()` and DLPack of such an image are strided.
         """
-        return Views(**{name: None if image is None else self._by_world(image) for name, image in _images(self)})
 
-    def _by_world(self, image: wp.array) -> wp.array:
-        return image.reshape((self.cameras, self.worlds, *image.shape[1:])).transpose((1, 0, 2, 3))
+        def by_world(image: wp.array) -> wp.array:
+            return image.reshape((self.cameras, self.worlds, *image.shape[1:])).transpose((1, 0, 2, 3))
+
+        return Views(**{name: None if image is None else by_world(image) for name, image in _images(self)})
 
 
 def batch_views(views: Views, cameras: int, worlds: int) -> BatchViews:

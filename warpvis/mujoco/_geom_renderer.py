@@ -47,7 +47,7 @@ class CoincidingGeoms:
         self._resizable = np.array(resizable, dtype=np.int64)
         self._geoms = np.array(geoms, dtype=np.int64)
         self._objects: tuple[SceneObject, ...] = ()
-        self._found: _OnDevice | None = None
+        self._found: tuple[Coinciding | None, Sequence[wp.Mesh]] = (None, ())
 
     def follow(self, geoms: ArrayLike) -> None:
         """Set the geoms of the scene's first objects, or note that their shapes have changed."""
@@ -57,53 +57,47 @@ class CoincidingGeoms:
         """Return the coinciding geoms as a kernel struct; None if nothing coincides."""
         objects = self._scene.objects
         if len(objects) != len(self._objects) or not all(map(operator.is_, objects, self._objects)):
-            self._found = self._find(objects)
+            pieces = np.asarray(self._model.body_weldid)[shape_bodies(self._model)[self._geoms]]
+            pairs = find_pairs(objects[: len(self._geoms)], pieces, resizable=self._resizable)
+            self._found = _on_device(objects, pairs, self._scene) if len(pairs.later) else (None, ())
             self._objects = objects
-        return None if self._found is None else self._found.struct
+        return self._found[0]
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_objects": (), "_found": None}
-
-    def _find(self, objects: tuple[SceneObject, ...]) -> _OnDevice | None:
-        geoms = objects[: len(self._geoms)]
-        pieces = np.asarray(self._model.body_weldid)[shape_bodies(self._model)[self._geoms]]
-        pairs = find_pairs(geoms, pieces, resizable=self._resizable)
-        return _OnDevice(objects, pairs, self._scene) if len(pairs.later) else None
+        return self.__dict__ | {"_objects": (), "_found": (None, ())}
 
 
-class _OnDevice:
-    """Pairs of objects on a scene's device, and the memory that they refer to."""
+def _on_device(objects: tuple[SceneObject, ...], pairs: Pairs, scene: Scene) -> tuple[Coinciding, Sequence[wp.Mesh]]:
+    """Return pairs of objects as a kernel struct, and the meshes that it refers to."""
+    from warpvis.kernels.mujoco.coinciding import Coinciding
 
-    def __init__(self, objects: tuple[SceneObject, ...], pairs: Pairs, scene: Scene) -> None:
-        from warpvis.kernels.mujoco.coinciding import Coinciding
-
-        device = scene.device
-        self._surfaces = {index: _mesh(objects[index], faces, device) for index, faces in pairs.faces.items()}
-        surfaces = np.zeros(len(objects), dtype=np.uint64)
-        for index, mesh in self._surfaces.items():
-            surfaces[index] = mesh.id
-        columns = pose_columns(scene)
-        kinds, sizes = np.zeros(len(objects), dtype=np.int32), np.ones((len(objects), SOLID_WORDS), dtype=np.float32)
-        for index, item in enumerate(objects):
-            if item.solid is not None:
-                kinds[index], sizes[index] = item.solid.kind, [*item.solid.radii, item.solid.half]
-        first = np.searchsorted(pairs.earlier, np.arange(len(objects) + 1))
-        self.struct = Coinciding()
-        self.struct.first_pair = wp.array(first.astype(np.int32), dtype=wp.int32, device=device)
-        self.struct.later = wp.array(pairs.later.astype(np.int32), dtype=wp.int32, device=device)
-        self.struct.mode = wp.array(_ways(objects, pairs, columns), dtype=wp.int32, device=device)
-        boxes = _boxes_in_frames(objects, pairs)
-        self.struct.low = wp.array(boxes[:, 0].copy(), dtype=wp.vec3, device=device)
-        self.struct.high = wp.array(boxes[:, 1].copy(), dtype=wp.vec3, device=device)
-        self.struct.surface = wp.array(surfaces, dtype=wp.uint64, device=device)
-        counts = np.array([len(pairs.faces.get(index, ())) for index in range(len(objects))], dtype=np.int64)
-        numbers = np.concatenate([np.zeros(0, dtype=np.int64), *(pairs.faces[index] for index in sorted(pairs.faces))])
-        self.struct.first_face = wp.array((np.cumsum(counts) - counts).astype(np.int32), dtype=wp.int32, device=device)
-        self.struct.face = wp.array(numbers.astype(np.int32), dtype=wp.int32, device=device)
-        self.struct.column = wp.array(columns, dtype=wp.int32, device=device)
-        self.struct.solid = wp.array(kinds, dtype=wp.int32, device=device)
-        self.struct.size = wp.array(sizes, dtype=wp.vec4, device=device)
-        self.struct.label = scene.object_labels()
+    device, columns, boxes = scene.device, pose_columns(scene), _boxes_in_frames(objects, pairs)
+    meshes = {index: _mesh(objects[index], faces, device) for index, faces in pairs.faces.items()}
+    surfaces = np.array([meshes[index].id if index in meshes else 0 for index in range(len(objects))], dtype=np.uint64)
+    kinds, sizes = np.zeros(len(objects), dtype=np.int32), np.ones((len(objects), SOLID_WORDS), dtype=np.float32)
+    for index, item in enumerate(objects):
+        if item.solid is not None:
+            kinds[index], sizes[index] = item.solid.kind, [*item.solid.radii, item.solid.half]
+    numbers = [pairs.faces[index] for index in sorted(pairs.faces)]
+    counts = np.array([len(pairs.faces.get(index, ())) for index in range(len(objects))], dtype=np.int64)
+    arrays = {
+        "first_pair": (np.searchsorted(pairs.earlier, np.arange(len(objects) + 1)), wp.int32),
+        "later": (pairs.later, wp.int32),
+        "mode": (_ways(objects, pairs, columns), wp.int32),
+        "low": (boxes[:, 0].copy(), wp.vec3),
+        "high": (boxes[:, 1].copy(), wp.vec3),
+        "surface": (surfaces, wp.uint64),
+        "first_face": (np.cumsum(counts) - counts, wp.int32),
+        "face": (np.concatenate([np.zeros(0, dtype=np.int64), *numbers]), wp.int32),
+        "column": (columns, wp.int32),
+        "solid": (kinds, wp.int32),
+        "size": (sizes, wp.vec4),
+    }
+    struct = Coinciding()
+    for name, (values, dtype) in arrays.items():
+        setattr(struct, name, wp.array(values, dtype=dtype, device=device))
+    struct.label = scene.object_labels()
+    return struct, list(meshes.values())
 
 
 def _ways(objects: Sequence[SceneObject], pairs: Pairs, columns: NDArray[np.int32]) -> NDArray[np.int32]:
