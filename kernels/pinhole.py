@@ -33,6 +33,12 @@ class Window:
 
 
 @wp.func
+def locate(window: Window, view: int, y: int) -> tuple[int, int]:
+    """Return the view and the row of a thread from its indices in the launch."""
+    return window.first_view + view, window.first_row + y
+
+
+@wp.func
 def pixel_ray(camera: PinholeCamera, y: int, x: int) -> wp.vec3d:
     """Return the camera-frame direction through a pixel center with z = 1: its ray parameter is planar depth."""
     half = wp.float64(0.5)

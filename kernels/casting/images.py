@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -41,7 +41,7 @@ def fill_depth(
 ):
     """Replace -inf in depth images by `too_near`, and other values that are not finite by `empty`."""
     view, y, x = wp.tid()
-    view, y = view + window.first_view, y + window.first_row
+    view, y = locate(window, view, y)
     depth = depth_out[view, y, x]
     if not wp.isfinite(depth):
         depth_out[view, y, x] = wp.where(depth == -wp.inf, too_near, empty)

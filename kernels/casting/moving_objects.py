@@ -31,7 +31,7 @@ from warpvis.kernels.casting.triangle_scene import (
     steps_of,
 )
 from warpvis.kernels.casting.worlds import Worlds, world_of
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -131,8 +131,7 @@ def cast_at_moving_objects(
     `worlds` contains the world of each view and the rest, except that its poses are only those of the first instant.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     time = time_of(sensor, times_in, view, y, x)
     frame = sensor_at(sensor, view, y, x, time)

@@ -9,7 +9,7 @@ from warpvis.kernels.casting.motions import Motion, sensor_at, time_of
 from warpvis.kernels.casting.rays import CUDA_REGISTERS, RayRange, no_hit, trace_ray, write_images
 from warpvis.kernels.casting.triangle_scene import CameraFrame, TriangleScene
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -38,8 +38,7 @@ def cast_moving_rays(
     has an individual pose.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     frame = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
     eye = CameraFrame()
@@ -68,8 +67,7 @@ def measure_moving_incidence(
 ):
     """Write the absolute cosine between every ray and the surface normal at its hit; NaN for a miss."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     frame = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
     along = wp.quat_rotate(frame.rotation, directions_in[y, x])

@@ -18,6 +18,7 @@ from warpvis.kernels.pinhole import (
     Window,
     forward_axis,
     image_ray,
+    locate,
     pose_origin,
     pose_rotation,
 )
@@ -60,8 +61,7 @@ def cast_parallel_rays(
     centers. Points outside the image hit nothing.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     pixel = pixel_center(y, x)
     if pixels_in:
@@ -95,8 +95,7 @@ def show_later_from_plane(
 ):
     """Correct coinciding surfaces as `warpvis.kernels.mujoco.coinciding.show_later` does, for orthographic images."""
     view, y, part = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     ahead = forward_axis(pose_rotation(camera_to_world[view]))
     for x in range(part * span, wp.min((part + 1) * span, segmentation_out.shape[2])):

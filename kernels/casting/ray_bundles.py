@@ -8,7 +8,7 @@ from warpvis.kernels.casting.images import Images
 from warpvis.kernels.casting.rays import CUDA_REGISTERS, RayRange, no_hit, trace_ray, write_images
 from warpvis.kernels.casting.triangle_scene import TriangleScene, camera_frame
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -35,8 +35,7 @@ def cast_ray_table(
     `origins_in` are their origins in that frame, (y, x); None for the frame's origin.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     eye = camera_frame(camera_to_world[view])
     if origins_in:

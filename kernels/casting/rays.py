@@ -38,6 +38,7 @@ from warpvis.kernels.pinhole import (
     clip_depth,
     forward_axis,
     image_ray,
+    locate,
     pixel_ray,
     pose_origin,
     pose_rotation,
@@ -352,8 +353,7 @@ def cast_rays(
 ):
     """Write the requested images (None is skipped) of every view."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     eye = camera_frame(camera_to_world[view])
     hit = trace_ray(scene, pinhole_range(camera), eye, worlds, view, pixel_ray(camera, y, x), cull_backfaces)
@@ -377,8 +377,7 @@ def cast_rays_at(
 ):
     """Cast rays through any image points; all arrays are (view, 1, point). Points outside the image hit nothing."""
     view, row, point = wp.tid()
-    view += window.first_view
-    row += window.first_row
+    view, row = locate(window, view, row)
 
     pixel = pixels_in[view, row, point]
     eye = camera_frame(camera_to_world[view])

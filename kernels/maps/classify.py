@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.constants import LABEL_EMPTY, LABEL_GROUND, LABEL_OBSTACLE
-from warpvis.kernels.pinhole import PinholeCamera, Window, back_project_pixel, shown_depth
+from warpvis.kernels.pinhole import PinholeCamera, Window, back_project_pixel, locate, shown_depth
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -94,8 +94,7 @@ def back_project(
 ):
     """Write world points of depth images by equations (3) to (6); NaN without depth in the camera's range."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     depth = shown_depth(camera, depth_in[view, y, x])
     points_out[view, y, x] = back_project_pixel(camera, camera_to_world[view], y, x, depth)
 
@@ -117,8 +116,7 @@ def classify_depth(
 ):
     """Write the case of the paper for every pixel: empty, ground, part of an object, else obstacle."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     depth = depth_in[view, y, x]
     case = no_point()
@@ -145,8 +143,7 @@ def label_objects(
 ):
     """Write labels of rendered images by the object of each pixel; pixels without a valid object are empty."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     index = segmentation_in[view, y, x]
     label = EMPTY

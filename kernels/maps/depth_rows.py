@@ -10,7 +10,7 @@ import warp as wp
 from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.maps.classify import Ground, Spheres
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
@@ -79,8 +79,7 @@ def back_project_rows(
 ):
     """Write the points of `back_project`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     back_project_row(camera, camera_to_world, view, y, depth_in, points_out)
 
 
@@ -116,8 +115,7 @@ def classify_depth_rows(
 ):
     """Write the labels of `classify_depth`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     classify_depth_row(camera, camera_to_world, view, y, depth_in, max_range, ground, spheres, labels_out, spheres_out)
 
 
@@ -147,8 +145,7 @@ def back_project_ray_rows(
 ):
     """Write the points of `back_project_rays`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     back_project_table_row(camera, camera_to_world, view, y, rays_in, depth_in, points_out)
 
 
@@ -186,8 +183,7 @@ def classify_ray_rows(
 ):
     """Write the labels of `classify_rays`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     classify_table_row(
         camera, camera_to_world, view, y, rays_in, depth_in, max_range, ground, spheres, labels_out, spheres_out
     )
@@ -226,6 +222,5 @@ def label_objects_rows(
 ):
     """Write the labels of `label_objects`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     label_objects_row(object_label, view, y, depth_in, segmentation_in, max_range, labels_out)

@@ -6,7 +6,7 @@ import warp as wp
 
 from warpvis.kernels.constants import LABEL_ROBOT
 from warpvis.kernels.maps.labels import EMPTY, GroundLabels, is_ground, label_of, precedence
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -83,8 +83,7 @@ def mark_cells(
     horizontal surface, the cells between them are marked as well.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     label = labels_in[view, y, x]
     point = points_in[view, y, x]
@@ -138,8 +137,7 @@ def finish_map(
 ):
     """Write labels of cells, and the robots' discs: the center [m] in x and y, and the radius [m] in z."""
     view, row, column = wp.tid()
-    view += window.first_view
-    row += window.first_row
+    view, row = locate(window, view, row)
 
     label = label_of(cells_in[view, row, column])
     center = grid.origin + grid.cell * wp.vec2(float(column) + 0.5, float(row) + 0.5)

@@ -7,7 +7,7 @@ import warp as wp
 from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.maps.labels import label_of, precedence
 from warpvis.kernels.maps.voxels import FREE, HIDDEN, SURFACE, VoxelGrid, flat_index, pixel_order, voxel_at
-from warpvis.kernels.pinhole import Window, shown_between
+from warpvis.kernels.pinhole import Window, locate, shown_between
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -29,8 +29,7 @@ def mark_surface_rays(
 ):
     """Raise marks as in `warpvis.kernels.maps.voxels.mark_surface_points`; pixels without a ray are skipped."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     depth, ray = shown_between(camera.near, camera.far, depth_in[view, y, x]), rays_in[y, x]
     if not wp.isfinite(depth) or not ray[2] == ray[2]:
@@ -63,8 +62,7 @@ def judge_voxels_at(
     width plus column, or -1.
     """
     layer, j, k = wp.tid()
-    layer += window.first_view
-    j += window.first_row
+    layer, j = locate(window, layer, j)
     view, i = first[0], first[1] + layer
 
     state = wp.uint8(states_out[i, j, k])

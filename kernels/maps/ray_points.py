@@ -6,7 +6,7 @@ import warp as wp
 
 from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.maps.classify import Ground, Spheres, case_of, has_depth, no_point
-from warpvis.kernels.pinhole import Window, pose_origin, pose_rotation
+from warpvis.kernels.pinhole import Window, locate, pose_origin, pose_rotation
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -31,8 +31,7 @@ def back_project_rays(
 ):
     """Write world points of depth images; NaN without depth in range or without a ray."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     depth = depth_in[view, y, x]
     point = wp.vec3(wp.nan, wp.nan, wp.nan)
     if has_depth(depth, camera.near, camera.far):
@@ -58,8 +57,7 @@ def classify_rays(
 ):
     """Write the cases of `kernels.maps.classify.classify_depth` for every pixel; pixels without a ray are empty."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     depth = depth_in[view, y, x]
     ray = rays_in[y, x]

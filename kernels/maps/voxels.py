@@ -6,7 +6,7 @@ import warp as wp
 
 from warpvis.kernels.constants import LABEL_OBSTACLE
 from warpvis.kernels.maps.labels import GroundLabels, label_of, precedence
-from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, shown_depth
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pixel_ray, shown_depth
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -69,8 +69,7 @@ def mark_surface_points(
 ):
     """Raise the mark of the voxel of each pixel's point to 1 + the precedence of the pixel's label; 0 is unmarked."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     depth = shown_depth(camera, depth_in[view, y, x])
     if not wp.isfinite(depth):
@@ -99,8 +98,7 @@ def judge_voxels(
 ):
     """Raise every voxel's state and label by its mark and by the images of all views at its center."""
     i, j, k = wp.tid()
-    i += window.first_view
-    j += window.first_row
+    i, j = locate(window, i, j)
 
     state = wp.uint8(states_out[i, j, k])
     order = precedence(grid.ground, labels_out[i, j, k])
@@ -154,8 +152,7 @@ def merge_voxels(
 ):
     """Merge the states and labels of one map into another."""
     i, j, k = wp.tid()
-    i += window.first_view
-    j += window.first_row
+    i, j = locate(window, i, j)
     states_out[i, j, k] = wp.max(states_out[i, j, k], states_in[i, j, k])
     order = precedence(ground, labels_out[i, j, k])
     labels_out[i, j, k] = label_of(wp.max(order, precedence(ground, labels_in[i, j, k])))
@@ -174,8 +171,7 @@ def highest_labels(
 ):
     """Write the label of highest precedence above every floor cell; axes are y, x, or x, z if y is up."""
     view, row, column = wp.tid()
-    view += window.first_view
-    row += window.first_row
+    view, row = locate(window, view, row)
 
     order = int(0)
     for level in range(labels_in.shape[up_axis]):

@@ -12,7 +12,7 @@ from warpvis.kernels.casting.solids import to_shape
 from warpvis.kernels.casting.triangle_scene import stretched_corner
 from warpvis.kernels.casting.worlds import Worlds, is_excluded, world_of
 from warpvis.kernels.constants import SOLID_BALL, SOLID_CYLINDER
-from warpvis.kernels.pinhole import PinholeCamera, Window, pixel_ray, pose_origin, pose_rotation
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pixel_ray, pose_origin, pose_rotation
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -246,8 +246,7 @@ def show_later(
     Each thread takes `span` pixels of a row, because starting a thread on the CPU takes longer than most pixels.
     """
     view, y, part = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     origin, rotation = pose_origin(camera_to_world[view]), pose_rotation(camera_to_world[view])
     for x in range(part * span, wp.min((part + 1) * span, segmentation_out.shape[2])):

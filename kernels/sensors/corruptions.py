@@ -6,7 +6,7 @@ import warp as wp
 
 from warpvis.kernels.constants import STREAM_RECTANGLES
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate
 from warpvis.kernels.sensors.noise import NOISE, noise_row
 from warpvis.kernels.sensors.random_numbers import for_pixels, random_word, to_uniform
 
@@ -110,6 +110,5 @@ def corrupt_depth(
     Pixels without depth do not change.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     corrupt_pixels(camera, model, true_depth, rectangles, draws[view], view, y, x, depth_out, reasons_out)

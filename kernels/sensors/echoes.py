@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -33,8 +33,7 @@ def measure_incidence(
     `directions_in` contains unit vectors in the frame of the poses, (1, y, x).
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     along = wp.transform_vector(rays_to_world[view], directions_in[0, y, x])
     incidence_out[view, y, x] = wp.abs(wp.dot(along, normals_in[view, y, x]))
@@ -57,8 +56,7 @@ def reflect_rays(
     `falls_off`: Whether intensity also decreases with the square of the range [1/m^2].
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     distance = depth_in[view, y, x]
     hit = segmentation_in[view, y, x]
@@ -131,8 +129,7 @@ def gather_returns(
     the whole beam is too near.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
 
     first = x * count
     blocked = int(0)

@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
@@ -44,8 +44,7 @@ def find_nearest_in_rows(
 ):
     """Write the minimum depth in a horizontal window around each pixel."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     nearest = float(wp.inf)
     for column in range(wp.max(x - model.reach, 0), wp.min(x + model.reach + 1, true_depth.shape[2])):
         nearest = wp.min(nearest, true_depth[view, y, column])
@@ -71,8 +70,7 @@ def fatten_surfaces(
     Normals and segmentation may be None.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     height, width = surfaces.depth.shape[1], surfaces.depth.shape[2]
     depth = surfaces.depth[view, y, x]
     nearest_depth = float(wp.inf)

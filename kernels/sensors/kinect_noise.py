@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, pose_rotation
+from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, locate, pose_rotation
 from warpvis.kernels.sensors.noise import NOISE, noise_row
 from warpvis.kernels.sensors.random_numbers import for_pixels
 
@@ -73,8 +73,7 @@ def measure_nguyen(
 ):
     """Write depth with lateral noise, and with axial noise by depth and angle; reasons may be None."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     rotation = pose_rotation(camera_to_world[view])
     forward = forward_axis(rotation)
     measure_nguyen_pixels(
@@ -125,6 +124,5 @@ def measure_khoshelham(
 ):
     """Write depth with noise of disparity, which is optionally rounded to whole steps; reasons may be None."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     measure_khoshelham_pixels(camera, model, true_depth, draws[view], view, y, x, depth_out, reasons_out)

@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -37,8 +37,7 @@ def delay_images(
     Points and reasons may be None.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     first, second = slots[view][0], slots[view][1]
     stored_depth_out[first, view, y, x] = current.depth[view, y, x]
     depth_out[view, y, x] = stored_depth_out[second, view, y, x]

@@ -11,7 +11,7 @@ bits.
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
@@ -116,6 +116,5 @@ def draw_normals(
 ):
     """Write a standard normal number for every pixel; `draws` contains each view's number and frame."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     draw_pixels(draws[view], seed, stream, view, y, x, normals_out)

@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.constants import REASON_DROPOUT, REASON_EMPTY, REASON_RANGE
-from warpvis.kernels.pinhole import PinholeCamera, Window
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate
 from warpvis.kernels.sensors.noise import limit_depth, range_reason
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
@@ -77,8 +77,7 @@ def measure_redwood(
 ):
     """Write distorted depth of every second pixel, as quantized disparity with noise; reasons may be None."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     height, width = true_depth.shape[1], true_depth.shape[2]
     jitter = JITTER * model.multiplier
     row = moved(y, jitter * normals_down[view, y, x], height)

@@ -8,7 +8,7 @@ Disparities are integers in 1/8 px throughout, so that sums over windows are exa
 import warp as wp
 
 from warpvis.kernels.constants import REASON_EDGE, REASON_EMPTY
-from warpvis.kernels.pinhole import PinholeCamera, Window
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate
 from warpvis.kernels.sensors.noise import limit_depth, range_reason
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
@@ -59,8 +59,7 @@ def shift_to_levels(
 ):
     """Write disparity in levels from bilinear depth at a shifted position; 0 where there is no depth."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     width, height = true_depth.shape[2], true_depth.shape[1]
     across = wp.clamp(float(x) + model.shift * normals_across[view, y, x], 0.0, float(width))
     down = wp.clamp(float(y) + model.shift * normals_down[view, y, x], 0.0, float(height))
@@ -89,8 +88,7 @@ def detect_dots(
     Windows exclude the image's last row and column, as in simkinect.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     rows, columns = wp.min(levels.shape[1], dots.shape[0]), wp.min(levels.shape[2], dots.shape[1])
     detected = int(0)
     if y >= REACH and x >= REACH and y < rows - REACH - 1 and x < columns - REACH - 1 and dots[y, x] != wp.uint8(0):
@@ -137,8 +135,7 @@ def fill_from_dots(
     `nearest` contains column and row offsets by increasing distance; equal distances are in row-major order.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     level = int(0)
     for number in range(nearest.shape[0]):
         column, row = x + nearest[number][0], y + nearest[number][1]

@@ -9,7 +9,7 @@ is rounded to single precision, as all poses are; the resulting offset is taken 
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, pose_origin, pose_rotation
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pose_origin, pose_rotation
 from warpvis.kernels.sensors.random_numbers import PIXEL_NUMBERS, for_pixels
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
@@ -149,8 +149,7 @@ def measure_stereo(
 ):
     """Write the measured depth of every pixel, and the reason for missing depth; reasons may be None."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     measure_pixels(model, views, eyes[view], views.draws[view], view, y, x, depth_out, reasons_out)
 
 
@@ -186,6 +185,5 @@ def place_in_other_eyes(
     The result is NaN if there is no point, if it is nearer than `min_depth`, or if it is outside that image.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     place_pixels(other, views, eyes[view], added_columns, min_depth, view, y, x, points_out)

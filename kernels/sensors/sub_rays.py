@@ -6,7 +6,7 @@ import warp as wp
 
 from warpvis.kernels.constants import BLOCK_SIDE
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, pose_rotation
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pose_rotation
 from warpvis.kernels.sensors.noise import NOISE
 from warpvis.kernels.sensors.random_numbers import for_pixels
 
@@ -78,8 +78,7 @@ def find_edges(
 ):
     """Write the row-major index of each pixel that is at an edge between surfaces, and -1 for other pixels."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     find_pixel_edges(camera, axes[view], true_depth, normals, edge_step, view, y, x, edges_out)
 
 
@@ -152,8 +151,7 @@ def place_sub_rays(
     Each thread writes one sub-ray, so that adjacent threads write adjacent memory.
     """
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     position = wp.vec2(wp.nan, wp.nan)
     pixel = pixels[view, first + pixel_of_sub_ray(y, x)]
     if pixel >= 0:

@@ -8,7 +8,7 @@ Phases are in cycles, computed in double precision by polynomials, so that all d
 import warp as wp
 
 from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray
+from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray, locate
 from warpvis.kernels.sensors.noise import NOISE, noise_row
 from warpvis.kernels.sensors.random_numbers import RANDOM_HEADERS, for_pixels
 from warpvis.kernels.sensors.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, flight_row, sub_ray_corner
@@ -148,8 +148,7 @@ def mix_sub_rays(
     Nothing is written for pixel -1.
     """
     view, tile, index = wp.tid()
-    view += window.first_view
-    tile += window.first_row
+    view, tile = locate(window, view, tile)
     number = first + tile * TILE_PIXELS + index
     if pixels[view, number] < 0:
         return
@@ -234,6 +233,5 @@ def measure_time_of_flight(
 ):
     """Write the measured depth of every pixel, and the reason for missing depth; reasons may be None."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     measure_pixels(camera, axes[view], model, views, views.draws[view], view, y, x, depth_out, reasons_out)

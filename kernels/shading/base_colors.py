@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.casting.worlds import Worlds, world_of
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 from warpvis.kernels.shading.textures import DeviceTexture, sample, to_screen_color
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
@@ -324,8 +324,7 @@ def shade_base_colors(
 ):
     """Write unlit base colors of visible surfaces, and the background elsewhere."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     index = segmentation_in[view, y, x]
     color = 1.0 * appearance.background
     if index >= 0:

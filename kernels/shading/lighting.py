@@ -8,7 +8,7 @@ Formulas are those of `warpvis.scene.lights.Light`, summed over the lights; ther
 import warp as wp
 
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 from warpvis.kernels.shading.base_colors import (
     DeviceMaterials,
     Footprint,
@@ -180,8 +180,7 @@ def shade_lit_colors(
 ):
     """Write lit colors of visible surfaces, and the background elsewhere."""
     view, y, x = wp.tid()
-    view += window.first_view
-    y += window.first_row
+    view, y = locate(window, view, y)
     index = segmentation_in[view, y, x]
     color = 1.0 * appearance.background
     if index >= 0:

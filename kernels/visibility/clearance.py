@@ -8,7 +8,7 @@ import warp as wp
 
 from warpvis.kernels.casting.triangle_scene import corner
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.visibility.points import point_index
+from warpvis.kernels.visibility.points import locate_point
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
@@ -29,8 +29,8 @@ def nearest_surface(
     distance_out: wp.array[float],
 ):
     """Write the distance of every point to the nearest triangle [m]; +inf if none is within `max_distance`."""
-    _, row, column = wp.tid()
-    index = point_index(window, row, column)
+    view, row, column = wp.tid()
+    view, index = locate_point(window, view, row, column)
     if index >= points.shape[0]:
         return
 
@@ -223,8 +223,8 @@ def find_free_poses(
     free_out: wp.array[wp.uint8],
 ):
     """Write whether a robot's cylinder, from height `low` up to its camera, is free at every pose."""
-    _, row, column = wp.tid()
-    index = point_index(window, row, column)
+    view, row, column = wp.tid()
+    view, index = locate_point(window, view, row, column)
     if index >= camera_to_world.shape[0]:
         return
 
@@ -255,8 +255,8 @@ def find_inside(
     inside_out: wp.array[wp.uint8],
 ):
     """Write whether each point is inside the triangles of closed objects, whose normals face outward."""
-    _, row, column = wp.tid()
-    index = point_index(window, row, column)
+    view, row, column = wp.tid()
+    view, index = locate_point(window, view, row, column)
     if index >= points.shape[0]:
         return
 

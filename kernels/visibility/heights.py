@@ -14,7 +14,7 @@ height / along.
 import warp as wp
 
 from warpvis.kernels.pinhole import Window
-from warpvis.kernels.visibility.points import point_index
+from warpvis.kernels.visibility.points import locate_point
 
 # Without fused multiply-add, both triangles of an edge compute the same intersection point: there are no gaps.
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
@@ -219,8 +219,7 @@ def climb(
     `max_height`.
     """
     eye, row, column = wp.tid()
-    eye += window.first_view
-    index = point_index(window, row, column)
+    eye, index = locate_point(window, eye, row, column)
     if index >= targets.shape[0]:
         return
 

@@ -7,7 +7,7 @@ import warp as wp
 from warpvis.kernels.casting.triangle_scene import TriangleScene, camera_frame, seen_from, shows_solid
 from warpvis.kernels.casting.worlds import Worlds, is_excluded, world_of
 from warpvis.kernels.constants import VISIBLE_PIXELS
-from warpvis.kernels.pinhole import Window
+from warpvis.kernels.pinhole import Window, locate
 from warpvis.kernels.visibility.silhouettes import (
     Canvas,
     Chosen,
@@ -73,8 +73,7 @@ def measure_silhouettes_rays(
 ):
     """Count pixels as in `kernels.visibility.silhouettes.measure_silhouettes`; pixels without a ray are skipped."""
     view, slot, first = wp.tid()
-    view += window.first_view
-    slot += window.first_row
+    view, slot = locate(window, view, slot)
 
     index = chosen.index[slot]
     world = world_of(worlds, view)

@@ -24,8 +24,9 @@ UNKNOWN = wp.constant(wp.uint8(constants.POINT_UNKNOWN))
 
 
 @wp.func
-def point_index(window: Window, row: int, column: int) -> int:
-    return (row + window.first_row) * POINTS_PER_ROW + column
+def locate_point(window: Window, view: int, row: int, column: int) -> tuple[int, int]:
+    """Return the view and the index of the point of a thread from its indices in the launch."""
+    return window.first_view + view, (window.first_row + row) * POINTS_PER_ROW + column
 
 
 @wp.func
@@ -63,8 +64,7 @@ def project_points(
 ):
     """Write every point's pixel coordinates in every view [px], NaN if outside the image, and its depth [m]."""
     view, row, column = wp.tid()
-    view += window.first_view
-    index = point_index(window, row, column)
+    view, index = locate_point(window, view, row, column)
     if index >= points.shape[0]:
         return
 
@@ -115,8 +115,7 @@ def judge_points(
 ):
     """Write each point's status, given the surface at its image point, and the object that occludes it, or -1."""
     view, row, column = wp.tid()
-    view += window.first_view
-    index = point_index(window, row, column)
+    view, index = locate_point(window, view, row, column)
     if index >= depth.shape[1]:
         return
 
@@ -144,8 +143,7 @@ def judge_points_measured(
 ):
     """Write each point's status, given its pixel in a depth image: unknown without depth, occluded if too near."""
     view, row, column = wp.tid()
-    view += window.first_view
-    index = point_index(window, row, column)
+    view, index = locate_point(window, view, row, column)
     if index >= depth.shape[1]:
         return
 

@@ -33,7 +33,7 @@ from warpvis.kernels.constants import (
     VISIBLE_BOX,
     VISIBLE_PIXELS,
 )
-from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, pixel_ray
+from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, locate, pixel_ray
 from warpvis.kernels.visibility.points import OCCLUDED, OUT_OF_VIEW, TOO_FAR, TOO_NEAR, VISIBLE
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -316,8 +316,7 @@ def measure_silhouettes(
     not None, is set to `MASK_HIDDEN` or `MASK_VISIBLE` where the silhouette is in the image.
     """
     view, slot, first = wp.tid()
-    view += window.first_view
-    slot += window.first_row
+    view, slot = locate(window, view, slot)
 
     index = chosen.index[slot]
     world = world_of(worlds, view)

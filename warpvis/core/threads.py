@@ -122,7 +122,7 @@ def launch_points(
 ) -> None:
     """Launch a kernel over all points of all views, ``(views, points)``, in rows that are distributed to CPU threads.
 
-    The thread index of the kernel is ``view, row, column``; `kernels.visibility.points.point_index` converts it.
+    The thread index of the kernel is ``view, row, column``; `kernels.visibility.points.locate_point` converts it.
     """
     from warpvis.kernels.visibility.points import POINTS_PER_ROW
 
