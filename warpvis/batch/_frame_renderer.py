@@ -98,9 +98,6 @@ class FrameRenderer:
             device: Device to render on; the scene's device by default.
             threads: CPU threads to use; all cores of this process by default.
             caster: As for `Renderer`.
-
-        Raises:
-            WarpvisError: If an argument is invalid.
         """
         self.outputs = check_batch_outputs(outputs, sensor)
         self.scene = make_scene(scene, device)
@@ -139,9 +136,6 @@ class FrameRenderer:
         Returns:
             The arrays of the batch; one array for each image, ``(n, H, W)`` or ``(n, H, W, 3)``; for visibility
             `warpvis.batch.formats._base.VISIBILITY_ARRAYS`, and ``masks`` if requested, ``(n, K, H, W)`` uint8.
-
-        Raises:
-            WarpvisError: If the batch is malformed.
         """
         return {**check_mapping(batch, "batch"), **self.render(batch)}
 

@@ -72,7 +72,6 @@ def verify(out: str | os.PathLike[str], *, repair: bool = False) -> VerifyReport
             needs the scene, which a dataset does not contain. `render_batch(resume=True, repair=True)` does both.
 
     Raises:
-        ArrayError: If `repair` is neither true nor false.
         FileFormatError: If `out` is not a dataset or cannot be read; with `repair`, also if another process writes it.
     """
     repair = check_flag(repair, "repair")

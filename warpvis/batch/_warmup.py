@@ -41,9 +41,6 @@ def warmup(
 
     Returns:
         Elapsed time [s], which is short if all kernels were already compiled.
-
-    Raises:
-        ArrayError: If the device does not exist on this machine, or an output is unknown.
     """
     start = time.perf_counter()
     device = get_device(device)

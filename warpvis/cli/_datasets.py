@@ -89,11 +89,7 @@ class ImageOptions(FrameOptions):
             sys.exit(_NOTHING_SEEN)
 
     def make_sensor(self) -> DepthSensor | None:
-        """Create the sensor, if one is given.
-
-        Raises:
-            WarpvisError: If its name or parameters are invalid, or there are sensor options without a sensor.
-        """
+        """Create the sensor, if one is given."""
         if self.sensor is None:
             refuse_options(self, ("sensor_seed", "sensor_vary"), "without --sensor, give")
             return None

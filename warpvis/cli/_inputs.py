@@ -77,11 +77,7 @@ class SceneOptions:
     """Treat unsupported content as an error; by default a warning lists it."""
 
     def label_rules(self) -> LabelRules:
-        """Parse --labels and --label-names.
-
-        Raises:
-            WarpvisError: If an item is malformed, or a file cannot be read.
-        """
+        """Parse --labels and --label-names."""
         from warpvis.core.label_rules import LABEL_FILES, LabelRules
 
         rules = LabelRules()
@@ -97,11 +93,7 @@ class SceneOptions:
         ]
 
     def load_scene(self, file: Path, *, device: str = "cpu", movable: bool | Sequence[str] = False) -> Scene:
-        """Load the scene: a file, or an experiment of the demo.
-
-        Raises:
-            WarpvisError: If it cannot be loaded, or an option has no effect on it.
-        """
+        """Load the scene: a file, or an experiment of the demo."""
         from warpvis.scene import Scene
 
         experiment = find_experiment(file)
@@ -165,11 +157,7 @@ class ViewpointOptions(SceneOptions):
         return None
 
     def choose_camera(self, frames: Frames | None = None) -> CalibratedCamera:
-        """Load the camera: the given one, that of the pose file, or the Kinect.
-
-        Raises:
-            WarpvisError: If it cannot be loaded, or that of the pose file differs.
-        """
+        """Load the camera: the given one, that of the pose file, or the Kinect."""
         from warpvis.cameras import require_calibrated
         from warpvis.io import load_camera
 
@@ -198,9 +186,6 @@ class ViewpointOptions(SceneOptions):
 
         Returns:
             Row ``x y z qx qy qz qw`` in the OpenCV frame, shape ``(7,)``.
-
-        Raises:
-            PoseError: If the text has another form.
         """
         from warpvis.core.poses import look_at, poses_to_opencv, to_xyzw
 
@@ -240,11 +225,7 @@ class FrameOptions(ViewpointOptions):
     relative to the file's frame; and, unless there is one world per frame, world_index of shape (frames,)."""
 
     def load(self, file: Path, poses: str | None, *, device: str = "cpu") -> tuple[Scene, CalibratedCamera, Frames]:
-        """Load scene, camera and frames.
-
-        Raises:
-            WarpvisError: If one cannot be loaded, they do not fit together, or an option has no effect.
-        """
+        """Load scene, camera and frames."""
         frames = self._read_frames(poses)
         names = split_names(self.movable)
         scene = self.load_scene(file, device=device, movable=names == [_BY_MODEL] or names)
@@ -321,11 +302,7 @@ def given_options(command: SceneOptions, names: Sequence[str]) -> list[str]:
 
 
 def refuse_options(command: SceneOptions, names: Sequence[str], reason: str) -> None:
-    """Raise an error if options are given that have no effect.
-
-    Raises:
-        SceneError: If one is given.
-    """
+    """Raise an error if options are given that have no effect."""
     changed = given_options(command, names)
     if changed:
         listed = ", ".join(
@@ -335,11 +312,7 @@ def refuse_options(command: SceneOptions, names: Sequence[str], reason: str) -> 
 
 
 def check_viewpoints(command: ViewpointOptions, texts: Sequence[str]) -> None:
-    """Raise an error if options have no effect on poses given to `ViewpointOptions.load_pose`.
-
-    Raises:
-        SceneError: If one is given.
-    """
+    """Raise an error if options have no effect on poses given to `ViewpointOptions.load_pose`."""
     counts = [len(_numbers(text)) for text in texts]
     if all(counts):
         refuse_options(command, ("file_format", "topic"), "poses given as numbers take")
@@ -370,11 +343,7 @@ def split_pairs(words: Sequence[str]) -> list[str]:
 
 
 def _parse_label(word: str) -> dict[str, str]:
-    """Parse a label by name or pattern, ``name=label``.
-
-    Raises:
-        SceneError: If the word does not have this form.
-    """
+    """Parse a label by name or pattern, ``name=label``."""
     name, _, label = word.rpartition("=")
     if not (name and label):
         raise SceneError(f"labels must be given as NAME=LABEL, such as ball=object, or as a file of them, got {word!r}")
@@ -382,11 +351,7 @@ def _parse_label(word: str) -> dict[str, str]:
 
 
 def _parse_label_names(words: Sequence[str]) -> dict[int, str]:
-    """Parse names of classes, ``number=name``.
-
-    Raises:
-        SceneError: If a word does not have this form.
-    """
+    """Parse names of classes, ``number=name``."""
     names: dict[int, str] = {}
     for word in words:
         number, equals, name = word.partition("=")
@@ -397,11 +362,7 @@ def _parse_label_names(words: Sequence[str]) -> dict[int, str]:
 
 
 def _with_worlds(frames: Frames, path: Path, quaternion: QuaternionOrder) -> Frames:
-    """Return the frames with the objects' poses from a file.
-
-    Raises:
-        FileFormatError: If it cannot be read, or contains no such poses.
-    """
+    """Return the frames with the objects' poses from a file."""
     from warpvis.cameras.frames import Frames
     from warpvis.core.poses import to_xyzw
     from warpvis.io import read_archive

@@ -45,11 +45,7 @@ _CAMERAS = (
 
 
 def find_lidar(name: str) -> Rays | Livox:
-    """Return a lidar by name, Ouster metadata file, or Livox name with its file, ``mid360:FILE``.
-
-    Raises:
-        WarpvisError: If it is unknown, or the file is not valid for it.
-    """
+    """Return a lidar by name, Ouster metadata file, or Livox name with its file, ``mid360:FILE``."""
     from warpvis.sensors import lidars
 
     spinning: dict[str, Callable[[], Rays]] = {
@@ -95,9 +91,6 @@ def render_clouds(command: FrameOptions, job: CloudJob) -> bool:
     Args:
         command: The command, with options for reading files.
         job: Arguments of the rendering.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     from warpvis.io import save_clouds
     from warpvis.pose_generators import looks_like_spec

@@ -20,11 +20,7 @@ _OTHER_NAMES = {"options": "option", "seed": "sensor_seed", "frames": "poses"}
 
 
 def make_folder(path: Path) -> None:
-    """Create a folder and its parents.
-
-    Raises:
-        FileFormatError: If it cannot be created.
-    """
+    """Create a folder and its parents."""
     existing = next((place for place in (path, *path.parents) if place.exists()), path)
     if existing.is_file():
         raise FileFormatError(f"{existing}: must be a folder, but is a file")
@@ -35,11 +31,7 @@ def make_folder(path: Path) -> None:
 
 
 def require_place(path: Path, suffixes: Sequence[str]) -> None:
-    """Check that a file can be written, before anything is computed.
-
-    Raises:
-        FileFormatError: If its name has another suffix, it is a folder, or its folder is missing.
-    """
+    """Check that a file can be written, before anything is computed."""
     if path.suffix.lower() not in suffixes:
         raise FileFormatError(f"{path}: the name must end in {' or '.join(suffixes)}")
     if path.is_dir():
@@ -49,11 +41,7 @@ def require_place(path: Path, suffixes: Sequence[str]) -> None:
 
 
 def write_json(path: Path, content: Mapping[str, object]) -> None:
-    """Write plain Python values as JSON.
-
-    Raises:
-        FileFormatError: If the file cannot be written.
-    """
+    """Write plain Python values as JSON."""
     try:
         path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     except OSError as error:

@@ -17,12 +17,7 @@ _GRACE = 15.0  # seconds, a little more than the subprocess takes to clean up
 
 
 def run_in_subprocess(work: Callable[[], None], lost: str) -> None:
-    """Run a picklable function as a command in a subprocess, and exit like it.
-
-    Raises:
-        WarpvisError: If the process died while working: `lost`, and its exit code.
-        SystemExit: If it ended with an exit code other than 0.
-    """
+    """Run a picklable function as a command in a subprocess, and exit like it."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_work, args=(theirs, work))

@@ -96,11 +96,7 @@ class View(ViewpointOptions):
             viewer.wait()
 
     def load(self) -> ViewerState:
-        """Read the scene and the agents.
-
-        Raises:
-            WarpvisError: If one cannot be loaded, or an option has no effect.
-        """
+        """Read the scene and the agents."""
         from warpvis.viewer import ViewerState
 
         names: dict[str, Any] = {

@@ -140,9 +140,6 @@ def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
 
     Returns:
         The content of ``summary.json``.
-
-    Raises:
-        FileFormatError: If the folder cannot be written.
     """
     make_folder(out)
     results = [run_experiment(number, device=device) for number in range(1, len(EXPERIMENTS) + 1)]

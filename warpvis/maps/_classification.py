@@ -76,9 +76,6 @@ def back_project(
     Returns:
         Points in the world frame [m], shape ``(V, H, W)`` vec3; NaN where depth is not finite, not positive, less than
         the camera's `near` or greater than its `far`, or where a lens has no ray.
-
-    Raises:
-        WarpvisError: If a shape, dtype, device or value is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
@@ -132,9 +129,6 @@ def classify(
 
     Returns:
         `Label` values, shape ``(V, H, W)`` uint8.
-
-    Raises:
-        WarpvisError: If a shape, dtype, device or value is invalid.
     """
     from warpvis.kernels.maps import classify as kernels
 
@@ -174,9 +168,6 @@ def classify_rendered(
 
     Returns:
         `Label` values on the scene's device, shape ``(V, H, W)`` uint8.
-
-    Raises:
-        WarpvisError: If a shape, dtype or device is invalid.
     """
     require_scene(scene)
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)

@@ -97,9 +97,6 @@ def floor_map(
 
     Returns:
         The maps, on the device of `points`.
-
-    Raises:
-        WarpvisError: If a shape, dtype, device or value is invalid.
     """
     device = points.device if isinstance(points, wp.array) else get_device("cpu")
     points = as_warp(points, wp.vec3, ("V", "H", "W"), name="points", device=device)

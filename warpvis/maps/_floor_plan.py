@@ -65,7 +65,6 @@ def plan_visibility(
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
 
     Raises:
-        SceneError: If an excluded object is not in the scene.
         PoseError: If a camera looks straight up or down, where columns have no direction on the plan.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")

@@ -89,10 +89,6 @@ def ground_bits(labels: Iterable[int]) -> object:
 def read_classes(
     label_names: Mapping[int, str] | None, ground_labels: Iterable[Label | int | str]
 ) -> tuple[LabelNames, frozenset[int]]:
-    """Parse class names and ground labels; see `floor_map`.
-
-    Raises:
-        SceneError: If a name or label is invalid.
-    """
+    """Parse class names and ground labels; see `floor_map`."""
     names = LabelNames(label_names)
     return names, frozenset(names.numbers(ground_labels, "ground_labels"))

@@ -38,11 +38,7 @@ class Voxel(enum.IntEnum):
 
     @classmethod
     def parse(cls, value: Voxel | int | str) -> Voxel:
-        """Convert a state, its number or its name (in any case) to a state.
-
-        Raises:
-            ArrayError: If there is no such state.
-        """
+        """Convert a state, its number or its name (in any case) to a state."""
         try:
             return cls[value.upper()] if isinstance(value, str) else cls(value)
         except (KeyError, ValueError, TypeError):
@@ -106,9 +102,6 @@ class VoxelMap:
 
         Returns:
             A map with one view, on this map's device.
-
-        Raises:
-            ArrayError: If `robots` is malformed.
         """
         from warpvis.kernels.maps import voxels as kernels
 

@@ -99,9 +99,6 @@ def voxel_map(
 
     Returns:
         One map of all views; `out` if given.
-
-    Raises:
-        WarpvisError: If a shape, dtype, device or value is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     if out is not None and device is None:
@@ -156,9 +153,6 @@ def voxel_map_from_scene(
 
     Returns:
         One map of all views, on the scene's device; `out` if given.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")

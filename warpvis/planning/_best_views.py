@@ -88,10 +88,6 @@ def pose_grid(
 
     Returns:
         Rows ``x y z qx qy qz qw``, OpenCV camera to world, shape ``(C, 7)``.
-
-    Raises:
-        ArrayError: If a length, an angle or a number is invalid.
-        PoseError: If `up` is not an axis.
     """
     vertical = check_up(up)
     first, second = (vertical + 1) % 3, (vertical + 2) % 3

@@ -75,9 +75,6 @@ def surface_samples(
             default their initial poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         seed: Seed of the samples.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     spacing = check_length(spacing, "spacing", zero=False)
@@ -141,9 +138,6 @@ class Coverage:
         """Return the first `count` views of `order`.
 
         They cover at least 1 - 1/e (63 %) of the largest area that `count` views can cover.
-
-        Raises:
-            ArrayError: If `order` has fewer views, or `count` is less than 1.
         """
         return self.order[: _check_count(count, len(self.order), "views of order")]
 
@@ -192,9 +186,6 @@ def coverage(
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: Number of CPU threads; by default all cores available to the process.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")

@@ -55,9 +55,6 @@ def clearance(
     Returns:
         Distances [m], shape ``(N,)`` float32, on the scene's device; +inf where no surface is nearer than
         `max_distance`, NaN where a point on a GPU is not finite.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.visibility.clearance import nearest_surface
 
@@ -113,9 +110,6 @@ def standing_room(
 
     Returns:
         Whether there is room, shape ``(V,)``; False for a camera that is not higher than `step` above the floor.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.visibility.clearance import find_free_poses
 
@@ -149,9 +143,6 @@ def one_world(
         scene: A scene with objects.
         object_poses: Poses of the movable objects, shape ``(M, 7)``; None for their initial poses.
         exclude: Names or indices of objects, or flags of shape ``(1, objects)``.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     require_scene(scene)
     objects = scene.require_objects()

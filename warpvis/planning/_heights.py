@@ -64,9 +64,6 @@ def minimum_height(
     Returns:
         Heights [m], shape ``(E, N)`` float32, on the scene's device: 0 where the line is free without raising, +inf
         where raising by `max_height` does not suffice, NaN where an input on a GPU is not finite.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.visibility.heights import climb
 

@@ -41,9 +41,6 @@ def inside_solids(
 
     Returns:
         Whether each point is inside, shape ``(N,)``.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.visibility.clearance import find_inside
 

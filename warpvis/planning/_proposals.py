@@ -72,9 +72,6 @@ def propose_view(
 
     Returns:
         The pose; None if the robot sees all objects that the person sees, or sees none of the others from any position.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)

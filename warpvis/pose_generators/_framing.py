@@ -43,9 +43,6 @@ def framing(
 
     Returns:
         The pose, ``x y z qx qy qz qw`` [m], OpenCV camera to world, shape ``(7,)``.
-
-    Raises:
-        WarpvisError: If an argument is invalid, or the scene is empty.
     """
     require_scene(scene)
     require_image_camera(camera)
@@ -66,11 +63,7 @@ def framing(
 
 
 def _pinhole_inside(camera: LensedCamera) -> Camera:
-    """Find the widest centered pinhole, of the image's aspect ratio, whose rays are all within a lens's image.
-
-    Raises:
-        CameraError: If the optical axis is not inside the image.
-    """
+    """Find the widest centered pinhole, of the image's aspect ratio, whose rays are all within a lens's image."""
     along = np.linspace(-1, 1, _BORDER_POINTS)
     ends = np.ones_like(along)
     sides = [(along, ends), (along, -ends), (ends, along), (-ends, along)]
@@ -112,9 +105,6 @@ def fitting_distance(
         low: Lower corner of the box.
         high: Upper corner of the box.
         margin: Free margin on each side, as a fraction of the image.
-
-    Raises:
-        CameraError: If the optical axis is not inside the image, so that no distance suffices.
     """
     corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
     x, y, z = ((corners - middle) @ poses_to_matrices(pose)[:3, :3]).T

@@ -62,9 +62,6 @@ def orbit(
 
     Returns:
         Poses, shape ``(count, 7)``.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     vertical, middle = check_up(up), as_point(target, "target")
     radius, height = check_length(radius, "radius", zero=False), check_length(height, "height", signed=True)
@@ -101,9 +98,6 @@ def sphere(
 
     Returns:
         Poses, shape ``(count, 7)``.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     vertical, middle = check_up(up), as_point(target, "target")
     radius = check_length(radius, "radius", zero=False)
@@ -140,9 +134,6 @@ def grid(
 
     Returns:
         Poses, shape ``(C, 7)``, ordered by grid point, with x slowest and z fastest, and then by direction.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     low, high = _check_bounds(bounds)
     step, vertical = check_length(step, "step", zero=False), check_up(up)
@@ -202,7 +193,6 @@ def random_poses(
 
     Raises:
         PoseError: If fewer than one in 10,000 of at least a million positions are free.
-        WarpvisError: If an argument is invalid.
     """
     scene: Scene | None = None
     if isinstance(scene_or_bounds, Scene):

@@ -68,7 +68,6 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
 
     Raises:
         PoseError: If there is no such generator, or a key is unknown, missing, duplicate or invalid.
-        WarpvisError: If an argument of the generator is invalid.
     """
     check_text(text, "text", PoseError)
     if scene is not None:

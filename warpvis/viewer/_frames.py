@@ -14,11 +14,7 @@ from warpvis.errors import ArrayError
 
 
 def check_frames(frames: Frames | None, movable_names: Sequence[str]) -> Frames | None:
-    """Return frames if they match a scene with these movable objects.
-
-    Raises:
-        ArrayError: If `frames` is not a non-empty `Frames`, or has a different number of objects.
-    """
+    """Return frames if they match a scene with these movable objects."""
     if frames is None:
         return None
     if not isinstance(frames, Frames) or not len(frames):

@@ -24,11 +24,7 @@ _WIDE = 700
 
 
 def write_page(page: Page, path: str | os.PathLike[str], title: str) -> None:
-    """Write the current page to a file, without handles, which have no effect there.
-
-    Raises:
-        FileFormatError: If the file cannot be written.
-    """
+    """Write the current page to a file, without handles, which have no effect there."""
     check_text(title, "title")
     file = as_path(path)
     assert page.snapshot is not None  # set by the constructor of `Page`

@@ -61,9 +61,6 @@ class MujocoStage:
             model: The model.
             data: Initial joint positions; by default those of the model's first keyframe, if it has one.
             labels: Labels by name or pattern of geoms or bodies, as for `warpvis.mujoco.scene_from_mujoco`.
-
-        Raises:
-            SceneError: If an argument is invalid.
         """
         import mujoco
 
@@ -129,11 +126,7 @@ class MujocoStage:
         return [self.model.camera(index).name for index in range(self.model.ncam)]
 
     def agent(self, name: str, camera: str) -> Agent:
-        """Create an agent from one of the model's cameras.
-
-        Raises:
-            SceneError: If the model has no such camera.
-        """
+        """Create an agent from one of the model's cameras."""
         if not isinstance(camera, str) or camera not in self.cameras():
             raise SceneError(f"the model has no camera {camera!r}; it has {', '.join(self.cameras()) or 'none'}")
         lens, pose = self.eyes(camera)

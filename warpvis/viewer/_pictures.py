@@ -135,11 +135,7 @@ class AgentPicture:
 def with_view(
     camera: Camera, *, hfov: float | None = None, near: float | None = None, far: float | None = None
 ) -> Camera:
-    """Return a camera with another field of view or range and the same image size, center and pixel aspect ratio.
-
-    Raises:
-        CameraError: If the field of view or the range is invalid.
-    """
+    """Return a camera with another field of view or range and the same image size, center and pixel aspect ratio."""
     fields: dict[str, Any] = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
     if hfov is not None:
         factor = math.tan(camera.hfov / 2) / math.tan(hfov / 2)

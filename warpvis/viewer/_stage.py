@@ -41,9 +41,6 @@ class Stage:
             bodies: Names of the objects that are agents' bodies: they move with the agents and cannot be dragged.
             movable: Names or patterns of the objects that may be dragged; by default objects that are labeled as an
                 object, a person or a robot, or are movable already; none if these are more than 40.
-
-        Raises:
-            SceneError: If the scene is empty, or a name or pattern matches no object.
         """
         items = list(require_scene(scene).require_objects())
         body_names = {scene.objects[scene.index(name)].name for name in bodies}

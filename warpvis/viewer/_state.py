@@ -122,9 +122,6 @@ class ViewerState:
             frames: Frames to play, with poses of the first agent and the scene's movable objects. For a dataset of
                 `warpvis.open_dataset`, pass its `frames`.
             points: Approximate number of points of surfaces in the cloud.
-
-        Raises:
-            SceneError: If there are not one or two agents, or an object is not in the scene.
         """
         items = as_items(agents, "agents", SceneError)
         if not 1 <= len(items) <= 2 or not all(isinstance(agent, Agent) for agent in items):
@@ -171,9 +168,6 @@ class ViewerState:
             name: Name of the agent.
             pose: Camera to world, ``x y z qx qy qz qw`` in OpenCV axes, or a 4x4 matrix.
             quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
-
-        Raises:
-            WarpvisError: If there is no such agent, or the pose is invalid.
         """
         check_quaternion(quaternion)
         row = read_pose(pose, quaternion, name=f"pose of {name!r}")
@@ -185,11 +179,7 @@ class ViewerState:
                 self.object_poses[column] = self._moved_body(self.object_poses[column], before, row)
 
     def raise_agent(self, name: str, height: float) -> None:
-        """Set the height of an agent's eyes [m] without moving its body.
-
-        Raises:
-            WarpvisError: If there is no such agent, or the height is not a finite number.
-        """
+        """Set the height of an agent's eyes [m] without moving its body."""
         if not is_number(height) or not math.isfinite(height):
             raise PoseError(f"height of {name!r} must be a finite number of meters, got {height!r}")
         with self._lock:
@@ -202,11 +192,7 @@ class ViewerState:
         return float(self._agent(name).poses[0, self._vertical])
 
     def set_camera(self, name: str, camera: Camera) -> None:
-        """Set an agent's camera.
-
-        Raises:
-            CameraError: If `camera` is not a `warpvis.Camera`.
-        """
+        """Set an agent's camera."""
         if not isinstance(camera, Camera):
             raise CameraError(f"camera of {name!r} must be a warpvis.Camera, got {type(camera).__name__}")
         with self._lock:
@@ -214,11 +200,7 @@ class ViewerState:
             self._pictures.pop(name, None)
 
     def set_sensor(self, sensor: DepthSensor | None) -> None:
-        """Set the depth camera model of the agents' depth images; None for exact depth.
-
-        Raises:
-            WarpvisError: If `sensor` is not a sensor model, or does not support an agent's camera.
-        """
+        """Set the depth camera model of the agents' depth images; None for exact depth."""
         if sensor is not None:
             require_sensor(sensor)
             for agent in self.agents.values():
@@ -235,9 +217,6 @@ class ViewerState:
             name: Name of the object.
             pose: Object to world, ``x y z qx qy qz qw`` or a 4x4 matrix; `object_pose` returns the current one.
             quaternion: Order of the quaternion in a pose of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
-
-        Raises:
-            WarpvisError: If the object is not movable, or the pose is invalid.
         """
         check_quaternion(quaternion)
         row = read_pose(pose, quaternion, name=f"pose of {name!r}")
@@ -252,11 +231,7 @@ class ViewerState:
                 raise SceneError(f"object {name!r} has no free joint. Set its joints instead")
 
     def set_joint(self, name: str, value: float) -> None:
-        """Set the value of a joint of a MuJoCo model [rad] or [m].
-
-        Raises:
-            WarpvisError: If the scene is not a MuJoCo model or has no such joint, or the value is not a finite number.
-        """
+        """Set the value of a joint of a MuJoCo model [rad] or [m]."""
         if self.model is None:
             raise SceneError("the scene must be a MuJoCo model to have joints")
         if not is_number(value) or not math.isfinite(value):
@@ -271,11 +246,7 @@ class ViewerState:
             return self.object_poses[self._column(name)].copy()
 
     def show_frame(self, number: int) -> None:
-        """Move the first agent and the movable objects to their poses in a frame.
-
-        Raises:
-            WarpvisError: If there is no such frame.
-        """
+        """Move the first agent and the movable objects to their poses in a frame."""
         count = 0 if self.frames is None else len(self.frames)
         if self.frames is None or not is_whole(number) or not 0 <= number < count:
             raise ArrayError(f"frame must be an index from 0 into {count} frames, got {number!r}")

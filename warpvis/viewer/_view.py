@@ -160,9 +160,6 @@ def framing_agent(scene: Scene, camera: Camera | None = None) -> Agent:
     Args:
         scene: The scene.
         camera: Camera of the robot; by default `Camera.kinect` with unlimited range.
-
-    Raises:
-        WarpvisError: If the scene is empty, or the camera is invalid.
     """
     from warpvis.pose_generators import framing
 
@@ -173,11 +170,7 @@ def framing_agent(scene: Scene, camera: Camera | None = None) -> Agent:
 
 
 def _serve(host: str, port: int) -> ViserServer:
-    """Start the server.
-
-    Raises:
-        WarpvisError: If viser is missing, or the address is invalid.
-    """
+    """Start the server."""
     try:
         import viser
     except ImportError:
@@ -192,11 +185,7 @@ def _serve(host: str, port: int) -> ViserServer:
 
 
 def _check_address(host: str) -> None:
-    """Check that this machine can listen on an address.
-
-    Raises:
-        WarpvisError: If it cannot.
-    """
+    """Check that this machine can listen on an address."""
     try:
         family, kind, _, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind) as probe:

@@ -40,11 +40,7 @@ Colors = Callable[[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]], N
 def one_pose(
     poses: PoseLike, name: str, convention: Convention = "opencv", quaternion: QuaternionOrder = "xyzw"
 ) -> NDArray[np.float64]:
-    """Return a single pose as a row ``x y z qx qy qz qw`` in OpenCV axes, shape ``(1, 7)``.
-
-    Raises:
-        WarpvisError: If the pose is invalid, or there are several.
-    """
+    """Return a single pose as a row ``x y z qx qy qz qw`` in OpenCV axes, shape ``(1, 7)``."""
     rows = poses_to_opencv(to_xyzw(poses, quaternion, name), convention, name=name)
     if len(rows) != 1:
         raise ArrayError(f"{name} must be one pose for one picture, got {len(rows)}")

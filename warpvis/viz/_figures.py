@@ -49,11 +49,7 @@ def new_figure(width: float, height: float, *, gap: float = 0.04167) -> Figure:
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure.
-
-    Raises:
-        FileFormatError: If the file cannot be written, or its format is not supported.
-    """
+    """Write a figure."""
     path = as_path(path)
     try:
         figure.savefig(path)
@@ -73,7 +69,6 @@ def save_map(floor: FloorMap, path: str | os.PathLike[str], *, view: int = 0, ti
         title: Title of the picture.
 
     Raises:
-        ArrayError: If there is no such view.
         FileFormatError: If the picture cannot be written.
     """
     check_text(title, "title")

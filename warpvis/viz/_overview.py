@@ -145,11 +145,7 @@ def view_from_outside(
 
 
 def _require_views(views: object, camera: Camera) -> Views:
-    """Return `views` if it has depth and segmentation images of the camera's size.
-
-    Raises:
-        ArrayError: If it does not.
-    """
+    """Return `views` if it has depth and segmentation images of the camera's size."""
     require_camera(camera)
     if not isinstance(views, Views) or views.depth is None or views.segmentation is None:
         raise ArrayError("views must be warpvis.Views with depth and segmentation")

@@ -39,9 +39,6 @@ def depth_colors(depth: ArrayInput, depth_range: tuple[float, float]) -> NDArray
 
     Returns:
         RGB image, shape ``(..., H, W, 3)`` uint8.
-
-    Raises:
-        ArrayError: If the range is invalid.
     """
     require_matplotlib()
     from matplotlib import colormaps

@@ -30,7 +30,6 @@ def save_sensor_fit(fit: StereoFit, path: str | os.PathLike[str]) -> None:
         path: Picture to write.
 
     Raises:
-        ArrayError: If `fit` is not a `StereoFit`.
         FileFormatError: If the picture cannot be written.
     """
     if not isinstance(fit, StereoFit):

@@ -286,7 +286,6 @@ def open_dataset(path: str | os.PathLike[str], *, outputs: Iterable[str] | None 
 
     Raises:
         FileFormatError: If the path is not a dataset, if its format has no images (``ply``), or if it cannot be read.
-        ArrayError: If there is no such output.
     """
     if outputs is not None:
         outputs = tuple(as_items(outputs, "outputs", ArrayError))
