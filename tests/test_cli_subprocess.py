@@ -10,7 +10,7 @@ import pytest
 
 import warpvis as wv
 from warpvis.cli import Batch, run_command
-from warpvis.cli._subprocess import run_in_subprocess
+from warpvis.cli._interrupts import run_in_subprocess
 
 
 @pytest.mark.slow

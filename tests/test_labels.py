@@ -20,8 +20,8 @@ from warpvis.core.label_rules import LabelRules
 from warpvis.core.labels import LabelNames
 from warpvis.mujoco import BatchRenderer, Renderer, scene_from_mujoco
 from warpvis.viz import STATE_COLORS
+from warpvis.viz._agent_views import PanelData
 from warpvis.viz._perspective import _floor_map
-from warpvis.viz._states import PanelData
 from warpvis.webots import load_webots
 
 import reference

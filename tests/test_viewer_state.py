@@ -14,8 +14,8 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import label_colors
 from warpvis.scenes import EXPERIMENTS
 from warpvis.viewer import MujocoStage, ViewerState
-from warpvis.viewer._answers import describe_proposal, map_picture, propose
-from warpvis.viewer._gizmos import level_frame
+from warpvis.viewer._nodes import level_frame
+from warpvis.viewer._panel import describe_proposal, map_picture, propose
 from warpvis.viewer._pictures import kinect_noise, with_view
 from warpvis.visibility import State
 from warpvis.viz import STATE_COLORS, depth_colors

@@ -296,7 +296,7 @@ class Batch(ImageOptions):
     def run(self) -> None:
         """Run the command."""
         from warpvis.batch import find_format
-        from warpvis.cli._subprocess import run_in_subprocess
+        from warpvis.cli._interrupts import run_in_subprocess
 
         find_format(self.format)
         if self.engine == "ray":

@@ -1,22 +1,31 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Handling of Ctrl-C, which ends the process at any moment."""
+"""Handling of Ctrl-C, which ends the process at any moment, and commands in a subprocess.
+
+Ray ends the process that it runs in when it loses its node, so its commands run in a subprocess.
+"""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import Timer, current_thread, main_thread
+from threading import RLock, Timer, current_thread, main_thread
 from types import FrameType
+from typing import TYPE_CHECKING
+
+from warpvis.errors import WarpvisError
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
 
 INTERRUPTED = 130
 """Exit code that shells report for a command ended by SIGINT."""
 
-# Maximum duration of the cleanup of interrupted work [s].
-_GRACE = 10.0
+# Maximum duration of the cleanup of interrupted work, and the time that a subprocess has for it [s].
+_GRACE, _SUBPROCESS_GRACE = 10.0, 15.0
 
 
 @contextmanager
@@ -68,3 +77,46 @@ def _exit() -> None:
         if stream is not None:
             stream.flush()
     os._exit(INTERRUPTED)
+
+
+def run_in_subprocess(work: Callable[[], None], lost: str) -> None:
+    """Run a picklable function as a command in a subprocess, and exit like it."""
+    import multiprocessing
+
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_work, args=(theirs, work))
+    process.start()
+    theirs.close()
+    try:
+        code = ours.recv()
+        process.join()
+    except EOFError:
+        process.join()
+        raise WarpvisError(f"{lost} (exit code {process.exitcode})") from None
+    except KeyboardInterrupt:  # the subprocess receives SIGINT, too
+        process.join(_SUBPROCESS_GRACE)
+        process.kill()
+        raise
+    if code:
+        sys.exit(code)
+
+
+def _work(connection: Connection, work: Callable[[], None]) -> None:
+    """Run a function as a command, and send the exit code."""
+    from tqdm import tqdm
+
+    from warpvis.cli import run_command
+
+    tqdm.set_lock(RLock())  # tqdm's default is a semaphore that outlives the process
+    code = 1
+    try:
+        run_command(work)
+        code = 0
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 1
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    finally:
+        sys.stdout.flush()
+        connection.send(code)

@@ -8,9 +8,14 @@
 from __future__ import annotations
 
 from warpvis.maps._classification import Sphere, back_project as back_project, classify as classify, classify_rendered
-from warpvis.maps._floor_map import FloorMap as FloorMap, floor_map as floor_map, map_numbers as map_numbers
+from warpvis.maps._floor_map import (
+    MAP_LEGEND,
+    FloorMap as FloorMap,
+    floor_map as floor_map,
+    label_colors,
+    map_numbers as map_numbers,
+)
 from warpvis.maps._floor_plan import PlanVisibility, plan_visibility
-from warpvis.maps._map_labels import MAP_LEGEND, label_colors
 from warpvis.maps._voxel_map import Voxel, VoxelMap as VoxelMap
 from warpvis.maps._voxel_views import voxel_map as voxel_map, voxel_map_from_scene as voxel_map_from_scene
 

@@ -20,8 +20,7 @@ from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, FileFormatError
-from warpvis.maps._floor_map import FloorMap, floor_map
-from warpvis.maps._map_labels import ground_bits
+from warpvis.maps._floor_map import FloorMap, floor_map, ground_bits
 
 
 class Voxel(enum.IntEnum):

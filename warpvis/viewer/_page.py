@@ -1,33 +1,44 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page: a viser server that shows a state, and recomputes it whenever something moves."""
+"""The page: a viser server that shows a state and recomputes it whenever something moves, and its export to HTML."""
 
 from __future__ import annotations
 
+import base64
+import io
+import os
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpvis.cameras.pinhole import Camera
+from warpvis.core.checks import as_path, check_text
 from warpvis.core.poses import check_up
-from warpvis.viewer._answers import describe_proposal, propose
-from warpvis.viewer._gizmos import Gizmos
-from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Meshes, ProposalMark, SightNode
-from warpvis.viewer._panel import Panel
+from warpvis.errors import FileFormatError
+from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Gizmos, Meshes, ProposalMark, SightNode
+from warpvis.viewer._panel import Panel, describe_proposal, propose
+from warpvis.viewer._state import Snapshot
+from warpvis.viewer._tables import legend_html, table_html
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
     from warpvis.planning import Proposal
-    from warpvis.viewer._state import Snapshot, ViewerState
+    from warpvis.viewer._state import ViewerState
 
 _RATE_OVER = 20
 _MAX_DISTANCE, _RADIUS = 2.0, 0.2
 _BRAND = (0, 114, 178)
+
+_WIDE = 700
+"""On pages narrower than this, the panel is initially closed [px]."""
 
 
 class Page:
@@ -168,3 +179,56 @@ class Page:
         self.server.initial_camera.position = center + 1.35 * reach * direction / np.linalg.norm(direction)
         self.server.initial_camera.look_at = center + 0.08 * reach * (sideways - behind)  # the panel is on the right
         self.server.initial_camera.fov = np.radians(50)
+
+
+def write_page(page: Page, path: str | os.PathLike[str], title: str) -> None:
+    """Write the current page to a file, without handles, which have no effect there."""
+    check_text(title, "title")
+    file = as_path(path)
+    assert page.snapshot is not None  # set by the constructor of `Page`
+    shown = page.gizmos.visible
+    page.gizmos.visible = False
+    try:
+        document = page.server.scene.as_html(dark_mode=page.dark)
+    finally:
+        page.gizmos.visible = shown
+    if "</body>" not in document or "<head>" not in document:
+        raise FileFormatError(f"{file}: the page exported by this version of viser has no <head> or <body>")
+    head, _, tail = document.rpartition("</body>")
+    document = f"{head}{_panel(page.snapshot, title, page.dark)}</body>{tail}"
+    document = document.replace("<head>", f"<head><title>{escape(title)}</title>", 1)
+    try:
+        Path(file).write_text(document, encoding="utf-8")
+    except OSError as error:
+        raise FileFormatError(f"{file}: cannot be written: {error.strerror}") from None
+
+
+def _panel(snapshot: Snapshot, title: str, dark: bool) -> str:
+    """Return the HTML of a collapsible panel with the table and the images, at the page's right border."""
+    paper, ink = ("#1b1b1b", "#ddd") if dark else ("#fff", "#111")
+    images = "".join(
+        f'<figure style="margin:0.6em"><figcaption style="font-size:0.8em">{escape(agent.name)} sees</figcaption>'
+        f'<img alt="what {escape(agent.name)} sees" style="width:100%" src="{_data_url(picture)}"></figure>'
+        for agent, picture in zip(snapshot.agents, snapshot.pictures, strict=True)
+    )
+    style = (
+        f"position:fixed;top:0.5em;right:0.5em;width:min(20em,85vw);max-height:calc(100vh - 1em);overflow:auto;"
+        f"background:{paper};color:{ink};border-radius:0.4em;box-shadow:0 0 0.6em rgba(0,0,0,0.3);z-index:1000;"
+        f"font-family:system-ui,sans-serif"
+    )
+    summary = f'<summary style="padding:0.5em 0.6em;font-weight:600;cursor:pointer">{escape(title)}</summary>'
+    names = [agent.name for agent in snapshot.agents]
+    table, legend = table_html(snapshot.rows, names), legend_html(names)
+    closing = f"if(innerWidth<{_WIDE})document.getElementById('warpvis').open=false"
+    return (
+        f'<details id="warpvis" open style="{style}">{summary}{table}{legend}{images}</details>'
+        f"<script>{closing}</script>"
+    )
+
+
+def _data_url(picture: NDArray[np.uint8]) -> str:
+    from PIL import Image
+
+    data = io.BytesIO()
+    Image.fromarray(picture).save(data, "PNG", optimize=True)
+    return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The viewer's copy of a scene, in which the objects that a user may drag are movable."""
+"""The viewer's copy of a scene, in which the objects that a user may drag are movable, and frames to play in it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.frames import Frames
 from warpvis.core.checks import as_items
 from warpvis.core.labels import Label
-from warpvis.errors import SceneError
+from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene, SceneObject, require_scene
 
 _DRAGGABLE_LABELS = (Label.OBJECT, Label.HUMAN, Label.ROBOT)
@@ -91,3 +92,26 @@ def _make_movable(item: SceneObject) -> SceneObject:
     pose = np.array([*center, 0, 0, 0, 1], dtype=np.float32)
     local = (item.vertices - pose[:3]).astype(np.float32)
     return SceneObject.placed(item.name, item.label, (local, item.faces), pose, lazy_appearance=item.lazy_appearance)
+
+
+def check_frames(frames: Frames | None, movable_names: Sequence[str]) -> Frames | None:
+    """Return frames if they match a scene with these movable objects."""
+    if frames is None:
+        return None
+    if not isinstance(frames, Frames) or not len(frames):
+        raise ArrayError(f"frames must be a non-empty warpvis.Frames, got {type(frames).__name__}")
+    num_objects = 0 if frames.object_poses is None else frames.object_poses.shape[1]
+    if num_objects and num_objects != len(movable_names):
+        raise ArrayError(
+            f"frames must have poses of the scene's {len(movable_names)} movable objects, got {num_objects}"
+        )
+    return frames
+
+
+def objects_in_frame(frames: Frames, number: int) -> NDArray[np.float32]:
+    """Return the poses of the movable objects in a frame, ``(M, 7)``; ``(0, 7)`` if they keep their initial poses."""
+    if frames.object_poses is None:
+        return np.zeros((0, 7), dtype=np.float32)
+    world = number if len(frames.object_poses) > 1 else 0
+    world = world if frames.world_index is None else int(frames.world_index[number])
+    return frames.object_poses[world]

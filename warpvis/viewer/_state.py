@@ -30,13 +30,11 @@ from warpvis.errors import ArrayError, CameraError, PoseError, SceneError
 from warpvis.maps import label_colors
 from warpvis.rendering import DepthSensor, require_sensor
 from warpvis.scene import Scene
-from warpvis.viewer._cloud import SurfaceCloud
-from warpvis.viewer._frames import check_frames, objects_in_frame
+from warpvis.viewer._cloud import SightLine, SightLines, SurfaceCloud
 from warpvis.viewer._mujoco import MujocoStage, as_mujoco_stage
 from warpvis.viewer._pictures import AgentPicture, PictureKind, Seen
-from warpvis.viewer._rows import Row, table_rows
-from warpvis.viewer._sight import SightLine, SightLines
-from warpvis.viewer._stage import Stage
+from warpvis.viewer._stage import Stage, check_frames, objects_in_frame
+from warpvis.viewer._tables import Row, table_rows
 from warpvis.visibility import Agent, Perspective, State, perspective
 from warpvis.viz import STATE_COLORS
 

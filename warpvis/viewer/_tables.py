@@ -1,15 +1,16 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""HTML of the page's table and legend, for light and dark pages."""
+"""Rows of the page's table, and its HTML and legend for light and dark pages."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 
-from warpvis.viewer._rows import Row
-from warpvis.viewer._state import Snapshot
-from warpvis.visibility import State
+from warpvis.core.checks import format_percent
+from warpvis.core.labels import Visibility
+from warpvis.visibility import Perspective, State
 from warpvis.viz import STATE_COLORS
 
 _STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.6em"
@@ -17,13 +18,54 @@ _MAX_HEIGHT = "17em"
 _CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid rgba(128,128,128,0.3)"
 
 
-def table_html(snapshot: Snapshot) -> str:
+@dataclass(frozen=True)
+class Row:
+    """A row of the table: an object and its visibility to each agent."""
+
+    name: str
+    label: str
+    """Name of the object's label."""
+    cells: tuple[str, ...]
+    """For each agent, the visible percentage, or the reason why the agent does not see the object."""
+    fractions: tuple[float, ...]
+    """For each agent, the visible fraction of the silhouette, 0 to 1."""
+    state: State
+    """Which of the agents see the object."""
+
+
+def table_rows(seen: Perspective) -> tuple[Row, ...]:
+    """Return the table of the first situation."""
+    flags = seen.visible[:, 0]
+    states = sum(State(1 + number) * flags[number] for number in range(len(flags)))
+    rows = []
+    for k, name in enumerate(seen.objects):
+        cells = tuple(_cell(seen, agent, k) for agent in range(len(seen.agents)))
+        fractions = tuple(float(value) for value in seen.fraction[:, 0, k])
+        label = seen.label_names.name(seen.labels[k])
+        rows.append(Row(name, label, cells, fractions, State(int(states[k]))))
+    return tuple(rows)
+
+
+def _cell(seen: Perspective, agent: int, k: int) -> str:
+    """Return the visible percentage of an object for an agent, or the reason why the agent does not see it."""
+    index = (agent, 0, k)
+    if seen.body[agent, k]:
+        return "own body"
+    status = Visibility(seen.status[index])
+    if status == Visibility.VISIBLE:
+        share = format_percent(float(seen.fraction[index]))
+        return f"{share} ({int(seen.visible_pixels[index])} px)" if share.startswith("<") else share
+    if status == Visibility.OCCLUDED and seen.occluder[index] >= 0:
+        return f"hidden by {seen.scene_objects[seen.occluder[index]]}"
+    return status.name.lower().replace("_", " ")
+
+
+def table_html(rows: Sequence[Row], agents: Sequence[str]) -> str:
     """Return the table: a row per object, with a dot in the color of its `State`, and a column per agent."""
-    agents = [agent.name for agent in snapshot.agents]
     head = "".join(
         f'<th style="text-align:left;padding-right:0.5em">{escape(word)}</th>' for word in ["object", *agents]
     )
-    body = "".join(_row(row, agents) for row in snapshot.rows)
+    body = "".join(_row(row, agents) for row in rows)
     return (
         f'<div style="{_STYLE};max-height:{_MAX_HEIGHT};overflow:auto">'
         f'<table class="warpvis-table" style="border-collapse:collapse;width:100%">'
@@ -49,10 +91,10 @@ def state_text(state: State, agents: Sequence[str]) -> str:
     return texts.get(state) or f"{agents[0] if state == State.FIRST else agents[1]} only"
 
 
-def status_html(snapshot: Snapshot, updates: float) -> str:
+def status_html(seconds: float, updates: float) -> str:
     """Return the duration of the last update and the update rate."""
     rate = f", {updates:.0f} updates/s" if updates else ""
-    return f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{1e3 * snapshot.seconds:.0f} ms{rate}</div>'
+    return f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{1e3 * seconds:.0f} ms{rate}</div>'
 
 
 def _row(row: Row, agents: Sequence[str]) -> str:

@@ -21,6 +21,7 @@ from warpvis.core.checks import check_flag, is_whole
 from warpvis.errors import WarpvisError
 from warpvis.scene import Scene, require_scene
 from warpvis.viewer._mujoco import as_mujoco_stage
+from warpvis.viewer._page import Page, write_page
 from warpvis.viewer._state import ViewerState
 from warpvis.visibility import Agent
 
@@ -53,8 +54,6 @@ class Viewer:
         Raises:
             WarpvisError: If viser is missing, or an argument is invalid.
         """
-        from warpvis.viewer._page import Page
-
         if not isinstance(state, ViewerState):
             raise WarpvisError(f"state must be a warpvis.viewer.ViewerState, got {type(state).__name__}")
         dark = check_flag(dark, "dark")
@@ -85,8 +84,6 @@ class Viewer:
         Raises:
             WarpvisError: If the file cannot be written.
         """
-        from warpvis.viewer._html import write_page
-
         write_page(self.page, path, title)
 
     def wait(self) -> None:

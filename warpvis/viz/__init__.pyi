@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # The public names of warpvis.viz and their modules; `lazy_loader` reads this file.
 
-from ._figures import save_map as save_map
-from ._label_images import save_labels as save_labels
+from ._agent_views import STATE_COLORS as STATE_COLORS
+from ._figures import save_labels as save_labels, save_map as save_map
 from ._overview import save_depth as save_depth, save_overview as save_overview, view_from_outside as view_from_outside
 from ._perspective import save_perspective as save_perspective
 from ._previews import (
@@ -13,4 +13,3 @@ from ._previews import (
 )
 from ._sensor_fits import save_sensor_fit as save_sensor_fit
 from ._sightings import save_point_sightings as save_point_sightings, save_sightings as save_sightings
-from ._states import STATE_COLORS as STATE_COLORS
