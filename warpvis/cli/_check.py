@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -26,42 +26,6 @@ if TYPE_CHECKING:
     from warpvis.visibility import ObjectVisibility
 
 _LINES_PRINTED = 40
-
-
-class _PoseReport(TypedDict):
-    """The pose of a view in the JSON file."""
-
-    view: int
-    timestamp: float
-    pose: list[float]
-
-
-class _ObjectReport(TypedDict):
-    """An object in a view in the JSON file; see `ObjectVisibility`."""
-
-    name: str
-    status: str
-    fraction: float
-    visible_pixels: int
-    silhouette_pixels: int
-    occluder: str | None
-    visible_box: list[int]
-    silhouette_box: list[int]
-
-
-class _ViewReport(_PoseReport):
-    """A view in the JSON file."""
-
-    objects: list[_ObjectReport]
-
-
-class _FirstView(TypedDict):
-    """Arguments of pictures that select the view."""
-
-    camera_to_world: NDArray[np.float64]
-    title: str
-    object_poses: NDArray[np.float32] | None
-    exclude: list[str] | None
 
 
 @with_help
@@ -143,7 +107,7 @@ class Check(FrameOptions):
         print(format_rows(["view", "object", "visible", "pixels", "status", "hidden by"], rows[:_LINES_PRINTED]))
         _print_rest(len(rows))
 
-    def _first_view(self, frames: Frames) -> _FirstView:
+    def _first_view(self, frames: Frames) -> dict[str, Any]:
         """Return the arguments of pictures that select the first view."""
         first = frames[:1]
         world = 0 if first.world_index is None else first.world_index[0]
@@ -197,21 +161,21 @@ class Check(FrameOptions):
         _print_rest(len(rows))
 
 
-def _pose_report(view: int, frames: Frames) -> _PoseReport:
+def _pose_report(view: int, frames: Frames) -> dict[str, Any]:
     pose = frames.camera_to_world[view].tolist()
     return {"view": view, "timestamp": float(frames.timestamps[view]), "pose": pose}
 
 
-def _object_report(scene: Scene, seen: ObjectVisibility, frames: Frames) -> list[_ViewReport]:
+def _object_report(scene: Scene, seen: ObjectVisibility, frames: Frames) -> list[dict[str, Any]]:
     """Return the results of every view and object as plain Python values."""
     from warpvis.core.labels import Visibility
 
     status, occluder, fraction = seen.status.numpy(), seen.occluder.numpy(), seen.fraction.numpy()
     visible, silhouette = seen.visible_pixels.numpy(), seen.silhouette_pixels.numpy()
     visible_box, silhouette_box = seen.visible_box.numpy(), seen.silhouette_box.numpy()
-    views: list[_ViewReport] = []
+    views: list[dict[str, Any]] = []
     for v in range(len(frames)):
-        objects: list[_ObjectReport] = []
+        objects: list[dict[str, Any]] = []
         for k, name in enumerate(seen.names):
             hides = int(occluder[v, k])
             objects.append(

@@ -1,14 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands ``warpvis render`` and ``batch``, which write images, ``verify`` and ``warmup``."""
+"""The commands ``warpvis batch``, ``verify`` and ``warmup``, and the options of images that ``render`` shares."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -18,22 +17,18 @@ from warpvis.cli._inputs import (
     MaybePoses,
     Names,
     SceneFile,
-    given_options,
     refuse_options,
     split_names,
     split_pairs,
 )
 from warpvis.core.checks import pluralize
 from warpvis.core.outputs import IMAGE_NAMES, SENSOR_NAMES, VISIBILITY
-from warpvis.errors import ArrayError, FileFormatError, PoseError
+from warpvis.errors import ArrayError, FileFormatError
 
 if TYPE_CHECKING:
-    from warpvis.batch import BatchSummary, Format
-    from warpvis.cameras import CalibratedCamera
-    from warpvis.cameras.frames import Frames
+    from warpvis.batch import BatchSummary
     from warpvis.cameras.pinhole import Camera
     from warpvis.rendering import DepthSensor
-    from warpvis.scene import Scene
 
 
 _OUTPUTS = (
@@ -43,17 +38,6 @@ _OUTPUTS = (
 
 _NOTHING_SEEN = 3
 """Exit code if no image sees anything."""
-
-
-class _Chosen(TypedDict):
-    """Arguments of `render_batch` that select the outputs."""
-
-    outputs: Sequence[str] | None
-    options: dict[str, str]
-    sensor: DepthSensor | None
-    seed: int
-    objects: list[str] | None
-    exclude: list[str] | None
 
 
 @with_help
@@ -103,7 +87,7 @@ class ImageOptions(FrameOptions):
         sensor = self.make_sensor()
         return None if sensor is None else sensor.camera()
 
-    def chosen(self) -> _Chosen:
+    def chosen(self) -> dict[str, Any]:
         """Return the arguments of `render_batch` that these options set."""
         from warpvis.batch import check_batch_outputs
 
@@ -116,154 +100,6 @@ class ImageOptions(FrameOptions):
             "objects": split_names(self.objects) or None,
             "exclude": split_names(self.exclude) or None,
         }
-
-
-@with_help
-@dataclass(frozen=True, kw_only=True)
-class Render(ImageOptions):
-    """Render depth images: OUT/npz in meters, OUT/png in millimeters (16 bit, 0 for no depth), or other formats.
-
-    A Webots world can be rendered without --poses: its range finders to OUT/NAME/depth.npz and OUT/NAME/depth, and its
-    lidars to OUT/NAME/ranges.npz and OUT/NAME/pcd.
-    """
-
-    file: SceneFile
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
-    """Output folder; each format is written to a subfolder, which must be new or empty."""
-    poses: MaybePoses = None
-    format: Names = ("npz", "png")
-    """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2; with --lidar bin, pcd, las or npy, pcd by default."""
-    lidar: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
-    """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl64e, bpearl, os0-128, os1-128, os2-128, an
-    Ouster metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z
-    up."""
-    moving: bool = False
-    """With --lidar: move the lidar along the poses, by their timestamps, while it measures. Renders one cloud per pose
-    from which a whole revolution fits, as measured: each point is in the lidar's frame at its time."""
-    device: str = "cpu"
-    """Device to compute on: cpu, cuda:0, ..."""
-    device_name: str | None = None
-    """Webots worlds only: name of the range finder or lidar to render; all by default."""
-    pictures: bool = True
-    """Also write colored depth: OUT/preview, of the first hundred frames, and OUT/contact_sheet.png."""
-    version_exact: bool = False
-    """Webots worlds only: values as computed by the Webots version in the world's header, instead of true depth."""
-
-    def run(self) -> None:
-        """Run the command."""
-        from warpvis.cli._webots import is_world, render_world
-
-        if self.lidar is not None:
-            self._render_clouds(self.lidar)
-        elif self.moving:
-            raise PoseError("--moving requires --lidar")
-        elif self.poses is not None or self.frame:
-            refuse_options(
-                self, ("device_name", "version_exact"), "with --poses or --frame no device is rendered: give"
-            )
-            self._render_poses(self.poses)
-        elif not is_world(self.file):
-            raise PoseError(
-                f"give --poses, a file of camera poses, or --frame: {self.file} is not a Webots world with cameras"
-            )
-        else:
-            scene = ("labels", "label_names", "up", "scale", "file_up", "exclude", "objects", "movable")
-            other = (*_FRAMES, *_IMAGES, "format", *scene)
-            refuse_options(self, tuple(dict.fromkeys(other)), "a world's devices have their own poses: give")
-            seen = render_world(
-                self.file,
-                self.out,
-                device_name=self.device_name,
-                version_exact=self.version_exact,
-                quiet=self.quiet,
-                threads=self.threads,
-                device=self.device,
-                search_path=self.folders(),
-                strict=self.strict,
-            )
-            self.end(empty=not seen)
-
-    def _render_clouds(self, lidar: str) -> None:
-        from warpvis.cli._lidar import CloudJob, render_clouds
-
-        job = CloudJob(
-            lidar=lidar,
-            file=self.file,
-            poses=self.poses,
-            out=self.out,
-            formats=split_names(self.format) if given_options(self, ("format",)) else ["pcd"],
-            exclude=split_names(self.exclude),
-            moving=self.moving,
-            threads=self.threads,
-            device=self.device,
-            quiet=self.quiet,
-        )
-        self.end(empty=not render_clouds(self, job))
-
-    def _render_poses(self, poses: str | None) -> None:
-        from warpvis.batch import find_format, open_dataset, render_batch
-        from warpvis.cli._pictures import write_pictures
-
-        formats = dict.fromkeys(split_names(self.format))
-        kinds = {name: find_format(name) for name in formats}
-        if not kinds:
-            raise FileFormatError("--format must name a format, got none")
-        chosen = self.chosen()
-        scene, camera, frames = self.load(self.file, poses, device=self.device)
-        for kind in kinds.values():
-            self._check(kind, scene, camera, frames, chosen)
-        empty = False
-        for name in kinds:
-            summary = render_batch(
-                scene,
-                camera,
-                frames,
-                self.out / name,
-                format=name,
-                threads=self.threads,
-                quiet=self.quiet,
-                source=self.file.name,
-                **chosen,
-            )
-            print_summary(summary, name, quiet=self.quiet)
-            empty = empty or summary.empty_frames == summary.frames
-        pictured = next((name for name in ("npz", "zarr", "png") if name in kinds), None)
-        if self.pictures and pictured is not None:
-            dataset = open_dataset(self.out / pictured)
-            if "depth" in dataset.outputs:
-                written = write_pictures(dataset, self.out)
-                if not self.quiet:
-                    print(written)
-        self.end(empty=empty)
-
-    def _check(
-        self, kind: type[Format], scene: Scene, camera: CalibratedCamera, frames: Frames, chosen: _Chosen
-    ) -> None:
-        """Raise the errors of all formats before anything is written."""
-        from warpvis.batch import make_plan
-        from warpvis.cli._pictures import PREVIEWS, SHEET
-
-        kind(make_plan(scene, camera, frames, kind, **chosen))
-        folder = self.out / kind.name
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise FileFormatError(f"{folder}: exists already; give a new or empty folder")
-        for picture in (self.out / PREVIEWS, self.out / SHEET):
-            if self.pictures and picture.exists():
-                raise FileFormatError(f"{picture}: exists already, from another run; give a new or empty folder")
-
-
-_FRAMES = (
-    "camera",
-    "distortion",
-    "replace_camera",
-    "convention",
-    "quaternion",
-    "file_format",
-    "topic",
-    "movable",
-    "worlds",
-)
-_IMAGES = ("outputs", "option", "sensor", "sensor_seed", "sensor_vary")
 
 
 @with_help

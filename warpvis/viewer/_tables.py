@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from html import escape
 
 from warpvis.core.checks import format_percent
-from warpvis.core.labels import Visibility
 from warpvis.visibility import Perspective, State
 from warpvis.viz import STATE_COLORS
 
@@ -39,25 +38,11 @@ def table_rows(seen: Perspective) -> tuple[Row, ...]:
     states = sum(State(1 + number) * flags[number] for number in range(len(flags)))
     rows = []
     for k, name in enumerate(seen.objects):
-        cells = tuple(_cell(seen, agent, k) for agent in range(len(seen.agents)))
+        cells = tuple(seen.cell(agent, 0, k, format_percent) for agent in range(len(seen.agents)))
         fractions = tuple(float(value) for value in seen.fraction[:, 0, k])
         label = seen.label_names.name(seen.labels[k])
         rows.append(Row(name, label, cells, fractions, State(int(states[k]))))
     return tuple(rows)
-
-
-def _cell(seen: Perspective, agent: int, k: int) -> str:
-    """Return the visible percentage of an object for an agent, or the reason why the agent does not see it."""
-    index = (agent, 0, k)
-    if seen.body[agent, k]:
-        return "own body"
-    status = Visibility(seen.status[index])
-    if status == Visibility.VISIBLE:
-        share = format_percent(float(seen.fraction[index]))
-        return f"{share} ({int(seen.visible_pixels[index])} px)" if share.startswith("<") else share
-    if status == Visibility.OCCLUDED and seen.occluder[index] >= 0:
-        return f"hidden by {seen.scene_objects[seen.occluder[index]]}"
-    return status.name.lower().replace("_", " ")
 
 
 def table_html(rows: Sequence[Row], agents: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import enum
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -218,7 +218,7 @@ class Perspective:
         rows = [["object", "label", *self.agents, *(f"{a} / {b}" for a, b in pairs)]]
         states = [(pair, self.states(*pair)[view]) for pair in pairs]
         for k, name in enumerate(self.objects):
-            cells = [self._cell(a, view, k) for a in range(len(self.agents))]
+            cells = [self.cell(a, view, k) for a in range(len(self.agents))]
             rows.append(
                 [
                     name,
@@ -231,15 +231,15 @@ class Perspective:
         rows.insert(1, ["-" * width for width in widths])
         return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
-    def _cell(self, agent: int, view: int, k: int) -> str:
-        """Return the cell of `table` for an agent and an object."""
+    def cell(self, agent: int, view: int, k: int, share: Callable[[float], str] = format_fraction) -> str:
+        """Return the cell of `table` for an agent and an object; `share` formats the visible fraction."""
         index = (agent, view, k)
         if self.body[agent, k]:
             return "own body"
         status = Visibility(self.status[index])
         if status == Visibility.VISIBLE:
-            share = format_fraction(float(self.fraction[index]))
-            return f"{share} ({int(self.visible_pixels[index])} px)" if share.startswith("<") else share
+            text = share(float(self.fraction[index]))
+            return f"{text} ({int(self.visible_pixels[index])} px)" if text.startswith("<") else text
         if status == Visibility.OCCLUDED and self.occluder[index] >= 0:
             return f"hidden by {self.scene_objects[self.occluder[index]]}"
         return status.name.lower().replace("_", " ")

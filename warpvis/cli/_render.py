@@ -1,0 +1,298 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``warpvis render``: images and pictures of them, or point clouds of a lidar, along poses."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from warpvis.cli._datasets import ImageOptions, print_summary
+from warpvis.cli._help import with_help
+from warpvis.cli._inputs import (
+    MaybePoses,
+    Names,
+    SceneFile,
+    given_options,
+    refuse_options,
+    scene_options,
+    split_names,
+    viewpoint_options,
+)
+from warpvis.core.checks import check_choice, pluralize
+from warpvis.errors import CameraError, FileFormatError, PoseError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from warpvis.batch import Format, FrameDataset
+    from warpvis.cameras import CalibratedCamera, Rays
+    from warpvis.cameras.frames import Frames
+    from warpvis.rendering import Output
+    from warpvis.scene import Scene
+    from warpvis.sensors.lidars import Livox
+
+_FRAMES = (*viewpoint_options[len(scene_options) :], "movable", "worlds")
+_IMAGES = ("outputs", "option", "sensor", "sensor_seed", "sensor_vary")
+
+_CLOUD_FORMATS = ("bin", "pcd", "las", "npy")
+"""File formats of point clouds."""
+
+_CLOUD_OUTPUTS: tuple[Output, ...] = ("depth", "labels", "segmentation")
+_RAYS_AT_ONCE = 2**22
+_NOT_OF_LIDARS = ("camera", "replace_camera", "convention", "outputs", "objects", *_IMAGES[1:])
+_OF_DEVICES = ("device_name", "version_exact")
+
+_PREVIEWS, _SHEET = "preview", "contact_sheet.png"
+"""Names of the folder and the file of pictures."""
+
+_MAX_PREVIEWS, _MAX_ON_SHEET = 100, 24
+
+
+@with_help
+@dataclass(frozen=True, kw_only=True)
+class Render(ImageOptions):
+    """Render depth images: OUT/npz in meters, OUT/png in millimeters (16 bit, 0 for no depth), or other formats.
+
+    A Webots world can be rendered without --poses: its range finders to OUT/NAME/depth.npz and OUT/NAME/depth, and its
+    lidars to OUT/NAME/ranges.npz and OUT/NAME/pcd.
+    """
+
+    file: SceneFile
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Output folder; each format is written to a subfolder, which must be new or empty."""
+    poses: MaybePoses = None
+    format: Names = ("npz", "png")
+    """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2; with --lidar bin, pcd, las or npy, pcd by default."""
+    lidar: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
+    """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl64e, bpearl, os0-128, os1-128, os2-128, an
+    Ouster metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z
+    up."""
+    moving: bool = False
+    """With --lidar: move the lidar along the poses, by their timestamps, while it measures. Renders one cloud per pose
+    from which a whole revolution fits, as measured: each point is in the lidar's frame at its time."""
+    device: str = "cpu"
+    """Device to compute on: cpu, cuda:0, ..."""
+    device_name: str | None = None
+    """Webots worlds only: name of the range finder or lidar to render; all by default."""
+    pictures: bool = True
+    """Also write colored depth: OUT/preview, of the first hundred frames, and OUT/contact_sheet.png."""
+    version_exact: bool = False
+    """Webots worlds only: values as computed by the Webots version in the world's header, instead of true depth."""
+
+    def run(self) -> None:
+        """Run the command."""
+        from warpvis.cli._webots import is_world, render_world
+
+        if self.lidar is not None:
+            self._render_clouds(self.lidar)
+        elif self.moving:
+            raise PoseError("--moving requires --lidar")
+        elif self.poses is not None or self.frame:
+            refuse_options(self, _OF_DEVICES, "with --poses or --frame no device is rendered: give")
+            self._render_poses(self.poses)
+        elif not is_world(self.file):
+            raise PoseError(
+                f"give --poses, a file of camera poses, or --frame: {self.file} is not a Webots world with cameras"
+            )
+        else:
+            scene = ("labels", "label_names", "up", "scale", "file_up", "exclude", "objects")
+            refuse_options(self, (*_FRAMES, *_IMAGES, "format", *scene), "a world's devices have their own poses: give")
+            seen = render_world(
+                self.file,
+                self.out,
+                device_name=self.device_name,
+                version_exact=self.version_exact,
+                quiet=self.quiet,
+                threads=self.threads,
+                device=self.device,
+                search_path=self.folders(),
+                strict=self.strict,
+            )
+            self.end(empty=not seen)
+
+    def _render_clouds(self, name: str) -> None:
+        """Write a cloud of every frame, OUT/pcd/000000.pcd and so on."""
+        from warpvis.io import save_clouds
+        from warpvis.pose_generators import looks_like_spec
+
+        refuse_options(self, (*_NOT_OF_LIDARS, *_OF_DEVICES), "with --lidar no camera is rendered: give")
+        if self.poses is None:
+            raise PoseError("give --poses with --lidar, a file of the lidar's poses: x forward, y left, z up")
+        if looks_like_spec(self.poses):
+            raise PoseError(
+                "--poses with --lidar must be a file of the lidar's poses, x forward, y left, z up, got "
+                f"{self.poses!r}, which generates camera poses"
+            )
+        lidar = find_lidar(name)
+        formats = split_names(self.format) if given_options(self, ("format",)) else ["pcd"]
+        for kind in formats:
+            check_choice(kind, "--format with --lidar", _CLOUD_FORMATS, FileFormatError)
+            if (self.out / kind).exists() and any((self.out / kind).iterdir()):
+                raise FileFormatError(f"{self.out / kind}: exists already; give a new or empty folder")
+        scene, _, frames = self.load(self.file, self.poses, device=self.device)
+        if frames.camera is not None:
+            raise PoseError(f"{self.poses} contains a camera's poses, but a lidar's are x forward, y left, z up")
+        turns = len(_turns(frames, lidar)) if self.moving else len(frames)
+        began, points = time.perf_counter(), 0
+        for place, cloud in enumerate(self._clouds(scene, frames, lidar, turns)):
+            points += len(cloud)
+            for kind in formats:
+                save_clouds(self.out / kind, [cloud], f".{kind}", first=place)
+        if not self.quiet:
+            folders, seconds = ", ".join(str(self.out / kind) for kind in formats), time.perf_counter() - began
+            of = f" of {pluralize(len(frames), 'pose')}" if self.moving else ""
+            print(
+                f"clouds: {pluralize(turns, 'frame')}{of}, {pluralize(points, 'point')}, in {seconds:.1f} s: {folders}"
+            )
+        self.end(empty=not points)
+
+    def _clouds(self, scene: Scene, frames: Frames, lidar: Rays | Livox, turns: int) -> Iterator[np.ndarray]:
+        """Render the clouds in batches; a Livox has different rays in every frame."""
+        from warpvis.cameras import Rays
+        from warpvis.rendering import Renderer
+        from warpvis.sensors import Motion, point_clouds
+
+        prepare = partial(Renderer, scene, outputs=_CLOUD_OUTPUTS, threads=self.threads)
+        renderer, step = None, 1
+        if isinstance(lidar, Rays):
+            renderer, step = prepare(lidar), max(_RAYS_AT_ONCE // len(lidar), 1)
+        for first in range(0, turns, step):
+            part = frames[first : min(first + step, turns)]
+            rays = lidar if isinstance(lidar, Rays) else lidar.frame(first)
+            moves = self.moving and Motion(frames.camera_to_world, frames.timestamps, starts=part.timestamps)
+            views = (renderer or prepare(rays)).render(
+                moves or part.camera_to_world,
+                object_poses=part.object_poses,
+                world_index=part.world_index,
+                exclude=split_names(self.exclude) or None,
+            )
+            yield from point_clouds(views, rays)
+
+    def _render_poses(self, poses: str | None) -> None:
+        from warpvis.batch import find_format, open_dataset, render_batch
+
+        formats = dict.fromkeys(split_names(self.format))
+        kinds = {name: find_format(name) for name in formats}
+        if not kinds:
+            raise FileFormatError("--format must name a format, got none")
+        chosen = self.chosen()
+        scene, camera, frames = self.load(self.file, poses, device=self.device)
+        for kind in kinds.values():
+            self._check(kind, scene, camera, frames, chosen)
+        empty = False
+        for name in kinds:
+            summary = render_batch(
+                scene,
+                camera,
+                frames,
+                self.out / name,
+                format=name,
+                threads=self.threads,
+                quiet=self.quiet,
+                source=self.file.name,
+                **chosen,
+            )
+            print_summary(summary, name, quiet=self.quiet)
+            empty = empty or summary.empty_frames == summary.frames
+        pictured = next((name for name in ("npz", "zarr", "png") if name in kinds), None)
+        if self.pictures and pictured is not None:
+            dataset = open_dataset(self.out / pictured)
+            if "depth" in dataset.outputs:
+                written = _write_pictures(dataset, self.out)
+                if not self.quiet:
+                    print(written)
+        self.end(empty=empty)
+
+    def _check(
+        self, kind: type[Format], scene: Scene, camera: CalibratedCamera, frames: Frames, chosen: dict[str, Any]
+    ) -> None:
+        """Raise the errors of all formats before anything is written."""
+        from warpvis.batch import make_plan
+
+        kind(make_plan(scene, camera, frames, kind, **chosen))
+        folder = self.out / kind.name
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise FileFormatError(f"{folder}: exists already; give a new or empty folder")
+        for picture in (self.out / _PREVIEWS, self.out / _SHEET):
+            if self.pictures and picture.exists():
+                raise FileFormatError(f"{picture}: exists already, from another run; give a new or empty folder")
+
+
+def find_lidar(name: str) -> Rays | Livox:
+    """Return a lidar by name, Ouster metadata file, or Livox name with its file, ``mid360:FILE``."""
+    from warpvis.sensors import lidars
+
+    spinning: dict[str, Callable[[], Rays]] = {
+        "vlp16": lidars.vlp16,
+        "vlp32c": lidars.vlp32c,
+        "hdl64e": lidars.hdl64e,
+        "bpearl": lidars.bpearl,
+    }
+    plain = name.lower().replace("-", "")
+    if plain in spinning:
+        return spinning[plain]()
+    model, mode = (name.partition("@")[0], name.partition("@")[2] or None)
+    if model.lower().endswith(".json") or plain.startswith("os"):
+        return lidars.ouster(model, mode)
+    livox, _, file = name.partition(":")
+    if livox.lower().replace("-", "") in ("mid360", "avia", "horizon", "tele", "mid40", "mid70", "hap"):
+        return lidars.livox(livox, file or None)
+    raise CameraError(
+        f"--lidar must be {', '.join(spinning)}, os1-128 or the metadata of an Ouster (with @1024x10 for a mode), or "
+        f"mid360:FILE, got {name!r}"
+    )
+
+
+def _turns(frames: Frames, lidar: Rays | Livox) -> Frames:
+    """Return the frames from which a whole revolution ends before the last pose."""
+    import numpy as np
+
+    from warpvis.cameras import Rays
+
+    rays = lidar if isinstance(lidar, Rays) else lidar.frame(0)
+    if rays.times is None:
+        raise CameraError(f"--moving requires a lidar whose rays have times, and {type(rays).__name__} have none")
+    if not (np.diff(frames.timestamps) > 0).all():
+        raise PoseError("--moving requires timestamps that increase from pose to pose")
+    lasts, known = float(rays.times.max()), float(frames.timestamps[-1] - frames.timestamps[0])
+    if known < lasts:
+        raise PoseError(f"--moving requires poses for a revolution of the lidar, {lasts:.6g} s, got {known:.6g} s")
+    return frames[: int(np.searchsorted(frames.timestamps, frames.timestamps[-1] - lasts, side="right"))]
+
+
+def _write_pictures(dataset: FrameDataset, out: Path) -> str:
+    """Write pictures of the first hundred frames' depth and a contact sheet of two dozen frames; return their list.
+
+    All share one color scale, from the minimum to the maximum of the depth they show; if there is no depth, the
+    camera's range.
+    """
+    import numpy as np
+
+    from warpvis.viz import save_contact_sheet, save_preview
+
+    count = len(dataset)
+    first = range(min(count, _MAX_PREVIEWS))
+    spread = sorted({round(place) for place in np.linspace(0, count - 1, min(count, _MAX_ON_SHEET))})
+    min_depth, max_depth = np.inf, -np.inf
+    for index in {*first, *spread}:
+        seen = dataset.read("depth", index)
+        seen = seen[np.isfinite(seen)]
+        if seen.size:
+            min_depth, max_depth = min(min_depth, float(seen.min())), max(max_depth, float(seen.max()))
+    near, far = dataset.camera.near, dataset.camera.far
+    camera_range = (near, far if np.isfinite(far) else near + 1)
+    depth_range = (min_depth, max_depth) if min_depth <= max_depth else camera_range
+    (out / _PREVIEWS).mkdir()
+    for index in first:
+        save_preview(dataset.read("depth", index), out / _PREVIEWS / f"{index:06d}.png", depth_range)
+    names = [f"{index:06d}" for index in spread]
+    save_contact_sheet([dataset.read("depth", index) for index in spread], names, out / _SHEET, depth_range)
+    extent = "" if count == len(first) else f" of the first {pluralize(len(first), 'frame')}"
+    return f"{out / _PREVIEWS}{extent}, {out / _SHEET}"
