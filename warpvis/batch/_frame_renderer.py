@@ -23,8 +23,7 @@ from warpvis.core.outputs import VISIBILITY
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import (
-    OUTPUTS,
-    SENSOR_OUTPUTS,
+    ALL_OUTPUTS,
     Caster,
     DepthSensor,
     Output,
@@ -39,10 +38,7 @@ from warpvis.visibility import choose_objects, see_objects
 if TYPE_CHECKING:
     from warpvis.cameras.frames import Frames
 
-IMAGES = OUTPUTS | SENSOR_OUTPUTS
-"""The outputs that are images, and the dtypes of their pixels."""
-
-BATCH_OUTPUTS = (*IMAGES, VISIBILITY)
+BATCH_OUTPUTS = (*ALL_OUTPUTS, VISIBILITY)
 """All outputs of a batch; those of `SENSOR_OUTPUTS` require a sensor."""
 
 SceneSource: TypeAlias = Scene | str | os.PathLike[str] | Callable[[], Scene]
@@ -184,7 +180,7 @@ class ImageBuffers:
     def __init__(self, images: Sequence[str], camera: CalibratedCamera, frames: int, *, pinned: bool = False) -> None:
         """Allocate memory for the images of `frames` frames."""
         shape = (frames, camera.height, camera.width)
-        self._arrays = {name: _page_aligned(shape, IMAGES[name], pinned) for name in images}
+        self._arrays = {name: _page_aligned(shape, ALL_OUTPUTS[name], pinned) for name in images}
 
     def first(self, frames: int) -> tuple[Views, dict[str, np.ndarray]]:
         """Return the first `frames` images twice: as Warp arrays for the renderer, and as NumPy arrays for formats."""
@@ -237,7 +233,7 @@ def make_scene(scene: SceneSource, device: DeviceLike) -> Scene:
 
 def _is_image(output: str) -> TypeGuard[Output]:
     """Return whether an output is one of the renderer's images."""
-    return output in IMAGES
+    return output in ALL_OUTPUTS
 
 
 def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array:

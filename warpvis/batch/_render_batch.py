@@ -20,7 +20,6 @@ import numpy as np
 from warpvis.batch._dataset import Dataset, Record
 from warpvis.batch._emptiness import describe_empty
 from warpvis.batch._frame_renderer import (
-    IMAGES,
     VISIBILITY,
     SceneSource,
     check_batch_outputs,
@@ -40,7 +39,7 @@ from warpvis.core.labels import LabelNames
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
-from warpvis.rendering import Caster, DepthSensor, check_word, require_sensor
+from warpvis.rendering import ALL_OUTPUTS, Caster, DepthSensor, check_word, require_sensor
 from warpvis.scene.worlds import pose_columns
 from warpvis.visibility import choose_objects
 
@@ -317,7 +316,7 @@ def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: Cali
     if shard_frames is None:
         import warp as wp
 
-        pixel = masks + sum(wp.types.type_size_in_bytes(IMAGES[name]) for name in outputs if name in IMAGES)
+        pixel = masks + sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in outputs if name in ALL_OUTPUTS)
         return max(1, min(_MAX_SHARD_FRAMES, _SHARD_BYTES // max(1, pixel * camera.width * camera.height)))
     return check_whole(shard_frames, "shard_frames")
 

@@ -38,6 +38,7 @@ from warpvis.rendering._prepared import FreeList as FreeList
 from warpvis.rendering._renderer import Renderer as Renderer, render as render
 from warpvis.rendering._sensing import check_word as check_word, view_numbers as view_numbers
 from warpvis.rendering._views import (
+    ALL_OUTPUTS as ALL_OUTPUTS,
     OUTPUTS,
     SENSOR_OUTPUTS,
     Views as Views,

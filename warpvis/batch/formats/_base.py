@@ -1,19 +1,21 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The protocol of formats of datasets, and their registry."""
+"""The base class of formats of datasets, and their registry."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
+import warp as wp
 
 from warpvis.cameras.lenses import OpenCVPinhole
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.plugins import DATASET_FORMATS, load_plugin, plugin_names
 from warpvis.errors import CameraError, FileFormatError
+from warpvis.rendering import ALL_OUTPUTS
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -25,38 +27,16 @@ if TYPE_CHECKING:
 
 Written = TypeVar("Written")
 
-_REGISTRY = {
-    "npz": ("npz", "Npz"),
-    "zarr": ("zarr", "Zarr"),
-    "png": ("png", "Png"),
-    "tum": ("tum", "Tum"),
-    "bop": ("bop", "Bop"),
-    "nerfstudio": ("nerfstudio", "Nerfstudio"),
-    "colmap": ("colmap", "Colmap"),
-    "ply": ("ply", "Ply"),
-    "ros2": ("ros2", "Ros2"),
-}
-"""Module and class of each format; imported on demand."""
+FORMATS = ("npz", "zarr", "png", "tum", "bop", "nerfstudio", "colmap", "ply", "ros2")
+"""Names of the formats: the modules of this package, imported on demand, and their classes."""
 
-FORMATS = tuple(_REGISTRY)
-"""Names of the formats."""
+VECTOR_IMAGES = tuple(name for name, dtype in ALL_OUTPUTS.items() if hasattr(dtype, "_shape_"))
+"""Images with three values per pixel."""
 
 IMAGE_DTYPES = {
-    "depth": "float32",
-    "points": "float32",
-    "normals": "float32",
-    "labels": "uint8",
-    "segmentation": "int32",
-    "faces": "int32",
-    "color": "uint8",
-    "albedo": "uint8",
-    "reasons": "uint8",
-    "true_depth": "float32",
+    name: np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype))) for name, dtype in ALL_OUTPUTS.items()
 }
 """Dtypes of images in a shard."""
-
-VECTOR_IMAGES = ("points", "normals", "color", "albedo")
-"""Images with three values per pixel."""
 
 VISIBILITY_ARRAYS = {
     "visible_fraction": ("float32", ()),
@@ -73,7 +53,6 @@ VISIBILITY_ARRAYS = {
 """Arrays ``(n, K, ...)`` of the output ``"visibility"`` in a shard, with their dtypes and last axes. They are
 attributes of `warpvis.ObjectVisibility`, whose `fraction` is called ``visible_fraction``."""
 
-
 # Each call of NumPy acquires and releases the GIL, for which all encoding threads compete. Frames are therefore handled
 # in groups, as large as fit into the cache of a core.
 _PIXELS_AT_ONCE = 1 << 19
@@ -82,7 +61,7 @@ Images: TypeAlias = Mapping[str, np.ndarray]
 """Arrays of a shard's frames, by name; see `Format.write_shard`."""
 
 
-class Format(Protocol):
+class Format:
     """A layout of files. Its bytes must depend only on the plan and the images, not on the time or on random names."""
 
     name: ClassVar[str]
@@ -91,6 +70,8 @@ class Format(Protocol):
     """Supported outputs."""
     default_outputs: ClassVar[tuple[str, ...]]
     """Outputs that are written by default."""
+    options: ClassVar[Mapping[str, str]] = {}
+    """Names of the options, with descriptions of their values for messages."""
     library: ClassVar[str | None] = None
     """Other distributions that affect the bytes, separated by spaces; the manifest contains their versions."""
     masks: bool = False
@@ -107,11 +88,16 @@ class Format(Protocol):
     """Encoding threads, shared by all shards; if None, a shard is encoded on the thread that writes it."""
 
     def __init__(self, plan: Plan) -> None:
-        """Prepare to write a dataset.
-
-        Raises:
-            WarpvisError: If the format does not support an output, if an option is unknown, or if a package is missing.
-        """
+        """Prepare to write a dataset: check the outputs and the names of options of its plan."""
+        unknown = sorted(plan.options.keys() - self.options.keys())
+        if unknown:
+            has = ", ".join(f"{option}={values}" for option, values in self.options.items()) or "none"
+            raise FileFormatError(f"format {self.name!r} has no option {unknown[0]!r}; its options: {has}")
+        unsupported = [output for output in plan.outputs if output not in self.outputs]
+        if unsupported or not plan.outputs:
+            supported, wrong = ", ".join(sorted(self.outputs)), unsupported[0] if unsupported else "none"
+            raise FileFormatError(f"outputs must be from {supported} for format {self.name!r}, got {wrong}")
+        self.plan = plan
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write the files of one shard.
@@ -128,7 +114,7 @@ class Format(Protocol):
             The units of the shard, relative paths of files, or of folders with files of this shard only. Each unit is
             then moved to the dataset by one rename.
         """
-        ...
+        raise NotImplementedError
 
     def begin(self, files: ShardFiles) -> list[str]:
         """Write files for the whole dataset before any shard, and return their units."""
@@ -136,7 +122,7 @@ class Format(Protocol):
 
     def index(self, files: ShardFiles) -> list[str]:
         """Write files for the whole dataset after all shards, and return their units."""
-        ...
+        return []
 
     def write_models(self, files: ShardFiles, scene: Scene) -> list[str]:
         """Write the meshes of objects, if the format includes them, and return their units; called with `index`."""
@@ -162,9 +148,8 @@ class Format(Protocol):
 
 def find_format(name: str) -> type[Format]:
     """Return the class of a format."""
-    if isinstance(name, str) and name in _REGISTRY:
-        module, kind = _REGISTRY[name]
-        return getattr(import_module(f"warpvis.batch.formats._{module}"), kind)
+    if isinstance(name, str) and name in FORMATS:
+        return getattr(import_module(f"warpvis.batch.formats._{name}"), name.capitalize())
     plugin = load_plugin(DATASET_FORMATS, name) if isinstance(name, str) else None
     if plugin is None:
         names = ", ".join((*FORMATS, *plugin_names(DATASET_FORMATS)))
@@ -175,10 +160,7 @@ def find_format(name: str) -> type[Format]:
 def lens_as(plan: Plan, name: str, write: Callable[[Lens], Written]) -> Written:
     """Convert the lens of a plan's camera for a format that supports only planar depth; pinhole cameras are included.
 
-    Args:
-        plan: The plan.
-        name: Name of the format.
-        write: Function that converts a lens, or raises `CameraError`.
+    `write` converts a lens, or raises `CameraError`.
     """
     camera = plan.camera
     if isinstance(camera, Camera):
@@ -203,17 +185,3 @@ def refuse_lens(plan: Plan, name: str, reason: str) -> None:
 
 
 _ANY = "The formats npz, zarr and png support all lenses."
-
-
-def check_options(plan: Plan, name: str, known: Mapping[str, str]) -> None:
-    """Reject unknown options of a format.
-
-    Args:
-        plan: The plan.
-        name: Name of the format.
-        known: Names of its options, with descriptions of their values for the message.
-    """
-    unknown = sorted(plan.options.keys() - known.keys())
-    if unknown:
-        has = ", ".join(f"{option}={values}" for option, values in known.items()) or "none"
-        raise FileFormatError(f"format {name!r} has no option {unknown[0]!r}; its options: {has}")

@@ -8,8 +8,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, TypedDict
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from warpvis.batch.formats._layouts import Layout
 from warpvis.cameras.pinhole import require_camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io import count_lost, depth_to_units, encode_png
 from warpvis.visibility import BOP_DELTA
@@ -31,46 +31,13 @@ if TYPE_CHECKING:
     from warpvis.scene import Scene
 
 _MILLIMETERS_PER_METER = 1000.0
+
+_Entry: TypeAlias = dict[str, Json]
+"""An entry of a camera or an object in BOP's JSON files."""
 _BLOCK = 512  # points per block: distances of all pairs of two blocks take 2 MB and fit into the cache of a core
 
 
-class _Camera(TypedDict):
-    """Entry of an image in ``scene_camera.json``."""
-
-    cam_K: list[float]
-    depth_scale: float
-    cam_R_w2c: list[float]
-    cam_t_w2c: list[float]
-
-
-class _ObjectPose(TypedDict):
-    """Entry of an object in ``scene_gt.json``."""
-
-    cam_R_m2c: list[float]
-    cam_t_m2c: list[float]
-    obj_id: int
-
-
-class _ObjectInfo(TypedDict):
-    """Entry of an object in ``scene_gt_info.json``."""
-
-    bbox_obj: list[int]
-    bbox_visib: list[int]
-    px_count_all: int
-    px_count_valid: int
-    px_count_visib: int
-    visib_fract: float
-
-
 _NO_BOX = (-1, -1, -1, -1)
-
-
-@dataclass
-class _Image:
-    """Number of pixels whose depth does not fit into 16 bits, and entries of the objects in a frame."""
-
-    lost: int
-    infos: list[_ObjectInfo] = field(default_factory=list)
 
 
 class Bop(Layout):
@@ -140,21 +107,21 @@ class Bop(Layout):
         scene = f"{self._split}/{shard_name(shard)}"
         frames = self.plan.frames[self.plan.shard_slice(shard)]
         count, camera = len(images["depth"]), self.plan.camera
-        written: dict[int, _Image] = {}
+        written: dict[int, tuple[int, list[_Entry]]] = {}
 
         def write_images(numbers: range) -> None:
             for image in numbers:
                 written[image] = self._write_image(scene, image, images, files)
 
         self.encode_each(count, camera.width * camera.height, write_images)
-        infos = [written[image].infos for image in range(count)]
+        infos = [written[image][1] for image in range(count)]
         world_to_camera = _inverse(poses_to_matrices(frames.camera_to_world))
         files.write_text(f"{scene}/scene_camera.json", _json_lines(enumerate(self._cameras(world_to_camera))))
         files.write_text(f"{scene}/scene_gt.json", _json_lines(enumerate(self._poses(frames, world_to_camera))))
         files.write_text(f"{scene}/scene_gt_info.json", _json_lines(enumerate(infos)))
         files.warn(
             f"pixels have a depth that does not fit into 16 bits of {self._depth_scale:g} mm, and are 0, no depth",
-            sum(image.lost for image in written.values()),
+            sum(lost for lost, _ in written.values()),
         )
         return [scene]
 
@@ -167,15 +134,7 @@ class Bop(Layout):
         return ["camera.json"]
 
     def write_models(self, files: ShardFiles, scene: Scene) -> list[str]:
-        """Write the meshes of objects as ``models/obj_000001.ply`` in millimeters, and ``models_info.json``.
-
-        Args:
-            files: Destination of the files.
-            scene: The scene of the job.
-
-        Returns:
-            The units, see `write_shard`.
-        """
+        """Write the meshes of objects as ``models/obj_000001.ply`` in millimeters, and ``models_info.json``."""
         infos = {}
         names: dict[int, list[str]] = {}
         for number, index in zip(self._model_of, self.plan.chosen, strict=True):
@@ -200,33 +159,32 @@ class Bop(Layout):
             return np.zeros(3)
         return np.array(self.plan.object_centers[index], dtype=np.float64)
 
-    def _write_image(self, scene: str, image: int, images: Images, files: ShardFiles) -> _Image:
-        """Write depth and masks of a frame, and return its entries."""
+    def _write_image(self, scene: str, image: int, images: Images, files: ShardFiles) -> tuple[int, list[_Entry]]:
+        """Write depth and masks of a frame; return the number of pixels that do not fit, and its objects' entries."""
         depth = images["depth"][image]
         units = depth_to_units(depth, _MILLIMETERS_PER_METER / self._depth_scale)
         files.write(f"{scene}/depth/{image:06d}.png", encode_png(units))
-        result = _Image(count_lost(depth, units))
-        missing = units == 0
+        missing, infos = units == 0, []
         for index, mask in enumerate(images["masks"][image]):
             total = int(images["silhouette_pixels"][image, index])
             if not images["image_pixels"][image, index]:
-                result.infos.append(_object_info(total, 0, None, ()))
+                infos.append(_object_info(total, 0, None, ()))
                 pair = self._blank, self._blank
             else:
                 silhouette = mask > 0
                 visible = (mask > 1) | (silhouette & missing) if self._missing_is_visible else (mask > 1) & ~missing
                 valid = int(np.count_nonzero(silhouette & ~missing))
                 box = images["silhouette_box"][image, index].tolist()
-                result.infos.append(_object_info(total, valid, visible, box))
+                infos.append(_object_info(total, valid, visible, box))
                 pair = self._mask_png(silhouette), self._mask_png(visible)
             for kind, mask_png in zip(("mask", "mask_visib"), pair, strict=True):
                 files.write(f"{scene}/{kind}/{image:06d}_{index:06d}.png", mask_png)
-        return result
+        return count_lost(depth, units), infos
 
     def _mask_png(self, mask: NDArray[np.bool_]) -> bytes:
         return encode_png(mask.view(np.uint8) * np.uint8(255)) if mask.any() else self._blank
 
-    def _cameras(self, world_to_camera: NDArray[np.float64]) -> list[_Camera]:
+    def _cameras(self, world_to_camera: NDArray[np.float64]) -> list[_Entry]:
         matrix = self._matrix.ravel().tolist()
         return [
             {
@@ -238,9 +196,9 @@ class Bop(Layout):
             for pose in world_to_camera
         ]
 
-    def _poses(self, frames: Frames, world_to_camera: NDArray[np.float64]) -> list[list[_ObjectPose]]:
+    def _poses(self, frames: Frames, world_to_camera: NDArray[np.float64]) -> list[list[_Entry]]:
         """Return poses from model to camera for all frames and objects."""
-        scene_gt: list[list[_ObjectPose]] = [[] for _ in world_to_camera]
+        scene_gt: list[list[_Entry]] = [[] for _ in world_to_camera]
         for number, index in zip(self._model_of, self.plan.chosen, strict=True):
             column = self.plan.object_columns[index]
             model_to_world = np.eye(4)
@@ -269,7 +227,7 @@ def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     return inverse
 
 
-def _object_info(total: int, valid: int, visible: NDArray[np.bool_] | None, box: Sequence[int]) -> _ObjectInfo:
+def _object_info(total: int, valid: int, visible: NDArray[np.bool_] | None, box: Sequence[int]) -> _Entry:
     """Return the entry of an object in an image for ``scene_gt_info.json``.
 
     Args:
@@ -279,7 +237,7 @@ def _object_info(total: int, valid: int, visible: NDArray[np.bool_] | None, box:
         box: Box of its silhouette on the canvas: x, y, width and height; only used if a pixel is visible.
     """
     count = 0 if visible is None else int(np.count_nonzero(visible))
-    info: _ObjectInfo = {
+    info: _Entry = {
         "bbox_obj": [*_NO_BOX],
         "bbox_visib": [*_NO_BOX],
         "px_count_all": total,

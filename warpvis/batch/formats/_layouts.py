@@ -5,20 +5,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, ClassVar, TypeAlias, TypeVar
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
-from warpvis.batch.formats._base import Format, check_options
+from warpvis.batch.formats._base import Format
 from warpvis.batch.storage._output import FilePart
 from warpvis.errors import FileFormatError
 from warpvis.io import count_lost, depth_to_units, describe_lost, encode_pngs
 
 if TYPE_CHECKING:
-    from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
 Parts: TypeAlias = tuple[FilePart, ...]
@@ -36,21 +35,6 @@ class Layout(Format):
     """
 
     encodes = True
-    options: ClassVar[Mapping[str, str]] = {}
-    """Names of the options, with descriptions of their values for messages."""
-
-    def __init__(self, plan: Plan) -> None:
-        """Check the outputs and the names of options of a plan.
-
-        Raises:
-            FileFormatError: If the format does not support them.
-        """
-        check_options(plan, self.name, self.options)
-        unsupported = [output for output in plan.outputs if output not in self.outputs]
-        if unsupported or not plan.outputs:
-            supported, wrong = ", ".join(sorted(self.outputs)), unsupported[0] if unsupported else "none"
-            raise FileFormatError(f"outputs must be from {supported} for format {self.name!r}, got {wrong}")
-        self.plan = plan
 
     def write_frames(
         self,

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from warpvis.batch._job import Plan, shard_name
-from warpvis.batch.formats._base import IMAGE_DTYPES, Format, Images, check_options
+from warpvis.batch._job import shard_name
+from warpvis.batch.formats._base import IMAGE_DTYPES, Format, Images
 from warpvis.batch.storage._output import ALIGNMENT, MIN_DIRECT
 from warpvis.cameras import CalibratedCamera, lens_camera_to_fields, opencv_intrinsics
 from warpvis.cameras.pinhole import Camera
@@ -41,14 +41,9 @@ class Npz(Format):
     outputs: ClassVar[frozenset[str]] = frozenset([*IMAGE_DTYPES, "visibility"])
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 
-    def __init__(self, plan: Plan) -> None:
-        """Prepare to write; the format has no options."""
-        check_options(plan, self.name, {})
-        self._plan = plan
-
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write the file of a shard."""
-        plan, part = self._plan, self._plan.shard_slice(shard)
+        plan, part = self.plan, self.plan.shard_slice(shard)
         metadata = {
             **_camera_arrays(plan.camera),
             "camera_to_world": plan.frames.camera_to_world[part],
@@ -60,10 +55,6 @@ class Npz(Format):
         name = f"shard-{shard_name(shard)}.npz"
         files.write(name, *npz_parts({**images, **metadata}))
         return [name]
-
-    def index(self, files: ShardFiles) -> list[str]:
-        """Write nothing: the shards are complete."""
-        return []
 
 
 def _camera_arrays(camera: CalibratedCamera) -> dict[str, np.ndarray]:

@@ -91,10 +91,6 @@ class Ros2(Layout):
                     bag.write(topics[topic], stamp, self._types.serialize_cdr(message, kind))
         return [name]
 
-    def index(self, files: ShardFiles) -> list[str]:
-        """Write nothing: each bag is self-contained."""
-        return []
-
     def _name(self, option: str, default: str) -> str:
         """Return a name from the options."""
         value = self.plan.options.get(option, default)

@@ -12,12 +12,13 @@ written directly from the memory to which they were rendered. zarr-python takes 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from warpvis.batch._job import Options, Plan, frame_arrays
-from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS, Format, Images, check_options
+from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS, Format, Images
 from warpvis.batch.storage._output import FilePart, files_below
 from warpvis.cameras import CalibratedCamera, LensCamera, lens_camera_to_fields, opencv_intrinsics
 from warpvis.core.types import Json
@@ -30,26 +31,10 @@ if TYPE_CHECKING:
 
     from warpvis.batch.storage._output import ShardFiles
 
-# Values read for frames that have not been written.
-_FILL = {
-    "depth": np.inf,
-    "points": np.nan,
-    "normals": np.nan,
-    "labels": 0,
-    "segmentation": -1,
-    "faces": -1,
-    "color": 0,
-    "albedo": 0,
-    "reasons": int(Reason.EMPTY),
-    "true_depth": np.inf,
-}
-# Names of the last axis of vector images.
-_COMPONENTS = {"points": "xyz", "normals": "xyz", "color": "rgb", "albedo": "rgb"}
 _GROUP = "data.zarr"
 # "depth/c.12.0.0" instead of nested folders, whose creation takes time.
 _KEYS: ChunkKeyEncodingParams = {"name": "default", "separator": "."}
 _MISSING = np.uint64(2**64 - 1)
-_OPTIONS = {"compression": "none, zstd", "level": "1 to 22"}
 _DEFAULT_LEVEL = 1
 
 
@@ -60,19 +45,14 @@ class Zarr(Format):
     outputs: ClassVar[frozenset[str]] = frozenset([*IMAGE_DTYPES, "visibility"])
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
     library: ClassVar[str | None] = "zarr numcodecs"
+    options: ClassVar[Mapping[str, str]] = {"compression": "none, zstd", "level": "1 to 22"}
 
     def __init__(self, plan: Plan) -> None:
-        """Prepare to write.
-
-        Args:
-            plan: The plan; options ``compression`` (``"none"``, ``"zstd"``) and its ``level``.
-        """
-        check_options(plan, self.name, _OPTIONS)
+        super().__init__(plan)
         try:
             import zarr  # noqa: F401
         except ImportError:
             raise FileFormatError("format 'zarr' requires zarr: pip install 'warpvis[dataset]'") from None
-        self._plan = plan
         self._level = _parse_level(plan.options)
         self.encodes = self._level is not None
 
@@ -84,7 +64,7 @@ class Zarr(Format):
             if name in IMAGE_DTYPES:
                 files.write(unit, *self._sharded(array))
             else:
-                files.write(unit, _pad(array, self._plan.shard_frames))
+                files.write(unit, _pad(array, self.plan.shard_frames))
             units.append(unit)
         return units
 
@@ -96,7 +76,7 @@ class Zarr(Format):
         if self._level is not None:
             packed = self._compress(array)
             chunks, sizes = [*packed], [len(chunk) for chunk in packed]
-        table = np.full((self._plan.shard_frames, 2), _MISSING, dtype="<u8")
+        table = np.full((self.plan.shard_frames, 2), _MISSING, dtype="<u8")
         table[:frames, 1] = sizes
         table[:frames, 0] = np.cumsum([0, *sizes[:-1]])
         return [*chunks, table, _crc32c(table.tobytes()).to_bytes(4, "little")]
@@ -110,7 +90,7 @@ class Zarr(Format):
             for frame in numbers:
                 frames[frame] = compress(array[frame].reshape(-1).view(np.uint8), self._level)
 
-        camera = self._plan.camera
+        camera = self.plan.camera
         self.encode_each(len(array), camera.width * camera.height, compress_range)
         return frames
 
@@ -118,7 +98,7 @@ class Zarr(Format):
         """Write the metadata, and the arrays that are not in shards, so that unfinished datasets can be opened."""
         import zarr
 
-        plan = self._plan
+        plan = self.plan
         group = zarr.create_group(files.folder / _GROUP, attributes=self._attributes(), overwrite=False)
         for name in plan.outputs:
             if name in IMAGE_DTYPES:
@@ -129,30 +109,27 @@ class Zarr(Format):
             _create_whole(group, name, array)
         return sorted(files_below(files.folder))
 
-    def index(self, files: ShardFiles) -> list[str]:
-        """Write nothing: `begin` writes the metadata."""
-        return []
-
     def _create_image(self, group: zarr.Group, name: str) -> None:
         from zarr.codecs import ZstdCodec
 
-        plan = self._plan
-        vector = (3,) if name in VECTOR_IMAGES else ()
-        image = (plan.camera.height, plan.camera.width, *vector)
+        plan = self.plan
+        vector = name in VECTOR_IMAGES
+        components = ("xyz" if IMAGE_DTYPES[name].kind == "f" else "rgb",) if vector else ()
+        image = (plan.camera.height, plan.camera.width, *((3,) if vector else ()))
         group.create_array(
             name,
             shape=(len(plan.frames), *image),
             chunks=(1, *image),
             shards=(plan.shard_frames, *image),
             dtype=IMAGE_DTYPES[name],
-            fill_value=_FILL[name],
+            fill_value=_fill_value(name),
             chunk_key_encoding=_KEYS,
             compressors=None if self._level is None else ZstdCodec(level=self._level),
-            dimension_names=("view", "y", "x", *([_COMPONENTS[name]] if vector else [])),
+            dimension_names=("view", "y", "x", *components),
         )
 
     def _create_visibility(self, group: zarr.Group) -> None:
-        plan = self._plan
+        plan = self.plan
         for name, (dtype, last) in VISIBILITY_ARRAYS.items():
             group.create_array(
                 name,
@@ -166,7 +143,7 @@ class Zarr(Format):
             )
 
     def _attributes(self) -> dict[str, Json]:
-        plan, camera = self._plan, self._plan.camera
+        plan, camera = self.plan, self.plan.camera
         along = "planar, along z" if camera.kind == "z" else "range, along the ray"
         attributes: dict[str, Json] = {
             **_camera_attributes(camera),
@@ -187,6 +164,13 @@ class Zarr(Format):
         if "visibility" in plan.outputs:
             attributes["visibility_objects"] = [plan.object_names[index] for index in plan.chosen]
         return attributes
+
+
+def _fill_value(name: str) -> float:
+    """Return the value read for frames that have not been written."""
+    if name == "reasons":
+        return int(Reason.EMPTY)
+    return {"f": np.nan if name in VECTOR_IMAGES else np.inf, "i": -1, "u": 0}[IMAGE_DTYPES[name].kind]
 
 
 def _camera_attributes(camera: CalibratedCamera) -> dict[str, Json]:

@@ -56,8 +56,7 @@ class Job:
         specs = {}
         for name in self.outputs:
             if name in IMAGE_DTYPES:
-                scalar = np.dtype(IMAGE_DTYPES[name])
-                specs[name] = FrameSpec(scalar, (*size, 3) if name in VECTOR_IMAGES else size)
+                specs[name] = FrameSpec(IMAGE_DTYPES[name], (*size, 3) if name in VECTOR_IMAGES else size)
         if "visibility" in self.outputs:
             count = len(self.visibility_objects)
             for name, (dtype, last) in VISIBILITY_ARRAYS.items():

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO, TypeAlias
 
 from warpvis.batch.storage._lease import leased, require_unlocked
 from warpvis.batch.storage._output import ShardFiles, files_below
@@ -33,70 +33,11 @@ _OPEN = os.O_RDONLY if hasattr(os, "O_DIRECTORY") else os.O_RDWR  # Windows requ
 _UNSUPPORTED = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
-class Store(Protocol):
-    """The files of a dataset. Paths are relative to the dataset, with slashes."""
-
-    name: str
-    """Name of the dataset in messages."""
-
-    def read(self, name: str) -> bytes | None:
-        """Return the contents of a file; None if it does not exist."""
-        ...
-
-    def open(self, name: str) -> IO[bytes]:
-        """Open a file for reading."""
-        ...
-
-    def size(self, name: str) -> int | None:
-        """Return the size of a file in bytes; None if it does not exist."""
-        ...
-
-    def entries(self) -> list[str]:
-        """Return the files and folders at the top level, without temporary ones."""
-        ...
-
-    def names(self, folder: str) -> list[str]:
-        """Return the entries of a folder, not recursively; an empty list if it does not exist."""
-        ...
-
-    def files(self) -> Iterator[str]:
-        """Yield all files, without temporary ones."""
-        ...
-
-    def create(self) -> None:
-        """Create the folder if it is missing."""
-        ...
-
-    def clean(self) -> None:
-        """Remove temporary folders."""
-        ...
-
-    def remove(self, name: str) -> None:
-        """Remove a file if it exists."""
-        ...
-
-    def locked(self) -> AbstractContextManager[None]:
-        """Lock the dataset for writing, as a context manager; a folder is locked for processes of this machine."""
-        ...
-
-    def require_unlocked(self) -> None:
-        """Raise a `FileFormatError` if another process is writing the dataset; nothing is written."""
-        ...
-
-    def new_files(self) -> AbstractContextManager[ShardFiles]:
-        """Create `ShardFiles` in a new temporary folder, as a context manager that removes the folder on exit."""
-        ...
-
-    def put(self, files: ShardFiles, units: Iterable[str]) -> None:
-        """Move files and folders from a temporary folder to the dataset, each atomically, in this order.
-
-        On a local disk they are synchronized and survive a power failure.
-        """
-        ...
-
-
 class LocalStore:
-    """A local folder. It contains its temporary folders, so that moving files is renaming."""
+    """The files of a dataset in a local folder; paths are relative to it, with slashes.
+
+    The folder contains its temporary folders, so that moving files is renaming.
+    """
 
     def __init__(self, root: Path) -> None:
         """Open the dataset in the folder `root`, which need not exist."""
@@ -105,12 +46,15 @@ class LocalStore:
         self._on_disk = {self.root}
 
     def read(self, name: str) -> bytes | None:
+        """Return the contents of a file; None if it does not exist."""
         return None if self.size(name) is None else (self.root / name).read_bytes()
 
     def open(self, name: str) -> IO[bytes]:
+        """Open a file for reading."""
         return (self.root / name).open("rb")
 
     def size(self, name: str) -> int | None:
+        """Return the size of a file in bytes; None if it does not exist."""
         try:
             status = (self.root / name).stat()
         except (FileNotFoundError, NotADirectoryError):
@@ -118,29 +62,35 @@ class LocalStore:
         return status.st_size if stat.S_ISREG(status.st_mode) else None  # reading a device or a pipe may never end
 
     def entries(self) -> list[str]:
+        """Return the files and folders at the top level, without temporary ones."""
         if not self.root.exists():
             return []
         return sorted(name for name in os.listdir(self.root) if not name.startswith(_PART))
 
     def names(self, folder: str) -> list[str]:
+        """Return the entries of a folder, not recursively; an empty list if it does not exist."""
         try:
             return os.listdir(self.root / folder)
         except (FileNotFoundError, NotADirectoryError):
             return []
 
     def files(self) -> Iterator[str]:
+        """Yield all files, without temporary ones."""
         yield from (name for name in files_below(self.root) if not name.startswith(_PART))
 
     def create(self) -> None:
+        """Create the folder if it is missing."""
         new = [folder for folder in (self.root, *self.root.parents) if not folder.is_dir()]
         self.root.mkdir(parents=True, exist_ok=True)
         sync_folders(folder.parent for folder in new)
 
     def clean(self) -> None:
+        """Remove temporary folders."""
         for path in self.root.glob(f"{_PART}*"):
             shutil.rmtree(path)
 
     def remove(self, name: str) -> None:
+        """Remove a file if it exists."""
         (self.root / name).unlink(missing_ok=True)
         sync_folders([(self.root / name).parent])
 
@@ -163,11 +113,13 @@ class LocalStore:
             os.close(descriptor)
 
     def require_unlocked(self) -> None:
+        """Raise a `FileFormatError` if another process is writing the dataset; nothing is written."""
         with self.locked():
             pass
 
     @contextmanager
     def new_files(self) -> Iterator[ShardFiles]:
+        """Create `ShardFiles` in a new temporary folder, as a context manager that removes the folder on exit."""
         folder = tempfile.mkdtemp(prefix=_PART, dir=self.root)
         try:
             yield ShardFiles(folder)
@@ -175,6 +127,10 @@ class LocalStore:
             shutil.rmtree(folder, ignore_errors=True)
 
     def put(self, files: ShardFiles, units: Iterable[str]) -> None:
+        """Move files and folders from a temporary folder to the dataset, each atomically, in this order.
+
+        On a local disk they are synchronized and survive a power failure.
+        """
         changed = set()
         for unit in units:
             sync_tree(files.folder / unit)
@@ -195,7 +151,7 @@ class LocalStore:
 
 
 class RemoteStore:
-    """An fsspec URL. Files are written to a local temporary folder first, and then copied."""
+    """The files of a dataset at an fsspec URL, written to a local temporary folder first, and then copied."""
 
     def __init__(self, url: str) -> None:
         """Open the dataset at `url`."""
@@ -277,6 +233,10 @@ class RemoteStore:
                 target = self._path(path.relative_to(files.folder).as_posix())
                 self._system.makedirs(target.rsplit("/", 1)[0], exist_ok=True)
                 self._system.put_file(str(path), target)
+
+
+Store: TypeAlias = LocalStore | RemoteStore
+"""The files of a dataset."""
 
 
 def is_local(out: str | os.PathLike[str]) -> bool:
