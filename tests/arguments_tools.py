@@ -236,6 +236,7 @@ def tools_cases(folder):
         "LensCamera.to_camera_info": (LENS.to_camera_info, MESSAGE),
         "LensCamera.canvas_rays": (LENS.canvas_rays, {"canvas": (1, 0, 0, 1)}),
         "LensCamera.has_pixels_of": (LENS.has_pixels_of, {"other": LENS}),
+        "LensCamera.depth_rays": (LENS.depth_rays, {"pixels": [[1, 1]]}),
         "LensCamera.rays_at": (LENS.rays_at, {"pixels": [[1, 1]]}),
         "LensCamera of OpenCV": (
             wv.cameras.lenses.OpenCVPinhole,

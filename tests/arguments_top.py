@@ -78,6 +78,7 @@ def top_cases(folder):
         ),
         "Camera.to_camera_info": (CAMERA.to_camera_info, MESSAGE),
         "Camera.to_K": (CAMERA.to_K, {"pixel_center": 0.5}),
+        "Camera.depth_rays": (CAMERA.depth_rays, {"pixels": [[1, 1]]}),
         "Camera.rays_at": (CAMERA.rays_at, {"pixels": [[1, 1]]}),
         "Camera.has_pixels_of": (CAMERA.has_pixels_of, {"other": CAMERA}),
         "Camera.project": (CAMERA.project, {"points": [[0, 0, 1]]}),

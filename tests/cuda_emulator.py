@@ -24,7 +24,7 @@ import warp as wp
 from native_build import cache_folder, find_compiler
 
 from warpvis import Camera, Scene
-from warpvis.cameras.ray_camera import RayCamera
+from warpvis.cameras.rays import RayCamera
 from warpvis.kernels import native_source
 from warpvis.kernels.casting import packets_cuda, point_packets_cuda, ray_bundle_packets_cuda
 from warpvis.rendering import OUTPUTS, Renderer

@@ -169,7 +169,7 @@ def test_angles_to_points():
         (lambda: Agent("robot", 3, POSE), "camera of 'robot' must be a warpvis.Camera, a warpvis.cameras.Lens"),
         (
             lambda: Agent("robot", wv.Camera.kinect(), POSE, attention=1.0),
-            "attention of 'robot' must be a warpvis.Camera, a LensCamera or None, got float",
+            "attention of 'robot' must be a warpvis.Camera, a warpvis.cameras.LensCamera or None, got float",
         ),
         (lambda: Agent.kinect("robot", POSE, body=[3]), "body of 'robot' must be names of objects, got (3,)"),
         (lambda: Agent.kinect("robot", np.zeros(7)), "pose of 'robot' must have quaternions of length 1, got 0"),

@@ -11,7 +11,7 @@ import pytest
 import warpvis as wv
 from warpvis.cameras import Rays
 from warpvis.cameras.orthographic import OrthographicCamera
-from warpvis.cameras.wide import WideCamera
+from warpvis.cameras.rays import WideCamera
 from warpvis.scene import solids
 from warpvis.sensors import Corruptions, Motion, RollingShutter
 

@@ -108,6 +108,7 @@ OURS = {
     "MujocoStage.eyes",
     "AnyCamera.device_struct",
     "AnyCamera.ray_range",
+    "AnyCamera.prepared",
     "RayCamera.device_struct",
     "RayCamera.prepare_in",
     "RayCamera.prepared",

@@ -14,7 +14,7 @@ import pytest
 import trimesh
 
 import warpvis as wv
-from warpvis.cameras import LensCamera, lenses
+from warpvis.cameras import LensCamera, as_pinhole, lenses
 from warpvis.errors import CameraError, IntrinsicsWarning
 
 import reference
@@ -263,6 +263,26 @@ def test_render_at_worlds_exclude_and_out(device):
     assert again is views
 
 
+def test_rays_behind_the_camera_have_no_planar_depth():
+    """Beyond the image of a camera with depth along the axis, a fisheye sees behind it: those rays are NaN."""
+    camera = LensCamera(lenses.KannalaBrandt(30, 30, 32, 24), 64, 48)
+    assert camera.kind == "z"
+    behind = camera.lens.project([[1.0, 0.0, -0.2]])
+    assert np.isfinite(behind).all() and np.isnan(camera.depth_rays(behind)).all()
+    rays = camera.canvas_rays((64, 48, 64, 48))
+    ahead = camera.lens.directions(192, 144, (-64, -48))[..., 2] > 0
+    np.testing.assert_array_equal(np.isfinite(rays).all(axis=-1), ahead)
+    np.testing.assert_array_equal(rays[48:96, 64:128], camera.rays)
+
+
+def test_cameras_without_distortion_are_pinholes():
+    straight = LensCamera(lenses.OpenCVPinhole(52, 50, 32, 24), 64, 48, near=0.5)
+    assert as_pinhole(straight) == wv.Camera(64, 48, 52, 50, 32, 24, near=0.5)
+    assert as_pinhole(PINHOLE) == PINHOLE and PINHOLE.has_pixels_of(straight) and straight.has_pixels_of(PINHOLE)
+    for other in (LensCamera(SMALL, 64, 48), replace(straight, kind="range"), wv.cameras.WideCamera(64, 48, 2.0)):
+        assert as_pinhole(other) is None and not PINHOLE.has_pixels_of(other)
+
+
 def test_cameras_compare_hash_and_copy_by_value():
     camera = LensCamera(SMALL, 64, 48, near=0.1, far=9.0)
     for other in (copy.deepcopy(camera), pickle.loads(pickle.dumps(camera))):
@@ -326,7 +346,7 @@ BAD = {
     "range": (lambda: LensCamera(SMALL, 64, 48, near=2.0, far=1.0), "0 <= near < far"),
     "pixels": (
         lambda: LensCamera(SMALL, 10**5, 10**4),
-        r"width \* height of a LensCamera must be at most 67108864 pixels",
+        "width x height must be at most 67108864 rays",
     ),
     "size": (lambda: LensCamera(SMALL, 64.5, 48), "width must be a whole number of pixels"),
     "none": (

@@ -338,7 +338,7 @@ LENS = {"model": "OpenCVPinhole", "fx": 52, "fy": 50, "cx": 32, "cy": 24, "coeff
 BAD = {
     "model": (
         {"lens": LENS | {"model": "Fish"}},
-        "model of a lens must be one of EUCM, FOV, Cylindrical, .*, got 'Fish'",
+        "model of a lens must be one of Cylindrical, Division, .*, got 'Fish'",
     ),
     "no model": ({"lens": {}}, "model of a lens must be one of"),
     "missing": ({"lens": {"model": "EUCM", "fx": 3}}, "EUCM needs the parameters fx, fy, cx, cy, alpha, beta, got fx"),

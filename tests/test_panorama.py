@@ -10,7 +10,7 @@ from reference_panorama import wide_rays
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.cameras.wide import WideCamera
+from warpvis.cameras.rays import WideCamera
 from warpvis.rendering import _panorama, render_wide
 
 import reference

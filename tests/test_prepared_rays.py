@@ -15,7 +15,7 @@ import pytest
 
 import warpvis as wv
 from warpvis.cameras import LensCamera, Rays, lenses
-from warpvis.cameras.ray_camera import OnceCache
+from warpvis.cameras.rays import OnceCache
 from warpvis.rendering import _cpu_table
 
 from support.worlds import ALL, assert_bits_equal

@@ -58,7 +58,6 @@ WORDS = {
     "PlanarCamera": "warpvis.cameras.image_cameras",
     "DepthKind": "warpvis.cameras.base",
     "Reflectivity": "warpvis.sensors._echoes",
-    "CalibratedCamera": "warpvis.cameras.image_cameras",
     "SceneSource": "warpvis.batch._frame_renderer",
     "CameraChoice": "warpvis.mujoco._batch_views",
     "Movable": "warpvis.mujoco._scene",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpvis.cameras.ray_camera import RayCamera
+from warpvis.cameras.rays import RayCamera
 
 import reference
 from compare import assert_view_matches, hair

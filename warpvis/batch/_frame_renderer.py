@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.batch.formats._base import VISIBILITY_ARRAYS
-from warpvis.cameras import CalibratedCamera, require_calibrated
+from warpvis.cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import as_numpy, check_length, get_device
 from warpvis.core.checks import as_items, check_flag, check_mapping
 from warpvis.core.outputs import VISIBILITY
@@ -63,7 +63,7 @@ class FrameRenderer:
     def __init__(
         self,
         scene: SceneSource,
-        camera: CalibratedCamera,
+        camera: ImageCamera,
         *,
         outputs: Sequence[str] = ("depth",),
         objects: Sequence[str | int] | None = None,
@@ -97,7 +97,7 @@ class FrameRenderer:
         """
         self.outputs = check_batch_outputs(outputs, sensor)
         self.scene = make_scene(scene, device)
-        self.camera = require_calibrated(camera)
+        self.camera = require_image_camera(camera)
         self.images = tuple(name for name in self.outputs if _is_image(name))
         eye = camera
         if check_flag(any_depth, "any_depth"):
@@ -177,7 +177,7 @@ class ImageBuffers:
     cache. For a GPU the pages are locked (pinned), which makes copies from the device several times as fast.
     """
 
-    def __init__(self, images: Sequence[str], camera: CalibratedCamera, frames: int, *, pinned: bool = False) -> None:
+    def __init__(self, images: Sequence[str], camera: ImageCamera, frames: int, *, pinned: bool = False) -> None:
         """Allocate memory for the images of `frames` frames."""
         shape = (frames, camera.height, camera.width)
         self._arrays = {name: _page_aligned(shape, ALL_OUTPUTS[name], pinned) for name in images}

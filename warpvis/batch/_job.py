@@ -14,7 +14,7 @@ from warpvis.errors import WarpvisError
 if TYPE_CHECKING:
     import numpy as np
 
-    from warpvis.cameras import CalibratedCamera
+    from warpvis.cameras import ImageCamera
     from warpvis.cameras.frames import Frames
     from warpvis.rendering import DepthSensor
 
@@ -39,7 +39,7 @@ class Plan:
 
     frames: Frames
     """Poses and times of the cameras, and poses of objects; `Frames.object_poses` is set if an object is movable."""
-    camera: CalibratedCamera
+    camera: ImageCamera
     """The camera of all frames."""
     outputs: tuple[str, ...]
     """Names of the images, and ``"visibility"`` for the results of `warpvis.object_visibility`."""

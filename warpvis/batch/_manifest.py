@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from importlib import metadata
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from warpvis.cameras import LensCamera, lens_camera_to_fields
 from warpvis.core.checks import truncate
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.types import Json
@@ -29,7 +26,6 @@ if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.batch.formats._base import Format
     from warpvis.batch.storage._stores import Store
-    from warpvis.cameras import CalibratedCamera
     from warpvis.cameras.frames import Frames
     from warpvis.scene import Scene, SceneObject
 
@@ -81,7 +77,7 @@ def make_manifest(
         "outputs": list(plan.outputs),
         "frames": len(frames),
         "shard_frames": plan.shard_frames,
-        "camera": describe_camera(plan.camera),
+        "camera": plan.camera.to_dict(),
         "scene": {"file": source, **describe_scene(scene)},
         "objects": [plan.object_names[index] for index in plan.chosen],
         "exclude": [plan.object_names[index] for index in plan.exclude],
@@ -149,14 +145,6 @@ def describe_scene(scene: Scene) -> dict[str, Json]:
     }
     names = {str(number): name for number, name in scene.label_names.items()}
     return {"up": scene.up, "sha256": hash_values(scene.up, *hashes), "label_names": names, "objects": objects}
-
-
-def describe_camera(camera: CalibratedCamera) -> dict[str, Json]:
-    """Return a camera's fields; an infinite `far` becomes None, because JSON has no infinity."""
-    if isinstance(camera, LensCamera):
-        return lens_camera_to_fields(camera)
-    fields = asdict(camera)
-    return {**fields, "far": None if math.isinf(camera.far) else camera.far}
 
 
 def frames_hash(frames: Frames) -> str:

@@ -32,7 +32,7 @@ from warpvis.batch._verify import verify
 from warpvis.batch._writer import Job, Run
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
-from warpvis.cameras import CalibratedCamera, require_calibrated
+from warpvis.cameras import ImageCamera, require_image_camera
 from warpvis.cameras.frames import Frames
 from warpvis.core.checks import check_choice, check_flag, check_mapping, check_whole, pluralize
 from warpvis.core.labels import LabelNames
@@ -87,7 +87,7 @@ class BatchSummary:
 
 def render_batch(
     scene: SceneSource,
-    camera: CalibratedCamera | None,
+    camera: ImageCamera | None,
     frames: Frames | PoseLike,
     out: str | os.PathLike[str],
     *,
@@ -233,7 +233,7 @@ def _start_engine(
 
 def make_plan(
     scene: Scene,
-    camera: CalibratedCamera | None,
+    camera: ImageCamera | None,
     frames: Frames | PoseLike,
     kind: type[Format],
     *,
@@ -253,7 +253,7 @@ def make_plan(
         raise PoseError("there must be at least one frame to render, got none")
     if sensor is not None and camera is None and frames.camera is None:
         camera = require_sensor(sensor).camera()
-    eye = require_calibrated(frames.choose_camera(camera))
+    eye = require_image_camera(frames.choose_camera(camera))
     if sensor is not None:
         require_sensor(sensor).check(scene, eye)
     names = check_batch_outputs(kind.default_outputs if outputs is None else outputs, sensor)
@@ -311,7 +311,7 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
     return frames
 
 
-def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: CalibratedCamera, *, masks: int) -> int:
+def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: ImageCamera, *, masks: int) -> int:
     """Return the given number of frames per shard, or as many as fit with `masks` masks into the default size."""
     if shard_frames is None:
         import warp as wp

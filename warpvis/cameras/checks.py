@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+MAX_RAYS = 2**26
+"""Maximum number of rays of a camera; they take 1.6 GB."""
+
 _FIRST_PIXELS = 1.5
 """Bound on a normalized principal point, plus half a pixel for a different pixel-center convention [px]."""
 
@@ -25,21 +28,29 @@ _MAX_TANGENT = 20
 
 
 def check_numbers(camera: Any, positive: str) -> None:
-    """Check the fields of a camera, and convert them to int and float from any numeric type.
+    """Check the fields of a camera with an image plane, a frozen dataclass, and convert them to int and float.
 
     Args:
-        camera: A frozen dataclass with `width`, `height`, `fx`, `fy`, `cx`, `cy`, `near` and `far`.
+        camera: The camera, with `width`, `height`, `fx`, `fy`, `cx`, `cy`, `near` and `far`.
         positive: Beginning of the error message if `fx` or `fy` is not positive.
-
-    Raises:
-        CameraError: If a field is invalid.
     """
-    for name in ("width", "height"):
-        object.__setattr__(camera, name, check_size(getattr(camera, name), name))
+    _make_sizes(camera)
     _make_floats(camera, ("fx", "fy", "cx", "cy"))
     if camera.fx <= 0 or camera.fy <= 0:
         raise CameraError(f"{positive}, got fx={camera.fx}, fy={camera.fy}")
     check_range(camera)
+
+
+def check_image_size(camera: Any) -> None:
+    """Check the image size of a camera with a ray for each pixel, a frozen dataclass, and convert it to int."""
+    _make_sizes(camera)
+    check_ray_count(camera.width, camera.height)
+
+
+def check_ray_count(width: int, height: int) -> None:
+    """Raise `CameraError` if an image has too many rays."""
+    if width * height > MAX_RAYS:
+        raise CameraError(f"width x height must be at most {MAX_RAYS} rays, got {width} x {height}")
 
 
 def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
@@ -47,9 +58,6 @@ def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
 
     A normalized principal point is in the first pixel, and normalized focal lengths are about 1. Focal lengths in
     pixels that are less than a 20th of the image size would mean 87 degrees of view to one side of such a point.
-
-    Raises:
-        CameraError: If `fx`, `fy`, `cx` and `cy` of `intrinsics` are normalized, or those of an identity matrix.
     """
     fx, fy, cx, cy = (getattr(intrinsics, name) for name in ("fx", "fy", "cx", "cy"))
     in_corner = max(abs(cx), abs(cy)) <= _FIRST_PIXELS
@@ -61,33 +69,21 @@ def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
 
 
 def check_range(camera: Any) -> None:
-    """Check `near` and `far` of a camera, a frozen dataclass, and convert them to float.
-
-    Raises:
-        CameraError: If `near` or `far` is invalid.
-    """
+    """Check `near` and `far` of a camera, a frozen dataclass, and convert them to float."""
     _make_floats(camera, ("near", "far"))
     if camera.near < 0 or camera.far <= camera.near:
         raise CameraError(f"the depth range needs 0 <= near < far, got near={camera.near}, far={camera.far}")
 
 
 def check_size(value: object, name: str) -> int:
-    """Return an image dimension as int: an integer of any numeric type, positive and less than 2**31.
-
-    Raises:
-        CameraError: If `value` is not such an integer.
-    """
+    """Return an image dimension as int: an integer of any numeric type, positive and less than 2**31."""
     if not is_number(value) or not 1 <= value < 2**31 or int(value) != value:
         raise CameraError(f"{name} must be a whole number of pixels from 1 up, got {value!r}")
     return int(value)
 
 
 def check_matrix(k: ArrayLike, pixel_center: float) -> tuple[float, float, float, float]:
-    """Return ``fx fy cx cy`` [px] for pixel centers at +0.5, from an intrinsic matrix for centers at `pixel_center`.
-
-    Raises:
-        CameraError: If the matrix has another shape, skew, or a last row other than 0 0 1.
-    """
+    """Return ``fx fy cx cy`` [px] for pixel centers at +0.5, from an intrinsic matrix for centers at `pixel_center`."""
     import numpy as np
 
     matrix = as_floats(k, "K")
@@ -130,6 +126,19 @@ def as_floats(value: object, name: str) -> NDArray[np.float64]:
         return as_numpy(value, name=name).astype("float64")
     except ArrayError as error:
         raise CameraError(str(error)) from None
+
+
+def as_rows(value: object, count: int, name: str) -> NDArray[np.float64]:
+    """Return numbers of shape ``(..., count)`` in double precision, or raise `CameraError`."""
+    rows = as_floats(value, name)
+    if rows.shape[-1:] != (count,):
+        raise CameraError(f"{name} must have shape (..., {count}), got {rows.shape}")
+    return rows
+
+
+def _make_sizes(camera: Any) -> None:
+    for name in ("width", "height"):
+        object.__setattr__(camera, name, check_size(getattr(camera, name), name))
 
 
 def _make_floats(camera: Any, names: Sequence[str]) -> None:

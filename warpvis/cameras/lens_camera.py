@@ -7,26 +7,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.cameras.base import DepthKind
-from warpvis.cameras.checks import check_pixel_units, check_range, check_size
-from warpvis.cameras.lenses import Lens, lens_to_ros
-from warpvis.cameras.ray_camera import MAX_RAYS, LensedCamera, OnceCache
-from warpvis.core.checks import as_items, check_choice, check_whole
+from warpvis.cameras.base import DepthKind, ProjectingCamera
+from warpvis.cameras.checks import check_image_size, check_pixel_units, check_range, check_ray_count
+from warpvis.cameras.lenses import Lens, lens_to_dict
+from warpvis.cameras.rays import OnceCache, RayCamera
+from warpvis.core.checks import as_items, check_choice, check_whole, truncate
+from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, IntrinsicsWarning
 
-if TYPE_CHECKING:
-    from warpvis.core.messages import Message, MessageTypes, Stamp
-
 
 @dataclass(frozen=True)
-class LensCamera(LensedCamera):
+class LensCamera(ProjectingCamera, RayCamera):
     """A camera with a lens, and OpenCV axes: x right, y down, z forward.
 
     Pixel ``(x, y)`` covers the square from ``(x, y)`` to ``(x + 1, y + 1)``; its ray passes through the center at +0.5.
@@ -48,12 +46,12 @@ class LensCamera(LensedCamera):
     """Definition of depth, `near` and `far`: ``"z"``, along the axis, or ``"range"``, along the ray. By default
     ``"z"`` if all rays are less than 90 degrees from the axis, else ``"range"``."""
 
+    usage_hint = "rendering, datasets, points, back-projection, classification and maps accept lenses"
+
     def __post_init__(self) -> None:
         if not isinstance(self.lens, Lens):
             raise CameraError(f"lens must be one of warpvis.cameras.lenses, got {type(self.lens).__name__}")
-        for name in ("width", "height"):
-            object.__setattr__(self, name, check_size(getattr(self, name), name))
-        _check_pixels(self.width, self.height)
+        check_image_size(self)
         check_range(self)
         if all(hasattr(self.lens, name) for name in ("fx", "fy", "cx", "cy")):
             check_pixel_units(self.width, self.height, self.lens)
@@ -108,36 +106,26 @@ class LensCamera(LensedCamera):
         return self._scale_to_depth_one(self.directions)
 
     def canvas_rays(self, canvas: tuple[int, int, int, int]) -> NDArray[np.float64]:
-        """Return the rays of the image enlarged by a margin, like `rays`.
-
-        Args:
-            canvas: Margin at the left, top, right and bottom [px].
-
-        Raises:
-            CameraError: If `canvas` is not four non-negative integers, or if the enlarged image has too many pixels.
-        """
+        """Return the rays of the image enlarged by a margin (left, top, right, bottom) [px], like `rays`."""
         margins = as_items(canvas, "canvas", CameraError)
         if len(margins) != 4:
             raise CameraError(f"canvas must be four numbers of pixels (left, top, right, bottom), got {len(margins)}")
         left, top, right, bottom = (check_whole(margin, "canvas", minimum=0, error=CameraError) for margin in margins)
         if not any(margins):
             return self.rays
-        _check_pixels(self.width + left + right, self.height + top + bottom)
-        rays = self._scale_to_depth_one(
-            self.lens.directions(self.width + left + right, self.height + top + bottom, (-left, -top))
-        )
-        return np.where(rays[..., 2:] > 0, rays, np.nan) if self.kind == "z" else rays
+        width, height = self.width + left + right, self.height + top + bottom
+        check_ray_count(width, height)
+        return self._scale_to_depth_one(self.lens.directions(width, height, (-left, -top)))
 
-    def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image."""
-        rays = self._scale_to_depth_one(self.unproject(pixels))
-        return np.where(self._contains(pixels) & (rays[..., 2:] > 0 if self.kind == "z" else True), rays, np.nan)
+    def depth_rays(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Return rays of depth 1 through points [px] in the image or beyond, shape ``(..., 2)``; NaN without a ray."""
+        return self._scale_to_depth_one(self.unproject(pixels))
 
     def _scale_to_depth_one(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.kind == "range":
             return directions
-        with np.errstate(all="ignore"):  # between pixel centers, rays may be 90 degrees from the axis
-            return directions / directions[..., 2:]
+        with np.errstate(all="ignore"):  # outside of the pixel centers, rays may be 90 degrees or more from the axis
+            return np.where(directions[..., 2:] > 0, directions / directions[..., 2:], np.nan)
 
     def _cache(self) -> OnceCache:
         """Return the cache, shared with live cameras of the same lens, image size and kind (`dataclasses.replace`)."""
@@ -147,32 +135,19 @@ class LensCamera(LensedCamera):
             return self.__dict__.setdefault("_prepared", shared)
         return self.__dict__["_prepared"]
 
-    def to_camera_info(self, *, frame_id: str, stamp: Stamp = 0.0, types: MessageTypes | None = None) -> Message:
-        """Convert to a ``sensor_msgs/CameraInfo`` of ROS 2 for the raw image, with `K`, `D` and the distortion model.
+    def describe(self) -> str:
+        """Describe the image size and the lens in a few words."""
+        return f"{self.width}x{self.height} pixels, {truncate(repr(self.lens))}"
 
-        `P` has the same intrinsics as `K`. `Camera.from_raw_camera_info` is the inverse.
-
-        Args:
-            frame_id: The optical frame of the camera, with OpenCV axes.
-            stamp: Acquisition time of the image [s], or a Time message.
-            types: A type store of rosbags; by default ROS's own classes, which must be installed then.
+    def to_dict(self) -> dict[str, Json]:
+        """Return the fields as a JSON object, for `camera_from_dict`; an infinite `far` becomes None.
 
         Raises:
-            CameraError: If the lens is not one of ROS's models: ``plumb_bob``, ``rational_polynomial``,
-                ``equidistant``.
-            MessageError: If an argument is invalid, or if ROS is not installed.
+            CameraError: If the lens is not a dataclass of numbers, strings and tuples of these.
         """
-        from warpvis.core.messages import MessageMaker
-
-        k, d, model = lens_to_ros(self.lens)
-        maker = MessageMaker(types)
-        return maker.camera_info((self.width, self.height), k, maker.header(frame_id, stamp), d=d, model=model)
+        far = None if math.isinf(self.far) else self.far
+        return {**self.__getstate__(), "lens": lens_to_dict(self.lens), "far": far}
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields without cached values."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
-
-
-def _check_pixels(width: int, height: int) -> None:
-    if width * height > MAX_RAYS:
-        raise CameraError(f"width * height of a LensCamera must be at most {MAX_RAYS} pixels, got {width} x {height}")

@@ -8,13 +8,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.base import ProjectingCamera
 from warpvis.core.checks import check_choice, check_mapping
-from warpvis.errors import ArrayError, CameraError
+from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from warpvis.cameras.base import DepthKind
     from warpvis.cameras.lens_camera import LensCamera
@@ -22,49 +21,12 @@ if TYPE_CHECKING:
     from warpvis.core.messages import Message
 
 
-class CameraMakers(AnyCamera):
+class CameraMakers(ProjectingCamera):
     """Base class with constructors of `Camera` (without distortion) or `warpvis.cameras.LensCamera`.
 
     The cameras are those of the raw images, with the distortion of the calibration. All constructors accept `near` and
     `far` [m], and `kind`, the definition of depth for a lens: ``"z"`` or ``"range"``, see `LensCamera`.
     """
-
-    kind = "z"
-    """Definition of depth: along the optical axis, as for a pinhole."""
-
-    @property
-    def mask(self) -> NDArray[np.bool_]:
-        """Mask of pixels that have no ray, shape ``(height, width)``: all False for a pinhole."""
-        import numpy as np
-
-        return np.zeros((self.height, self.width), dtype=bool)
-
-    def unproject(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return the viewing directions of image coordinates.
-
-        Args:
-            pixels: Coordinates ``(x, y)`` [px], shape ``(..., 2)``; a pixel's center is its index + 0.5.
-
-        Returns:
-            Unit vectors in the camera frame, shape ``(..., 3)``.
-
-        Raises:
-            CameraError: If `pixels` is not an array of numbers with this shape.
-        """
-        import numpy as np
-
-        from warpvis.core.arrays import as_numpy
-
-        try:
-            ones = np.ones(as_numpy(pixels, name="pixels").shape[:-1])
-        except ArrayError as error:
-            raise CameraError(str(error)) from None
-        rays = self.back_project(pixels, ones)
-        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-
-    if TYPE_CHECKING:  # defined by the subclass `Camera`
-
-        def back_project(self, pixels: ArrayLike, depth: ArrayLike) -> NDArray[np.float64]: ...  # noqa: D102
 
     @classmethod
     def from_opencv(

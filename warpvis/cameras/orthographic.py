@@ -6,14 +6,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-from warpvis.cameras.base import AnyCamera
+from warpvis.cameras.base import AnyCamera, planar_struct
 from warpvis.cameras.checks import check_numbers, check_size
 from warpvis.core.checks import is_number
 from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from warpvis.kernels.pinhole import PinholeCamera
 
 
@@ -45,6 +48,7 @@ class OrthographicCamera(AnyCamera):
     """Maximum depth [m]; farther surfaces have depth +inf."""
 
     kind = "z"
+    ray_model: ClassVar[Literal["parallel"]] = "parallel"
 
     def __post_init__(self) -> None:
         check_numbers(self, "fx and fy must be greater than 0 px/m")
@@ -84,17 +88,25 @@ class OrthographicCamera(AnyCamera):
         scale = size / extent
         return cls(width, height, scale, scale, width / 2, height / 2, near, far)
 
+    @property
+    def rays(self) -> NDArray[np.float64]:
+        """Rays of depth 1, shape ``(height, width, 3)``: the camera's axis."""
+        import numpy as np
+
+        return np.broadcast_to([0.0, 0.0, 1.0], (self.height, self.width, 3))
+
+    @property
+    def origins(self) -> NDArray[np.float64]:
+        """Ray origins in the camera's plane [m], shape ``(height, width, 3)``."""
+        import numpy as np
+
+        y, x = np.mgrid[: self.height, : self.width] + 0.5
+        return np.stack([(x - self.cx) / self.fx, (y - self.cy) / self.fy, np.zeros_like(x)], axis=-1)
+
+    def pixel_size(self) -> tuple[float, float]:
+        """Return the width and the height of a pixel [m]."""
+        return 1 / self.fx, 1 / self.fy
+
     def device_struct(self, *, clip_near: bool = False) -> PinholeCamera:
-        """Return the camera in the format of `warpvis.kernels.casting.orthographic`.
-
-        Args:
-            clip_near: Whether surfaces nearer than `near` are cut away instead of occluding.
-        """
-        from warpvis.kernels.pinhole import PinholeCamera
-
-        camera = PinholeCamera()
-        camera.width, camera.height = self.width, self.height
-        camera.fx, camera.fy, camera.cx, camera.cy = self.fx, self.fy, self.cx, self.cy
-        camera.near, camera.far = self.near, self.far
-        camera.clip_inv_z, camera.clip_reach = math.inf, self.near if clip_near else 0.0
-        return camera
+        """Return the camera in the format of `warpvis.kernels.casting.orthographic`; `clip_near` as for `ray_range`."""
+        return planar_struct(self, math.inf, self.near if clip_near else 0.0)

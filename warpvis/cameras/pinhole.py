@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, ClassVar, Literal
 
+from warpvis.cameras.base import planar_struct
 from warpvis.cameras.checks import (
     as_floats,
+    as_rows,
     check_matrix,
     check_numbers,
     check_pixel_center,
@@ -25,12 +27,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from warpvis.core.messages import Message, MessageTypes, Stamp
+    from warpvis.cameras.lenses import OpenCVPinhole
+    from warpvis.core.messages import Message
+    from warpvis.core.types import Json
     from warpvis.kernels.pinhole import PinholeCamera
-
-
-_SAME_PIXELS = 0.01
-"""Intrinsics that differ by less belong to the same camera: the difference is rounding [px]."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,9 @@ class Camera(CameraMakers):
     """Minimum depth [m]; nearer surfaces read -inf and still occlude."""
     far: float = math.inf
     """Maximum depth [m]; farther surfaces read +inf."""
+
+    kind = "z"
+    ray_model: ClassVar[Literal["pinhole"]] = "pinhole"
 
     def __post_init__(self) -> None:
         check_numbers(self, "focal lengths must be positive")
@@ -171,23 +174,6 @@ class Camera(CameraMakers):
         shift = check_pixel_center(pixel_center) - 0.5
         return np.array([[self.fx, 0, self.cx + shift], [0, self.fy, self.cy + shift], [0, 0, 1]])
 
-    def to_camera_info(self, *, frame_id: str, stamp: Stamp = 0.0, types: MessageTypes | None = None) -> Message:
-        """Return the camera as a rectified ROS 2 ``sensor_msgs/CameraInfo``, with pixel centers at integer coordinates.
-
-        Args:
-            frame_id: The camera's optical frame, with OpenCV axes.
-            stamp: Acquisition time of the image [s], or a Time message.
-            types: A rosbags type store; by default the message classes of ROS, which must be installed.
-
-        Raises:
-            MessageError: If an argument is invalid, or ROS is not available.
-        """
-        from warpvis.core.messages import MessageMaker
-
-        maker = MessageMaker(types)
-        size, k = (self.width, self.height), self.to_K(pixel_center=0.0)
-        return maker.camera_info(size, k, maker.header(frame_id, stamp))
-
     @property
     def hfov(self) -> float:
         """Horizontal field of view [rad]."""
@@ -209,9 +195,7 @@ class Camera(CameraMakers):
         """
         import numpy as np
 
-        points = as_floats(points, "points")
-        if points.shape[-1:] != (3,):
-            raise CameraError(f"points must have shape (..., 3), got {points.shape}")
+        points = as_rows(points, 3, "points")
         z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
         return np.stack([self.fx * points[..., 0] / z + self.cx, self.fy * points[..., 1] / z + self.cy], axis=-1)
 
@@ -227,9 +211,7 @@ class Camera(CameraMakers):
         """
         import numpy as np
 
-        pixels, z = as_floats(pixels, "pixels"), as_floats(depth, "depth")
-        if pixels.shape[-1:] != (2,):
-            raise CameraError(f"pixels must have shape (..., 2), got {pixels.shape}")
+        pixels, z = as_rows(pixels, 2, "pixels"), as_floats(depth, "depth")
         try:
             np.broadcast_shapes(pixels.shape[:-1], z.shape)
         except ValueError:
@@ -246,24 +228,53 @@ class Camera(CameraMakers):
         y, x = np.mgrid[: self.height, : self.width] + 0.5
         return self.back_project(np.stack([x, y], axis=-1), np.ones_like(x))
 
-    def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image."""
+    def depth_rays(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Return rays with z = 1 through points [px] in the image or beyond, shape ``(..., 2)``."""
+        return self.back_project(pixels, 1.0)
+
+    def unproject(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Return the viewing directions of image coordinates.
+
+        Args:
+            pixels: Coordinates ``(x, y)`` [px], shape ``(..., 2)``; a pixel's center is its index + 0.5.
+
+        Returns:
+            Unit vectors in the camera frame, shape ``(..., 3)``.
+
+        Raises:
+            CameraError: If `pixels` is not an array of numbers with this shape.
+        """
         import numpy as np
 
-        rays = self.back_project(pixels, 1.0)
-        return np.where(self._contains(pixels), rays, np.nan)
+        rays = self.depth_rays(pixels)
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
-    def has_pixels_of(self, other: object) -> bool:
-        """Return whether another camera has the same size and intrinsics; depth ranges may differ."""
-        if not isinstance(other, Camera) or (self.width, self.height) != (other.width, other.height):
-            return False
-        names = ("fx", "fy", "cx", "cy")
-        return all(abs(getattr(self, name) - getattr(other, name)) < _SAME_PIXELS for name in names)
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Mask of pixels that have no ray, shape ``(height, width)``: all False."""
+        import numpy as np
+
+        return np.zeros((self.height, self.width), dtype=bool)
+
+    @property
+    def lens(self) -> OpenCVPinhole:  # type: ignore[override]
+        """The intrinsics as a lens without distortion."""
+        from warpvis.cameras.lenses import OpenCVPinhole
+
+        return OpenCVPinhole(self.fx, self.fy, self.cx, self.cy, (0.0,) * 5)
+
+    def pixel_size(self) -> tuple[float, float]:
+        """Return the width and the height of a pixel at depth 1."""
+        return 1 / self.fx, 1 / self.fy
 
     def describe(self) -> str:
         """Describe the image size and the intrinsics in a few words."""
         intrinsics = f"fx={self.fx:.6g} fy={self.fy:.6g} cx={self.cx:.6g} cy={self.cy:.6g}"
         return f"{self.width}x{self.height} pixels, {intrinsics}"
+
+    def to_dict(self) -> dict[str, Json]:
+        """Return the fields as a JSON object, for `camera_from_dict`; an infinite `far` becomes None."""
+        return {**asdict(self), "far": None if math.isinf(self.far) else self.far}
 
     def _near_reach(self) -> float:
         """Return the distance to the farthest image corner on the near plane, plus a small margin [m]."""
@@ -277,16 +288,9 @@ class Camera(CameraMakers):
         Args:
             clip_near: Whether surfaces nearer than `near` are transparent, instead of occluding what is behind them.
         """
-        from warpvis.kernels.pinhole import PinholeCamera
-
-        camera = PinholeCamera()
         clips = clip_near and self.near > 0
-        camera.clip_inv_z = clip_inv_z(self.near) if clips else math.inf
-        camera.clip_reach = self._near_reach() if clips else 0.0
-        camera.width, camera.height = self.width, self.height
-        camera.fx, camera.fy, camera.cx, camera.cy = self.fx, self.fy, self.cx, self.cy
-        camera.near, camera.far = self.near, self.far
-        return camera
+        clip = (clip_inv_z(self.near), self._near_reach()) if clips else (math.inf, 0.0)
+        return planar_struct(self, *clip)
 
 
 def clip_inv_z(near: float) -> float:
@@ -300,13 +304,13 @@ def clip_inv_z(near: float) -> float:
     return float(max_inv_z)
 
 
-def require_camera(camera: object) -> Camera:
+def require_camera(camera: object, name: str = "camera") -> Camera:
     """Return `camera`, or raise `CameraError` if it is not a pinhole camera."""
     if not isinstance(camera, Camera):
         hint = getattr(camera, "usage_hint", "")
         if hint:
-            raise CameraError(f"camera must be a pinhole here, a warpvis.Camera, got a {type(camera).__name__}: {hint}")
-        raise CameraError(f"camera must be a warpvis.Camera, got {type(camera).__name__}")
+            raise CameraError(f"{name} must be a pinhole here, a warpvis.Camera, got a {type(camera).__name__}: {hint}")
+        raise CameraError(f"{name} must be a warpvis.Camera, got {type(camera).__name__}")
     return camera
 
 

@@ -1,23 +1,101 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ray patterns: sensors defined by the direction of each ray, optionally with an origin and a time."""
+"""Cameras that define the ray of each pixel explicitly: lists and images of rays, and wide-angle projections."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from threading import RLock
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.cameras.base import DepthKind
-from warpvis.cameras.checks import check_range
-from warpvis.cameras.ray_camera import MAX_RAYS, RayCamera
-from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import check_choice
+from warpvis.cameras.base import AnyCamera, DepthKind, Value
+from warpvis.cameras.checks import MAX_RAYS, as_floats, as_rows, check_image_size, check_range
+from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.core.poses import Convention, check_convention
-from warpvis.errors import ArrayError, CameraError, PoseError
+from warpvis.errors import CameraError, PoseError
+
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.rays import RayRange
 
 _LENGTH_TOLERANCE = 1e-6
+
+Projection = Literal["cylindrical", "spherical"]
+
+# Two pi, rounded to four decimals as in files.
+_MAX_HFOV = 6.2832
+
+
+class OnceCache:
+    """A thread-safe cache: each value is created once; concurrent requests for it wait."""
+
+    def __init__(self) -> None:
+        """Create an empty cache."""
+        self._values: dict[Hashable, Any] = {}
+        # Reentrant, because creating a value may request other values.
+        self._lock = RLock()
+
+    def get(self, name: Hashable, make: Callable[[], Value]) -> Value:
+        """Return the cached value of this name; create it if it is missing."""
+        if name not in self._values:
+            with self._lock:
+                if name not in self._values:
+                    self._values[name] = make()
+        return self._values[name]
+
+
+class RayCamera(AnyCamera):
+    """A camera with an array of rays, one per pixel.
+
+    Subclasses have `width`, `height` [px], `near`, `far` [m] and `kind`, the definition of depth.
+    """
+
+    ray_model: ClassVar[Literal["table"]] = "table"
+    usage_hint = "its rays have no image. wv.render accepts it, and its views have points and labels."
+
+    def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image.
+
+        Raises:
+            CameraError: If the image is not defined between the rays of the camera.
+        """
+        raise CameraError(
+            f"camera must have a continuous image for render_at, got {type(self).__name__}. Render other Rays instead."
+        )
+
+    def prepared(self, name: Hashable, make: Callable[[], Value]) -> Value:
+        """Return acceleration data of a caster for the rays; it is created once and cached as long as the camera lives.
+
+        Args:
+            name: Key of the data, such as a name and the alias of a device.
+            make: Function that creates the data. It must depend only on `rays` and `origins`, because cameras with
+                different ranges may share the data.
+        """
+        return self._cache().get(name, make)
+
+    def pixel_size(self) -> tuple[float, float]:
+        """Return the median angle between neighboring rays [rad], in both directions; 0 for a list of rays."""
+        angle = self.prepared("pixel angle", lambda: _median_angle(self))
+        return angle, angle
+
+    def prepare_in(self, cache: OnceCache) -> None:
+        """Share a cache of prepared data between cameras with the same rays."""
+        self.__dict__["_prepared"] = cache
+
+    def _cache(self) -> OnceCache:
+        return self.__dict__.setdefault("_prepared", OnceCache())  # atomic: concurrent callers get the same cache
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state without prepared data, which copies prepare again."""
+        return {name: value for name, value in self.__dict__.items() if name != "_prepared"}
+
+    def device_struct(self, *, clip_near: bool = False) -> RayRange:
+        """Return the range of the camera as a struct for `warpvis.kernels.casting.ray_bundles`; see `ray_range`."""
+        return self.ray_range(clip_near=clip_near)
 
 
 class Rays(RayCamera):
@@ -136,7 +214,7 @@ class Rays(RayCamera):
         return array
 
     def _numbers(self, value: ArrayLike, name: str) -> NDArray[np.float64]:
-        array = _floats(value, name)
+        array = as_floats(value, name)
         if array.shape != self.shape:
             raise CameraError(f"{name} must be one for each ray, shape {self.shape}, got {array.shape}")
         if not np.isfinite(array).all():
@@ -151,17 +229,92 @@ class Rays(RayCamera):
         return _freeze(array.astype(np.int32))
 
 
-def _floats(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    """Copy values to a new array in double precision."""
-    try:
-        array = as_numpy(value, name=name)
-    except ArrayError as error:
-        raise CameraError(str(error)) from None
-    return np.array(array, dtype=np.float64)
+@dataclass(frozen=True)
+class WideCamera(RayCamera):
+    """A wide-angle camera with one ray through the center of every pixel, in equal steps of angle.
+
+    `Renderer` and `render` accept it. With u to the right and v downwards from the image's center, both from -1/2 to
+    1/2 from border to border:
+
+    * ``"cylindrical"``: the ray's azimuth is ``u * hfov`` to the right, its elevation ``v * hfov * height / width``
+      downwards. Columns are equally spaced meridians and rows are equally spaced parallels (equirectangular).
+    * ``"spherical"``: an equidistant fisheye. The angle between the ray and the camera's axis is
+      ``hfov * sqrt(u^2 + v^2)``. It is ``hfov / 2`` at the centers of all four borders, so that an image that is not
+      square is stretched, and larger at the corners.
+
+    The formulas also apply to pixels with an angle of more than pi to the axis, or more than pi / 2 above or below the
+    horizon: their rays go over the pole. These are the projections of Webots cameras (its shader
+    ``merge_spherical.frag``).
+
+    Depth is the *length* of the ray from the camera to the surface [m].
+    """
+
+    width: int
+    """Image width [px]."""
+    height: int
+    """Image height [px]."""
+    hfov: float
+    """Horizontal field of view [rad], up to 2 pi."""
+    projection: Projection = "cylindrical"
+    """``"cylindrical"`` or ``"spherical"``."""
+    near: float = 0.0
+    """Minimum length of a ray [m]; nearer surfaces have depth -inf and still occlude."""
+    far: float = math.inf
+    """Maximum length of a ray [m]; farther surfaces have depth +inf."""
+
+    kind = "range"
+    usage_hint = "wv.render accepts it, and renders points and labels"
+
+    def __post_init__(self) -> None:
+        check_choice(self.projection, "projection", get_args(Projection), CameraError)
+        check_image_size(self)
+        if not is_number(self.hfov):
+            raise CameraError(f"hfov must be a number, got {self.hfov!r}")
+        if not 0 < self.hfov <= _MAX_HFOV:
+            hint = degrees_hint(self.hfov)
+            raise CameraError(f"hfov must be more than 0 and at most 2 pi radians, got {self.hfov}{hint}")
+        object.__setattr__(self, "hfov", float(self.hfov))
+        check_range(self)
+
+    @property
+    def rays(self) -> NDArray[np.float64]:
+        """Unit vectors through the centers of all pixels, shape ``(height, width, 3)``."""
+        return self._directions(np.arange(self.width) + 0.5, (np.arange(self.height) + 0.5)[:, None])
+
+    def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Return unit vectors through image points [px], shape ``(..., 2)``; NaN outside the image."""
+        points = as_rows(pixels, 2, "pixels")
+        x, y = np.moveaxis(np.where(self._contains(points), points, np.nan), -1, 0)
+        return self._directions(x, y)
+
+    def _directions(self, x: NDArray[np.floating], y: NDArray[np.floating]) -> NDArray[np.float64]:
+        u, v = x / self.width - 0.5, y / self.height - 0.5
+        if self.projection == "spherical":
+            angle = self.hfov * np.hypot(u, v)
+            scale = self.hfov * np.sinc(angle / math.pi)  # sin(away) / hypot(u, v)
+            parts = scale * u, scale * v, np.cos(angle)
+        else:
+            azimuth, elevation = u * self.hfov, v * (self.hfov * self.height / self.width)
+            horizontal = np.cos(elevation)
+            parts = horizontal * np.sin(azimuth), np.sin(elevation), horizontal * np.cos(azimuth)
+        return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+
+def _median_angle(camera: RayCamera) -> float:
+    """Return the median angle between neighboring rays [rad]; 0 for a list of rays."""
+    if len(camera.shape) < 2:
+        return 0.0
+    rays = camera.rays.reshape(*camera.shape, 3)
+    with np.errstate(invalid="ignore"):
+        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        steps = [np.linalg.norm(np.diff(rays, axis=axis), axis=-1).ravel() for axis in (0, 1)]
+    angles = np.concatenate(steps)
+    angles = angles[np.isfinite(angles)]
+    return float(np.median(angles)) if len(angles) else 0.0
 
 
 def _vectors(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    array = _floats(value, name)
+    array = as_floats(value, name)
     if array.ndim not in (2, 3) or array.shape[-1] != 3 or not array.size:
         raise CameraError(f"{name} must have shape (H, W, 3) or (N, 3), got {array.shape}")
     if array.size // 3 > MAX_RAYS:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from warpvis.cameras import CalibratedCamera
+    from warpvis.cameras import ImageCamera
     from warpvis.cameras.frames import Frames
     from warpvis.cameras.pinhole import Camera
     from warpvis.core.label_rules import LabelRules
@@ -156,9 +156,9 @@ class ViewpointOptions(SceneOptions):
         """Return the default camera if neither an option nor a pose file defines one; None for the Kinect."""
         return None
 
-    def choose_camera(self, frames: Frames | None = None) -> CalibratedCamera:
+    def choose_camera(self, frames: Frames | None = None) -> ImageCamera:
         """Load the camera: the given one, that of the pose file, or the Kinect."""
-        from warpvis.cameras import require_calibrated
+        from warpvis.cameras import require_image_camera
         from warpvis.io import load_camera
 
         camera = None if self.camera is None else load_camera(self.camera, distortion=self.distortion)
@@ -167,7 +167,7 @@ class ViewpointOptions(SceneOptions):
             raise CameraError("--replace-camera requires a pose file that defines a camera, and another --camera")
         if frames is None or stored is None or self.replace_camera:
             return (self.device_camera() or load_camera("kinect")) if camera is None else camera
-        return require_calibrated(frames.choose_camera(camera))
+        return require_image_camera(frames.choose_camera(camera))
 
     def orders(self, path: str) -> bool:
         """Return whether `quaternion` has an effect on a pose file."""
@@ -224,7 +224,7 @@ class FrameOptions(ViewpointOptions):
     """Poses of the movable objects: .npz with object_poses, rows x y z qx qy qz qw of shape (W, M, 7), for mesh files
     relative to the file's frame; and, unless there is one world per frame, world_index of shape (frames,)."""
 
-    def load(self, file: Path, poses: str | None, *, device: str = "cpu") -> tuple[Scene, CalibratedCamera, Frames]:
+    def load(self, file: Path, poses: str | None, *, device: str = "cpu") -> tuple[Scene, ImageCamera, Frames]:
         """Load scene, camera and frames."""
         frames = self._read_frames(poses)
         names = split_names(self.movable)

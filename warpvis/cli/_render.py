@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from warpvis.batch import Format, FrameDataset
-    from warpvis.cameras import CalibratedCamera, Rays
+    from warpvis.cameras import ImageCamera, Rays
     from warpvis.cameras.frames import Frames
     from warpvis.rendering import Output
     from warpvis.scene import Scene
@@ -211,7 +211,7 @@ class Render(ImageOptions):
         self.end(empty=empty)
 
     def _check(
-        self, kind: type[Format], scene: Scene, camera: CalibratedCamera, frames: Frames, chosen: dict[str, Any]
+        self, kind: type[Format], scene: Scene, camera: ImageCamera, frames: Frames, chosen: dict[str, Any]
     ) -> None:
         """Raise the errors of all formats before anything is written."""
         from warpvis.batch import make_plan

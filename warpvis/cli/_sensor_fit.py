@@ -11,7 +11,6 @@ from typing import Annotated
 import tyro
 
 from warpvis.cli._help import with_help
-from warpvis.errors import CameraError
 
 
 @with_help
@@ -41,15 +40,10 @@ class SensorFit:
 
     def run(self) -> None:
         """Run the command."""
-        from warpvis.cameras.pinhole import Camera
         from warpvis.io import find_depth_images, load_camera, read_depth
         from warpvis.sensors import fit
 
         camera = load_camera(self.camera, distortion=False)
-        if not isinstance(camera, Camera):
-            raise CameraError(
-                f"--camera must be a pinhole camera, as for rectified depth images, got {type(camera).__name__}"
-            )
         files = find_depth_images(self.folder)
         images = [read_depth(file, unit=self.unit) for file in files]
         rounded = self.unit if any(file.suffix.lower() == ".png" for file in files) else 0.0

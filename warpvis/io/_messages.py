@@ -11,8 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.cameras.depth_images import check_meters
-from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
-from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.image_cameras import ImageCamera, as_pinhole, require_image_camera
 from warpvis.core.arrays import as_numpy, on_gpu
 from warpvis.core.checks import check_choice
 from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, field, whole_field
@@ -217,10 +216,11 @@ def _back_project(depth: NDArray[Any], camera: ImageCamera) -> NDArray[np.float3
     near, far = np.float32(camera.near), np.float32(camera.far)
     measured = np.isfinite(depth) & (depth > 0) & (depth >= near) & (depth <= far)
     z = np.where(measured, depth, np.float32(np.nan))
-    if not isinstance(camera, Camera):
+    pinhole = as_pinhole(camera)
+    if pinhole is None:
         return (camera.rays * z[..., None].astype(np.float64)).astype("<f4")
-    slope_x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    slope_y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    slope_x = (np.arange(camera.width) + 0.5 - pinhole.cx) / pinhole.fx
+    slope_y = (np.arange(camera.height) + 0.5 - pinhole.cy) / pinhole.fy
     points = np.empty((*depth.shape, 3), dtype="<f4")
     points[..., 2] = z
     np.multiply(z, slope_x.astype(np.float32), out=points[..., 0])

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
-from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import PoseLike
@@ -107,7 +106,7 @@ def _column_directions(
     if np.linalg.norm(heading) < 1e-6:
         raise PoseError(f"camera_to_world must not look straight up or down on a floor plan: view {view} does")
     directions = (_level_rays(camera) @ rotation.T)[:, floor]
-    if isinstance(camera, Camera) or camera.kind == "z":
+    if camera.kind == "z":
         return directions / np.linalg.norm(heading)
     with np.errstate(invalid="ignore"):  # vertical rays have no direction
         return directions / np.linalg.norm(directions, axis=1)[:, None]
@@ -118,15 +117,9 @@ def _level_rays(camera: ImageCamera) -> NDArray[np.float64]:
     planar.
     """
     x = np.arange(camera.width) + 0.5
-    if isinstance(camera, Camera):
-        across = (x - camera.cx) / camera.fx
-        return np.stack([across, np.zeros_like(across), np.ones_like(across)], axis=1)
     _, middle = camera.project([0.0, 0.0, 1.0])
-    rays = camera.unproject(np.stack([x, np.full_like(x, middle)], axis=1))
+    rays = camera.depth_rays(np.stack([x, np.full_like(x, middle)], axis=1))
     rays[:, 1] = 0
-    if camera.kind == "z":
-        with np.errstate(all="ignore"):  # rays far from the axis may have z <= 0
-            rays = np.where(rays[:, 2:] > 0, rays / rays[:, 2:], np.nan)
     return rays
 
 

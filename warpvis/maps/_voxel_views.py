@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.depth_images import read_depth, read_labels
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
-from warpvis.cameras.pinhole import Camera
-from warpvis.cameras.ray_camera import LensedCamera
+from warpvis.cameras.lens_camera import LensCamera
 from warpvis.core.arrays import as_numpy, check_length, empty
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Label, LabelNames
@@ -229,7 +228,7 @@ def _add_views(
     grid.ground = ground_bits(target.ground_labels)
     # Flat, since Warp's strides are 32-bit.
     marks = _zeros((math.prod(size),), wp.int32, device)
-    if not isinstance(camera, Camera):
+    if camera.ray_model == "table":
         add_lens_views(target, grid, depth, labels, camera, poses, frames, marks, threads)
         return
     lens = camera.device_struct()
@@ -277,7 +276,7 @@ def add_lens_views(
     grid: VoxelGrid,
     depth: wp.array,
     labels: wp.array | None,
-    camera: LensedCamera,
+    camera: LensCamera,
     poses: wp.array,
     frames: list[wp.array],
     marks: wp.array,
@@ -324,7 +323,7 @@ def add_lens_views(
             launch_images(kernels.judge_voxels_at, shown.shape, arguments, device=device, threads=threads)
 
 
-def _pixels_of(target: VoxelMap, camera: LensedCamera, pose: NDArray[np.float64], layers: range) -> NDArray[np.int32]:
+def _pixels_of(target: VoxelMap, camera: LensCamera, pose: NDArray[np.float64], layers: range) -> NDArray[np.int32]:
     """Find the pixels that contain the voxels' centers, as flat indices; -1 outside of the image or without a ray."""
     counts = layers, *map(range, target.states.shape[1:])
     axes = [low + target.cell_size * (np.array(count) + 0.5) for low, count in zip(target.origin, counts, strict=True)]

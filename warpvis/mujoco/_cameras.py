@@ -192,7 +192,7 @@ def _background(camera: PlanarCamera) -> np.float32:
     Follows `render` in mujoco/rendering/classic/renderer.py for a depth-buffer value of 0.
     """
     z_near, z_far = np.float32(camera.near), np.float32(camera.far)
-    if isinstance(camera, OrthographicCamera):
+    if camera.ray_model == "parallel":
         return z_far
     c = np.float32(-0.5) * (-(z_far + z_near) / (z_far - z_near)) - np.float32(0.5)
     d = np.float32(-0.5) * (-(np.float32(2) * z_far * z_near) / (z_far - z_near))

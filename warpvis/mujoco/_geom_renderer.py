@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.image_cameras import PlanarCamera
-from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.core.poses import Convention, poses_to_matrices
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
@@ -168,7 +167,6 @@ class GeomRenderer(Renderer):
 
     def _make_plain_caster(self, camera: AnyCamera) -> Any:
         caster, cull = super()._make_plain_caster(camera), bool(self._options["cull_backfaces"])
-        assert isinstance(camera, PlanarCamera)  # MuJoCo's cameras are neither lenses nor lidars
         return _LaterWins(caster, self.scene, camera, self._coinciding, cull, self.threads)
 
 
@@ -176,7 +174,7 @@ class _LaterWins:
     """A caster, followed by a correction pass for pixels where surfaces coincide."""
 
     def __init__(
-        self, caster: Any, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, cull: bool, threads: int
+        self, caster: Any, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, cull: bool, threads: int
     ) -> None:
         self._caster, self._scene, self._camera, self._coinciding = caster, scene, camera, coinciding
         self._cull_backfaces, self._threads = cull, threads
@@ -231,7 +229,7 @@ class _LaterWins:
         )
 
     def _kernel(self) -> wp.Kernel:
-        if isinstance(self._camera, OrthographicCamera):
+        if self._camera.ray_model == "parallel":
             from warpvis.kernels.casting.orthographic import show_later_from_plane
 
             return show_later_from_plane

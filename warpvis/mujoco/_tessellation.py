@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
-from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.scene import solids
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
@@ -220,7 +219,7 @@ class Eye(NamedTuple):
 def facing(triangles: NDArray[np.floating], eye: Eye) -> NDArray[np.floating]:
     """Orient triangles so that the camera sees their front, corners ``(n, 3, 3)``: MuJoCo draws both sides of them."""
     a, b, c = np.swapaxes(triangles, 0, 1)
-    sight = eye.place[:3, 2] if isinstance(eye.camera, OrthographicCamera) else a - eye.place[:3, 3]
+    sight = eye.place[:3, 2] if eye.camera.ray_model == "parallel" else a - eye.place[:3, 3]
     away = (np.cross(b - a, c - a) * sight).sum(axis=1) > 0
     return np.where(away[:, None, None], triangles[:, [0, 2, 1]], triangles)
 
@@ -236,7 +235,7 @@ def bands(ends: _Floats, width: float, eye: Eye) -> Blocks:
     along = ends[:, 1] - ends[:, 0]
     ends = ends + cut[..., None] * np.stack([along, -along], axis=1)
     depth = np.maximum((ends - position) @ forward, 0.0)
-    orthographic = isinstance(eye.camera, OrthographicCamera)
+    orthographic = eye.camera.ray_model == "parallel"
     sight = np.broadcast_to(forward, along.shape) if orthographic else ends[:, 0] - position
     across = np.cross(along, sight)
     length = np.linalg.norm(across, axis=1, keepdims=True)
@@ -251,7 +250,7 @@ def bands(ends: _Floats, width: float, eye: Eye) -> Blocks:
 def _pixels(ends: _Floats, depth: _Floats, width: float, eye: Eye) -> _Floats:
     """Return the widths of lines in an image [px], ``(n,)``: OpenGL measures whole pixels along a row or a column."""
     inside = (ends - eye.place[:3, 3]) @ eye.place[:3, :2]
-    if not isinstance(eye.camera, OrthographicCamera):
+    if eye.camera.ray_model != "parallel":
         inside = inside / np.maximum(depth, eye.camera.near)[..., None]
     along = np.abs((inside[:, 1] - inside[:, 0]) * [eye.camera.fx, eye.camera.fy])
     length = np.linalg.norm(along, axis=1)

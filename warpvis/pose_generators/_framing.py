@@ -9,9 +9,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
+from warpvis.cameras.image_cameras import ImageCamera, as_pinhole, require_image_camera
 from warpvis.cameras.pinhole import Camera
-from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.checks import check_angle
 from warpvis.core.poses import check_up, poses_to_matrices
 from warpvis.errors import CameraError
@@ -46,7 +45,7 @@ def framing(
     """
     require_scene(scene)
     require_image_camera(camera)
-    pinhole = camera if isinstance(camera, Camera) else _pinhole_inside(camera)
+    pinhole = as_pinhole(camera) or _pinhole_inside(camera)
     azimuth = check_angle(azimuth, "azimuth", minimum=-1e6, maximum=1e6)
     elevation = check_angle(elevation, "elevation", minimum=-math.pi / 2, maximum=math.pi / 2)
     scene.require_objects()
@@ -62,7 +61,7 @@ def framing(
     return pose
 
 
-def _pinhole_inside(camera: LensedCamera) -> Camera:
+def _pinhole_inside(camera: ImageCamera) -> Camera:
     """Find the widest centered pinhole, of the image's aspect ratio, whose rays are all within a lens's image."""
     along = np.linspace(-1, 1, _BORDER_POINTS)
     ends = np.ones_like(along)

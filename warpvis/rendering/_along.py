@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import warp as wp
 
-from warpvis.cameras.ray_camera import RayCamera
+from warpvis.cameras.rays import RayCamera
 from warpvis.rendering._views import CAST_OUTPUTS, Views, views_for
 from warpvis.rendering.casters import RayTableCaster, as_rows
 from warpvis.scene import Scene

@@ -11,8 +11,6 @@ from typing import Literal
 import warp as wp
 
 from warpvis.cameras.base import AnyCamera
-from warpvis.cameras.orthographic import OrthographicCamera
-from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.checks import check_choice, check_number, check_whole
 from warpvis.core.outputs import Output
 from warpvis.errors import ArrayError, CameraError
@@ -57,7 +55,7 @@ def choose_caster(caster: Caster, camera: AnyCamera) -> Literal["packets", "rays
         CameraError: If the caster does not support the camera.
     """
     check_choice(caster, "caster", ("auto", "packets", "rays"))
-    if isinstance(camera, OrthographicCamera):
+    if camera.ray_model == "parallel":
         if caster == "packets":
             raise CameraError('caster must be "rays" or "auto" for an OrthographicCamera, got "packets"')
         return "rays"
@@ -68,9 +66,9 @@ def caster_class(
     caster: Literal["packets", "rays"], camera: AnyCamera, device: wp.Device
 ) -> Callable[..., RaysCaster | CpuRemapCaster | CpuTablePacketsCaster]:
     """Return the class of the caster for a camera and a device."""
-    if isinstance(camera, OrthographicCamera):
+    if camera.ray_model == "parallel":
         return OrthographicCaster
-    if isinstance(camera, RayCamera):
+    if camera.ray_model == "table":
         if caster == "rays":
             return RayTableCaster
         if not device.is_cpu:

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.cameras.pinhole import clip_inv_z
-from warpvis.cameras.ray_camera import RayCamera
+from warpvis.cameras.rays import RayCamera
 from warpvis.core.poses import Convention, host_poses
 from warpvis.core.types import PoseLike
 from warpvis.rendering._cpu_packets import FEW_RAYS, MAX_KINDS, RayCosts, Workspace

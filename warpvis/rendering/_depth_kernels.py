@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import warp as wp
 
 from warpvis.cameras.image_cameras import ImageCamera
-from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.core.types import KernelArguments
 from warpvis.rendering.casters import ray_table
@@ -86,7 +85,7 @@ def _launch_camera(
     """Launch the kernel for pinhole cameras or the one for ray tables."""
     pinhole_kernel, rays_kernel = kernels
     struct = camera.device_struct()
-    rays = [ray_table(camera, depth.device)] if isinstance(camera, RayCamera) else []
+    rays = [ray_table(camera, depth.device)] if camera.ray_model == "table" else []
 
     def arguments(window: Window) -> KernelArguments:
         return [struct, poses, window, *rays, depth, *inputs]

@@ -13,8 +13,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.cameras.base import ProjectingCamera
 from warpvis.cameras.pinhole import Camera
-from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.arrays import put_rows, take_rows
 from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.errors import ArrayError, CameraError
@@ -188,13 +188,13 @@ class DepthSensor(ABC):
         Raises:
             WarpvisError: If the sensor does not support the camera, or the ranges do not overlap.
         """
-        if isinstance(camera, Camera):
-            return self._in_range(camera)
-        if isinstance(camera, LensedCamera) and self.takes_lens in ("any", camera.kind):
-            return self._in_range(cast(Camera, camera))
         lens = {"no": "", "z": ' or a LensCamera of kind "z"', "any": " or a LensCamera"}[self.takes_lens]
-        kind = type(camera).__name__ + (f' of kind "{camera.kind}"' if isinstance(camera, LensedCamera) else "")
-        raise CameraError(f"camera of {type(self).__name__} must be a warpvis.Camera{lens}, got {kind}")
+        expected = f"camera of {type(self).__name__} must be a warpvis.Camera{lens}"
+        if not isinstance(camera, ProjectingCamera):
+            raise CameraError(f"{expected}, got {type(camera).__name__}")
+        if camera.ray_model != "pinhole" and self.takes_lens not in ("any", camera.kind):
+            raise CameraError(f'{expected}, got {type(camera).__name__} of kind "{camera.kind}"')
+        return self._in_range(cast(Camera, camera))
 
     def _in_range(self, camera: Camera) -> Camera:
         device = self.native_camera

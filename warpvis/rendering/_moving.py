@@ -13,9 +13,6 @@ import numpy as np
 import warp as wp
 
 from warpvis.cameras.base import AnyCamera
-from warpvis.cameras.orthographic import OrthographicCamera
-from warpvis.cameras.pinhole import Camera
-from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.motion import Motion, check_times, instants_of, stacked
 from warpvis.core.poses import Convention, check_convention, parse_poses, vectors_in_axes
@@ -23,7 +20,7 @@ from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError, PoseError
 from warpvis.rendering._views import wants_faces
-from warpvis.rendering.casters import as_images, images_struct, vectors_on_device
+from warpvis.rendering.casters import as_images, images_struct, ray_table
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_moving_poses, parse_worlds
 
@@ -62,8 +59,8 @@ class MovingCaster:
         Raises:
             CameraError: If the camera is orthographic.
         """
-        if isinstance(camera, OrthographicCamera):
-            raise CameraError("camera must be a pinhole, a lens or Rays for a Motion, got OrthographicCamera")
+        if camera.ray_model == "parallel":
+            raise CameraError(f"camera must be a pinhole, a lens or Rays for a Motion, got {type(camera).__name__}")
         self._scene = scene
         self._camera = camera
         self._cull_backfaces = cull_backfaces
@@ -128,19 +125,11 @@ class MovingCaster:
 
     @cached_property
     def _rays(self) -> wp.array:
-        camera, device = self._camera, self._scene.device
-        if isinstance(camera, RayCamera):
-            return vectors_on_device(camera, "rays", lambda: camera.rays, device).reshape(self._image)
-        assert isinstance(camera, Camera)
-        return wp.array(camera.rays, dtype=wp.vec3d, device=device)
+        return ray_table(self._camera, self._scene.device)
 
     @cached_property
     def _origins(self) -> wp.array | None:
-        camera = self._camera
-        if not isinstance(camera, RayCamera) or camera.origins is None:
-            return None
-        origins = camera.origins
-        return vectors_on_device(camera, "origins", lambda: origins, self._scene.device).reshape(self._image)
+        return None if self._camera.origins is None else ray_table(self._camera, self._scene.device, "origins")
 
     @cached_property
     def _times(self) -> wp.array | None:

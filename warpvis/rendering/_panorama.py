@@ -7,8 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from warpvis.cameras.ray_camera import OnceCache
-from warpvis.cameras.wide import Projection, WideCamera
+from warpvis.cameras.rays import OnceCache, Projection, WideCamera
 from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.rendering._choices import Output

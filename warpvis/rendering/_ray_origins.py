@@ -18,7 +18,7 @@ from warpvis.kernels.constants import CPU_LANES, NOWHERE
 from warpvis.rendering._ray_bundles import PreparedRays, component, prepare_rays, to_row_order
 
 if TYPE_CHECKING:
-    from warpvis.cameras.ray_camera import RayCamera
+    from warpvis.cameras.rays import RayCamera
     from warpvis.kernels.casting.ray_origin_packets import RayOrigins
     from warpvis.kernels.casting.worlds import Worlds
     from warpvis.scene import Scene

@@ -6,13 +6,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import warp as wp
 
 from warpvis.cameras.base import AnyCamera
-from warpvis.cameras.orthographic import OrthographicCamera
-from warpvis.cameras.pinhole import Camera
-from warpvis.cameras.ray_camera import RayCamera
 from warpvis.core.arrays import empty
 from warpvis.core.poses import Convention
 from warpvis.core.threads import launch_images
@@ -100,16 +96,13 @@ class ShadingCaster:
         """Return the size of a pixel."""
         from warpvis.kernels.shading import base_colors
 
-        footprint, camera = base_colors.Footprint(), self._camera
-        if isinstance(camera, Camera):
-            footprint.kind, size = base_colors.FOOTPRINT_PINHOLE, (1 / camera.fx, 1 / camera.fy)
-        elif isinstance(camera, OrthographicCamera):
-            footprint.kind, size = base_colors.FOOTPRINT_PARALLEL, (1 / camera.fx, 1 / camera.fy)
-        else:
-            assert isinstance(camera, RayCamera)
-            angle = camera.prepared("pixel angle", lambda: pixel_angle(camera))
-            footprint.kind, size = base_colors.FOOTPRINT_CONE, (angle, angle)
-        footprint.size = wp.vec2(*size)
+        footprint = base_colors.Footprint()
+        footprint.kind = {
+            "pinhole": base_colors.FOOTPRINT_PINHOLE,
+            "parallel": base_colors.FOOTPRINT_PARALLEL,
+            "table": base_colors.FOOTPRINT_CONE,
+        }[self._camera.ray_model]
+        footprint.size = wp.vec2(*self._camera.pixel_size())
         return footprint
 
 
@@ -117,16 +110,3 @@ def extra_bytes(outputs: tuple[str, ...]) -> int:
     """Return the memory used per pixel in addition to outputs with colors [bytes]."""
     lacking = [name for name in (*_NEEDED, "normals") if name not in outputs]
     return sum(wp.types.type_size_in_bytes(CAST_OUTPUTS[name]) for name in lacking)
-
-
-def pixel_angle(camera: RayCamera) -> float:
-    """Return the median angle between neighboring rays [rad]; 0 for a list of rays."""
-    if len(camera.shape) < 2:
-        return 0.0
-    rays = camera.rays.reshape(*camera.shape, 3)
-    with np.errstate(invalid="ignore"):
-        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-        steps = [np.linalg.norm(np.diff(rays, axis=axis), axis=-1).ravel() for axis in (0, 1)]
-    angles = np.concatenate(steps)
-    angles = angles[np.isfinite(angles)]
-    return float(np.median(angles)) if len(angles) else 0.0

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.cameras.base import AnyCamera
-from warpvis.cameras.ray_camera import RayCamera
+from warpvis.cameras.rays import RayCamera
 from warpvis.core.arrays import on_gpu
 from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses
 from warpvis.core.threads import launch_images
@@ -199,13 +199,13 @@ class RayTableCaster(RaysCaster):
         return None if self._camera.origins is None else ray_table(self._camera, self._scene.device, "origins")
 
 
-def ray_table(camera: RayCamera, device: wp.Device, name: Literal["rays", "origins"] = "rays") -> wp.array:
+def ray_table(camera: AnyCamera, device: wp.Device, name: Literal["rays", "origins"] = "rays") -> wp.array:
     """Return a camera's rays or their origins on a device, vec3d of shape ``(height, width)``; cached."""
     rows = vectors_on_device(camera, name, lambda: getattr(camera, name), device)
     return rows.reshape((camera.height, camera.width))
 
 
-def vectors_on_device(camera: RayCamera, name: str, read: Callable[[], np.ndarray], device: wp.Device) -> wp.array:
+def vectors_on_device(camera: AnyCamera, name: str, read: Callable[[], np.ndarray], device: wp.Device) -> wp.array:
     """Return a vector for each ray of a camera on a device, shape ``(rays,)`` vec3d; copied there once."""
     return camera.prepared((name, device.alias), lambda: wp.array(read().reshape(-1, 3), dtype=wp.vec3d, device=device))
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warpvis.cameras.ray_camera import OnceCache
+from warpvis.cameras.rays import OnceCache
 from warpvis.errors import SceneError
 from warpvis.scene._object import SceneObject
 from warpvis.scene._object_list import ObjectList

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.base import DepthKind
-from warpvis.cameras.image_cameras import CalibratedCamera, require_calibrated
-from warpvis.cameras.ray_camera import RayCamera
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
+from warpvis.cameras.rays import RayCamera
 from warpvis.core.checks import check_choice, check_number
 from warpvis.errors import CameraError
 
@@ -31,7 +31,7 @@ class RollingShutter(RayCamera):
     camera. The first line is read at the start of the frame, and each following line ``readout / lines`` later.
     """
 
-    camera: CalibratedCamera
+    camera: ImageCamera
     """A `warpvis.Camera` or `LensCamera`."""
     readout: float
     """Time in which all lines are read [s]."""
@@ -40,7 +40,7 @@ class RollingShutter(RayCamera):
     ``"right_to_left"`` for columns."""
 
     def __post_init__(self) -> None:
-        require_calibrated(self.camera)
+        require_image_camera(self.camera)
         object.__setattr__(self, "readout", check_number(self.readout, "readout", minimum=0.0, error=CameraError))
         check_choice(self.direction, "direction", _DIRECTIONS, CameraError)
 

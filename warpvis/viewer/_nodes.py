@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras import as_pinhole
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.visibility import Agent, FieldOfView, State
@@ -147,17 +148,18 @@ class AgentMark:
         if agent.camera != self._camera:
             self._draw(agent)
             self._camera = agent.camera
-        if isinstance(agent.camera, Camera):
+        if agent.pinhole is not None:
             self._frustum.image = picture
 
     def _draw(self, agent: Agent) -> None:
         if isinstance(agent.camera, FieldOfView):
             segments = _borders(agent.camera)
             self._scene.add_line_segments(f"{self._path}/field", segments, self._color, thickness=0.008)
-            if isinstance(agent.attention, Camera):
-                self._frustum = self._add_frustum(agent.attention)
-        elif isinstance(agent.camera, Camera):
-            self._frustum = self._add_frustum(agent.camera)
+            attention = None if agent.attention is None else as_pinhole(agent.attention)
+            if attention is not None:
+                self._frustum = self._add_frustum(attention)
+        elif agent.pinhole is not None:
+            self._frustum = self._add_frustum(agent.pinhole)
         else:
             self._scene.add_frame(f"{self._path}/axes", axes_length=0.2, axes_radius=0.008)
 

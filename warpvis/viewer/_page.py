@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_path, check_text
 from warpvis.core.poses import check_up
 from warpvis.errors import FileFormatError
@@ -102,8 +101,8 @@ class Page:
         if isinstance(result, str):
             self.proposal.clear()
             return result, False
-        camera = self.snapshot.agents[0].camera
-        assert isinstance(camera, Camera)  # required for a proposal
+        camera = self.snapshot.agents[0].pinhole
+        assert camera is not None  # required for a proposal
         self.proposal.show(camera, result.pose)
         return describe_proposal(result), True
 

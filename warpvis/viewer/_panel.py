@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import format_percent
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up
@@ -191,8 +190,7 @@ class Panel:
                 height,
                 lambda v: state.raise_agent(name, v),
             )
-            camera = agent.camera
-            if isinstance(camera, Camera):
+            if (camera := agent.pinhole) is not None:
                 wide = math.degrees(camera.hfov)
                 far = camera.far if math.isfinite(camera.far) else _MAX_FAR
                 self._slider(
@@ -249,20 +247,15 @@ class Panel:
         return lambda value: self._state.set_joint(name, value)
 
     def _widen(self, name: str) -> Callable[[float], None]:
-        def change(degrees: float) -> None:
-            camera = self._state.agents[name].camera
-            assert isinstance(camera, Camera)  # only these cameras have the slider
-            self._state.set_camera(name, with_view(camera, hfov=math.radians(degrees)))
-
-        return change
+        return lambda degrees: self._set_view(name, hfov=math.radians(degrees))
 
     def _reach(self, name: str) -> Callable[[float], None]:
-        def change(meters: float) -> None:
-            camera = self._state.agents[name].camera
-            assert isinstance(camera, Camera)  # only these cameras have the slider
-            self._state.set_camera(name, with_view(camera, far=meters))
+        return lambda meters: self._set_view(name, far=meters)
 
-        return change
+    def _set_view(self, name: str, **view: float) -> None:
+        camera = self._state.agents[name].pinhole
+        assert camera is not None  # only pinhole cameras have sliders
+        self._state.set_camera(name, with_view(camera, **view))
 
     def _slider(
         self,
@@ -293,9 +286,9 @@ class Panel:
         """Set an agent's sliders to match the state."""
         agent = self._state.agents[name]
         values = {"height": self._state.height(name)}
-        if isinstance(agent.camera, Camera):
-            values |= {"hfov": math.degrees(agent.camera.hfov)}
-            values |= {"far": agent.camera.far if math.isfinite(agent.camera.far) else _MAX_FAR}
+        if (camera := agent.pinhole) is not None:
+            values |= {"hfov": math.degrees(camera.hfov)}
+            values |= {"far": camera.far if math.isfinite(camera.far) else _MAX_FAR}
         for key, value in values.items():
             slider = self.sliders.get(f"{name} {key}")
             if slider is not None:
@@ -317,7 +310,7 @@ def propose(state: ViewerState, snapshot: Snapshot, *, max_distance: float, radi
     if len(snapshot.agents) < 2:
         return "There is no second agent."
     robot, other = snapshot.agents
-    if not isinstance(robot.camera, Camera):
+    if robot.pinhole is None:
         return f"{robot.name} has no pinhole camera."
     bodies = {*robot.body, *other.body}
     labels = None if all(item.label != Label.OBJECT for item in state.scene.objects) else [Label.OBJECT]

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_path
 from warpvis.errors import FileFormatError, WarpvisError
 from warpvis.viewer._state import Snapshot, ViewerState
@@ -87,8 +86,7 @@ def _log_snapshot(recording: RecordingStream, state: ViewerState, snapshot: Snap
         entity = f"world/agents/{number}"
         recording.log(entity, _transform(agent.poses[0]))
         recording.log(f"images/{agent.name}", rerun.Image(picture))
-        if isinstance(agent.camera, Camera):
-            camera = agent.camera
+        if (camera := agent.pinhole) is not None:
             pinhole = rerun.Pinhole(
                 image_from_camera=camera.to_K(),
                 resolution=[camera.width, camera.height],

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.frames import Frames
-from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.checks import as_items, is_number, is_whole
 from warpvis.core.labels import Label
 from warpvis.core.poses import (
@@ -26,7 +26,7 @@ from warpvis.core.poses import (
     quaternion_product,
     read_pose,
 )
-from warpvis.errors import ArrayError, CameraError, PoseError, SceneError
+from warpvis.errors import ArrayError, PoseError, SceneError
 from warpvis.maps import label_colors
 from warpvis.rendering import DepthSensor, require_sensor
 from warpvis.scene import Scene
@@ -191,8 +191,7 @@ class ViewerState:
 
     def set_camera(self, name: str, camera: Camera) -> None:
         """Set an agent's camera."""
-        if not isinstance(camera, Camera):
-            raise CameraError(f"camera of {name!r} must be a warpvis.Camera, got {type(camera).__name__}")
+        require_camera(camera, f"camera of {name!r}")
         with self._lock:
             self.agents[name] = replace(self._agent(name), camera=camera)
             self._pictures.pop(name, None)
@@ -202,7 +201,7 @@ class ViewerState:
         if sensor is not None:
             require_sensor(sensor)
             for agent in self.agents.values():
-                if isinstance(agent.camera, Camera):
+                if agent.pinhole is not None:
                     sensor.check(self.scene, agent.camera)
         with self._lock:
             self._sensor = sensor
@@ -323,7 +322,7 @@ class ViewerState:
     def _picture(self, agent: Agent) -> AgentPicture:
         if agent.name not in self._pictures:
             low, high = self.scene.bounds.astype(np.float64)
-            sensor = self._sensor if isinstance(agent.camera, Camera) else None
+            sensor = None if agent.pinhole is None else self._sensor
             reach = float(np.linalg.norm(high - low)) / 2
             self._pictures[agent.name] = AgentPicture(self.scene, agent.camera, reach, sensor)
         return self._pictures[agent.name]

@@ -13,9 +13,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.image_cameras import ImageCamera, as_pinhole, require_image_camera
 from warpvis.cameras.pinhole import Camera
-from warpvis.cameras.ray_camera import LensedCamera
 from warpvis.core.checks import as_items, degrees_hint, is_number
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, poses_to_matrices, quaternion_product, to_xyzw
 from warpvis.core.types import PoseLike
@@ -150,14 +149,10 @@ class Agent:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise SceneError(f"name of an agent must be a non-empty string, got {self.name!r}")
-        if not isinstance(self.camera, Camera | LensedCamera | FieldOfView):
-            kinds = "a warpvis.Camera, a warpvis.cameras.LensCamera or a FieldOfView"
-            raise CameraError(f"camera of {self.name!r} must be {kinds}, got {type(self.camera).__name__}")
-        if not isinstance(self.attention, Camera | LensedCamera | None):
-            raise CameraError(
-                f"attention of {self.name!r} must be a warpvis.Camera, a LensCamera or None, got "
-                f"{type(self.attention).__name__}"
-            )
+        if not isinstance(self.camera, FieldOfView):
+            require_image_camera(self.camera, f"camera of {self.name!r}", "a FieldOfView")
+        if self.attention is not None:
+            require_image_camera(self.attention, f"attention of {self.name!r}", "None")
         body = _as_tuple(self.body)
         if not all(isinstance(name, str) for name in body):
             raise SceneError(f"body of {self.name!r} must be names of objects, got {body!r}")
@@ -225,6 +220,11 @@ class Agent:
         pose = to_xyzw(pose, self.quaternion, f"pose of {self.name!r}")
         rows = parse_poses(pose, convention=self.convention, name=f"pose of {self.name!r}").numpy()
         return rows.astype(np.float64).reshape(-1, 7)
+
+    @property
+    def pinhole(self) -> Camera | None:
+        """The camera as a pinhole; None for a field of view, and for a lens with distortion."""
+        return None if isinstance(self.camera, FieldOfView) else as_pinhole(self.camera)
 
     @property
     def faces(self) -> tuple[Face, ...]:

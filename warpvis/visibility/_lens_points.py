@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.cameras.ray_camera import LensedCamera
+from warpvis.cameras.lens_camera import LensCamera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import poses_to_matrices
 from warpvis.rendering import Caster, Output, Renderer, render_along
@@ -44,7 +44,7 @@ class ProjectedPoints:
         """Whether points are in the image, ``(V, N)``."""
         return np.isfinite(self.pixels[..., 0])
 
-    def judge(self, camera: LensedCamera, surface: NDArray[np.floating], tolerance: float) -> NDArray[np.uint8]:
+    def judge(self, camera: LensCamera, surface: NDArray[np.floating], tolerance: float) -> NDArray[np.uint8]:
         """Return the `Visibility` of points given surface depths, as `warpvis.kernels.visibility.points.judge` does."""
         with np.errstate(invalid="ignore"):
             behind = (self.depth - surface) * np.linalg.norm(self.rays, axis=-1) > tolerance
@@ -54,7 +54,7 @@ class ProjectedPoints:
         return np.where(self.inside, status, Visibility.OUT_OF_VIEW).astype(np.uint8)
 
 
-def project_points(camera: LensedCamera, poses: NDArray[np.float32], points: Floats) -> ProjectedPoints:
+def project_points(camera: LensCamera, poses: NDArray[np.float32], points: Floats) -> ProjectedPoints:
     """Project points in the world.
 
     Args:
@@ -74,7 +74,7 @@ def project_points(camera: LensedCamera, poses: NDArray[np.float32], points: Flo
 
 def judge_in_scene(
     scene: Scene,
-    camera: LensedCamera,
+    camera: LensCamera,
     poses: NDArray[np.float32],
     worlds: Worlds,
     points: NDArray[np.float32],
@@ -87,7 +87,7 @@ def judge_in_scene(
     """Compute the visibility of points in a scene, and their occluders; see `warpvis.point_visibility`."""
     # With near = 0, surfaces that are too near have a finite depth and an object.
     outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
-    eye = replace(camera, near=0.0)  # type: ignore[type-var]  # all of them are dataclasses
+    eye = replace(camera, near=0.0)
     threads = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads).threads  # which checks them
     shape = (len(poses), len(points))
     status = np.empty(shape, dtype=np.uint8)
@@ -106,7 +106,7 @@ def judge_in_scene(
 
 def judge_in_images(
     depth: NDArray[np.float32],
-    camera: LensedCamera,
+    camera: LensCamera,
     poses: NDArray[np.float32],
     points: NDArray[np.float32],
     tolerance: float,
@@ -123,7 +123,7 @@ def judge_in_images(
     return status
 
 
-def depth_in_range(camera: LensedCamera, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+def depth_in_range(camera: LensCamera, depth: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return depth as in REP 117: -inf nearer than near, +inf beyond far, and NaN where nothing was measured."""
     near, far, infinity = np.float32(camera.near), np.float32(camera.far), np.float32(np.inf)
     with np.errstate(invalid="ignore"):

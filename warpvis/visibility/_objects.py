@@ -198,7 +198,7 @@ def see_objects(
     worlds = parse_worlds(scene, views, object_poses, world_index, exclude)
 
     # Surfaces outside the depth range occlude too.
-    eye = dataclasses.replace(camera, near=0.0, far=math.inf)  # type: ignore[type-var]  # all of them are dataclasses
+    eye = dataclasses.replace(camera, near=0.0, far=math.inf)
     outputs: list[Output] = ["depth", "segmentation"] if delta > 0 else ["segmentation"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
     kind, threads = renderer.caster, renderer.threads

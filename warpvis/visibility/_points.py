@@ -74,7 +74,7 @@ def point_visibility(
     require_image_camera(camera)
     tolerance = check_length(tolerance, "tolerance")
     scene.require_objects()
-    if not isinstance(camera, Camera):
+    if camera.ray_model == "table":
         rows = parse_poses(camera_to_world, convention=convention, device=scene.device).numpy()
         places = as_points(points, "points", "N", scene.device).numpy()
         worlds = parse_worlds(scene, len(rows), object_poses, world_index, exclude)
@@ -152,7 +152,7 @@ def point_visibility_from_depth(
             f"depth must have one view per pose, got {pluralize(len(images), 'view')} for "
             f"{pluralize(len(poses), 'pose')}"
         )
-    if not isinstance(camera, Camera):
+    if camera.ray_model == "table":
         places = as_points(points, "points", "N", device).numpy()
         judged = judge_in_images(images.numpy(), camera, poses.numpy(), places, tolerance)
         return wp.array(judged, dtype=wp.uint8, device=device)

@@ -11,8 +11,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.cameras.image_cameras import ImageCamera
-from warpvis.cameras.pinhole import Camera
-from warpvis.cameras.ray_camera import LensedCamera
+from warpvis.cameras.lens_camera import LensCamera
 from warpvis.core.arrays import aligned_zeros
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import launch_images, pack_launch, run_together
@@ -65,7 +64,7 @@ class SilhouetteCounter:
 
         device = scene.device
         self._device, self._camera, self._threads, self._delta = device, camera, threads, delta
-        self._lens = None if isinstance(camera, Camera) else _canvas_rays(camera, canvas, device)
+        self._lens = _canvas_rays(camera, canvas, device) if camera.ray_model == "table" else None
         self._packets = caster == "packets" and device.is_cpu and self._lens is None
         self._isolated = scene.isolated()
         clusters = self._isolated.bvh()
@@ -166,7 +165,7 @@ class SilhouetteCounter:
         run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
 
 
-def _canvas_rays(camera: LensedCamera, canvas: tuple[int, int, int, int], device: wp.Device) -> CanvasRays:
+def _canvas_rays(camera: LensCamera, canvas: tuple[int, int, int, int], device: wp.Device) -> CanvasRays:
     """Return the rays of a lens through all pixels of a canvas, on a device."""
     from warpvis.kernels.visibility.lens_silhouettes import CanvasRays
 

@@ -12,7 +12,6 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items, is_whole, pluralize
 from warpvis.core.labels import Label
 from warpvis.core.types import Excluded, ObjectPoses
@@ -170,7 +169,7 @@ def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: O
         # Add a column at the border to the next face to avoid gaps.
         left, right = int(k > 0), int(k < len(faces) - 1)
         lens = face.camera
-        if isinstance(lens, Camera):
+        if lens.ray_model == "pinhole":
             lens = replace(lens, width=lens.width + left + right, cx=lens.cx + left)
         poses = agent.face_poses(face)
         pose = poses[view if len(poses) > 1 else 0]

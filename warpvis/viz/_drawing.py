@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras import as_pinhole
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import Convention, QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
@@ -90,12 +91,12 @@ def frustum(camera: ImageCamera, camera_to_world: ArrayLike, reach: float) -> li
     For lenses, `reach` is a range, and the lines around the image follow its border.
     """
     matrix = poses_to_matrices(poses_to_opencv(camera_to_world))[0]
-    w, h = camera.width, camera.height
-    if not isinstance(camera, Camera):
+    w, h, pinhole = camera.width, camera.height, as_pinhole(camera)
+    if pinhole is None:
         border = reach * border_rays(camera) @ matrix[:3, :3].T + matrix[:3, 3]
         border_corners = border[:: max(1, len(border) // 4)][:4]
         return [np.stack([matrix[:3, 3], place]) for place in border_corners] + [border]
-    corners = camera.back_project([(0, 0), (w, 0), (w, h), (0, h)], np.full(4, reach))
+    corners = pinhole.back_project([(0, 0), (w, 0), (w, h), (0, h)], np.full(4, reach))
     corners = corners @ matrix[:3, :3].T + matrix[:3, 3]
     return [np.stack([matrix[:3, 3], corner]) for corner in corners] + [corners[[0, 1, 2, 3, 0]]]
 

@@ -154,8 +154,9 @@ def _draw_view(axes: Axes, data: PanelData, agent: Agent) -> None:
     else:
         axes.set(xlabel="x [px]", ylabel="y [px]")
     title = f"What the {agent.name} sees"
-    if isinstance(agent.camera, Camera | FieldOfView):
-        title += f" ({math.degrees(agent.camera.hfov):.0f} degrees wide)"
+    wide = agent.camera if isinstance(agent.camera, FieldOfView) else agent.pinhole
+    if wide is not None:
+        title += f" ({math.degrees(wide.hfov):.0f} degrees wide)"
     axes.set(title=textwrap.fill(title, _PANEL_WIDTH))
     if len(seen.attention):
         axes.plot(*seen.attention.T, color="black", linewidth=1.0, linestyle="--", label="field of attention")

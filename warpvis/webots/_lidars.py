@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras import Rays
-from warpvis.cameras.ray_camera import MAX_RAYS
+from warpvis.cameras.rays import MAX_RAYS
 from warpvis.core.arrays import as_numpy
 from warpvis.core.poses import convert_axes
 from warpvis.core.types import ArrayInput

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras import AnyCamera, as_pinhole
 from warpvis.cameras.pinhole import Camera
-from warpvis.cameras.wide import WideCamera
+from warpvis.cameras.rays import WideCamera
 from warpvis.core.poses import look_at, poses_to_matrices
 from warpvis.errors import SceneError
 from warpvis.rendering import Renderer, render
@@ -134,10 +135,11 @@ def _seen(
 ) -> tuple[dict[str, list[int]], NDArray[np.int64]]:
     """Compute silhouette boxes by object, and the number of visible pixels of each object of the scene."""
     scene, camera = world.scene, _camera(device, 0.0, math.inf)
+    planar = as_pinhole(camera)
     chosen = list(dict.fromkeys(name for names in groups.values() for name in names))
-    if isinstance(camera, Camera):
+    if planar is not None:
         silhouettes = object_visibility(
-            scene, camera, device.pose, objects=chosen, canvas=(0, 0, 0, 0), caster="rays", threads=threads
+            scene, planar, device.pose, objects=chosen, canvas=(0, 0, 0, 0), caster="rays", threads=threads
         )
         boxes = dict(zip(chosen, silhouettes.silhouette_box.numpy()[0].tolist(), strict=True))
     else:
@@ -146,7 +148,7 @@ def _seen(
 
 
 def _isolated_boxes(
-    scene: Scene, camera: WideCamera, device: Device, chosen: Sequence[str], threads: int | None
+    scene: Scene, camera: AnyCamera, device: Device, chosen: Sequence[str], threads: int | None
 ) -> dict[str, list[int]]:
     """Compute silhouette boxes in a wide image by rendering each object in isolation."""
     renderer = Renderer(scene, camera, outputs=("segmentation",), threads=threads)

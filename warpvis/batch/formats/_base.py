@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias, TypeVar
 import numpy as np
 import warp as wp
 
-from warpvis.cameras.lenses import OpenCVPinhole
+from warpvis.cameras import as_pinhole
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.plugins import DATASET_FORMATS, load_plugin, plugin_names
 from warpvis.errors import CameraError, FileFormatError
@@ -163,8 +163,6 @@ def lens_as(plan: Plan, name: str, write: Callable[[Lens], Written]) -> Written:
     `write` converts a lens, or raises `CameraError`.
     """
     camera = plan.camera
-    if isinstance(camera, Camera):
-        return write(OpenCVPinhole(camera.fx, camera.fy, camera.cx, camera.cy))
     if camera.kind == "range":
         raise FileFormatError(
             f'kind of the camera must be "z" for format {name!r}, got "range", depth along the ray. {_ANY}'
@@ -175,13 +173,15 @@ def lens_as(plan: Plan, name: str, write: Callable[[Lens], Written]) -> Written:
         raise FileFormatError(f"format {name!r} does not support the lens: {error}. {_ANY}") from None
 
 
-def refuse_lens(plan: Plan, name: str, reason: str) -> None:
-    """Reject cameras with a lens."""
-    if not isinstance(plan.camera, Camera):
+def require_pinhole(plan: Plan, name: str, reason: str) -> Camera:
+    """Return the camera of the plan, or raise `FileFormatError` if its lens has distortion."""
+    camera = as_pinhole(plan.camera)
+    if camera is None:
         raise FileFormatError(
             f"camera must be a pinhole camera for format {name!r}, {reason}. The formats tum, nerfstudio, colmap and "
             f"ros2 support some lenses. {_ANY}"
         )
+    return camera
 
 
 _ANY = "The formats npz, zarr and png support all lenses."

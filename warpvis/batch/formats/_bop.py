@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
-from warpvis.batch.formats._base import Images, refuse_lens
+from warpvis.batch.formats._base import Images, require_pinhole
 from warpvis.batch.formats._layouts import Layout
-from warpvis.cameras.pinhole import require_camera
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import Json
@@ -74,7 +73,7 @@ class Bop(Layout):
     def __init__(self, plan: Plan) -> None:
         """Check the plan."""
         super().__init__(plan)
-        refuse_lens(plan, self.name, "which has no distortion")
+        self._camera = require_pinhole(plan, self.name, "which has no distortion")
         if len(plan.outputs) < 2:
             raise FileFormatError(f"outputs must be depth and visibility for format 'bop', got only {plan.outputs[0]}")
         if not plan.chosen:
@@ -151,7 +150,7 @@ class Bop(Layout):
 
     @property
     def _matrix(self) -> NDArray[np.float64]:
-        return require_camera(self.plan.camera).to_K(pixel_center=0.0)
+        return self._camera.to_K(pixel_center=0.0)
 
     def _origin(self, index: int) -> NDArray[np.float64]:
         """Return the origin of a model in its mesh [m], shape ``(3,)``: 0 if movable, else the center of the box."""

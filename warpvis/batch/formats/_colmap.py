@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout, Parts, numbers, rows_of, write_lines
 from warpvis.cameras.lenses import lens_to_colmap
-from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import poses_to_matrices
 
 if TYPE_CHECKING:
@@ -44,9 +43,7 @@ class Colmap(Layout):
     def __init__(self, plan: Plan) -> None:
         """Check the plan."""
         super().__init__(plan)
-        model, parameters = lens_as(plan, self.name, lens_to_colmap)
-        pinhole = isinstance(plan.camera, Camera)
-        self._model, self._parameters = ("PINHOLE", parameters[:4]) if pinhole else (model, parameters)
+        self._model, self._parameters = lens_as(plan, self.name, lens_to_colmap)
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
         """Write one shard; see `warpvis.batch.formats._base.Format`."""

@@ -15,8 +15,7 @@ import numpy as np
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import IMAGE_DTYPES, Format, Images
 from warpvis.batch.storage._output import ALIGNMENT, MIN_DIRECT
-from warpvis.cameras import CalibratedCamera, lens_camera_to_fields, opencv_intrinsics
-from warpvis.cameras.pinhole import Camera
+from warpvis.cameras import ImageCamera, as_pinhole, opencv_intrinsics
 from warpvis.sensors import sensor_to_fields
 
 if TYPE_CHECKING:
@@ -57,11 +56,12 @@ class Npz(Format):
         return [name]
 
 
-def _camera_arrays(camera: CalibratedCamera) -> dict[str, np.ndarray]:
+def _camera_arrays(camera: ImageCamera) -> dict[str, np.ndarray]:
     """Return ``K`` of a pinhole camera; for a lens, ``camera``, JSON for `load_camera`, and OpenCV's intrinsics."""
-    if isinstance(camera, Camera):
-        return {"K": camera.to_K()}
-    return {**opencv_intrinsics(camera), "camera": np.array(json.dumps(lens_camera_to_fields(camera)))}
+    intrinsics = opencv_intrinsics(camera)
+    if as_pinhole(camera) is not None:
+        return {"K": intrinsics["K"]}
+    return {**intrinsics, "camera": np.array(json.dumps(camera.to_dict()))}
 
 
 def npz_parts(arrays: Mapping[str, np.ndarray]) -> list[memoryview]:

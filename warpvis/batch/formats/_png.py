@@ -13,7 +13,7 @@ import numpy as np
 
 from warpvis.batch.formats._base import Images
 from warpvis.batch.formats._layouts import Layout, Parts
-from warpvis.cameras import LensCamera, lens_camera_to_fields
+from warpvis.cameras import as_pinhole
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.io import encode_pngs
@@ -78,11 +78,8 @@ class Png(Layout):
 
     def index(self, files: ShardFiles) -> list[str]:
         """Write ``camera.json`` and ``images.json``."""
-        camera = self.plan.camera
-        fields: dict[str, Json]
-        if isinstance(camera, LensCamera):
-            fields = lens_camera_to_fields(camera)
-        else:
+        camera, fields = as_pinhole(self.plan.camera), self.plan.camera.to_dict()
+        if camera is not None:
             fields = {"width": camera.width, "height": camera.height, "K": camera.to_K().tolist(), "near": camera.near}
             if math.isfinite(camera.far):
                 fields["far"] = camera.far

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Images, lens_as
 from warpvis.batch.formats._layouts import Layout
-from warpvis.cameras import CalibratedCamera
+from warpvis.cameras import ImageCamera, as_pinhole
 from warpvis.cameras.lenses import lens_to_ros
-from warpvis.cameras.pinhole import Camera
 from warpvis.core.messages import Message, MessageMaker, nanoseconds
 from warpvis.errors import FileFormatError
 from warpvis.io import to_image_msg, to_pointcloud2
@@ -135,9 +134,9 @@ class Ros2(Layout):
         return to_pointcloud2(depth, self.plan.camera, frame_id=self._frame_id, stamp=time, types=self._types)
 
 
-def image_topic(camera: CalibratedCamera) -> str:
+def image_topic(camera: ImageCamera) -> str:
     """Return the name of the image topic: images of a pinhole camera are rectified, those of a lens are raw."""
-    return "image_rect" if isinstance(camera, Camera) else "image_raw"
+    return "image_raw" if as_pinhole(camera) is None else "image_rect"
 
 
 def _message_types() -> Typestore:

@@ -20,7 +20,7 @@ import numpy as np
 from warpvis.batch._job import Options, Plan, frame_arrays
 from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS, Format, Images
 from warpvis.batch.storage._output import FilePart, files_below
-from warpvis.cameras import CalibratedCamera, LensCamera, lens_camera_to_fields, opencv_intrinsics
+from warpvis.cameras import ImageCamera, as_pinhole, opencv_intrinsics
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.sensors import Reason, sensor_to_fields
@@ -173,11 +173,11 @@ def _fill_value(name: str) -> float:
     return {"f": np.nan if name in VECTOR_IMAGES else np.inf, "i": -1, "u": 0}[IMAGE_DTYPES[name].kind]
 
 
-def _camera_attributes(camera: CalibratedCamera) -> dict[str, Json]:
+def _camera_attributes(camera: ImageCamera) -> dict[str, Json]:
     """Return attributes of the camera; for a lens, ``camera`` can be read by `load_camera`."""
     attributes: dict[str, Json] = {name: array.tolist() for name, array in opencv_intrinsics(camera).items()}
-    if isinstance(camera, LensCamera):
-        attributes["camera"] = lens_camera_to_fields(camera)
+    if as_pinhole(camera) is None:
+        attributes["camera"] = camera.to_dict()
     else:
         attributes["distortion"] = "none"
     far = camera.far if math.isfinite(camera.far) else None

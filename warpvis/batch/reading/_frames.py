@@ -18,7 +18,7 @@ from warpvis.batch.reading._job import FrameSpec, Job, read_job
 from warpvis.batch.reading._pictures import BagReader, BopReader, ColmapReader, PngReader, TumReader
 from warpvis.batch.reading._shards import Files, NpzReader, ShardReader, ZarrReader
 from warpvis.batch.storage._stores import Store, open_store
-from warpvis.cameras import CalibratedCamera, opencv_intrinsics
+from warpvis.cameras import ImageCamera, opencv_intrinsics
 from warpvis.cameras.frames import Frames
 from warpvis.core.checks import as_items, check_mapping, describe_exception, is_whole, pluralize
 from warpvis.core.labels import LabelNames
@@ -110,7 +110,7 @@ class FrameDataset:
         frames = _read_poses(store, job)
         self._reader = _make_reader(store, job, frames)
         self._specs = _choose(self._reader.specs, self._outputs, job)
-        self.camera: CalibratedCamera = job.camera
+        self.camera: ImageCamera = job.camera
         """The camera of all frames; a `warpvis.cameras.LensCamera` if it has a lens."""
         self.format = job.contents.format
         """Name of the dataset's format."""

@@ -13,8 +13,7 @@ import numpy as np
 from warpvis.batch._manifest import MANIFEST, Contents, read_label_names, read_manifest
 from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
-from warpvis.cameras import CalibratedCamera, lens_camera_from_fields
-from warpvis.cameras.pinhole import Camera
+from warpvis.cameras import ImageCamera, camera_from_dict
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.types import Json
@@ -37,7 +36,7 @@ class Job:
     contents: Contents
     options: Mapping[str, Json]
     outputs: tuple[str, ...]
-    camera: CalibratedCamera
+    camera: ImageCamera
     object_names: tuple[str, ...]
     object_labels: tuple[int, ...]
     label_names: LabelNames
@@ -100,17 +99,10 @@ def read_job(store: Store) -> Job:
     raise FileFormatError(f"{store.name}: is not a dataset: its {MANIFEST} does not define the contents")
 
 
-def _read_camera(name: str, fields: Mapping[str, Json]) -> CalibratedCamera:
-    if "lens" in fields:
-        try:
-            return lens_camera_from_fields(fields)
-        except CameraError as error:
-            raise FileFormatError(f"{name}: {MANIFEST} has an invalid camera: {describe_exception(error)}") from None
-    if fields.get("far", 0) is None:  # JSON has no infinity
-        fields = {**fields, "far": np.inf}
+def _read_camera(name: str, fields: Mapping[str, Json]) -> ImageCamera:
     try:
-        return Camera(**fields)  # type: ignore[arg-type]
-    except (TypeError, CameraError) as error:
+        return camera_from_dict(fields)
+    except CameraError as error:
         raise FileFormatError(f"{name}: {MANIFEST} has an invalid camera: {describe_exception(error)}") from None
 
 

@@ -11,6 +11,7 @@ from warpvis.cameras.lenses._colmap import (
     lens_from_colmap as lens_from_colmap,
     lens_to_colmap as lens_to_colmap,
 )
+from warpvis.cameras.lenses._dicts import lens_from_dict as lens_from_dict, lens_to_dict as lens_to_dict
 from warpvis.cameras.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
 from warpvis.cameras.lenses._formats import (
     NERF_PINHOLES as NERF_PINHOLES,

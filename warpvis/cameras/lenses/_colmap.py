@@ -104,6 +104,8 @@ def lens_to_colmap(lens: Lens) -> tuple[str, tuple[float, ...]]:
     Raises:
         CameraError: If COLMAP has no equivalent model.
     """
+    if isinstance(lens, OpenCVPinhole) and lens.is_pinhole:
+        return "PINHOLE", (lens.fx, lens.fy, lens.cx, lens.cy)
     if isinstance(lens, OpenCVPinhole) and not any(lens.all_coefficients[8:]):
         short = not any(lens.all_coefficients[4:])
         model = "OPENCV" if short else "FULL_OPENCV"

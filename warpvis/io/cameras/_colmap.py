@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from warpvis.cameras import CalibratedCamera
+from warpvis.cameras import ImageCamera
 from warpvis.cameras.lenses import COLMAP_NUMBERS, colmap_count
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import truncate
@@ -42,7 +42,7 @@ class ColmapImage(NamedTuple):
     translation: tuple[float, ...]
 
 
-def colmap_lens_camera(path: Path, used: set[int] | None = None) -> CalibratedCamera | None:
+def colmap_lens_camera(path: Path, used: set[int] | None = None) -> ImageCamera | None:
     """Read the camera of a file with its lens, for all of COLMAP's models; see `colmap_camera`.
 
     Raises:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, overload
 
-from warpvis.cameras import CalibratedCamera, lens_camera_from_fields
+from warpvis.cameras import ImageCamera, camera_from_dict
 from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.checks import as_path, check_flag, describe_exception
 from warpvis.core.file_content import require_content
@@ -38,10 +38,10 @@ def load_camera(name_or_path: str, *, distortion: Literal[False] = False) -> Cam
 
 
 @overload
-def load_camera(name_or_path: str, *, distortion: bool) -> CalibratedCamera: ...
+def load_camera(name_or_path: str, *, distortion: bool) -> ImageCamera: ...
 
 
-def load_camera(name_or_path: str, *, distortion: bool = False) -> CalibratedCamera:
+def load_camera(name_or_path: str, *, distortion: bool = False) -> ImageCamera:
     """Return the camera ``kinect``, or read one from a file.
 
     - warpvis JSON: ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov``
@@ -107,7 +107,7 @@ def _read(path: Path, name: str) -> Camera | None:
     return _camera_from_fields(fields, path)
 
 
-def _read_lens(path: Path, name: str) -> CalibratedCamera | None:
+def _read_lens(path: Path, name: str) -> ImageCamera | None:
     """Read a camera that may have a lens; BOP's and warpvis's files without ``lens`` have none."""
     kind = path.suffix.lower()
     if kind in (".yaml", ".yml"):
@@ -127,9 +127,9 @@ def _read_lens(path: Path, name: str) -> CalibratedCamera | None:
     return _read(path, name)
 
 
-def _own_lens_camera(path: Path, fields: Mapping[str, Json]) -> CalibratedCamera:
+def _own_lens_camera(path: Path, fields: Mapping[str, Json]) -> ImageCamera:
     try:
-        return lens_camera_from_fields(fields)
+        return camera_from_dict(fields)
     except CameraError as error:
         raise CameraError(f"{path}: {describe_exception(error)}") from None
 

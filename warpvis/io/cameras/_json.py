@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from warpvis.cameras import CalibratedCamera
+from warpvis.cameras import ImageCamera
 from warpvis.cameras.lenses import NERF_PINHOLES, nerfstudio_distortion, nerfstudio_model
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception
@@ -43,7 +43,7 @@ def is_bop(fields: Mapping[str, Json]) -> bool:
     return fields.keys() >= _BOP_CAMERA
 
 
-def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> CalibratedCamera | None:
+def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> ImageCamera | None:
     """Read the camera of all frames with its lens; None if not given, or, with a warning, if there are several.
 
     Raises:

@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from warpvis.cameras import CalibratedCamera
+from warpvis.cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 
-_Camera = TypeVar("_Camera", Camera, CalibratedCamera)
+_Camera = TypeVar("_Camera", Camera, ImageCamera)
 
 
 class NoPinholeError(FileFormatError):
@@ -56,7 +56,7 @@ def make_pinhole(
     return camera
 
 
-def make_calibrated(place: str, make: Callable[[], CalibratedCamera]) -> CalibratedCamera:
+def make_calibrated(place: str, make: Callable[[], ImageCamera]) -> ImageCamera:
     """Create the camera of a file, with its lens.
 
     Raises:
@@ -81,7 +81,7 @@ def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:
     return None
 
 
-def camera_of_poses(read: Callable[[], CalibratedCamera | None]) -> CalibratedCamera | None:
+def camera_of_poses(read: Callable[[], ImageCamera | None]) -> ImageCamera | None:
     """Read the camera in a file of poses; warn and return None if it is not a pinhole, since poses are useful alone.
 
     Raises:

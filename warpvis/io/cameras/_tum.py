@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpvis.cameras import CalibratedCamera
+from warpvis.cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import truncate
 from warpvis.errors import FileFormatError
@@ -26,7 +26,7 @@ _IMAGES = ("depth.txt", "rgb.txt", "associated.txt")
 """Lists of images, from which the image size is read."""
 
 
-def tum_camera(path: Path, *, distortion: bool) -> CalibratedCamera:
+def tum_camera(path: Path, *, distortion: bool) -> ImageCamera:
     """Read the camera, whose pixel centers are at whole numbers; the image size is that of an image next to it.
 
     Raises:

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
 
-from warpvis.cameras import CalibratedCamera
+from warpvis.cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception, is_number
 from warpvis.core.yaml_files import load_yaml
@@ -49,7 +49,7 @@ def yaml_camera(path: Path, name: str = "") -> Camera:
     return _kalibr_camera(*_choose(path, data, name))
 
 
-def yaml_lens_camera(path: Path, name: str = "") -> CalibratedCamera:
+def yaml_lens_camera(path: Path, name: str = "") -> ImageCamera:
     """Read a camera of a YAML file with its lens: for ROS and OpenCV, that of the raw images; see `yaml_camera`.
 
     Raises:
@@ -62,7 +62,7 @@ def yaml_lens_camera(path: Path, name: str = "") -> CalibratedCamera:
     return make_calibrated(place, partial(Camera.from_kalibr, entry))
 
 
-def xml_lens_camera(path: Path) -> CalibratedCamera:
+def xml_lens_camera(path: Path) -> ImageCamera:
     """Read the camera of an OpenCV XML file, with its lens.
 
     Raises:
@@ -86,7 +86,7 @@ def xml_lens_camera(path: Path) -> CalibratedCamera:
     return opencv_lens_camera(path, data)
 
 
-def opencv_lens_camera(path: Path, data: Mapping[str, Any]) -> CalibratedCamera:
+def opencv_lens_camera(path: Path, data: Mapping[str, Any]) -> ImageCamera:
     """Create the camera of the raw images from OpenCV's or ROS's calibration.
 
     Raises:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpvis.cameras import CalibratedCamera
+from warpvis.cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import truncate
 from warpvis.core.file_content import reading
@@ -138,7 +138,7 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> tupl
     return frames, children[0]
 
 
-def _choose_camera(path: Path, infos: list[Any], frame: str, distortion: bool) -> CalibratedCamera | None:
+def _choose_camera(path: Path, infos: list[Any], frame: str, distortion: bool) -> ImageCamera | None:
     """Return the camera of the bag's first CameraInfo with the poses' frame, or of its only CameraInfo.
 
     It is that of the raw images if `distortion` is set and `D` is not zero, else of the rectified images.

@@ -12,9 +12,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.checks import check_number, is_number
-from warpvis.errors import ArrayError, CameraError
+from warpvis.errors import ArrayError
 from warpvis.kernels import constants
 from warpvis.rendering import DepthSensor, Exposure
 from warpvis.scene import Scene
@@ -55,8 +55,8 @@ class Device(DepthSensor):
     """The camera of the device, returned by `camera`. Its range of depth also applies to any other camera."""
 
     def __post_init__(self) -> None:
-        if self.native_camera is not None and not isinstance(self.native_camera, Camera):
-            raise CameraError(f"native_camera must be a warpvis.Camera, got {self.native_camera!r}")
+        if self.native_camera is not None:
+            require_camera(self.native_camera, "native_camera")
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:

@@ -73,7 +73,7 @@ def _to_json(value: object, name: str) -> Json:
         return float(value) if math.isfinite(value) else _INFINITE if value > 0 else f"-{_INFINITE}"
     if isinstance(value, DepthSensor):
         return sensor_to_fields(value)
-    if isinstance(value, Camera):
+    if is_dataclass(value) and not isinstance(value, type):
         return {key: _to_json(part, name) for key, part in asdict(value).items()}
     if isinstance(value, Mapping):
         return {str(key): _to_json(part, name) for key, part in value.items()}
