@@ -113,11 +113,8 @@ class Renderer:
         check_size(height, "height")
         self._model, self._size = model, (int(height), int(width))
         rules = LabelRules.of(labels, label_names)
-        self._options: dict[str, Any] = {
-            "mesh_tolerance": mesh_tolerance,
-            "labels": rules,
-            "exclude": check_patterns(exclude),
-        }
+        self._options: dict[str, Any] = {"mesh_tolerance": mesh_tolerance, "labels": rules}
+        self._options["exclude"] = check_patterns(exclude)
         self._device = device
         self._cull_backfaces = check_flag(cull_backfaces, "cull_backfaces")
         self._near_plane = check_choice(near_plane, "near_plane", get_args(NearPlane))

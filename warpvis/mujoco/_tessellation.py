@@ -258,11 +258,6 @@ def _pixels(ends: _Floats, depth: _Floats, width: float, eye: Eye) -> _Floats:
     return max(1.0, math.floor(width + 0.5)) * slant
 
 
-def line_ends(sizes: _Floats, position: _Floats, rotation: _Floats) -> _Floats:
-    """Return both ends of lines that start at a position and extend along z by the third size."""
-    return np.stack([position, position + rotation[:, :, 2] * sizes[:, 2:]], axis=1)
-
-
 def box_edges(sizes: _Floats, position: _Floats, rotation: _Floats) -> _Floats:
     """Return both ends of all edges of boxes with the given half sizes, shape ``(12 n, 2, 3)``."""
     corners = (_CORNERS * sizes[:, None]) @ np.swapaxes(rotation, 1, 2) + position[:, None]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from warpvis.core.labels import Label
 from warpvis.mujoco._model_fields import drawn_number, free_name, shape_count
 from warpvis.mujoco._scene import ADDING_FLAGS, JOINT_WRAP, Selection
-from warpvis.mujoco._tessellation import SIMPLE_SHAPES, Blocks, Eye, bands, box_edges, facing, line_ends, simple_shapes
+from warpvis.mujoco._tessellation import SIMPLE_SHAPES, Blocks, Eye, bands, box_edges, facing, simple_shapes
 from warpvis.scene import Scene, SceneObject
 
 _GEOM, _OBJ = mujoco.mjtGeom, mujoco.mjtObj
@@ -115,7 +115,8 @@ class Visuals:
         one = float(self._model.vis.global_.linewidth)
         if kind == _GEOM.mjGEOM_LINEBOX:
             return bands(box_edges(sizes, position, rotation), _BOX_WIDTH * one, eye)
-        return bands(line_ends(sizes, position, rotation), one * float(sizes[0, 0]), eye)
+        ends = np.stack([position, position + rotation[:, :, 2] * sizes[:, 2:]], axis=1)
+        return bands(ends, one * float(sizes[0, 0]), eye)
 
     def _skin(self, scene: mujoco.MjvScene, skin: int) -> Blocks:
         model = self._model
